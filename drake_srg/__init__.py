@@ -1,0 +1,1 @@
+"""The underactuated SAKE Robotics gripper and its robot cells as Drake diagrams."""

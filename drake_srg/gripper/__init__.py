@@ -1,0 +1,1 @@
+"""The SRG: proximity sensing, Algorithm 1, reference, servo and their wiring."""

@@ -1,0 +1,1 @@
+"""Inverse kinematics, trajectories and the pick-and-place state machine."""

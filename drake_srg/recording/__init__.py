@@ -1,0 +1,1 @@
+"""Recorders: video, rosbag, log and timeline."""

@@ -1,0 +1,103 @@
+"""What the rooms of the package exchange: plain data, no systems."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import enum
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+Vector: TypeAlias = npt.NDArray[np.float64]
+
+
+@dc.dataclass(frozen=True)
+class Cylinder:
+    """A solid cylinder; its axis is the object frame's z."""
+
+    radius: float  # m
+    length: float  # m
+
+    @property
+    def height(self) -> float:
+        """Extent along the object's z [m]."""
+        return self.length
+
+
+@dc.dataclass(frozen=True)
+class Box:
+    """A solid box centred on the object frame."""
+
+    size: tuple[float, float, float]  # m, along x, y, z
+
+    @property
+    def height(self) -> float:
+        """Extent along the object's z [m]."""
+        return self.size[2]
+
+
+@dc.dataclass(frozen=True)
+class Sphere:
+    """A solid ball centred on the object frame."""
+
+    radius: float  # m
+
+    @property
+    def height(self) -> float:
+        """Extent along the object's z [m]."""
+        return 2.0 * self.radius
+
+
+Shape: TypeAlias = Cylinder | Box | Sphere
+
+
+class BlobFlag(enum.Enum):
+    """What makes a blob's position less trustworthy."""
+
+    BORDER = "border"  # the blob touches the image border
+    OCCLUDED = "occluded"  # something hides part of the expected outline
+
+
+@dc.dataclass(frozen=True)
+class Blob:
+    """One object seen in one camera image."""
+
+    object_name: str
+    camera: str
+    pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
+    position: Vector  # p_WO, the object's centre in world [m], shape (3,)
+    axis: Vector  # unit vector of the object's z axis in world, shape (3,)
+    quality: float  # 0 .. 1, share of the expected outline that was seen
+    flags: frozenset[BlobFlag] = frozenset()
+
+
+class Mode(enum.Enum):
+    """Modes of the pick-and-place state machine, in the order of a cycle."""
+
+    IDLE = "idle"
+    PRE_GRASP = "pre_grasp"
+    GRASP = "grasp"
+    CLOSE = "close"
+    VERIFY = "verify"
+    LIFT = "lift"
+    TRANSFER = "transfer"
+    PLACE = "place"
+    RELEASE = "release"
+    RETREAT = "retreat"
+    HOME = "home"
+    DONE = "done"
+    FAILED = "failed"
+
+
+class Failure(enum.Enum):
+    """Why a task failed, in the planner's own word (metrics.json `failure`)."""
+
+    NOT_SEEN = "not_seen"
+    OUT_OF_REACH = "out_of_reach"
+    BLOCKED = "blocked"
+    NO_GRASP = "no_grasp"
+    DROPPED = "dropped"
+    MISPLACED = "misplaced"
+    TIME_BUDGET = "time_budget"
+    STOPPED = "stopped"

@@ -1,0 +1,1 @@
+"""Object localisation from camera images."""
