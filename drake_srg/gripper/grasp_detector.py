@@ -1,0 +1,77 @@
+"""Whether something is between the fingers."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+
+@dc.dataclass(kw_only=True)
+class GraspDetectorConfig:
+    """When a grasp counts."""
+
+    # Both sides must fire for this long [s]; the arm thesis's post-contact delay.
+    post_contact_delay: float = 0.1
+    period: float = 0.01  # time between evaluations [s]
+
+
+class GraspDetector(LeafSystem):
+    """Reports a grasp once every finger has sensed something for a while.
+
+    .. pydrake_system::
+
+        name: GraspDetector
+        input_ports:
+        - triggered
+        output_ports:
+        - grasped
+
+    `triggered` (m) is nonzero where a sensor fires; `fingers` groups the sensors'
+    indices. `grasped` (1) is 1 while at least one sensor of each finger has fired
+    without a break for `config.post_contact_delay`, else 0. A closed empty hand
+    senses its own other finger: whoever needs to tell it from a grasp looks at the
+    joint angles too.
+    """
+
+    def __init__(
+        self,
+        fingers: Sequence[Sequence[int]],
+        config: GraspDetectorConfig | None = None,
+    ) -> None:
+        super().__init__()
+        self.config = config or GraspDetectorConfig()
+        self._fingers = [list(finger) for finger in fingers]
+        # Time since which all fingers have sensed something; inf while they do not.
+        state = self.DeclareDiscreteState([np.inf])
+        self._triggered = self.DeclareVectorInputPort(
+            name="triggered", size=sum(len(finger) for finger in fingers)
+        )
+        self.DeclareVectorOutputPort(
+            name="grasped",
+            size=1,
+            calc=self._calc_grasped,
+            prerequisites_of_calc={
+                self.time_ticket(),
+                self.discrete_state_ticket(state),
+            },
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        fired = self._triggered.Eval(context) != 0.0
+        since = context.get_discrete_state(0)[0]
+        if all(fired[finger].any() for finger in self._fingers):
+            since = min(since, context.get_time())
+        else:
+            since = np.inf
+        discrete_state.set_value([since])
+
+    def _calc_grasped(self, context: Context, output: BasicVector) -> None:
+        since = context.get_discrete_state(0)[0]
+        held_for = context.get_time() - since
+        output[0] = float(held_for >= self.config.post_contact_delay)

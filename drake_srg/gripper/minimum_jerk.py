@@ -1,0 +1,165 @@
+"""The reference that the servo follows: minimum-jerk motion to the newest target."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from drake_srg.types import Vector
+
+# Columns of the discrete state, one row a joint.
+_START, _DURATION, _TARGET = 0, 1, 2
+_COEFFICIENTS = slice(3, 9)
+
+# Peak speed of a rest-to-rest minimum-jerk motion is 15/8 of its mean speed.
+_PEAK_TO_MEAN_SPEED = 15.0 / 8.0
+
+
+@dc.dataclass(kw_only=True)
+class MinimumJerkConfig:
+    """How fast the reference moves."""
+
+    # Peak speed of a rest-to-rest motion [rad/s]. Default: the SRG's joint limit in
+    # SAKE's public URDF.
+    max_velocity: float = 3.67
+    # Shortest motion [s]: the time in which small corrections are made.
+    min_duration: float = 0.08
+    # Time between looks at the target [s].
+    period: float = 0.005
+
+
+def minimum_jerk_coefficients(
+    q: Vector, v: Vector, a: Vector, target: Vector, duration: Vector
+) -> Vector:
+    """Return the quintics that join (q, v, a) to rest at `target`.
+
+    The quintic is the motion of least integrated squared jerk between given end
+    states (T. Flash, N. Hogan, J. Neurosci. 5(7), 1985).
+
+    Args:
+        q: Positions at the start, shape (n,) [rad].
+        v: Velocities at the start, shape (n,) [rad/s].
+        a: Accelerations at the start, shape (n,) [rad/s²].
+        target: Positions at the end, shape (n,) [rad].
+        duration: Time from start to end, shape (n,) [s], positive.
+
+    Returns:
+        Coefficients in normalised time s = t / duration, lowest power first, shape
+        (n, 6) [rad].
+    """
+    c1 = v * duration
+    c2 = 0.5 * a * duration**2
+    d = target - q
+    return np.stack(
+        [
+            q,
+            c1,
+            c2,
+            10.0 * d - 6.0 * c1 - 3.0 * c2,
+            -15.0 * d + 8.0 * c1 + 3.0 * c2,
+            6.0 * d - 3.0 * c1 - c2,
+        ],
+        axis=1,
+    )
+
+
+class MinimumJerkReference(LeafSystem):
+    """Moves n joints to their newest targets with minimum jerk.
+
+    .. pydrake_system::
+
+        name: MinimumJerkReference
+        input_ports:
+        - position_desired
+        output_ports:
+        - reference
+
+    Every `config.period` the targets, `position_desired` (n) [rad], are compared with
+    those in use. A joint whose target has changed starts a new quintic from where its
+    reference is now (position, velocity and acceleration stay continuous) to rest at
+    the target; it takes the longer of `config.min_duration` and the time that keeps a
+    rest-to-rest motion below `config.max_velocity`.
+
+    `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time.
+    """
+
+    def __init__(
+        self, initial_position: Vector, config: MinimumJerkConfig | None = None
+    ) -> None:
+        super().__init__()
+        self.config = config or MinimumJerkConfig()
+        self._n = n = len(initial_position)
+        rows = np.zeros((n, 9))
+        rows[:, _DURATION] = self.config.min_duration
+        rows[:, _TARGET] = initial_position
+        rows[:, 3] = initial_position
+        state = self.DeclareDiscreteState(rows.flatten())
+        self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
+        self.DeclareVectorOutputPort(
+            name="reference",
+            size=3 * n,
+            calc=self._calc_reference,
+            prerequisites_of_calc={
+                self.time_ticket(),
+                self.discrete_state_ticket(state),
+            },
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
+
+    def SetPosition(self, context: Context, position: Vector) -> None:
+        """Put the reference of this system's context at rest at `position`, (n,)."""
+        rows = self._rows(context).copy()
+        rows[:, _TARGET] = position
+        rows[:, _COEFFICIENTS] = 0.0
+        rows[:, 3] = position
+        context.SetDiscreteState(rows.flatten())
+
+    def _rows(self, context: Context) -> Vector:
+        value: Vector = context.get_discrete_state(0).value()
+        return value.reshape(self._n, 9)
+
+    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
+        # Simulations need not start at time zero.
+        rows = self._rows(context).copy()
+        rows[:, _START] = context.get_time()
+        discrete_state.set_value(rows.flatten())
+
+    def _evaluate(self, rows: Vector, time: float) -> tuple[Vector, Vector, Vector]:
+        duration = rows[:, _DURATION]
+        s = np.clip((time - rows[:, _START]) / duration, 0.0, 1.0)
+        c0, c1, c2, c3, c4, c5 = rows[:, _COEFFICIENTS].T
+        q = c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
+        v = c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))
+        a = 2 * c2 + s * (6 * c3 + s * (12 * c4 + s * 20 * c5))
+        return q, v / duration, a / duration**2
+
+    def _calc_reference(self, context: Context, output: BasicVector) -> None:
+        q, v, a = self._evaluate(self._rows(context), context.get_time())
+        output.SetFromVector(np.concatenate([q, v, a]))
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        rows = self._rows(context)
+        desired = self._desired.Eval(context)
+        changed = desired != rows[:, _TARGET]
+        if not np.any(changed):
+            return
+        time = context.get_time()
+        q, v, a = self._evaluate(rows, time)
+        duration = np.maximum(
+            self.config.min_duration,
+            _PEAK_TO_MEAN_SPEED * np.abs(desired - q) / self.config.max_velocity,
+        )
+        new = np.column_stack(
+            [
+                np.full(self._n, time),
+                duration,
+                desired,
+                minimum_jerk_coefficients(q, v, a, desired, duration),
+            ]
+        )
+        discrete_state.set_value(np.where(changed[:, None], new, rows).flatten())

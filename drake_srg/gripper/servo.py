@@ -1,0 +1,138 @@
+"""The position servo of the SRG thesis: PID with feedforward and a PWM limit."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+from pydrake.math import max as max_
+from pydrake.math import min as min_
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+LAWS = ("pid", "printed")
+
+
+@dc.dataclass(kw_only=True)
+class GripperServoConfig:
+    """Gains of n servos; PWM is a fraction of full scale, -1 .. 1."""
+
+    kp: list[float]  # K_P [1/rad]
+    # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
+    # error that Algorithm 1 leaves on purpose to press on the object.
+    ki: list[float]
+    kd: list[float]  # K_D [s/rad]
+    kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
+    kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
+    law: str = "pid"  # pid | printed
+    force_limit: float = 1.0  # kappa where the port `force_limit` is not connected
+    # Anti-windup by back-calculation: time in which the integral follows the
+    # saturation [s].
+    tracking_time: float = 0.05
+    # The printed law divides by q'; below this speed [rad/s] the division fades out.
+    printed_law_min_speed: float = 0.05
+    period: float = 0.005  # sample time [s]
+
+
+@TemplateSystem.define("GripperServo_")
+def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
+    class Impl(LeafSystem_[T]):
+        """n sampled position servos with PWM output, for float, AutoDiffXd, Expression.
+
+        .. pydrake_system::
+
+            name: GripperServo
+            input_ports:
+            - reference
+            - state_measured
+            - force_limit (optional)
+            output_ports:
+            - pwm
+
+        `reference` (3n) is [q; v; a] of the minimum-jerk reference, `state_measured`
+        (2n) is [q; v], in rad, rad/s, rad/s². Every `config.period` the law of the
+        SRG thesis (equation 2.3) is evaluated and held:
+
+            PWM = clip(K_FF1 q' + K_FF2 q'' + feedback, -kappa, kappa)
+
+        kappa is `force_limit` (1), clipped to 0 .. 1, or `config.force_limit`.
+
+        * law `pid`: feedback = K_P e + K_I integral(e) + K_D (v - v_measured), e the
+          reference minus the measured position. The integral follows the saturation
+          (back-calculation), so that it does not wind up.
+        * law `printed`: the equation as the thesis prints it, feedback = K_P e +
+          K_I e q' + K_D e / q', q' the reference's velocity. The division is
+          evaluated as e q' / (q'² + s²) with a small s, so that it fades out at rest.
+          It is here to be compared, not to be used.
+
+        `pwm` (n) is the held PWM, a fraction of full scale.
+        """
+
+        def _construct(self, config: GripperServoConfig, converter: Any = None) -> None:
+            LeafSystem_[T].__init__(self, converter)
+            if config.law not in LAWS:
+                raise ValueError(f"law: {config.law!r} is not one of {LAWS}")
+            gains = (config.kp, config.ki, config.kd, config.kff1, config.kff2)
+            if len({len(gain) for gain in gains}) != 1:
+                raise ValueError(
+                    "kp, ki, kd, kff1, kff2 must have one entry a joint; got "
+                    f"{[len(gain) for gain in gains]}"
+                )
+            self.config = config
+            self._gains = tuple(np.asarray(gain, dtype=float) for gain in gains)
+            self._n = n = len(config.kp)
+            # [integral term of the PWM; PWM held]
+            state = self.DeclareDiscreteState(2 * n)
+            self._reference = self.DeclareVectorInputPort(name="reference", size=3 * n)
+            self._measured = self.DeclareVectorInputPort(
+                name="state_measured", size=2 * n
+            )
+            self._force_limit = self.DeclareVectorInputPort(name="force_limit", size=1)
+            self.DeclareVectorOutputPort(
+                name="pwm",
+                size=n,
+                calc=self._calc_pwm,
+                prerequisites_of_calc={self.discrete_state_ticket(state)},
+            )
+            self.DeclarePeriodicDiscreteUpdateEvent(
+                period_sec=config.period, offset_sec=0.0, update=self._update
+            )
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            Impl._construct(self, other.config, converter=converter)
+
+        def _calc_pwm(self, context: Any, output: Any) -> None:
+            output.SetFromVector(
+                context.get_discrete_state(0).CopyToVector()[self._n :]
+            )
+
+        def _update(self, context: Any, discrete_state: Any) -> None:
+            n, config = self._n, self.config
+            kp, ki, kd, kff1, kff2 = self._gains
+            reference = self._reference.Eval(context)
+            q, v, a = reference[:n], reference[n : 2 * n], reference[2 * n :]
+            measured = self._measured.Eval(context)
+            integral = context.get_discrete_state(0).CopyToVector()[:n]
+            error = q - measured[:n]
+            pwm = kff1 * v + kff2 * a + kp * error
+            if config.law == "pid":
+                pwm = pwm + kd * (v - measured[n:]) + integral
+            else:
+                guard = config.printed_law_min_speed**2
+                pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
+            kappa = self._kappa(context)
+            saturated = np.array([min_(max_(u, -kappa), kappa) for u in pwm])
+            rate = ki * error + (saturated - pwm) / config.tracking_time
+            new_integral = integral + config.period * rate * (ki > 0)
+            discrete_state.set_value(np.concatenate([new_integral, saturated]))
+
+        def _kappa(self, context: Any) -> Any:
+            if not self._force_limit.HasValue(context):
+                return self.config.force_limit
+            return min_(max_(self._force_limit.Eval(context)[0], 0.0), 1.0)
+
+    return Impl
+
+
+GripperServo = GripperServo_[None]

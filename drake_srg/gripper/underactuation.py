@@ -1,0 +1,172 @@
+"""Algorithm 1 of the SRG thesis: four joint targets from one command and sensors."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from drake_srg.types import Vector
+
+# Order of joints and sensors, here and at every port: left base, right base, left
+# tip, right tip. A finger is a (base, tip) pair of indices into it.
+FINGERS = ((0, 2), (1, 3))
+
+
+@dc.dataclass(kw_only=True)
+class UnderactuationConfig:
+    """Parameters of Algorithm 1."""
+
+    # Sum of base and tip angle that closure 1 asks for [rad]; from the thesis.
+    full_scale: float = 3.0
+    # Joint limits of base and tip [rad]; targets saturate there. SAKE's public URDF.
+    base_limit: float = 1.94
+    tip_limit: float = 1.94
+    # The thesis tests `tip angle <= 0`; a measured angle of a finger that rests on
+    # its stop is zero only up to the stop's compliance [rad].
+    straight_tolerance: float = 0.002
+    period: float = 0.005  # time between evaluations [s]
+
+
+def finger_targets(
+    target: float,
+    opening: bool,
+    angles: tuple[float, float],
+    fired: tuple[bool, bool],
+    last: tuple[float, float],
+    straight_tolerance: float = 0.0,
+) -> tuple[float, float]:
+    """Evaluate Algorithm 1 for one finger, as the SRG thesis's Lua code runs it.
+
+    Args:
+        target: Commanded sum of base and tip angle [rad].
+        opening: Whether the command decreased when it last changed.
+        angles: Measured base and tip angle [rad].
+        fired: Whether the base's and the tip's sensor are triggered.
+        last: Base and tip target of the last evaluation [rad].
+        straight_tolerance: Tip angle up to which the finger counts as straight [rad].
+
+    Returns:
+        The new base and tip target [rad].
+    """
+    base, tip = angles
+    base_target, tip_target = last
+    if opening:
+        if tip <= straight_tolerance:
+            return target, 0.0
+        return base_target, target - base
+    if not fired[0]:
+        return target, tip_target
+    if not fired[1]:
+        return base_target, target - base
+    share = 0.5 * (target - base - tip)
+    return base + share, tip + share
+
+
+class UnderactuationLogic(LeafSystem):
+    """Turns one closure command into the targets of the four finger joints.
+
+    .. pydrake_system::
+
+        name: UnderactuationLogic
+        input_ports:
+        - closure_commanded
+        - state_measured
+        - triggered
+        - joint_position_commanded (optional)
+        - hold (optional)
+        output_ports:
+        - position_desired
+
+    Inputs: `closure_commanded` (1), 0 open .. 1 closed, clipped, a NaN ignored;
+    `state_measured` (8), [q; v]; `triggered` (4), nonzero where a sensor fires;
+    `joint_position_commanded` (4) [rad], whose finite entries override the algorithm;
+    `hold` (1): while nonzero, a finger that touches something keeps its targets (and so
+    its grip), the other keeps the angles it had when the hold began. Joints and sensors
+    are ordered left base, right base, left tip, right tip.
+
+    Output: `position_desired` (4) [rad], updated every `config.period`.
+    """
+
+    def __init__(self, config: UnderactuationConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or UnderactuationConfig()
+        # [targets (4), last closure, opening, holding]
+        state = self.DeclareDiscreteState(7)
+        self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
+        self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
+        self._override = self.DeclareVectorInputPort(
+            name="joint_position_commanded", size=4
+        )
+        self._hold = self.DeclareVectorInputPort(name="hold", size=1)
+        self.DeclareVectorOutputPort(
+            name="position_desired",
+            size=4,
+            calc=self._calc_position_desired,
+            prerequisites_of_calc={self.discrete_state_ticket(state)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _calc_position_desired(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(0).value()[:4])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(0).value()
+        targets, last_closure, opening, was_holding = (
+            state[:4].copy(),
+            state[4],
+            bool(state[5]),
+            bool(state[6]),
+        )
+        q = self._measured.Eval(context)[:4]
+        fired = self._triggered.Eval(context) != 0.0
+        holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
+        closure = self._closure.Eval(context)[0]
+        if np.isfinite(closure):
+            closure = min(max(closure, 0.0), 1.0)
+            if closure != last_closure:
+                opening = bool(closure < last_closure)
+        else:
+            closure = last_closure
+        if holding:
+            if not was_holding:
+                targets = _hold_targets(targets, q, fired)
+        else:
+            targets = self._algorithm(closure, opening, q, fired, targets)
+            if self._override.HasValue(context):
+                override = self._override.Eval(context)
+                targets = np.where(np.isfinite(override), override, targets)
+        discrete_state.set_value(
+            np.concatenate([targets, [closure, float(opening), float(holding)]])
+        )
+
+    def _algorithm(
+        self, closure: float, opening: bool, q: Vector, fired: Vector, targets: Vector
+    ) -> Vector:
+        config = self.config
+        result = targets.copy()
+        for base, tip in FINGERS:
+            base_target, tip_target = finger_targets(
+                config.full_scale * closure,
+                opening,
+                (q[base], q[tip]),
+                (fired[base], fired[tip]),
+                (targets[base], targets[tip]),
+                config.straight_tolerance,
+            )
+            result[base] = min(base_target, config.base_limit)
+            result[tip] = min(tip_target, config.tip_limit)
+        return result
+
+
+def _hold_targets(targets: Vector, q: Vector, fired: Sequence[bool]) -> Vector:
+    result = targets.copy()
+    for finger in FINGERS:
+        if not any(fired[i] for i in finger):
+            result[list(finger)] = q[list(finger)]
+    return result
