@@ -1,0 +1,57 @@
+"""Where the hand shall be: what inverse kinematics and straight paths ask for."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.types import Vector
+
+
+@dc.dataclass(frozen=True)
+class AxisTarget:
+    """An axis of the hand that shall point along a direction of the world."""
+
+    axis_G: Vector  # shape (3,), in the hand
+    direction_W: Vector  # shape (3,), in the world
+    angle: float  # largest angle between the two [rad]
+
+
+@dc.dataclass(frozen=True)
+class HandTarget:
+    """Where the hand shall be: a point, and a full orientation, axes, or neither."""
+
+    p_WT: Vector  # where the hand's point T shall be [m], shape (3,)
+    R_WG: RotationMatrix | None = None
+    axes: tuple[AxisTarget, ...] = ()
+    p_GT: Vector = dc.field(default_factory=lambda: np.zeros(3))  # T in the hand [m]
+    position_tolerance: float = 1e-4  # half the side of a box around p_WT [m]
+    angle_tolerance: float = 2e-3  # of R_WG [rad]
+
+    @staticmethod
+    def Pose(X_WG: RigidTransform) -> HandTarget:
+        """The hand's origin and all its axes as in `X_WG`."""
+        return HandTarget(X_WG.translation(), X_WG.rotation())
+
+    def Shifted(self, p_W: Vector) -> HandTarget:
+        """The same target, moved by `p_W` [m]."""
+        return dc.replace(self, p_WT=self.p_WT + p_W)
+
+    def distance(self, X_WG: RigidTransform) -> float:
+        """Distance of the hand's point T from where it shall be [m]."""
+        return float(np.linalg.norm(X_WG @ self.p_GT - self.p_WT))
+
+    def angle_violation(self, X_WG: RigidTransform) -> float:
+        """How far the hand is turned beyond what is tolerated [rad], 0 if it is not."""
+        beyond = [0.0]
+        if self.R_WG is not None:
+            R_error = self.R_WG.inverse() @ X_WG.rotation()
+            beyond.append(R_error.ToAngleAxis().angle() - self.angle_tolerance)
+        for axis in self.axes:
+            axis_W = X_WG.rotation() @ axis.axis_G
+            sine = np.linalg.norm(np.cross(axis_W, axis.direction_W))
+            angle = np.arctan2(sine, axis_W @ axis.direction_W)
+            beyond.append(float(angle) - axis.angle)
+        return max(beyond)
