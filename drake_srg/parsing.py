@@ -1,0 +1,45 @@
+"""Makes `package://drake_srg/...` resolve, in a checkout and in an installed wheel."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydrake.multibody.parsing import Parser
+
+_PACKAGE = Path(__file__).resolve().parent
+
+
+def ModelsPath() -> Path:
+    """Returns the folder that holds `package.xml`, `sdf/` and `meshes/`.
+
+    A wheel carries it inside the package, a checkout beside the package.
+
+    Raises:
+        FileNotFoundError: if neither exists.
+    """
+    candidates = (_PACKAGE / "models", _PACKAGE.parent / "models")
+    for path in candidates:
+        if (path / "package.xml").is_file():
+            return path
+    raise FileNotFoundError(
+        "drake_srg's models are missing: no package.xml in "
+        + " or ".join(str(path) for path in candidates)
+        + ". Install the package anew, or run it from a complete checkout."
+    )
+
+
+def ConfigureParser(parser: Parser) -> None:
+    """Teaches `parser` that `package://drake_srg/` is the models folder.
+
+    A parser that already knows the same folder is left as it is.
+    """
+    path = str(ModelsPath())
+    packages = parser.package_map()
+    if packages.Contains("drake_srg"):
+        known = packages.GetPath("drake_srg")
+        if Path(known).resolve() == Path(path).resolve():
+            return
+        raise ValueError(
+            f"This parser maps package 'drake_srg' to {known}, not to {path}."
+        )
+    packages.Add("drake_srg", path)

@@ -1,0 +1,49 @@
+"""Builds models/sdf and models/meshes: `python tools/build_models.py [--check]`.
+
+With --check nothing is written; the exit code is 1 when a checked-in file differs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from models import iiwa14, props, srg
+
+ROOT = Path(__file__).resolve().parent.parent / "models"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--check", action="store_true", help="compare, do not write")
+    check = parser.parse_args().check
+    files = {**srg.Build(), **iiwa14.Build(), **props.Build()}
+    present = {
+        path.relative_to(ROOT).as_posix()
+        for folder, ending in (("sdf", "*.sdf"), ("meshes", "*"))
+        for path in (ROOT / folder).glob(ending)
+    }
+    stale = sorted(present - files.keys())
+    changed = sorted(
+        name
+        for name, text in files.items()
+        if name not in present or (ROOT / name).read_bytes() != text.encode()
+    )
+    for name in changed:
+        print(f"{'differs' if check else 'wrote'}: models/{name}")
+        if not check:
+            (ROOT / name).parent.mkdir(parents=True, exist_ok=True)
+            (ROOT / name).write_bytes(files[name].encode())
+    for name in stale:
+        print(f"{'not generated' if check else 'removed'}: models/{name}")
+        if not check:
+            (ROOT / name).unlink()
+    if check and (changed or stale):
+        print("Run python tools/build_models.py and check its result in.")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

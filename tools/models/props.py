@@ -1,0 +1,129 @@
+"""What stands around the robots: table, floor, goal marker, lid, soup can."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, Sub
+from .shapes import Block, Disc, Prism, Revolve, UnionProperties
+
+# Steel on dry wood: handbooks give 0.4 to 0.6.
+WOOD = Proximity(rigid=True, friction=0.6)
+SHEET = Proximity(rigid=True, friction=0.4)
+
+# YCB object set, 005_tomato_soup_can.
+CAN_RADIUS, CAN_LENGTH, CAN_MASS = 0.0339, 0.1018, 0.349
+# Tinplate around a liquid: 25 times stiffer than the pads that hold it, so that the pads
+# yield, and soft enough for steps of several milliseconds. The hint cuts the circle into
+# 14 sides or more.
+CAN = Proximity(
+    rigid=False, friction=0.8, modulus=5e7, dissipation=5.0, resolution=0.015
+)
+
+
+def _Box(name: str, look: str, low: tuple, high: tuple, bevel: float, how: Proximity):
+    a, b = np.array(low), np.array(high)
+    shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
+    return Piece(name, look, Block(low, high, bevel), shape, how)
+
+
+def Table() -> Files:
+    """Returns a table whose top is z = 0; an arm stands on it at the origin."""
+    looks = {"top": (0.74, 0.70, 0.63), "legs": (0.45, 0.46, 0.48)}
+    model = Model("table", looks, "A table; its top is z = 0.")
+    Sub(model.root, "static", "true")
+    pieces = [
+        _Box("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, WOOD)
+    ]
+    for x in (-0.34, 1.24):
+        for y in (-0.74, 0.74):
+            name = f"table_leg_{'rear' if x < 0 else 'front'}_"
+            name += "left" if y > 0 else "right"
+            low, high = (x - 0.03, y - 0.03, -0.75), (x + 0.03, y + 0.03, -0.04)
+            pieces.append(_Box(name, "legs", low, high, 0.0015, WOOD))
+    model.AddLink("table", pieces, None)
+    model.AddFrame("table_top", "table")
+    return model.Finish("sdf/table.sdf")
+
+
+def Floor() -> Files:
+    """Returns a floor under the table's legs."""
+    model = Model("floor", {"floor": (0.55, 0.56, 0.58)}, "A floor, z = -0.75.")
+    Sub(model.root, "static", "true")
+    low, high = (-3, -3, -0.85), (3, 3, -0.75)
+    model.AddLink("floor", [_Box("floor", "floor", low, high, 0, WOOD)], None)
+    return model.Finish("sdf/floor.sdf")
+
+
+def Marker() -> Files:
+    """Returns a ring that marks a goal; it cannot be touched."""
+    model = Model("marker", {"ring": (0.15, 0.65, 0.25)}, "Marks a goal, seen only.")
+    solids = _Ring(0.036, 0.045, 0, 0.001, 48)
+    pieces = [Piece("ring", "ring", s) for s in solids]
+    model.AddLink("marker", pieces, Inertial.Uniform(0.01, UnionProperties(solids)))
+    return model.Finish("sdf/marker.sdf")
+
+
+def _Ring(inner: float, outer: float, z0: float, z1: float, count: int) -> list:
+    """Returns a ring cut into convex wedges."""
+    a, b = Disc(inner, count=count), Disc(outer, count=count)
+    wedges = []
+    for i in range(count):
+        j = (i + 1) % count
+        wedges.append(Prism(np.array([a[i], b[i], b[j], a[j]]), z0, z1))
+    return wedges
+
+
+def Lid() -> Files:
+    """Returns an upside-down bucket; the origin is the middle of its open rim."""
+    model = Model("lid", {"sheet": (0.52, 0.53, 0.55)}, "Hides an object from cameras.")
+    inner, wall, height = 0.06, 0.003, 0.14
+    count = 24
+    # The corners stand off so that the flats keep the inner radius.
+    stretch = 1 / np.cos(np.pi / count)
+    solids = _Ring(inner * stretch, (inner + wall) * stretch, 0, height, count)
+    pieces = []
+    middle = inner + wall / 2
+    size = (wall, 2 * (inner + wall) * np.tan(np.pi / count), height)
+    for i, solid in enumerate(solids):
+        angle = 2 * np.pi * (i + 0.5) / count
+        x, y = middle * np.cos(angle), middle * np.sin(angle)
+        box = Primitive("box", size, (x, y, height / 2), (0, 0, angle))
+        pieces.append(Piece(f"lid_wall_{i}", "sheet", solid, box, SHEET))
+    roof = Prism(Disc((inner + wall) * stretch, count=count), height - wall, height)
+    pieces.append(Piece("lid_roof", "sheet", roof, roof, SHEET))
+    inertial = Inertial.Uniform(0.3, UnionProperties([*solids, roof]))
+    model.AddLink("lid", pieces, inertial)
+    return model.Finish("sdf/lid.sdf")
+
+
+def Can() -> Files:
+    """Returns the soup can: red from above and below, a cream band on its side."""
+    name = "005_tomato_soup_can"
+    looks = {"red": (0.80, 0.10, 0.08), "label": (0.93, 0.89, 0.78)}
+    model = Model(name, looks, "YCB 005; one cylinder to touch.")
+    r, h, count = CAN_RADIUS, CAN_LENGTH / 2, 64
+    rim = [(r - 0.0002, h), (r, h - 0.0002), (r, h - 0.0022), (r - 0.0003, h - 0.0028)]
+    profile = [*rim, *[(radius, -z) for radius, z in reversed(rim)]]
+    parts = [
+        Revolve([profile[0], profile[1], profile[2], profile[3]], count),
+        Revolve([(r - 0.0003, 0.05), (r - 0.0003, -0.05)], count),
+        Revolve(profile[4:], count),
+    ]
+    collision = Primitive("cylinder", (r, CAN_LENGTH))
+    pieces = [
+        Piece("can", "red", parts[0], collision, CAN),
+        Piece("body", "red", parts[1]),
+        Piece("bottom", "red", parts[2]),
+        Piece("label", "label", Revolve([(r - 0.0001, h / 3), (r - 0.0001, -h / 3)],
+                                        count)),
+    ]  # fmt: skip
+    moment = CAN_MASS * (3 * r**2 + CAN_LENGTH**2) / 12
+    inertia = np.diag([moment, moment, CAN_MASS * r**2 / 2])
+    model.AddLink("can", pieces, Inertial(CAN_MASS, (0, 0, 0), inertia))
+    return model.Finish(f"sdf/{name}.sdf")
+
+
+def Build() -> Files:
+    """Returns the files of all props."""
+    return {**Table(), **Floor(), **Marker(), **Lid(), **Can()}

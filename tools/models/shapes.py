@@ -1,0 +1,291 @@
+"""Convex solids, made and written in a canonical form: same input, same bytes."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Iterable, Sequence
+
+import manifold3d
+import numpy as np
+from scipy.spatial import ConvexHull
+
+Points = np.ndarray
+
+
+@dc.dataclass(frozen=True)
+class Solid:
+    """A convex polyhedron: its corners, and its faces counter-clockwise from outside.
+
+    Coplanar triangles are merged into one face, so that the result does not depend on
+    how a hull algorithm happens to cut a flat face.
+    """
+
+    vertices: Points  # n x 3, m
+    faces: tuple[tuple[int, ...], ...]
+
+    def moved(self, R: Points | None = None, p: Sequence[float] = (0, 0, 0)) -> Solid:
+        """Returns this solid turned by `R`, then shifted by `p`."""
+        R = np.eye(3) if R is None else np.asarray(R)
+        return Solid(self.vertices @ R.T + np.asarray(p), self.faces)
+
+    def triangles(self) -> Points:
+        """Returns the faces cut into fans, as an n x 3 array of vertex indices."""
+        return np.array(
+            [
+                (face[0], face[i], face[i + 1])
+                for face in self.faces
+                for i in range(1, len(face) - 1)
+            ]
+        )
+
+
+def Hull(*parts: Points | Solid) -> Solid:
+    """Returns the convex hull of points and solids."""
+    points = np.vstack([p.vertices if isinstance(p, Solid) else p for p in parts])
+    points = _Unique(points)
+    qhull = ConvexHull(points)
+    normals = qhull.equations[:, :3]
+    # Join neighbouring triangles that lie in one plane.
+    group = list(range(len(normals)))
+
+    def Root(i: int) -> int:
+        while group[i] != i:
+            i = group[i]
+        return i
+
+    for i, neighbours in enumerate(qhull.neighbors):
+        for j in neighbours:
+            if normals[i] @ normals[j] > 1 - 1e-9:
+                a, b = sorted((Root(i), Root(int(j))))
+                group[b] = a
+    planes: dict[int, list[int]] = {}
+    for i in range(len(normals)):
+        planes.setdefault(Root(i), []).append(i)
+    faces = []
+    for root, members in planes.items():
+        corners = sorted({int(k) for i in members for k in qhull.simplices[i]})
+        faces.append(_Ordered(points, corners, normals[root]))
+    used = sorted({k for face in faces for k in face})
+    new = {old: k for k, old in enumerate(used)}
+    renamed = sorted(_Rolled(tuple(new[k] for k in face)) for face in faces)
+    return Solid(points[used], tuple(renamed))
+
+
+def _Unique(points: Points) -> Points:
+    """Returns the points sorted, each (to 10 nm) once."""
+    keys = np.round(points, 8) + 0.0
+    _, first = np.unique(keys, axis=0, return_index=True)
+    return points[first]
+
+
+def _Ordered(points: Points, corners: list[int], normal: Points) -> tuple[int, ...]:
+    """Returns the corners counter-clockwise about the normal."""
+    p = points[corners] - points[corners].mean(axis=0)
+    u = p[0] / np.linalg.norm(p[0])
+    v = np.cross(normal, u)
+    order = np.argsort(np.arctan2(p @ v, p @ u), kind="stable")
+    return tuple(corners[k] for k in order)
+
+
+def _Rolled(face: tuple[int, ...]) -> tuple[int, ...]:
+    """Returns the face starting at its smallest index."""
+    k = face.index(min(face))
+    return face[k:] + face[:k]
+
+
+def RotX(angle: float) -> Points:
+    """Returns the rotation about x by an angle."""
+    c, s = _Cos(angle), _Sin(angle)
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+def RotY(angle: float) -> Points:
+    """Returns the rotation about y by an angle."""
+    c, s = _Cos(angle), _Sin(angle)
+    return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+
+def RotZ(angle: float) -> Points:
+    """Returns the rotation about z by an angle."""
+    c, s = _Cos(angle), _Sin(angle)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+def _Cos(angle: float) -> float:
+    return float(np.round(np.cos(angle), 12))
+
+
+def _Sin(angle: float) -> float:
+    return float(np.round(np.sin(angle), 12))
+
+
+def Disc(
+    radius: float,
+    center: Sequence[float] = (0, 0),
+    count: int = 24,
+    start: float = 0.0,
+    stop: float = 2 * np.pi,
+) -> Points:
+    """Returns `count` points of a circle, or an arc's with both of its ends."""
+    whole = stop - start >= 2 * np.pi - 1e-9
+    angles = np.linspace(start, stop, count, endpoint=not whole)
+    return radius * np.column_stack([np.cos(angles), np.sin(angles)]) + center
+
+
+def Hull2d(*parts: Points) -> Points:
+    """Returns the corners of the planar convex hull, counter-clockwise."""
+    points = np.vstack([np.atleast_2d(p) for p in parts])
+    return points[ConvexHull(points).vertices]
+
+
+def Inset(outline: Points, by: float) -> Points:
+    """Returns a convex counter-clockwise outline shrunk by a distance."""
+    edges = np.roll(outline, -1, axis=0) - outline
+    inward = np.column_stack([-edges[:, 1], edges[:, 0]])
+    inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+    offset = np.einsum("ij,ij->i", inward, outline) + by
+    result = []
+    for i in range(len(outline)):
+        A = np.stack([inward[i - 1], inward[i]])
+        result.append(np.linalg.solve(A, [offset[i - 1], offset[i]]))
+    return np.array(result)
+
+
+def Prism(outline: Points, z0: float, z1: float, bevel: float = 0.0) -> Solid:
+    """Returns a convex outline extruded along z, its two rims bevelled."""
+    outline = Hull2d(outline)
+    if bevel == 0:
+        return Hull(At(outline, z0), At(outline, z1))
+    small = Inset(outline, bevel)
+    return Hull(
+        At(small, z0), At(outline, z0 + bevel), At(outline, z1 - bevel), At(small, z1)
+    )
+
+
+def At(outline: Points, z: float) -> Points:
+    """Returns the planar points lifted to a height."""
+    return np.column_stack([outline, np.full(len(outline), z)])
+
+
+def Block(low: Sequence[float], high: Sequence[float], bevel: float = 0.0) -> Solid:
+    """Returns an axis-aligned box with all edges bevelled."""
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    if bevel == 0:
+        return Hull(low + corners * (high - low))
+    parts = []
+    for axis in range(3):
+        margin = np.full(3, bevel)
+        margin[axis] = 0
+        parts.append(low + margin + corners * (high - low - 2 * margin))
+    return Hull(*parts)
+
+
+def Revolve(profile: Iterable[tuple[float, float]], count: int = 48) -> Solid:
+    """Returns the hull of circles given as (radius, height) about z."""
+    parts = []
+    for radius, z in profile:
+        if radius == 0:
+            parts.append(np.array([[0.0, 0.0, z]]))
+        else:
+            parts.append(At(Disc(radius, count=count), z))
+    return Hull(*parts)
+
+
+def Round(radius: float, z0: float, z1: float, edge: float, steps: int = 3) -> Points:
+    """Returns a cylinder's (radius, height) profile with rounded rims."""
+    a = np.linspace(0, np.pi / 2, steps + 1)
+    r = radius - edge * (1 - np.sin(a))
+    h = edge * (1 - np.cos(a))
+    return np.vstack([np.column_stack([r, z0 + h]), np.column_stack([r, z1 - h])[::-1]])
+
+
+def Obj(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
+    """Returns Wavefront text: triangles with normals smoothed up to a crease [deg].
+
+    A corner's normal is the area-weighted mean of the faces that meet there at less
+    than the crease angle from its own face, so big flats stay flat beside a bevel.
+    """
+    v_text, n_text, f_text = [], [], []
+    normals_seen: dict[tuple[float, ...], int] = {}
+    base = 1
+    for solid in solids:
+        V = solid.vertices
+        area_normals = np.array([_AreaNormal(V[list(f)]) for f in solid.faces])
+        units = area_normals / np.linalg.norm(area_normals, axis=1, keepdims=True)
+        around: list[list[int]] = [[] for _ in V]
+        for i, face in enumerate(solid.faces):
+            for k in face:
+                around[k].append(i)
+        v_text += ["v " + " ".join(Number(x, mm) for x in p) for p in V]
+        for i, face in enumerate(solid.faces):
+            ids = []
+            for k in face:
+                near = [
+                    j
+                    for j in around[k]
+                    if j == i or units[i] @ units[j] > np.cos(np.radians(crease))
+                ]
+                n = area_normals[near].sum(axis=0)
+                key = tuple(np.round(n / np.linalg.norm(n), 3) + 0.0)
+                if key not in normals_seen:
+                    normals_seen[key] = len(normals_seen) + 1
+                    n_text.append("vn " + " ".join(Number(x, 3) for x in key))
+                ids.append(f"{base + k}//{normals_seen[key]}")
+            for j in range(1, len(face) - 1):
+                f_text.append(f"f {ids[0]} {ids[j]} {ids[j + 1]}")
+        base += len(V)
+    head = "# Generated by tools/build_models.py\n"
+    return head + "\n".join(v_text + n_text + f_text) + "\n"
+
+
+def _AreaNormal(p: Points) -> Points:
+    """Returns a polygon's normal, as long as its area."""
+    return 0.5 * np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
+
+
+def Number(x: float, digits: int = 6) -> str:
+    """Returns a short decimal, without a negative zero."""
+    text = f"{x:.{digits}f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+@dc.dataclass(frozen=True)
+class MassProperties:
+    """Volume [m^3], centre [m] and second moments about it per unit density [m^5]."""
+
+    volume: float
+    center: Points
+    inertia: Points
+
+
+def UnionProperties(solids: Sequence[Solid]) -> MassProperties:
+    """Returns the mass properties of the union, at unit density."""
+    whole = manifold3d.Manifold.batch_boolean(
+        [_Manifold(s) for s in solids], manifold3d.OpType.Add
+    )
+    mesh = whole.to_mesh()
+    V = np.asarray(mesh.vert_properties, float)[:, :3] / _SCALE
+    T = np.asarray(mesh.tri_verts)
+    a, b, c = V[T[:, 0]], V[T[:, 1]], V[T[:, 2]]
+    det = np.einsum("ij,ij->i", a, np.cross(b, c))
+    volume = det.sum() / 6
+    center = (det[:, None] * (a + b + c)).sum(axis=0) / 24 / volume
+    # Integral of x x^T over a tetrahedron with a corner at the origin.
+    s = a + b + c
+    second = np.einsum("i,ij,ik->jk", det, s, s)
+    for p in (a, b, c):
+        second += np.einsum("i,ij,ik->jk", det, p, p)
+    second = second / 120 - volume * np.outer(center, center)
+    return MassProperties(volume, center, np.trace(second) * np.eye(3) - second)
+
+
+_SCALE = 1000.0  # millimetres keep single precision and tolerances comfortable
+
+
+def _Manifold(solid: Solid) -> manifold3d.Manifold:
+    mesh = manifold3d.Mesh(
+        vert_properties=np.asarray(solid.vertices * _SCALE, np.float32),
+        tri_verts=np.asarray(solid.triangles(), np.uint32),
+    )
+    return manifold3d.Manifold(mesh)

@@ -1,0 +1,269 @@
+"""The SRG: a palm and two mirrored fingers of two links each.
+
+Every finger link is drawn with x along the link, y inwards (the closing side) and z
+along its hinge, so that both fingers share their meshes. Lengths in metres.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity
+from .shapes import Block, Disc, Hull2d, Prism, Revolve, RotY, UnionProperties
+
+# SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper).
+HINGE_X, HINGE_Y = 0.072569, 0.03  # palm to base hinge
+BASE_LENGTH = 0.052  # base hinge to tip hinge
+BASE_RANGE = TIP_RANGE = (0.0, 1.94)  # rad
+VELOCITY_LIMIT = 3.67  # rad/s
+PALM_MASS, FINGER_LINK_MASS = 0.3, 0.025  # kg
+# Base hinge to the end of the pad, finger straight: the same URDF with its meshes.
+KNUCKLE_TO_TIP = 0.1108
+# From the gap of 0.0416 between the pads at a base angle of 90 degrees.
+PAD_FACE = HINGE_Y - 0.0416 / 2  # 0.0092, inwards of the line through the hinges
+# Bounding boxes of the vendor's STL parts.
+PAD_LENGTH, PAD_WIDTH, PAD_THICKNESS = 0.0500, 0.0303, 0.0150
+BASE_REAR, BASE_WIDTH, BASE_THICKNESS = 0.0096, 0.0300, 0.0220
+TIP_WIDTH, TIP_THICKNESS = 0.0169, 0.0223
+PALM_LENGTH, PALM_WIDTH, PALM_HEIGHT = 0.0791, 0.0816, 0.0653
+
+# One Dynamixel MX-64 winds one wire per finger. Data sheet: 6.0 N m stall at 12 V, gear
+# 200:1; the vendor's driver libezgripper allows 800 of 1023 of it.
+SERVO_TORQUE = 800 / 1023 * 6.0  # N m
+SERVO_GEAR_RATIO = 200.0
+# Inferred: 0.0291 m of wire over the driver's 2500 of 4096 counts a turn.
+SPOOL_RADIUS = 0.0076
+WIRE_FORCE = SERVO_TORQUE / SPOOL_RADIUS / 2  # N, two wires share the spool: 309 N
+# The wire's moment arms with the finger open and straight, from the vendor's MuJoCo
+# model: they bound what a joint can get from the servo: 2.0 and 1.43 N m.
+BASE_ARM, TIP_ARM = 0.0065, 0.0046275
+# The MX-64's rotor inertia is not published. A coreless motor of its size (21 mm) has
+# about 2.5e-7 kg m^2; each finger carries half of it, as one motor drives two wires.
+ROTOR_INERTIA = 2.5e-7 / 2
+# Friction of the hinge pins and of the wire on its pulleys, linearised: 2 to 3 % of the
+# joint's effort at full speed, and enough for a slack finger to come to rest on its
+# spring (0.006 N m/rad) without ringing.
+DAMPING = 0.01
+
+LOOKS = {
+    "shell": (0.20, 0.21, 0.23),
+    "servo": (0.09, 0.09, 0.10),
+    "metal": (0.62, 0.63, 0.65),
+    "rubber": (0.05, 0.05, 0.055),
+}
+
+# Nylon on a can or on itself: handbooks give 0.3 to 0.5.
+PLASTIC = Proximity(rigid=True, friction=0.4, resolution=0.005)
+# Soft rubber. Measured to hold and to place a can at steps of 1 to 10 ms.
+RUBBER = Proximity(
+    rigid=False, friction=0.8, modulus=2e6, dissipation=5.0, resolution=0.02
+)
+
+_PLATE_IN, _PLATE_OUT = 0.0158, 0.0208  # the palm's plates hold the fingers, |z|
+_NOSE = 0.0086  # radius of the base link's far end: leaves 0.2 mm to the pad
+
+
+def _Extruded(
+    name: str, look: str, outline: np.ndarray, z0: float, z1: float, bevel: float
+) -> Piece:
+    """Returns a prism whose rims are bevelled for the eye only."""
+    seen, touched = Prism(outline, z0, z1, bevel), Prism(outline, z0, z1)
+    return Piece(name, look, seen, touched, PLASTIC)
+
+
+def _Box(name: str, look: str, low: tuple, high: tuple, bevel: float) -> Piece:
+    low_, high_ = np.array(low), np.array(high)
+    box = Primitive("box", tuple(high_ - low_), tuple((low_ + high_) / 2))
+    return Piece(name, look, Block(low, high, bevel), box, PLASTIC)
+
+
+def PalmPieces() -> list[Piece]:
+    """Returns the palm: +x out of the palm, fingers in the x-y plane."""
+    half_y, half_z = PALM_WIDTH / 2, PALM_HEIGHT / 2
+    pieces = [
+        Piece(
+            "palm_mount",
+            "metal",
+            Revolve([(0.0305, 0), (0.0315, 0.001), (0.0315, 0.007), (0.0305, 0.008)])
+            .moved(RotY(np.pi / 2)),
+            Primitive("cylinder", (0.0315, 0.008), (0.004, 0, 0), (0, np.pi / 2, 0)),
+            PLASTIC,
+        ),
+        _Box(
+            "palm_core", "shell",
+            (0.008, -0.033, -_PLATE_IN), (0.059, 0.033, _PLATE_IN), 0.0015,
+        ),
+        # What an object touches when it sits deep between the fingers.
+        _Box(
+            "palm_face", "rubber",
+            (0.058, -0.0188, -_PLATE_IN), (0.072, 0.0188, _PLATE_IN), 0.0015,
+        ),
+    ]  # fmt: skip
+    plate = np.array(
+        [(0.0085, y) for y in (-0.027, 0.027)]
+        + [(0.026, y) for y in (-half_y, half_y)]
+        + [(0.060, y) for y in (-half_y, half_y)]
+        + [(0.066, y) for y in (-0.022, 0.022)]
+    )
+    for side, s in (("upper", 1), ("lower", -1)):
+        z0, z1 = sorted((s * _PLATE_IN, s * _PLATE_OUT))
+        pieces.append(_Extruded(f"palm_{side}_plate", "shell", plate, z0, z1, 0.001))
+        for hand, h in (("left", 1), ("right", -1)):
+            ear = Hull2d(
+                Disc(PALM_LENGTH - HINGE_X, (HINGE_X, h * HINGE_Y), 20),
+                np.array([(0.058, h * half_y), (0.058, h * 0.0165)]),
+            )
+            name = f"palm_{side}_{hand}_ear"
+            pieces.append(_Extruded(name, "shell", ear, z0, z1, 0.001))
+            pin = Disc(0.0035, (HINGE_X, h * HINGE_Y), 16)
+            z0_, z1_ = sorted((s * (_PLATE_OUT - 0.001), s * (_PLATE_OUT + 0.001)))
+            pieces.append(Piece(name + "_pin", "metal", Prism(pin, z0_, z1_, 0.0004)))
+    pieces.append(
+        _Box(
+            "palm_servo", "servo",
+            (0.0095, -0.0201, -half_z), (0.055, 0.0201, -_PLATE_OUT + 0.001), 0.0015,
+        )
+    )  # fmt: skip
+    cover = Disc(0.0165, (0.034, 0), 32)
+    z0, z1 = _PLATE_OUT - 0.001, half_z
+    pieces.append(
+        Piece(
+            "palm_spool_cover",
+            "servo",
+            Prism(cover, z0, z1, 0.0015),
+            Primitive(
+                "cylinder", (0.0165, z1 - z0), (0.034, 0, (z0 + z1) / 2), (0, 0, 0)
+            ),
+            PLASTIC,
+        )
+    )
+    return pieces
+
+
+def BasePieces() -> list[Piece]:
+    """Returns a base link: knuckle and body, then two cheeks around the tip's lug."""
+    back = PAD_FACE - BASE_THICKNESS
+    half = BASE_WIDTH / 2
+    body = Hull2d(
+        Disc(BASE_REAR, count=24),
+        np.array([(0.006, PAD_FACE), (0.0375, PAD_FACE)]),
+        np.array([(0.018, back), (0.030, back), (0.0375, back + 0.002)]),
+    )
+    # Below the arc that the pad's inner corner sweeps as the tip curls.
+    cheek = Hull2d(
+        Disc(_NOSE, (BASE_LENGTH, 0), 24),
+        np.array([(BASE_LENGTH - 0.0118, 0.0046), (0.0365, 0.0028)]),
+        np.array([(0.0365, back + 0.0018), (0.042, back + 0.003)]),
+    )
+    pieces = [_Extruded("base_body", "shell", body, -half, half, 0.0012)]
+    for side, s in (("upper", 1), ("lower", -1)):
+        z0, z1 = sorted((s * (TIP_WIDTH / 2 + 0.0005), s * half))
+        name = f"base_{side}_cheek"
+        pieces.append(_Extruded(name, "shell", cheek, z0, z1, 0.001))
+        pin = Disc(0.003, (BASE_LENGTH, 0), 16)
+        z0, z1 = sorted((s * (half - 0.001), s * (half + 0.0008)))
+        pieces.append(Piece(name + "_pin", "metal", Prism(pin, z0, z1, 0.0004)))
+    return pieces
+
+
+def TipPieces() -> list[Piece]:
+    """Returns a tip link: lug and spine, the pad's carrier, the rubber pad."""
+    far = KNUCKLE_TO_TIP - BASE_LENGTH
+    near = far - PAD_LENGTH
+    pad_back = PAD_FACE - PAD_THICKNESS
+    spine_back = PAD_FACE - TIP_THICKNESS
+    spine = Hull2d(
+        Disc(_NOSE, count=24),
+        np.array([(0.007, spine_back), (0.016, spine_back), (0.030, pad_back - 0.001)]),
+        np.array([(0.030, pad_back + 0.001), (0.012, 0.004)]),
+    )
+    carrier = np.array(
+        [
+            (near + 0.001, pad_back - 0.003),
+            (0.034, pad_back - 0.003),
+            (far - 0.001, pad_back - 0.001),
+            (far - 0.001, pad_back + 0.002),
+            (near + 0.001, pad_back + 0.002),
+        ]
+    )
+    half = PAD_WIDTH / 2
+    pad = Primitive(
+        "box",
+        (PAD_LENGTH, PAD_THICKNESS, PAD_WIDTH),
+        ((near + far) / 2, PAD_FACE - PAD_THICKNESS / 2, 0),
+    )
+    return [
+        _Extruded("tip_spine", "shell", spine, -TIP_WIDTH / 2, TIP_WIDTH / 2, 0.001),
+        _Extruded("tip_carrier", "shell", carrier, -half + 0.001, half - 0.001, 0.0008),
+        Piece(
+            "pad",
+            "rubber",
+            Block((near, pad_back, -half), (far, PAD_FACE, half), 0.0014),
+            pad,
+            RUBBER,
+        ),
+    ]
+
+
+def Build() -> Files:
+    """Returns the gripper's files."""
+    model = Model("srg", LOOKS, "The SAKE Robotics gripper; see tools/models/srg.py.")
+    palm, base, tip = PalmPieces(), BasePieces(), TipPieces()
+
+    def Uniform(mass: float, pieces: list[Piece]) -> Inertial:
+        touched = [p.solid for p in pieces if p.collision is not None]
+        return Inertial.Uniform(mass, UnionProperties(touched))
+
+    model.AddLink("palm", palm, Uniform(PALM_MASS, palm))
+    # Open, the fingers point along +y and -y; both turn x into y, inwards.
+    poses = {
+        "left": ((HINGE_X, HINGE_Y, 0), (np.pi, 0, np.pi / 2)),
+        "right": ((HINGE_X, -HINGE_Y, 0), (0, 0, -np.pi / 2)),
+    }
+    for side, (xyz, rpy) in poses.items():
+        model.AddLink(
+            "base_link",
+            base,
+            Uniform(FINGER_LINK_MASS, base),
+            ("palm", xyz, rpy),
+            prefix=f"{side}_",
+        )
+    for side in poses:
+        model.AddLink(
+            "tip_link",
+            tip,
+            Uniform(FINGER_LINK_MASS, tip),
+            (f"{side}_base_link", (BASE_LENGTH, 0, 0), (0, 0, 0)),
+            prefix=f"{side}_",
+        )
+    for part, parent, arm, limits in (
+        ("base", "palm", BASE_ARM, BASE_RANGE),
+        ("tip", "{}_base_link", TIP_ARM, TIP_RANGE),
+    ):
+        for side in poses:
+            model.AddJoint(
+                f"{side}_{part}_joint",
+                parent.format(side),
+                f"{side}_{part}_link",
+                (0, 0, 1),
+                {
+                    "lower": limits[0],
+                    "upper": limits[1],
+                    "effort": round(WIRE_FORCE * arm, 3),
+                    "velocity": VELOCITY_LIMIT,
+                },
+                damping=DAMPING,
+                rotor_inertia=ROTOR_INERTIA,
+                # Motor turns a joint turn: the wire runs at arm times joint speed.
+                gear_ratio=SERVO_GEAR_RATIO * arm / SPOOL_RADIUS,
+            )
+    model.AddFrame("mount", "palm")
+    # On the palm's axis, half way along the pads of straight fingers at 90 degrees.
+    middle = HINGE_X + KNUCKLE_TO_TIP - PAD_LENGTH / 2
+    model.AddFrame("grasp_center", "palm", (round(middle, 4), 0, 0))
+    # A finger's own links overlap at the knuckles, and the palm's ears cover them. Left
+    # and right fingers do touch each other.
+    for side in poses:
+        members = ["palm", f"{side}_base_link", f"{side}_tip_link"]
+        model.AddFilter(f"{side}_finger", members)
+    return model.Finish("sdf/srg.sdf")
