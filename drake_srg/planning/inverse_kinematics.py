@@ -76,8 +76,8 @@ def SolveInverseKinematics(
     SNOPT solves a program of position, orientation and joint limits; the scene then
     judges the solution. Minimum distance is not part of the program: that takes ten
     times longer than solving from another start. The first start is `q_guess`; each
-    further one is drawn at random and is also where its program pulls to, which
-    spreads the solutions of a redundant arm over its free motion.
+    further one is drawn at random, ever further away, and is also where its program
+    pulls to, which spreads the solutions of a redundant arm over its free motion.
 
     Args:
         scene: the arm, and what to keep clear of.
@@ -146,9 +146,10 @@ def SolveInverseKinematics(
 def _Starts(
     limits: tuple[Vector, Vector], guess: Vector, rng: np.random.Generator, count: int
 ) -> Iterator[Vector]:
-    yield np.clip(guess, *limits)
-    for _ in range(count - 1):
-        yield rng.uniform(*limits)
+    """The guess, then random postures further and further away from it."""
+    guess = np.clip(guess, *limits)
+    for share in np.linspace(0.0, 1.0, count):
+        yield guess + share * (rng.uniform(*limits) - guess)
 
 
 class _Program:

@@ -101,8 +101,9 @@ class PlanningScene:
         inertia = SpatialInertia.SolidSphereWithMass(max(payload, 1e-9), 0.03)
         held = plant.AddRigidBody("held_object", gripper_model, inertia)
         plant.WeldFrames(hand_frame, held.body_frame())
-        self._standing = plant.AddRigidBody("standing_object")
-        self._obstacle = plant.AddRigidBody("obstacle")
+        others = plant.AddModelInstance("planning_obstacles")
+        self._standing = plant.AddRigidBody("standing_object", others)
+        self._obstacle = plant.AddRigidBody("obstacle", others)
         for body in (self._standing, self._obstacle):
             plant.WeldFrames(plant.world_frame(), body.body_frame())
 
@@ -186,7 +187,7 @@ class PlanningScene:
         """Whether every pair of bodies keeps its margin at `q`."""
         return self._checker.CheckConfigCollisionFree(self.positions(q))
 
-    def clearance(self, q: Vector, influence: float = 0.2) -> Clearance:
+    def clearance(self, q: Vector, influence: float = 0.05) -> Clearance:
         """The pair nearest to breaking its margin at `q`.
 
         Pairs further apart than `influence` [m] beyond their margin are not seen.
