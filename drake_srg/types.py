@@ -1,9 +1,8 @@
 """What the rooms of the package exchange: plain data, no systems."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import enum
+from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
@@ -12,12 +11,18 @@ import numpy.typing as npt
 Vector: TypeAlias = npt.NDArray[np.float64]
 
 
-@dc.dataclass(frozen=True)
+def positive(**metadata: object) -> Mapping[str, object]:
+    """Return the field metadata of a quantity that must be greater than zero."""
+    return {"gt": 0.0, **metadata}
+
+
+# The shapes have defaults and are not frozen because YAML is loaded into them.
+@dc.dataclass
 class Cylinder:
     """A solid cylinder; its axis is the object frame's z."""
 
-    radius: float  # m
-    length: float  # m
+    radius: float = dc.field(default=0.03, metadata=positive())  # m
+    length: float = dc.field(default=0.1, metadata=positive())  # m
 
     @property
     def height(self) -> float:
@@ -25,11 +30,14 @@ class Cylinder:
         return self.length
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass
 class Box:
     """A solid box centred on the object frame."""
 
-    size: tuple[float, float, float]  # m, along x, y, z
+    # m, along x, y, z
+    size: list[float] = dc.field(
+        default_factory=lambda: [0.05, 0.05, 0.05], metadata=positive(length=3)
+    )
 
     @property
     def height(self) -> float:
@@ -37,11 +45,11 @@ class Box:
         return self.size[2]
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass
 class Sphere:
     """A solid ball centred on the object frame."""
 
-    radius: float  # m
+    radius: float = dc.field(default=0.03, metadata=positive())  # m
 
     @property
     def height(self) -> float:

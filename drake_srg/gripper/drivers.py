@@ -1,7 +1,5 @@
 """Gripper drivers: what stands between a closure command and joint torques."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 
 import numpy as np

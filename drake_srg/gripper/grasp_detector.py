@@ -1,7 +1,5 @@
 """Whether something is between the fingers."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The reference that the servo follows: minimum-jerk motion to the newest target."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 
 import numpy as np

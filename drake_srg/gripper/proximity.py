@@ -1,7 +1,5 @@
 """Distance sensors in the finger links."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
 

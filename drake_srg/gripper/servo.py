@@ -1,7 +1,5 @@
 """The position servo of the SRG thesis: PID with feedforward and a PWM limit."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Algorithm 1 of the SRG thesis: four joint targets from one command and sensors."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 from collections.abc import Sequence
 

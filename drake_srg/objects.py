@@ -1,0 +1,167 @@
+"""Movable objects: models with a scenario's mass and friction, and known shapes."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import PackageMap, Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, UnitInertia
+
+from drake_srg.parsing import ConfigureParser
+from drake_srg.scenario import ObjectConfig
+from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.yaml_loading import ScenarioError
+
+# Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
+# shape: stiff beside the fingers' rubber (2 MPa), so that the pads deform, as they do
+# on hard household objects.
+_MODULUS = 5.0e7
+_DISSIPATION = 5.0
+
+_TEMPLATE = """<?xml version="1.0"?>
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="object">
+<link name="object">
+  <inertial><mass>1</mass><inertia>
+    <ixx>{ixx}</ixx><iyy>{iyy}</iyy><izz>{izz}</izz>
+    <ixy>0</ixy><ixz>0</ixz><iyz>0</iyz>
+  </inertia></inertial>
+  <visual name="visual"><geometry>{geometry}</geometry>
+    <material><diffuse>{color} 1</diffuse></material></visual>
+  <collision name="collision"><geometry>{geometry}</geometry>
+    <drake:proximity_properties>
+      <drake:compliant_hydroelastic/>
+      <drake:hydroelastic_modulus>{modulus}</drake:hydroelastic_modulus>
+      <drake:hunt_crossley_dissipation>{dissipation}</drake:hunt_crossley_dissipation>
+      <drake:mesh_resolution_hint>{resolution}</drake:mesh_resolution_hint>
+      <drake:mu_dynamic>1</drake:mu_dynamic><drake:mu_static>1</drake:mu_static>
+    </drake:proximity_properties></collision>
+</link></model></sdf>
+"""
+
+
+def object_shape(name: str, config: ObjectConfig) -> Shape:
+    """Return the shape that the localizer and the planner know.
+
+    Raises:
+        ScenarioError: If a model cannot be read or has not just one simple geometry.
+    """
+    if config.shape is not None:
+        return config.shape
+    geometries = _model_tree(name, config).findall(".//collision/geometry/*")
+    if len(geometries) == 1:
+        values = {child.tag: child.text or "" for child in geometries[0]}
+        match geometries[0].tag:
+            case "cylinder":
+                return Cylinder(float(values["radius"]), float(values["length"]))
+            case "sphere":
+                return Sphere(float(values["radius"]))
+            case "box":
+                return Box([float(x) for x in values["size"].split()])
+    raise ScenarioError(
+        f"objects.{name}.model: {config.model} must have one collision geometry, "
+        "a cylinder, box or sphere"
+    )
+
+
+def X_WO_start(
+    config: ObjectConfig, shape: Shape, table_height: float
+) -> RigidTransform:
+    """Pose of an object that stands where its configuration says."""
+    if config.position is None:
+        raise ValueError("The object's position has not been drawn.")
+    return RigidTransform(
+        RollPitchYaw(0.0, 0.0, config.yaw),
+        [*config.position, table_height + 0.5 * shape.height],
+    )
+
+
+def AddObject(
+    plant: MultibodyPlant, name: str, config: ObjectConfig
+) -> ModelInstanceIndex:
+    """Add an object to a plant that is not finalized, as model instance `name`.
+
+    Mass (its inertia scaled with it) and friction replace the model's where given.
+    """
+    root = (
+        _shape_tree(config) if config.shape is not None else _model_tree(name, config)
+    )
+    if config.mass is not None:
+        masses = root.findall(".//inertial/mass")
+        scale = config.mass / sum(float(m.text or 0.0) for m in masses)
+        for element in (*masses, *root.findall(".//inertial/inertia/*")):
+            element.text = repr(float(element.text or 0.0) * scale)
+    if config.friction is not None:
+        for element in root.iter():
+            if element.tag.endswith(("}mu_dynamic", "}mu_static")):
+                element.text = repr(config.friction)
+    parser = Parser(plant, model_name_prefix="")
+    ConfigureParser(parser)
+    root_model = root.find("model")
+    assert root_model is not None
+    root_model.set("name", name)
+    (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
+    return model
+
+
+def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
+    key = f"objects.{name}.model"
+    try:
+        packages = PackageMap()
+        parser = Parser(MultibodyPlant(0.0))
+        ConfigureParser(parser)
+        packages = parser.package_map()
+        text = Path(packages.ResolveUrl(str(config.model))).read_text(encoding="utf-8")
+        for _, (prefix, uri) in ET.iterparse(io.StringIO(text), events=["start-ns"]):
+            ET.register_namespace(prefix, uri)  # keeps `drake:` spelled so
+        root = ET.fromstring(text)
+    except (RuntimeError, OSError, ET.ParseError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ScenarioError(f"{key}: {config.model} cannot be read: {reason}") from None
+    if root.find("model") is None:
+        raise ScenarioError(f"{key}: {config.model} must be an SDF file with a model")
+    return root
+
+
+def _shape_tree(config: ObjectConfig) -> ET.Element:
+    match config.shape:
+        case Cylinder(radius, length):
+            geometry = (
+                f"<cylinder><radius>{radius}</radius><length>{length}</length>"
+                "</cylinder>"
+            )
+            inertia = UnitInertia.SolidCylinder(radius, length, [0.0, 0.0, 1.0])
+        case Box(size):
+            geometry = f"<box><size>{' '.join(map(str, size))}</size></box>"
+            inertia = UnitInertia.SolidBox(*size)
+        case Sphere(radius):
+            geometry = f"<sphere><radius>{radius}</radius></sphere>"
+            inertia = UnitInertia.SolidSphere(radius)
+        case _:
+            raise ValueError("The object has no shape.")
+    moments: Vector = np.asarray(inertia.get_moments())
+    ET.register_namespace("drake", "http://drake.mit.edu")
+    return ET.fromstring(
+        _TEMPLATE.format(
+            ixx=moments[0],
+            iyy=moments[1],
+            izz=moments[2],
+            geometry=geometry,
+            color=" ".join(map(str, config.color)),
+            modulus=_MODULUS,
+            dissipation=_DISSIPATION,
+            resolution=0.5 * float(_smallest_extent(config.shape)),
+        )
+    )
+
+
+def _smallest_extent(shape: Shape) -> float:
+    match shape:
+        case Box(size):
+            return min(size)
+        case _:
+            return shape.radius

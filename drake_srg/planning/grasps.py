@@ -1,0 +1,160 @@
+"""Where and how the SRG can take an upright object: from above or from the side."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import enum
+
+import numpy as np
+
+from drake_srg.planning.hand_target import AxisTarget, HandTarget
+from drake_srg.types import Box, Shape, Vector
+
+# Geometry of the SRG in the palm frame G (x out of the palm, fingers in the x-y plane)
+# from SAKE's public gen-2 URDF and MuJoCo model [m].
+_PALM_FRONT = 0.0791
+_HINGE_X, _HINGE_Y = 0.072569, 0.03
+_BASE_LENGTH = 0.052
+_PAD_START, _PAD_END = 0.009, 0.0588  # along the tip link, from its hinge
+_FACE_OFFSET = 0.0092  # of finger faces, inward from the line through the hinges
+_FINGERTIP_X = _HINGE_X + _BASE_LENGTH + _PAD_END  # straight fingers, pointing ahead
+_FULL_SCALE = 3.0  # base + tip angle at closure 1 [rad]
+
+
+class Approach(enum.Enum):
+    """Direction from which the hand comes."""
+
+    ABOVE = "above"
+    SIDE = "side"
+
+
+@dc.dataclass(frozen=True)
+class Grasp:
+    """One way to take an object; any rotation about the vertical is free."""
+
+    approach: Approach
+    tilt: float  # of the palm's x below the horizontal [rad]
+    p_GO: Vector  # the object's centre in the hand, shape (3,) [m]
+    closure_open: float  # lets the object pass between the fingers
+    closure_closed: float  # presses on it
+    base_angle: float  # expected when holding [rad]
+    tip_angle: float  # expected when holding [rad]
+
+    @property
+    def name(self) -> str:
+        """A few words for people."""
+        if self.approach is Approach.ABOVE:
+            return "from above"
+        return f"from the side, {np.rad2deg(self.tilt):.0f} degrees down"
+
+    def target(self, p_WO: Vector, angle_tolerance: float = 0.01) -> HandTarget:
+        """Where the hand has to be to hold the object at `p_WO`.
+
+        Args:
+            p_WO: The object's centre in world [m].
+            angle_tolerance: Of each axis [rad].
+        """
+        c, s = np.cos(self.tilt), np.sin(self.tilt)
+        up = np.array([0.0, 0.0, 1.0])
+        if self.approach is Approach.ABOVE:
+            axes = (AxisTarget(np.array([1.0, 0.0, 0.0]), -up, angle_tolerance),)
+        else:
+            # The palm's x tilts down, its y stays horizontal: `up` in the hand is
+            # fixed but for the side that the palm's z is on.
+            axes = (AxisTarget(np.array([-s, 0.0, c]), up, angle_tolerance),)
+        return HandTarget(p_WT=p_WO, p_GT=self.p_GO, axes=axes)
+
+
+def grasps_of(
+    shape: Shape, approaches: list[str], tilts: list[float], squeeze: float
+) -> list[Grasp]:
+    """Return the ways to take an upright object.
+
+    Args:
+        shape: The object's; its z is vertical.
+        approaches: Values of `Approach` to consider.
+        tilts: For grasps from the side, how far the hand points down [rad].
+        squeeze: Base and tip angle that the closed command asks for beyond the angles
+            at contact, together [rad]. Half of it is each joint's position error
+            (Algorithm 1), so it sets the force.
+    """
+    result = []
+    if Approach.ABOVE.value in approaches:
+        result.append(_from_above(shape, squeeze))
+    if Approach.SIDE.value in approaches:
+        result += [_from_side(shape, tilt, squeeze) for tilt in tilts]
+    return result
+
+
+def _from_above(shape: Shape, squeeze: float) -> Grasp:
+    width = _width(shape)
+    # The pads lie flat on the sides, base + tip = 90 degrees, with the object's top at
+    # the root of the pads: as much pad as there is on it. Low objects are taken by the
+    # pads' ends, 5 mm above the table.
+    depth = _HINGE_X + _BASE_LENGTH + 0.002
+    depth = max(depth, _FINGERTIP_X + 0.005 - shape.height)
+    # Half the gap between vertical pads is hinge + 52 mm cos(base) - 9.2 mm.
+    cosine = (0.5 * width - _HINGE_Y + _FACE_OFFSET) / _BASE_LENGTH
+    base = float(np.arccos(np.clip(cosine, -0.3, 1.0)))
+    tip = 0.5 * np.pi - base
+    return Grasp(
+        approach=Approach.ABOVE,
+        tilt=0.5 * np.pi,
+        p_GO=np.array([depth + 0.5 * shape.height, 0.0, 0.0]),
+        closure_open=_opening(width, depth) / _FULL_SCALE,
+        closure_closed=(base + tip + squeeze) / _FULL_SCALE,
+        base_angle=base,
+        tip_angle=tip,
+    )
+
+
+def _from_side(shape: Shape, tilt: float, squeeze: float) -> Grasp:
+    radius = 0.5 * _width(shape)
+    # The object nearly touches the palm, so that the fingers wrap around it; taken
+    # a little above its centre, for the wrist's sake.
+    x = _PALM_FRONT + radius / np.cos(tilt) + 0.004
+    height = 0.12 * shape.height
+    p_hinge = np.array([x - _HINGE_X, -_HINGE_Y])
+    base = _contact_angle(p_hinge, radius)
+    p_tip_hinge = p_hinge - _BASE_LENGTH * np.array([np.sin(base), np.cos(base)])
+    total = _contact_angle(p_tip_hinge, radius)
+    return Grasp(
+        approach=Approach.SIDE,
+        tilt=tilt,
+        p_GO=np.array([x + height * np.sin(tilt), 0.0, -height * np.cos(tilt)]),
+        closure_open=0.2,
+        closure_closed=min(1.0, (total + squeeze) / _FULL_SCALE),
+        base_angle=base,
+        tip_angle=total - base,
+    )
+
+
+def _width(shape: Shape) -> float:
+    return min(shape.size[:2]) if isinstance(shape, Box) else 2.0 * shape.radius
+
+
+def _opening(width: float, depth: float) -> float:
+    """Base angle of straight fingers that clear an object by 12 mm a side [rad].
+
+    `depth` is where the object begins, in the palm's x [m].
+    """
+    along = max(depth - _HINGE_X, 0.0)
+    need = 0.5 * width + 0.012 - _HINGE_Y
+    angles = np.linspace(0.0, 0.5 * np.pi, 200)
+    gaps = along * np.cos(angles) - _FACE_OFFSET * np.sin(angles)
+    fitting = angles[gaps >= need]
+    return float(fitting[-1]) if len(fitting) else 0.0
+
+
+def _contact_angle(p: Vector, radius: float) -> float:
+    """Angle at which a closing link's face meets a circle [rad].
+
+    The face's distance from the circle's centre is p_x cos(angle) - p_y sin(angle) -
+    9.2 mm, and the link closes on the side where that falls.
+
+    Args:
+        p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
+        radius: Of the circle [m].
+    """
+    cosine = (radius + _FACE_OFFSET) / np.linalg.norm(p)
+    return float(np.arccos(min(cosine, 1.0)) - np.arctan2(p[1], p[0]))

@@ -1,0 +1,324 @@
+"""What is simulated: a scenario file and the dataclasses that it fills.
+
+A scenario is YAML in Drake's own schema where Drake has one (plant, simulator, scene
+graph, model directives, cameras). `base: NAME` lays a file over another. Any numeric
+field may be one of Drake's distributions, drawn from `random_seed`.
+"""
+
+import dataclasses as dc
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.common import RandomGenerator
+from pydrake.common.schema import UniformVectorX
+from pydrake.geometry import SceneGraphConfig
+from pydrake.multibody.parsing import ModelDirective
+from pydrake.multibody.plant import MultibodyPlantConfig
+from pydrake.systems.analysis import SimulatorConfig
+from pydrake.systems.sensors import CameraConfig
+
+from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.planning.pick_and_place import PlannerConfig
+from drake_srg.types import Box, Cylinder, Sphere, positive
+from drake_srg.yaml_loading import (
+    ScenarioError,
+    draw_distributions,
+    key_generator,
+    load_typed,
+    merge,
+    parse_yaml,
+    set_key,
+)
+
+SCENARIOS = Path(__file__).parent / "scenarios"
+
+
+@dc.dataclass(kw_only=True)
+class ColorRangeConfig:
+    """Colours by which the localizer finds an object, bounds inclusive."""
+
+    lower: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
+    )
+    upper: list[float] = dc.field(
+        default_factory=lambda: [360.0, 1.0, 1.0], metadata={"length": 3}
+    )
+    # hsv: hue in degrees (lower above upper wraps through red), saturation and value
+    # 0 .. 1. rgb: 0 .. 1.
+    space: str = "hsv"
+
+
+@dc.dataclass(kw_only=True)
+class ObjectConfig:
+    """An object that can be moved, upright on the table at the start."""
+
+    # Model with one link and one collision geometry, whose shape the localizer and the
+    # planner know; or else `shape`.
+    model: str | None = None
+    shape: Cylinder | Box | Sphere | None = None
+    # kg; with a model, null keeps the model's.
+    mass: float | None = dc.field(default=None, metadata=positive())
+    # Coulomb friction coefficient; with a model, null keeps the model's.
+    friction: float | None = dc.field(default=None, metadata={"ge": 0.0})
+    # Red, green, blue 0 .. 1: what a `shape` is painted with and what the localizer
+    # looks for.
+    color: list[float] = dc.field(
+        default_factory=lambda: [0.8, 0.1, 0.1],
+        metadata={"length": 3, "ge": 0.0, "le": 1.0},
+    )
+    # What the localizer looks for, where `color` and its default tolerance do not do.
+    color_range: ColorRangeConfig | None = None
+    # [x, y] of the centre on the table, in world [m]; null draws it in `task.region`.
+    position: list[float] | None = dc.field(default=None, metadata={"length": 2})
+    yaw: float = 0.0  # rad, about the vertical
+    present: bool = True  # false leaves the object out
+    covered: bool = False  # true puts a lid over it that hides it from the cameras
+
+
+@dc.dataclass(kw_only=True)
+class PlaceConfig:
+    """Where the picked object goes."""
+
+    # [x, y] of the object's centre on the table, in world [m].
+    position: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+    # Distance from there within which the task counts as done [m].
+    tolerance: float = dc.field(default=0.005, metadata=positive())
+    # Model that marks the place; empty: none.
+    marker: str = ""
+
+
+@dc.dataclass(kw_only=True)
+class RegionConfig:
+    """A rectangle on the table, in world [m]."""
+
+    min: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+    max: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+
+
+@dc.dataclass(kw_only=True)
+class TableConfig(RegionConfig):
+    """A horizontal table top, in world [m]."""
+
+    height: float = 0.0
+
+
+@dc.dataclass(kw_only=True)
+class TaskConfig:
+    """What the planner is asked to do."""
+
+    pick: str = ""  # name of the object; empty: nothing to do
+    place: PlaceConfig = dc.field(default_factory=PlaceConfig)
+    # Where objects without a position may stand.
+    region: RegionConfig = dc.field(default_factory=RegionConfig)
+
+
+@dc.dataclass(kw_only=True)
+class LocalizerConfig:
+    """How objects are found in images."""
+
+    cameras: list[str] = dc.field(default_factory=list)  # names in `cameras`
+    # Smallest blob [pixels].
+    min_area: int = dc.field(default=50, metadata={"ge": 1})
+    # Time between images [s]; 0 renders only when the blobs are asked for.
+    period: float = dc.field(default=0.0, metadata={"ge": 0.0})
+
+
+@dc.dataclass(kw_only=True)
+class RecordingConfig:
+    """What a run records. Times are simulated."""
+
+    period: float = dc.field(default=0.02, metadata=positive())  # of the log [s]
+    # Camera of video.mp4; empty: no video.
+    video_camera: str = ""
+    video_fps: float = dc.field(default=20.0, metadata=positive())
+    # Cameras whose images go into recording.mcap, and how often [s].
+    bag_cameras: list[str] = dc.field(default_factory=list)
+    bag_camera_period: float = dc.field(default=0.5, metadata=positive())
+
+
+@dc.dataclass(kw_only=True)
+class Scenario:
+    """A robot cell, its objects and its task; see the module's docstring."""
+
+    # Seed of everything that is random.
+    random_seed: int = dc.field(default=0, metadata={"ge": 0})
+    # Drake's configuration of plant, simulator and scene graph.
+    plant_config: MultibodyPlantConfig = dc.field(default_factory=MultibodyPlantConfig)
+    simulator_config: SimulatorConfig = dc.field(default_factory=SimulatorConfig)
+    scene_graph_config: SceneGraphConfig = dc.field(default_factory=SceneGraphConfig)
+    # All models that are not `objects`. The driven ones are named `arm` and `gripper`.
+    directives: list[ModelDirective] = dc.field(default_factory=list)
+    arm: ArmPositionDriver | None = None
+    gripper: SrgPositionDriver | None = None
+    cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
+    # The top on which objects stand, of a table among the directives.
+    table: TableConfig = dc.field(default_factory=TableConfig)
+    objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
+    task: TaskConfig = dc.field(default_factory=TaskConfig)
+    localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
+    planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
+    recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
+
+
+def list_scenarios() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
+
+
+def load_scenario(
+    name: str | Path,
+    *,
+    seed: int | None = None,
+    overrides: Iterable[str] = (),
+) -> Scenario:
+    """Load a scenario, draw what is random and check it.
+
+    Args:
+        name: Name of a scenario of the package, or path of a YAML file.
+        seed: Replaces `random_seed`.
+        overrides: `KEY=VALUE` each; the key dotted (`object.` is short for the picked
+            object's entry), the value YAML.
+
+    Raises:
+        ScenarioError: With one line that says what is wrong, where, what is allowed.
+    """
+    tree = _load_tree(Path(name) if str(name).endswith(".yaml") else _builtin(name))
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not (key and equals):
+            raise ScenarioError(f"--set {override}: must be KEY=VALUE")
+        if key.split(".")[0] == "object":
+            picked = (tree.get("task") or {}).get("pick")
+            if not picked:
+                raise ScenarioError(f"--set {key}: the scenario picks no object")
+            key = f"objects.{picked}{key.removeprefix('object')}"
+        set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
+    origin = str(name)
+    if seed is not None:
+        tree["random_seed"] = seed
+    # The seed is needed for the draws, so it is checked before them.
+    seed = load_typed(
+        Scenario, {"random_seed": tree.get("random_seed", 0)}, origin
+    ).random_seed
+    scenario: Scenario = load_typed(
+        Scenario, draw_distributions(tree, int(seed or 0), origin), origin
+    )
+    _check(scenario, origin)
+    _draw_positions(scenario, origin)
+    return scenario
+
+
+def _builtin(name: str | Path) -> Path:
+    path = SCENARIOS / f"{name}.yaml"
+    if not path.exists():
+        raise ScenarioError(
+            f"scenario {str(name)!r} is unknown; allowed: {', '.join(list_scenarios())}"
+            " or a path that ends in .yaml"
+        )
+    return path
+
+
+def _load_tree(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or "not text in UTF-8"
+        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
+    tree = parse_yaml(text, path.name)
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ScenarioError(f"{path.name}: must be a mapping of keys to values")
+    base = tree.pop("base", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str):
+        raise ScenarioError(f"{path.name}: base: must be a scenario's name or path")
+    base_path = path.parent / base if base.endswith(".yaml") else _builtin(base)
+    if base_path in seen:
+        raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
+    merged: dict[str, Any] = merge(_load_tree(base_path, (*seen, path)), tree)
+    return merged
+
+
+def _check(scenario: Scenario, origin: str) -> None:
+    """Check what one field alone cannot tell."""
+
+    def require(condition: bool, key: str, message: str) -> None:
+        if not condition:
+            raise ScenarioError(f"{origin}: {key}: {message}")
+
+    names = ", ".join(scenario.objects) or "none"
+    pick = scenario.task.pick
+    require(
+        pick in ("", *scenario.objects),
+        "task.pick",
+        f"{pick!r} is not among the objects; allowed: {names}",
+    )
+    for name, obj in scenario.objects.items():
+        key = f"objects.{name}"
+        require(
+            (obj.model is None) != (obj.shape is None),
+            key,
+            "needs either a model or a shape",
+        )
+        require(
+            obj.model is not None or None not in (obj.mass, obj.friction),
+            key,
+            "an object with a shape needs mass and friction",
+        )
+        if obj.position is not None:
+            low, high = scenario.table.min, scenario.table.max
+            require(
+                all(
+                    a <= x <= b for x, a, b in zip(obj.position, low, high, strict=True)
+                ),
+                f"{key}.position",
+                f"{obj.position} is not on the table; "
+                f"allowed: x {low[0]} .. {high[0]}, y {low[1]} .. {high[1]}",
+            )
+    cameras = ", ".join(scenario.cameras) or "none"
+    for key, used in (
+        ("localizer.cameras", scenario.localizer.cameras),
+        ("recording.bag_cameras", scenario.recording.bag_cameras),
+        ("recording.video_camera", [scenario.recording.video_camera]),
+    ):
+        for camera in used:
+            require(
+                camera in ("", *scenario.cameras),
+                key,
+                f"{camera!r} is not among the cameras; allowed: {cameras}",
+            )
+
+
+def _draw_positions(scenario: Scenario, origin: str) -> None:
+    """Draw where the objects without a position stand, clear of the others."""
+    taken = [np.array(o.position) for o in scenario.objects.values() if o.position]
+    region = scenario.task.region
+    uniform = UniformVectorX(np.array(region.min), np.array(region.max))
+    for name, obj in scenario.objects.items():
+        if obj.position is not None:
+            continue
+        generator: RandomGenerator = key_generator(
+            scenario.random_seed, f"objects.{name}.position"
+        )
+        for _ in range(1000):
+            position = np.asarray(uniform.Sample(generator))
+            # 0.15 m leaves room for an open finger between two objects.
+            if all(np.linalg.norm(position - other) > 0.15 for other in taken):
+                break
+        else:
+            raise ScenarioError(
+                f"{origin}: task.region: no free place for {name!r}; make it larger"
+            )
+        obj.position = [float(x) for x in position]
+        taken.append(position)

@@ -1,0 +1,196 @@
+"""The station: what the hardware would offer, with every input exported."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.lcm import DrakeLcm
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import (
+    ModelDirective,
+    ModelDirectives,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.sensors import ApplyCameraConfig
+
+from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
+from drake_srg.gripper.drivers import AddSrgPositionDriver
+from drake_srg.ground_truth import ObjectPoses
+from drake_srg.objects import AddObject, X_WO_start, object_shape
+from drake_srg.parsing import ConfigureParser
+from drake_srg.scenario import Scenario
+from drake_srg.yaml_loading import ScenarioError
+
+_LID = "package://drake_srg/sdf/lid.sdf"
+
+
+def MakeStation(scenario: Scenario) -> Diagram:
+    """Build the diagram of plant, sensors and drivers of a scenario.
+
+    .. pydrake_system::
+
+        name: Station
+        input_ports:
+        - arm.position_commanded
+        - gripper.closure_commanded
+        - gripper.joint_position_commanded (optional)
+        - gripper.hold (optional)
+        - gripper.force_limit (optional)
+        output_ports:
+        - arm.state_measured
+        - arm.torque_measured
+        - gripper.state_measured
+        - gripper.pwm
+        - gripper.proximity
+        - gripper.grasped
+        - camera_NAME.color_image
+        - camera_NAME.depth_image
+        - camera_NAME.body_pose_in_world
+        - object_poses_cheat
+        - contact_results_cheat
+
+    Ports of the arm, the gripper and cameras exist where the scenario has these. What
+    they carry stands at `AddArmPositionDriver`, `AddSrgPositionDriver` and Drake's
+    RgbdSensor. The subsystems are named `plant`, `scene_graph`, `arm_driver`,
+    `gripper_driver`, `rgbd_sensor_NAME` and `object_poses`.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlant(
+        plant_config=scenario.plant_config,
+        scene_graph_config=scenario.scene_graph_config,
+        builder=builder,
+    )
+    AddDirectives(plant, scenario)
+    AddObjects(plant, scenario)
+    arm = gripper = None
+    if scenario.arm is not None:
+        arm = plant.GetModelInstanceByName("arm")
+        SetArmGains(plant, arm, scenario.arm)
+    plant.Finalize()
+
+    # Drivers.
+    if scenario.gripper is not None:
+        gripper = plant.GetModelInstanceByName("gripper")
+        driver = AddSrgPositionDriver(builder, plant, gripper, scenario.gripper)
+        builder.Connect(
+            scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
+        )
+        for name in (
+            "closure_commanded",
+            "joint_position_commanded",
+            "hold",
+            "force_limit",
+        ):
+            builder.ExportInput(driver.GetInputPort(name), f"gripper.{name}")
+        for name in ("state_measured", "pwm", "proximity", "grasped"):
+            builder.ExportOutput(driver.GetOutputPort(name), f"gripper.{name}")
+    if scenario.arm is not None:
+        plant.SetDefaultPositions(arm, scenario.arm.home)
+        control_plant = MultibodyPlant(time_step=0.0)
+        AddDirectives(control_plant, scenario)
+        control_plant.Finalize()
+        driver = AddArmPositionDriver(
+            builder, plant, arm, gripper, control_plant, scenario.arm
+        )
+        builder.ExportInput(
+            driver.GetInputPort("position_commanded"), "arm.position_commanded"
+        )
+        builder.ExportOutput(plant.get_state_output_port(arm), "arm.state_measured")
+        builder.ExportOutput(
+            plant.get_net_actuation_output_port(arm), "arm.torque_measured"
+        )
+
+    # Cameras.
+    for name, camera_config in scenario.cameras.items():
+        config = copy.copy(camera_config)
+        config.name = name
+        # This address stands for no publishing: images are made when asked for.
+        lcm = DrakeLcm("memq://null")
+        ApplyCameraConfig(config=config, builder=builder, lcm=lcm)
+        sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
+        for port, exported in (
+            ("color_image", "color_image"),
+            ("depth_image_32f", "depth_image"),
+            ("body_pose_in_world", "body_pose_in_world"),
+        ):
+            builder.ExportOutput(
+                sensor.GetOutputPort(port), f"camera_{name}.{exported}"
+            )
+
+    # Ground truth.
+    poses = builder.AddNamedSystem(
+        "object_poses",
+        ObjectPoses(
+            {
+                name: plant.GetBodyIndices(plant.GetModelInstanceByName(name))[0]
+                for name, config in scenario.objects.items()
+                if config.present
+            }
+        ),
+    )
+    builder.Connect(plant.get_body_poses_output_port(), poses.get_input_port())
+    builder.ExportOutput(poses.get_output_port(), "object_poses_cheat")
+    builder.ExportOutput(
+        plant.get_contact_results_output_port(), "contact_results_cheat"
+    )
+    diagram = builder.Build()
+    diagram.set_name("station")
+    return diagram
+
+
+def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
+    """Add all models of a scenario but its objects to a plant.
+
+    Raises:
+        ScenarioError: If a directive cannot be processed.
+    """
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    directives: list[ModelDirective] = scenario.directives
+    try:
+        ProcessModelDirectives(ModelDirectives(directives=directives), parser)
+    except RuntimeError as error:
+        reason = " ".join(str(error).split())[:300]
+        raise ScenarioError(f"directives: {reason}") from None
+
+
+def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
+    """Add the objects, upright on the table, and the marker of the goal."""
+    height = scenario.table.height
+    for name, config in scenario.objects.items():
+        X_WO = X_WO_start(config, object_shape(name, config), height)
+        if config.present:
+            model = AddObject(plant, name, config)
+            (body,) = plant.GetBodyIndices(model)
+            plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
+        if config.covered:
+            AddFixture(plant, f"lid_of_{name}", _LID, [*config.position, height])
+    if scenario.task.place.marker:
+        AddFixture(
+            plant,
+            "goal_marker",
+            scenario.task.place.marker,
+            [*scenario.task.place.position, height],
+        )
+
+
+def AddFixture(
+    plant: MultibodyPlant, name: str, url: str, p_WF: Sequence[float]
+) -> None:
+    """Weld the model at `url` to the world as instance `name`, its origin at p_WF."""
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    parser.SetAutoRenaming(True)
+    (model,) = parser.AddModels(url=url)
+    plant.RenameModelInstance(model, name)
+    body = plant.get_body(plant.GetBodyIndices(model)[0])
+    X_WF = RigidTransform(np.asarray(p_WF))
+    plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WF)

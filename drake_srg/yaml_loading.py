@@ -1,0 +1,325 @@
+"""YAML files into dataclasses: bases, overrides, draws, and errors that name the key.
+
+`yaml_load_typed` does the conversion. It says neither which file nor which key is
+wrong and lets mistyped tags pass, so `check_tree` looks at everything first.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import difflib
+import hashlib
+import math
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common import RandomGenerator
+from pydrake.common.schema import (
+    Deterministic,
+    DeterministicVectorX,
+    Gaussian,
+    GaussianVectorX,
+    Uniform,
+    UniformDiscrete,
+    UniformVectorX,
+)
+from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
+
+_DISTRIBUTIONS = {
+    "!Deterministic": (Deterministic, {"value"}),
+    "!Gaussian": (Gaussian, {"mean", "stddev"}),
+    "!Uniform": (Uniform, {"min", "max"}),
+    "!UniformDiscrete": (UniformDiscrete, {"values"}),
+    "!DeterministicVector": (DeterministicVectorX, {"value"}),
+    "!GaussianVector": (GaussianVectorX, {"mean", "stddev"}),
+    "!UniformVector": (UniformVectorX, {"min", "max"}),
+}
+
+
+class ScenarioError(ValueError):
+    """Bad input; the message says what, where, and what is allowed."""
+
+
+def parse_yaml(text: str, origin: str) -> Any:
+    """Parse YAML text; tags of mappings become the key `_tag`.
+
+    Raises:
+        ScenarioError: If the text is not YAML, naming `origin`, line and problem.
+    """
+    try:
+        return yaml_load(data=text)
+    except Exception as error:
+        lines = " ".join(part.strip() for part in str(error).splitlines())
+        raise ScenarioError(f"{origin}: not valid YAML: {lines[:200]}") from None
+
+
+def merge(base: Any, override: Any) -> Any:
+    """Return `base` with `override` laid over it, mapping by mapping.
+
+    A mapping whose tag differs from the base's replaces it as a whole.
+    """
+    if not (isinstance(base, Mapping) and isinstance(override, Mapping)):
+        return override
+    if override.get("_tag", base.get("_tag")) != base.get("_tag"):
+        return override
+    return {
+        **base,
+        **{k: merge(base[k], v) if k in base else v for k, v in override.items()},
+    }
+
+
+def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
+    """Merge `value` into `tree` at the dotted `key`, making mappings on the way.
+
+    Raises:
+        ScenarioError: If the key leads through something that is not a mapping.
+    """
+    *path, last = key.split(".")
+    node: Any = tree
+    for i, name in enumerate(path):
+        child = node.setdefault(name, {})
+        if child is None:
+            child = node[name] = {}
+        if not isinstance(child, dict):
+            raise ScenarioError(
+                f"--set {key}: {'.'.join(path[: i + 1])} is a value without keys"
+            )
+        node = child
+    node[last] = merge(node.get(last), value)
+
+
+def key_generator(seed: int, key: str) -> RandomGenerator:
+    """Return the random generator that belongs to one key of a scenario.
+
+    Each key draws from its own stream, so that a change of one field leaves what the
+    others draw as it was.
+    """
+    digest = hashlib.sha256(f"{seed}/{key}".encode()).digest()
+    return RandomGenerator(int.from_bytes(digest[:4], "little"))
+
+
+def draw_distributions(tree: Any, seed: int, origin: str, key: str = "") -> Any:
+    """Return `tree` with every distribution of Drake's schema replaced by a draw."""
+    if isinstance(tree, Mapping):
+        if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
+            return _draw(tree, seed, origin, key)
+        return {
+            k: draw_distributions(v, seed, origin, _join(key, k))
+            for k, v in tree.items()
+        }
+    if isinstance(tree, list):
+        return [
+            draw_distributions(v, seed, origin, f"{key}[{i}]")
+            for i, v in enumerate(tree)
+        ]
+    return tree
+
+
+def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
+    """Check parsed YAML against a schema and return it normalised.
+
+    Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `length` of
+    dataclass fields. Drake's own classes are checked by their fields as well.
+
+    Args:
+        value: What `parse_yaml` returned, distributions drawn.
+        schema: A type: dataclass, Drake schema class, list, dict, Union, scalar.
+        origin: File or option to name in errors.
+        key: Dotted path of `value`.
+
+    Raises:
+        ScenarioError: On the first thing that is wrong.
+    """
+    generic = typing.get_origin(schema)
+    if generic in (typing.Union, types.UnionType):
+        return _check_union(value, typing.get_args(schema), origin, key)
+    if generic is list or schema is np.ndarray:
+        (item,) = typing.get_args(schema) or (float,)
+        if not isinstance(value, list):
+            _fail(origin, key, f"must be a list, is {_describe(value)}")
+        return [check_tree(v, item, origin, f"{key}[{i}]") for i, v in enumerate(value)]
+    if generic is dict:
+        if not isinstance(value, Mapping):
+            _fail(origin, key, f"must be a mapping, is {_describe(value)}")
+        item = typing.get_args(schema)[1]
+        return {k: check_tree(v, item, origin, _join(key, k)) for k, v in value.items()}
+    if schema in (bool, int, float, str):
+        return _check_scalar(value, schema, origin, key)
+    if _fields(schema) is not None:
+        return _check_fields(value, schema, origin, key)
+    return value
+
+
+def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
+    """Check a parsed tree and return an instance of the dataclass `schema`."""
+    checked = check_tree(tree, schema, origin)
+    try:
+        return yaml_load_typed(schema=schema, data=yaml_dump(checked))
+    except Exception as error:
+        line = " ".join(str(error).split())
+        raise ScenarioError(f"{origin}: {line[:300]}") from None
+
+
+def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
+    tag = node["_tag"]
+    cls, fields = _DISTRIBUTIONS[tag]
+    given = {k: v for k, v in node.items() if k != "_tag"}
+    try:
+        if set(given) != fields:
+            raise ValueError
+        for value in given.values():
+            check_tree(value, float if not isinstance(value, list) else list[float], "")
+        drawn = yaml_load_typed(schema=cls, data=yaml_dump(given))
+        if "min" in given and np.any(np.array(given["min"]) > np.array(given["max"])):
+            raise ValueError
+        return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
+    except Exception:
+        _fail(
+            origin,
+            key,
+            f"{tag} needs finite numbers for {_names(fields)}"
+            + (", lists of one length" if tag.endswith("Vector") else "")
+            + (", min not above max" if "min" in fields else ""),
+        )
+
+
+def _fields(schema: Any) -> dict[str, tuple[Any, Mapping[str, Any]]] | None:
+    if dc.is_dataclass(schema):
+        hints = typing.get_type_hints(schema)
+        return {f.name: (hints[f.name], f.metadata) for f in dc.fields(schema)}
+    if hasattr(schema, "__fields__"):
+        return {f.name: (f.type, {}) for f in schema.__fields__}
+    return None
+
+
+def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
+    ours = dc.is_dataclass(schema)
+    if value is None:
+        value = {}
+    if not isinstance(value, Mapping):
+        if ours:
+            _fail(origin, key, f"must be a mapping, is {_describe(value)}")
+        return value  # Drake's Transform and Rotation also take a bare value.
+    tag = value.get("_tag")
+    name = _base_name(schema)
+    if ours and tag not in (None, f"!{name}"):
+        _fail(origin, key, f"has the tag {tag}; allowed: none or !{name}")
+    if not ours and tag is not None and tag != f"!{name}":
+        return value  # A tagged short form of a Drake class, such as !Rpy {deg: ...}.
+    fields = _fields(schema) or {}
+    # A tag chooses within a union (`_check_union`); elsewhere it says nothing new.
+    result: dict[str, Any] = {}
+    for field, item in value.items():
+        if field == "_tag":
+            continue
+        if field not in fields:
+            _fail(origin, key, f"unknown key {field!r}; {_suggest(field, fields)}")
+        field_type, bounds = fields[field]
+        result[field] = check_tree(item, field_type, origin, _join(key, field))
+        _check_bounds(result[field], bounds, origin, _join(key, field))
+    return result
+
+
+def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
+    def fail(message: str) -> typing.NoReturn:
+        _fail(origin, key, message)
+
+    if schema is str:
+        if not isinstance(value, str):
+            fail(f"must be text, is {_describe(value)}")
+        return value
+    if schema is bool:
+        if not isinstance(value, bool):
+            fail(f"must be true or false, is {_describe(value)}")
+        return value
+    if isinstance(value, str):  # YAML 1.1 reads 1e-3 as text
+        try:
+            value = float(value)
+        except ValueError:
+            fail(f"must be a number, is {_describe(value)}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        fail(f"must be a number, is {_describe(value)}")
+    if math.isnan(value):
+        fail("must be a number, is NaN")
+    if schema is int:
+        if value != int(value):
+            fail(f"must be a whole number, is {value}")
+        return int(value)
+    return float(value)
+
+
+def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> Any:
+    if value is None and type(None) in options:
+        return None
+    options = [
+        option
+        for option in options
+        # Drake pads its unions with classes that only report a wrong selection.
+        if option is not type(None) and not _base_name(option).startswith("_Invalid")
+    ]
+    if len(options) == 1:
+        return check_tree(value, options[0], origin, key)
+    tags = {f"!{_base_name(option)}": option for option in options}
+    tag = value.get("_tag") if isinstance(value, Mapping) else None
+    if tag is not None:
+        if tag not in tags:
+            _fail(origin, key, f"unknown tag {tag}; {_suggest(tag, tags)}")
+        checked = check_tree(value, tags[tag], origin, key)
+        return {**checked, "_tag": tag}
+    untagged = [option for option in options if _fields(option) is None]
+    if not isinstance(value, Mapping) and untagged:
+        return check_tree(value, untagged[0], origin, key)
+    if isinstance(value, Mapping) and not dc.is_dataclass(options[0]):
+        return check_tree(value, options[0], origin, key)  # Drake's default choice
+    return _fail(origin, key, f"needs a tag; allowed: {_names(tags)}")
+
+
+def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
+    if value is None or not bounds:
+        return
+    length = bounds.get("length")
+    if length is not None and len(value) != length:
+        _fail(origin, key, f"must have {length} numbers, has {len(value)}")
+    tests = {
+        "gt": (lambda x, b: x > b, "greater than"),
+        "ge": (lambda x, b: x >= b, "at least"),
+        "le": (lambda x, b: x <= b, "at most"),
+    }
+    for item in value if isinstance(value, list) else [value]:
+        if isinstance(item, float) and math.isinf(item):
+            _fail(origin, key, f"must be finite, is {item}")
+        for name, (test, words) in tests.items():
+            if name in bounds and not test(item, bounds[name]):
+                _fail(origin, key, f"must be {words} {bounds[name]}, is {item}")
+
+
+def _fail(origin: str, key: str, message: str) -> typing.NoReturn:
+    raise ScenarioError(f"{origin}: {key or 'top level'}: {message}")
+
+
+def _join(key: str, name: object) -> str:
+    return f"{key}.{name}" if key else str(name)
+
+
+def _base_name(schema: Any) -> str:
+    return str(getattr(schema, "__name__", schema)).split("𝓣")[0]
+
+
+def _describe(value: Any) -> str:
+    if isinstance(value, Mapping):
+        tag = value.get("_tag")
+        return "a mapping" if tag is None else f"a mapping tagged {tag}"
+    return "a list" if isinstance(value, list) else repr(value)
+
+
+def _names(names: Iterable[str]) -> str:
+    return ", ".join(sorted(names))
+
+
+def _suggest(name: str, allowed: Iterable[str]) -> str:
+    close = difflib.get_close_matches(name, list(allowed), n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed: {_names(allowed)}"
