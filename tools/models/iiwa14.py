@@ -14,10 +14,10 @@ from .shapes import (
     Hull2d,
     Prism,
     Revolve,
-    Round,
     RotX,
+    RotZ,
+    Round,
     Solid,
-    UnionProperties,
 )
 
 # Mass [kg], centre of mass [m] and principal inertia about it [kg m^2] of each link;
@@ -85,78 +85,77 @@ class Elbow:
     """A link between two crossing axes: a domed socket, then half a hub at one side.
 
     Canonical frame: the socket's axis is z, the hub's is y at height `height`; the hub
-    lies at positive y.
+    lies at positive y. Two links share an axis: each has the hub's one half.
     """
 
     radius: float  # of the socket
-    start: float  # z where the socket starts
-    dome: float  # z where its dome starts
+    dome: float  # z where the socket's dome starts
     height: float  # z of the hub's axis
     hub_radius: float
-    hub_width: float  # how far the hub reaches out
+    hub_width: float  # y of the hub's face
+    hub_start: float = 0.0015
 
     def Socket(self, count: int, steps: int) -> Solid:
+        """Returns the socket; its dome ends 3 mm below the other link's hub."""
         rise = self.height - self.hub_radius - 0.003 - self.dome
-        a = np.linspace(0, _HALF, steps + 1)
-        profile = [(self.radius - 0.003, self.start), (self.radius, self.start + 0.003)]
-        profile += [
-            (self.radius * c if c > 1e-9 else 0, self.dome + rise * s)
-            for c, s in zip(np.cos(a), np.sin(a), strict=True)
-        ]
-        return Revolve(profile, count)
+        a = np.linspace(0, _HALF, steps + 1)[:-1]
+        profile = [(self.radius - 0.003, 0.002), (self.radius, 0.005)]
+        profile += list(
+            zip(self.radius * np.cos(a), self.dome + rise * np.sin(a), strict=True)
+        )
+        return Revolve([*profile, (0, self.dome + rise)], count)
 
     def Hub(self, count: int, steps: int) -> Solid:
-        profile = Round(self.hub_radius, 0.0015, self.hub_width, 0.028, steps)
-        profile = [(r, z) for r, z in profile if z > self.hub_width / 2]
-        turned = Revolve([(self.hub_radius, 0.0015), *profile], count).moved(
-            RotX(-_HALF), (0, 0, self.height)
-        )
-        half = Disc(self.radius, count=count // 2 + 1, stop=_PI)
-        half = half + (0, 0.0015)
-        inside = half[np.hypot(half[:, 0], half[:, 1]) > 0]
-        half = (
-            inside
-            * (
-                self.radius
-                / np.maximum(self.radius, np.hypot(inside[:, 0], inside[:, 1]))
-            )[:, None]
-        )
-        return Hull(turned, At(half, self.dome), At(half, self.start + 0.02))
+        """Returns the half hub, drawn out to the socket's half at the same side."""
+        edge = 0.4 * self.hub_radius
+        rim = Round(self.hub_radius, self.hub_start, self.hub_width, edge, steps)
+        rim = rim[rim[:, 1] > self.hub_width - edge - 1e-9]
+        hub = self._OnHub(Revolve([(self.hub_radius, self.hub_start), *rim], count))
+        half = Disc(self.radius, count=count // 2 + 1, start=0.02, stop=_PI - 0.02)
+        return Hull(hub, At(half, 0.025), At(half, self.dome))
+
+    def _OnHub(self, solid: Solid) -> Solid:
+        """Returns a solid of revolution with its axis laid on the hub's."""
+        return solid.moved(RotX(-_HALF), (0, 0, self.height))
 
     def Pieces(
         self, link: int, R: np.ndarray | None = None, p: tuple = (0, 0, 0)
     ) -> list[Piece]:
         """Returns the pieces, turned and shifted into the link's frame."""
-        ring = Prism(
-            Disc(self.radius + 0.001, count=_FINE),
-            self.start + 0.006,
-            self.start + 0.014,
-            0.0005,
-        )
-        face = self.hub_width
-        cap = Revolve(
-            Round(self.hub_radius - 0.031, face - 0.002, face + 0.001, 0.0006, 2), 48
-        ).moved(RotX(-_HALF), (0, 0, self.height))
-        return [
-            Piece(
-                f"link_{link}_socket", "shell",
-                self.Socket(_FINE, 6).moved(R, p), self.Socket(_COARSE, 3).moved(R, p),
-                SHELL,
-            ),
-            Piece(
-                f"link_{link}_hub", "shell",
-                self.Hub(_FINE, 6).moved(R, p), self.Hub(_COARSE, 3).moved(R, p), SHELL,
-            ),
-            Piece(f"link_{link}_ring", "ring", ring.moved(R, p)),
-            Piece(f"link_{link}_cap", "cap", cap.moved(R, p)),
-        ]  # fmt: skip
+        band = Prism(Disc(self.radius + 0.001, count=_FINE), 0.008, 0.016, 0.0005)
+        name = f"link_{link}"
+        pieces = [
+            _Convex(f"{name}_socket", self.Socket(_FINE, 6), self.Socket(_COARSE, 3)),
+            _Convex(f"{name}_hub", self.Hub(_FINE, 6), self.Hub(_COARSE, 3)),
+            Piece(f"{name}_band", "ring", band),
+            *[
+                dc.replace(cap, solid=self._OnHub(cap.solid))
+                for cap in _Cap(name, 0.6 * self.hub_radius - 0.003, self.hub_width)
+            ],
+        ]
+        return [_Moved(piece, R, p) for piece in pieces]
 
 
-def _Convex(name: str, look: str, seen: Solid, touched: Solid | None = None) -> Piece:
-    return Piece(name, look, seen, touched or seen, SHELL)
+def _Moved(piece: Piece, R: np.ndarray | None, p: tuple) -> Piece:
+    touched = piece.collision
+    if isinstance(touched, Solid):
+        touched = touched.moved(R, p)
+    return dc.replace(piece, solid=piece.solid.moved(R, p), collision=touched)
+
+
+def _Cap(name: str, radius: float, z: float) -> list[Piece]:
+    """Returns a coloured ring around a cover, 0.6 and 1.1 mm above a hub's face."""
+    ring = Prism(Disc(radius, count=_FINE), z - 0.002, z + 0.0006, 0.0004)
+    cover = Prism(Disc(radius - 0.007, count=_FINE), z - 0.002, z + 0.0011, 0.0008)
+    return [Piece(f"{name}_cap", "cap", ring), Piece(f"{name}_cover", "shell", cover)]
+
+
+def _Convex(name: str, seen: Solid, touched: Solid) -> Piece:
+    return Piece(name, "shell", seen, touched, SHELL)
 
 
 def Link0() -> list[Piece]:
+    """Returns the foot, drawn out to the plugs at the rear, and the column on it."""
     foot = Hull2d(
         Disc(0.108, count=_FINE),
         np.array([(-0.135, y) for y in (-0.055, 0.055)]),
@@ -164,85 +163,56 @@ def Link0() -> list[Piece]:
     )
 
     def Column(count: int) -> Solid:
-        profile = [(0.104, 0), (0.1, 0.06), (0.09, 0.12), (0.086, 0.15), (0.083, 0.153)]
+        profile = [(0.104, 0), (0.1, 0.06), (0.09, 0.12), (0.087, 0.15), (0.084, 0.155)]
         return Revolve(profile, count)
 
     return [
-        _Convex(
-            "link_0_foot", "shell", Prism(foot, 0, 0.055, 0.0015), Prism(foot, 0, 0.055)
-        ),
-        _Convex("link_0_column", "shell", Column(_FINE), Column(_COARSE)),
+        _Convex("link_0_foot", Prism(foot, 0, 0.055, 0.004), Prism(foot, 0, 0.055)),
+        _Convex("link_0_column", Column(_FINE), Column(_COARSE)),
     ]
-
-
-def Link5() -> list[Piece]:
-    """Returns the forearm: a socket, and an arm that passes the wrist at one side."""
-    socket = Elbow(0.068, 0.003, 0.07, 0.2155, 0.062, 0.0)
-
-    def Arm(count: int, steps: int) -> Solid:
-        profile = Round(0.058, 0.06, 0.105, 0.02, steps)
-        profile = [(0.058, 0.06), *[(r, z) for r, z in profile if z > 0.08]]
-        turned = Revolve(profile, count).moved(RotX(-_HALF), (0, 0, 0.2155))
-        half = Disc(0.068, count=count // 2 + 1, stop=_PI)
-        half = half[half[:, 1] > 0.02]
-        return Hull(turned, At(half, 0.02), At(half, 0.08))
-
-    ring = Prism(Disc(0.069, count=_FINE), 0.009, 0.016, 0.0005)
-    cap = Revolve(Round(0.036, 0.103, 0.106, 0.0006, 2)).moved(
-        RotX(-_HALF), (0, 0, 0.2155)
-    )
-    return [
-        _Convex("link_5_socket", "shell", socket.Socket(_FINE, 6),
-                socket.Socket(_COARSE, 3)),
-        _Convex("link_5_arm", "shell", Arm(_FINE, 6), Arm(_COARSE, 3)),
-        Piece("link_5_ring", "ring", ring),
-        Piece("link_5_cap", "cap", cap),
-    ]  # fmt: skip
 
 
 def Link6() -> list[Piece]:
     """Returns the wrist: a drum about z, and an outlet along y."""
 
     def Drum(count: int, steps: int) -> Solid:
-        return Revolve(Round(0.06, -0.057, 0.062, 0.02, steps), count)
+        return Revolve(Round(0.06, -0.057, 0.062, 0.022, steps), count)
 
     def Outlet(count: int) -> Solid:
-        return Revolve([(0.052, 0), (0.052, 0.055), (0.05, 0.058)], count).moved(
-            RotX(-_HALF)
-        )
+        profile = [(0.052, 0), (0.052, 0.055), (0.05, 0.058)]
+        return Revolve(profile, count).moved(RotX(-_HALF))
 
     return [
-        _Convex("link_6_drum", "shell", Drum(_FINE, 6), Drum(_COARSE, 3)),
-        _Convex("link_6_outlet", "shell", Outlet(_FINE), Outlet(_COARSE)),
+        _Convex("link_6_drum", Drum(_FINE, 6), Drum(_COARSE, 3)),
+        _Convex("link_6_outlet", Outlet(_FINE), Outlet(_COARSE)),
+        *_Cap("link_6", 0.034, 0.062),
     ]
 
 
 def Link7() -> list[Piece]:
-    body = Round(0.047, -0.021, 0.034, 0.004, 3)
+    """Returns the last turning part and the tool flange."""
+    body = Revolve(Round(0.047, -0.021, 0.034, 0.004))
+    body_touched = Primitive("cylinder", (0.047, 0.055), (0, 0, 0.0065))
+    flange = Prism(Disc(0.0315, count=_FINE), 0.033, FLANGE_Z)
+    flange_touched = Primitive("cylinder", (0.0315, 0.012), (0, 0, 0.039))
     return [
-        Piece(
-            "link_7_body", "shell", Revolve(body),
-            Primitive("cylinder", (0.047, 0.055), (0, 0, 0.0065)), SHELL,
-        ),
-        Piece(
-            "link_7_flange", "ring", Prism(Disc(0.0315, count=48), 0.033, FLANGE_Z),
-            Primitive("cylinder", (0.0315, 0.012), (0, 0, 0.039)), SHELL,
-        ),
-    ]  # fmt: skip
+        Piece("link_7_body", "shell", body, body_touched, SHELL),
+        Piece("link_7_flange", "ring", flange, flange_touched, SHELL),
+    ]
 
 
 def Shapes() -> list[list[Piece]]:
     """Returns the pieces of each link."""
     # Even links: the hub's axis is z through the origin, the socket lies along y.
     turn = RotX(_HALF)
-    mirror = RotX(0) * np.array([[-1], [-1], [1]])  # half a turn about z
     return [
         Link0(),
-        Elbow(0.086, 0.002, 0.05, 0.2025, 0.082, 0.098).Pieces(1, mirror),
-        Elbow(0.082, 0.002, 0.06, 0.2045, 0.082, 0.098).Pieces(2, turn, (0, 0.2045, 0)),
-        Elbow(0.078, 0.002, 0.06, 0.2155, 0.074, 0.088).Pieces(3),
-        Elbow(0.072, 0.002, 0.06, 0.1845, 0.074, 0.088).Pieces(4, turn, (0, 0.1845, 0)),
-        Link5(),
+        Elbow(0.087, 0.05, 0.2025, 0.082, 0.098).Pieces(1, RotZ(_PI)),
+        Elbow(0.083, 0.06, 0.2045, 0.082, 0.098).Pieces(2, turn, (0, 0.2045, 0)),
+        Elbow(0.080, 0.06, 0.2155, 0.075, 0.090).Pieces(3),
+        Elbow(0.073, 0.06, 0.1845, 0.075, 0.090).Pieces(4, turn, (0, 0.1845, 0)),
+        # The forearm passes the wrist at one side.
+        Elbow(0.069, 0.07, 0.2155, 0.058, 0.106, 0.060).Pieces(5),
         Link6(),
         Link7(),
     ]

@@ -13,9 +13,8 @@ SHEET = Proximity(rigid=True, friction=0.4)
 
 # YCB object set, 005_tomato_soup_can.
 CAN_RADIUS, CAN_LENGTH, CAN_MASS = 0.0339, 0.1018, 0.349
-# Tinplate around a liquid: 25 times stiffer than the pads that hold it, so that the pads
-# yield, and soft enough for steps of several milliseconds. The hint cuts the circle into
-# 14 sides or more.
+# Tinplate around a liquid: 25 times stiffer than the pads that hold it, so that the
+# pads yield, and soft enough for steps of several milliseconds.
 CAN = Proximity(
     rigid=False, friction=0.8, modulus=5e7, dissipation=5.0, resolution=0.015
 )

@@ -151,15 +151,17 @@ def Inset(outline: Points, by: float) -> Points:
     return np.array(result)
 
 
-def Prism(outline: Points, z0: float, z1: float, bevel: float = 0.0) -> Solid:
-    """Returns a convex outline extruded along z, its two rims bevelled."""
+def Prism(outline: Points, z0: float, z1: float, edge: float = 0.0) -> Solid:
+    """Returns a convex outline extruded along z, its two rims rounded by `edge`."""
     outline = Hull2d(outline)
-    if bevel == 0:
+    if edge == 0:
         return Hull(At(outline, z0), At(outline, z1))
-    small = Inset(outline, bevel)
-    return Hull(
-        At(small, z0), At(outline, z0 + bevel), At(outline, z1 - bevel), At(small, z1)
-    )
+    parts = []
+    for angle in np.linspace(0, np.pi / 2, 4):
+        ring = Inset(outline, edge * (1 - np.sin(angle)))
+        lift = edge * (1 - np.cos(angle))
+        parts += [At(ring, z0 + lift), At(ring, z1 - lift)]
+    return Hull(*parts)
 
 
 def At(outline: Points, z: float) -> Points:
@@ -167,17 +169,22 @@ def At(outline: Points, z: float) -> Points:
     return np.column_stack([outline, np.full(len(outline), z)])
 
 
-def Block(low: Sequence[float], high: Sequence[float], bevel: float = 0.0) -> Solid:
-    """Returns an axis-aligned box with all edges bevelled."""
+def Block(low: Sequence[float], high: Sequence[float], edge: float = 0.0) -> Solid:
+    """Returns an axis-aligned box, its edges and corners rounded by `edge`."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-    if bevel == 0:
+    if edge == 0:
         return Hull(low + corners * (high - low))
+    # An eighth of a ball at each corner.
+    a = np.linspace(0, np.pi / 2, 4)
+    ball = {(0.0, 0.0, 1.0)} | {
+        (np.cos(u) * np.cos(v), np.sin(u) * np.cos(v), np.sin(v)) for u in a for v in a
+    }
+    eighth = np.array(sorted(ball)) * edge
     parts = []
-    for axis in range(3):
-        margin = np.full(3, bevel)
-        margin[axis] = 0
-        parts.append(low + margin + corners * (high - low - 2 * margin))
+    for corner in corners:
+        center = low + edge + corner * (high - low - 2 * edge)
+        parts.append(center + eighth * (2 * corner - 1))
     return Hull(*parts)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity
-from .shapes import Block, Disc, Hull2d, Prism, Revolve, RotY, UnionProperties
+from .shapes import Block, Disc, Hull2d, Prism, Revolve, RotX, RotY, UnionProperties
 
 # SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper).
 HINGE_X, HINGE_Y = 0.072569, 0.03  # palm to base hinge
@@ -46,10 +46,10 @@ ROTOR_INERTIA = 2.5e-7 / 2
 DAMPING = 0.01
 
 LOOKS = {
-    "shell": (0.20, 0.21, 0.23),
-    "servo": (0.09, 0.09, 0.10),
+    "shell": (0.27, 0.28, 0.31),
+    "servo": (0.12, 0.12, 0.13),
     "metal": (0.62, 0.63, 0.65),
-    "rubber": (0.05, 0.05, 0.055),
+    "rubber": (0.07, 0.07, 0.075),
 }
 
 # Nylon on a can or on itself: handbooks give 0.3 to 0.5.
@@ -118,12 +118,22 @@ def PalmPieces() -> list[Piece]:
             pin = Disc(0.0035, (HINGE_X, h * HINGE_Y), 16)
             z0_, z1_ = sorted((s * (_PLATE_OUT - 0.001), s * (_PLATE_OUT + 0.001)))
             pieces.append(Piece(name + "_pin", "metal", Prism(pin, z0_, z1_, 0.0004)))
-    pieces.append(
-        _Box(
-            "palm_servo", "servo",
-            (0.0095, -0.0201, -half_z), (0.055, 0.0201, -_PLATE_OUT + 0.001), 0.0015,
-        )
-    )  # fmt: skip
+        for x, y in ((0.017, 0.024), (0.017, -0.024), (0.054, 0.034), (0.054, -0.034)):
+            z0, z1 = sorted((s * (_PLATE_OUT - 0.001), s * (_PLATE_OUT + 0.0006)))
+            screw = Prism(Disc(0.0022, (x, y), 12), z0, z1, 0.0003)
+            pieces.append(Piece("palm_screw", "metal", screw))
+    # The servo's case below: ribs of 1 mm stand on it, touched as one box.
+    x0, x1, y0, y1 = 0.0095, 0.0555, -0.0201, 0.0201
+    z0, z1 = -half_z, -_PLATE_OUT + 0.001
+    case = Block((x0, y0, z0 + 0.001), (x1, y1, z1), 0.0015)
+    box = Primitive(
+        "box", (x1 - x0, y1 - y0, z1 - z0), ((x0 + x1) / 2, 0, (z0 + z1) / 2)
+    )
+    pieces.append(Piece("palm_servo", "servo", case, box, PLASTIC))
+    for i in range(7):
+        x = x0 + 0.005 + 0.006 * i
+        rib = Block((x - 0.0011, y0 + 0.002, z0), (x + 0.0011, y1 - 0.002, z1), 0.0006)
+        pieces.append(Piece("palm_servo_rib", "servo", rib))
     cover = Disc(0.0165, (0.034, 0), 32)
     z0, z1 = _PLATE_OUT - 0.001, half_z
     pieces.append(
@@ -149,6 +159,16 @@ def BasePieces() -> list[Piece]:
         np.array([(0.006, PAD_FACE), (0.0375, PAD_FACE)]),
         np.array([(0.018, back), (0.030, back), (0.0375, back + 0.002)]),
     )
+    half_rib = 0.008
+    rib_back, rib_foot = back - 0.001, back + 0.002
+    rib = np.array(
+        [(0.013, rib_foot), (0.019, rib_back), (0.031, rib_back), (0.036, rib_foot)]
+    )
+    side = Hull2d(
+        Disc(0.0055, count=20),
+        np.array([(0.020, -0.009), (0.033, -0.009)]),
+        np.array([(0.033, 0.0055), (0.02, 0.0055)]),
+    )
     # Below the arc that the pad's inner corner sweeps as the tip curls.
     cheek = Hull2d(
         Disc(_NOSE, (BASE_LENGTH, 0), 24),
@@ -156,6 +176,10 @@ def BasePieces() -> list[Piece]:
         np.array([(0.0365, back + 0.0018), (0.042, back + 0.003)]),
     )
     pieces = [_Extruded("base_body", "shell", body, -half, half, 0.0012)]
+    pieces += [
+        Piece("base_rib", "servo", Prism(rib, -half_rib, half_rib, 0.0006)),
+        Piece("base_panel", "servo", Prism(side, -half - 3e-4, half + 3e-4, 0.0006)),
+    ]
     for side, s in (("upper", 1), ("lower", -1)):
         z0, z1 = sorted((s * (TIP_WIDTH / 2 + 0.0005), s * half))
         name = f"base_{side}_cheek"
@@ -192,17 +216,32 @@ def TipPieces() -> list[Piece]:
         (PAD_LENGTH, PAD_THICKNESS, PAD_WIDTH),
         ((near + far) / 2, PAD_FACE - PAD_THICKNESS / 2, 0),
     )
+    # Treads of 0.8 mm across the pad; what is touched is the box around them.
+    groove = PAD_FACE - 0.0008
+    body = Block((near, pad_back, -half), (far, groove, half), 0.0014)
+    treads = []
+    for x in np.linspace(near + 0.003, far - 0.003, 13):
+        profile = [(x - 0.0015, groove - 0.0005), (x + 0.0015, groove - 0.0005)]
+        profile += [(x + 0.0009, PAD_FACE), (x - 0.0009, PAD_FACE)]
+        treads.append(Prism(np.array(profile), -half + 0.001, half - 0.001))
     return [
         _Extruded("tip_spine", "shell", spine, -TIP_WIDTH / 2, TIP_WIDTH / 2, 0.001),
         _Extruded("tip_carrier", "shell", carrier, -half + 0.001, half - 0.001, 0.0008),
-        Piece(
-            "pad",
-            "rubber",
-            Block((near, pad_back, -half), (far, PAD_FACE, half), 0.0014),
-            pad,
-            RUBBER,
-        ),
+        *_Screws(),
+        Piece("pad", "rubber", body, pad, RUBBER),
+        *[Piece("pad_tread", "rubber", ridge) for ridge in treads],
     ]
+
+
+def _Screws() -> list[Piece]:
+    """Returns the screw heads on the back of the pad's carrier."""
+    back = PAD_FACE - PAD_THICKNESS - 0.0030
+    screws = []
+    for z in (-0.0115, 0.0115):
+        head = Prism(Disc(0.0017, count=12), -0.0006, 0.0008, 0.0003)
+        head = head.moved(RotX(np.pi / 2), (0.020, back, z))
+        screws.append(Piece("tip_screw", "metal", head))
+    return screws
 
 
 def Build() -> Files:
@@ -211,7 +250,7 @@ def Build() -> Files:
     palm, base, tip = PalmPieces(), BasePieces(), TipPieces()
 
     def Uniform(mass: float, pieces: list[Piece]) -> Inertial:
-        touched = [p.solid for p in pieces if p.collision is not None]
+        touched = [p.solid for p in pieces if p.look is not None]
         return Inertial.Uniform(mass, UnionProperties(touched))
 
     model.AddLink("palm", palm, Uniform(PALM_MASS, palm))
@@ -258,9 +297,9 @@ def Build() -> Files:
                 gear_ratio=SERVO_GEAR_RATIO * arm / SPOOL_RADIUS,
             )
     model.AddFrame("mount", "palm")
-    # On the palm's axis, half way along the pads of straight fingers at 90 degrees.
-    middle = HINGE_X + KNUCKLE_TO_TIP - PAD_LENGTH / 2
-    model.AddFrame("grasp_center", "palm", (round(middle, 4), 0, 0))
+    # On the palm's axis, between the pads of straight fingers at 90 degrees, 5 mm
+    # beyond their middle: a wide object held there clears the palm.
+    model.AddFrame("grasp_center", "palm", (round(HINGE_X + 0.0905, 4), 0, 0))
     # A finger's own links overlap at the knuckles, and the palm's ears cover them. Left
     # and right fingers do touch each other.
     for side in poses:
