@@ -94,10 +94,12 @@ class Elbow:
     hub_radius: float
     hub_width: float  # y of the hub's face
     hub_start: float = 0.0015
+    rise: float | None = None  # of the dome; None: to 3 mm below the other's hub
+    foot_start: float = 0.0  # y from which the socket belongs to the hub's foot
 
     def Socket(self, count: int, steps: int) -> Solid:
-        """Returns the socket; its dome ends 3 mm below the other link's hub."""
-        rise = self.height - self.hub_radius - 0.003 - self.dome
+        """Returns the socket with its dome."""
+        rise = self.rise or self.height - self.hub_radius - 0.003 - self.dome
         a = np.linspace(0, _HALF, steps + 1)[:-1]
         profile = [(self.radius - 0.003, 0.002), (self.radius, 0.005)]
         profile += list(
@@ -112,6 +114,7 @@ class Elbow:
         rim = rim[rim[:, 1] > self.hub_width - edge - 1e-9]
         hub = self._OnHub(Revolve([(self.hub_radius, self.hub_start), *rim], count))
         half = Disc(self.radius, count=count // 2 + 1, start=0.02, stop=_PI - 0.02)
+        half = half[half[:, 1] >= self.foot_start]
         return Hull(hub, At(half, 0.025), At(half, self.dome))
 
     def _OnHub(self, solid: Solid) -> Solid:
@@ -211,8 +214,8 @@ def Shapes() -> list[list[Piece]]:
         Elbow(0.083, 0.06, 0.2045, 0.082, 0.098).Pieces(2, turn, (0, 0.2045, 0)),
         Elbow(0.080, 0.06, 0.2155, 0.075, 0.090).Pieces(3),
         Elbow(0.073, 0.06, 0.1845, 0.075, 0.090).Pieces(4, turn, (0, 0.1845, 0)),
-        # The forearm passes the wrist at one side.
-        Elbow(0.069, 0.07, 0.2155, 0.058, 0.106, 0.060).Pieces(5),
+        # The forearm passes the wrist at one side, and leaves link_7 room to fold back.
+        Elbow(0.069, 0.04, 0.2155, 0.058, 0.106, 0.060, 0.06, 0.03).Pieces(5),
         Link6(),
         Link7(),
     ]
