@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 
+from drake_srg.planning.follow import Follow
 from drake_srg.planning.hand_target import HandTarget
 from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
 from drake_srg.planning.planning_scene import Clearance, PlanningScene
@@ -119,33 +120,31 @@ def PlanCartesianPath(
             part = RotationMatrix(AngleAxis(share * turn.angle(), turn.axis()))
             R_WG = X_WG.rotation() @ part
         waypoint = dc.replace(
-            target,
-            p_WT=p_start + share * (target.p_WT - p_start),
-            R_WG=R_WG,
-            # Use of a tolerance would show as zigzag from waypoint to waypoint.
-            position_tolerance=1e-5,
-            angle_tolerance=1e-4,
-        )
-        found = SolveInverseKinematics(
-            scene,
-            waypoint,
-            q_nominal=path[-1],
-            joint_margin=joint_margin,
-            max_starts=1,
-            check_clearance=False,
+            target, p_WT=p_start + share * (target.p_WT - p_start), R_WG=R_WG
         )
         where = f"{share * length:.3f} m along the line"
-        if isinstance(found, IkFailure):
-            return PathFailure(f"{where}, {found.message}", found.failure)
-        jump = np.abs(found.q - path[-1])
+        q = Follow(scene, waypoint, path[-1], joint_margin=joint_margin)
+        if q is None:
+            found = SolveInverseKinematics(
+                scene,
+                waypoint,
+                q_nominal=path[-1],
+                joint_margin=joint_margin,
+                max_starts=1,
+                check_clearance=False,
+            )
+            if isinstance(found, IkFailure):
+                return PathFailure(f"{where}, {found.message}", found.failure)
+            q = found.q
+        jump = np.abs(q - path[-1])
         if np.max(jump) > max_joint_step:
             joint = scene.joint_names[int(np.argmax(jump))]
             return PathFailure(
                 f"{where}, {joint} would jump by {np.max(jump):.2f} rad",
                 Failure.OUT_OF_REACH,
             )
-        hit = scene.first_hit(scene.edge(path[-1], found.q))
+        hit = scene.first_hit(scene.edge(path[-1], q))
         if hit:
             return PathFailure(f"{where}, {hit}", clearance=hit)
-        path.append(found.q)
+        path.append(q)
     return np.array(path)
