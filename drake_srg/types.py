@@ -109,3 +109,16 @@ class Failure(enum.Enum):
     MISPLACED = "misplaced"
     TIME_BUDGET = "time_budget"
     STOPPED = "stopped"
+
+
+@dc.dataclass(frozen=True)
+class PlannerStatus:
+    """What a planner says of its task."""
+
+    mode: Mode = Mode.IDLE
+    failure: Failure | None = None  # set once the mode is FAILED
+    attempts: int = 0  # grasps begun
+    localization: Blob | None = None  # the one that led to the last plan
+    localized_at: float = 0.0  # time of that [s]
+    message: str = ""  # why it failed, in words
+    planning_wall: float = 0.0  # wall-clock time spent on planning [s]

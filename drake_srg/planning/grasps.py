@@ -6,9 +6,10 @@ import dataclasses as dc
 import enum
 
 import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.hand_target import AxisTarget, HandTarget
-from drake_srg.types import Box, Shape, Vector
+from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 # Geometry of the SRG in the palm frame G (x out of the palm, fingers in the x-y plane)
 # from SAKE's public gen-2 URDF and MuJoCo model [m].
@@ -47,22 +48,32 @@ class Grasp:
             return "from above"
         return f"from the side, {np.rad2deg(self.tilt):.0f} degrees down"
 
-    def target(self, p_WO: Vector, angle_tolerance: float = 0.01) -> HandTarget:
+    @property
+    def base_angle_open(self) -> float:
+        """Base angle with the hand open for the object, the tip straight [rad]."""
+        return _FULL_SCALE * self.closure_open
+
+    @property
+    def up_G(self) -> Vector:
+        """The vertical in the hand, shape (3,): its y stays horizontal, its x tilts."""
+        return np.array([-np.sin(self.tilt), 0.0, np.cos(self.tilt)])
+
+    @property
+    def X_GO(self) -> RigidTransform:
+        """Pose of the object in the hand [m]."""
+        y = np.array([0.0, 1.0, 0.0])
+        R_GO = RotationMatrix(np.column_stack([np.cross(y, self.up_G), y, self.up_G]))
+        return RigidTransform(R_GO, self.p_GO)
+
+    def target(self, p_WO: Vector, angle_tolerance: float = 0.002) -> HandTarget:
         """Where the hand has to be to hold the object at `p_WO`.
 
         Args:
             p_WO: The object's centre in world [m].
-            angle_tolerance: Of each axis [rad].
+            angle_tolerance: Of the vertical in the hand [rad].
         """
-        c, s = np.cos(self.tilt), np.sin(self.tilt)
-        up = np.array([0.0, 0.0, 1.0])
-        if self.approach is Approach.ABOVE:
-            axes = (AxisTarget(np.array([1.0, 0.0, 0.0]), -up, angle_tolerance),)
-        else:
-            # The palm's x tilts down, its y stays horizontal: `up` in the hand is
-            # fixed but for the side that the palm's z is on.
-            axes = (AxisTarget(np.array([-s, 0.0, c]), up, angle_tolerance),)
-        return HandTarget(p_WT=p_WO, p_GT=self.p_GO, axes=axes)
+        vertical = AxisTarget(self.up_G, np.array([0.0, 0.0, 1.0]), angle_tolerance)
+        return HandTarget(p_WT=p_WO, p_GT=self.p_GO, axes=(vertical,))
 
 
 def grasps_of(
@@ -71,13 +82,15 @@ def grasps_of(
     """Return the ways to take an upright object.
 
     Args:
-        shape: The object's; its z is vertical.
+        shape: The object's, round about its vertical z: a cylinder or a ball.
         approaches: Values of `Approach` to consider.
         tilts: For grasps from the side, how far the hand points down [rad].
         squeeze: Base and tip angle that the closed command asks for beyond the angles
             at contact, together [rad]. Half of it is each joint's position error
             (Algorithm 1), so it sets the force.
     """
+    if isinstance(shape, Box):
+        return []  # needs the turn about the vertical, which nothing estimates yet
     result = []
     if Approach.ABOVE.value in approaches:
         result.append(_from_above(shape, squeeze))
@@ -86,8 +99,8 @@ def grasps_of(
     return result
 
 
-def _from_above(shape: Shape, squeeze: float) -> Grasp:
-    width = _width(shape)
+def _from_above(shape: Cylinder | Sphere, squeeze: float) -> Grasp:
+    width = 2.0 * shape.radius
     # The pads lie flat on the sides, base + tip = 90 degrees, with the object's top at
     # the root of the pads: as much pad as there is on it. Low objects are taken by the
     # pads' ends, 5 mm above the table.
@@ -108,8 +121,8 @@ def _from_above(shape: Shape, squeeze: float) -> Grasp:
     )
 
 
-def _from_side(shape: Shape, tilt: float, squeeze: float) -> Grasp:
-    radius = 0.5 * _width(shape)
+def _from_side(shape: Cylinder | Sphere, tilt: float, squeeze: float) -> Grasp:
+    radius = shape.radius
     # The object nearly touches the palm, so that the fingers wrap around it; taken
     # a little above its centre, for the wrist's sake.
     x = _PALM_FRONT + radius / np.cos(tilt) + 0.004
@@ -127,10 +140,6 @@ def _from_side(shape: Shape, tilt: float, squeeze: float) -> Grasp:
         base_angle=base,
         tip_angle=total - base,
     )
-
-
-def _width(shape: Shape) -> float:
-    return min(shape.size[:2]) if isinstance(shape, Box) else 2.0 * shape.radius
 
 
 def _opening(width: float, depth: float) -> float:

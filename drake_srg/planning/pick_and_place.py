@@ -1,8 +1,497 @@
-"""x"""
+"""The state machine that picks an object and places it, as a system."""
 
 import dataclasses as dc
+import time as wall
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    EventStatus,
+    LeafSystem,
+    State,
+)
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.task_motions import (
+    MotionOptions,
+    TaskFailure,
+    TaskMotions,
+    TaskPlanner,
+)
+from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Shape, Vector, positive
 
 
-@dc.dataclass
+@dc.dataclass(kw_only=True)
 class PlannerConfig:
-    latency: float = 0.1
+    """How the planner works. Times are simulated."""
+
+    # From a decision to the first motion [s]: planning takes this long.
+    latency: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # Grasps tried before the planner gives up.
+    max_attempts: int = dc.field(default=3, metadata={"ge": 1})
+    # The planner gives up after this long [s].
+    time_budget: float = dc.field(default=40.0, metadata=positive())
+    # How long an object is looked for, and how often [s].
+    search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
+    search_period: float = dc.field(default=0.25, metadata=positive())
+    # Directions from which objects are taken: above, side.
+    approaches: list[str] = dc.field(default_factory=lambda: ["above", "side"])
+    # For grasps from the side, how far the hand points down [rad]: 10, 15 and 20
+    # degrees keep the wrist off the table.
+    tilts: list[float] = dc.field(default_factory=lambda: [0.175, 0.262, 0.349])
+    # What the closed command asks for beyond the contact, base + tip [rad]; 0.4 rad
+    # presses with about 14 N a finger (see `SrgPositionDriver`'s gains), three times
+    # what friction 0.6 needs for 0.42 kg.
+    squeeze: float = dc.field(default=0.4, metadata=positive())
+    # Distance kept by the arm and by the hand from what they must not touch [m].
+    clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
+    hand_clearance: float = dc.field(default=0.005, metadata={"ge": 0.0})
+    approach_distance: float = dc.field(default=0.08, metadata=positive())  # m
+    lift_height: float = dc.field(default=0.08, metadata=positive())  # m
+    # Height above the table at which the object is let go [m]: more than the error of
+    # the localisation, so that it is not pressed into the table.
+    place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
+    # Share of the arm's velocity and acceleration limits with an empty hand.
+    speed: float = dc.field(default=0.9, metadata=positive(le=1.0))
+    # The same with something in the hand.
+    holding_speed: float = dc.field(default=0.7, metadata=positive(le=1.0))
+    holding_acceleration: float = dc.field(default=0.3, metadata=positive(le=1.0))
+    # How long the fingers may take to close or open [s].
+    gripper_timeout: float = dc.field(default=1.5, metadata=positive())
+    # The grasp is checked for this long before and after lifting [s].
+    verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # How far a base angle may be from what the grasp expects [rad].
+    angle_tolerance: float = dc.field(default=0.3, metadata=positive())
+    period: float = dc.field(default=0.01, metadata=positive())  # s
+
+
+_STILL = 0.05  # joint speed below which the fingers rest [rad/s]
+_CLEAR = 0.005  # distance beyond which an object is out of the fingers' way [m]
+_ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
+_MESSAGES = {
+    Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
+    Failure.DROPPED: "the object was in the hand and got lost",
+    Failure.MISPLACED: "the object is not seen on its goal",
+}
+
+
+@dc.dataclass(frozen=True)
+class Observation:
+    """What the next mode depends on."""
+
+    ready: bool = False  # motions are planned and the planning latency has passed
+    arrived: bool = False  # the mode's motion is over and the arm follows
+    still: bool = False  # the fingers have come to rest
+    holding: bool = False  # something of the right size is between the fingers
+    clear: bool = False  # nothing is near the fingers
+    at_goal: bool = False  # the object has been seen on its goal
+    failure: Failure | None = None  # reason to give up, or what went wrong last
+
+
+@dc.dataclass(frozen=True)
+class Timing:
+    """Durations that transitions depend on [s]."""
+
+    verify_time: float = 0.1
+    gripper_timeout: float = 1.5
+
+
+# mode: [(condition on the observation o, the time t in the mode and the timing c;
+#         next mode)]. The first condition that holds decides.
+_Condition = Callable[[Observation, float, Timing], bool]
+TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
+    Mode.IDLE: [
+        (lambda o, t, c: o.failure is not None, Mode.FAILED),
+        (lambda o, t, c: o.ready, Mode.PRE_GRASP),
+    ],
+    Mode.PRE_GRASP: [(lambda o, t, c: o.arrived, Mode.GRASP)],
+    Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
+    Mode.CLOSE: [
+        (lambda o, t, c: o.holding and o.still, Mode.VERIFY),
+        (lambda o, t, c: t >= c.gripper_timeout, Mode.VERIFY),
+    ],
+    Mode.VERIFY: [
+        (lambda o, t, c: not o.holding, Mode.RELEASE),
+        (lambda o, t, c: t >= c.verify_time, Mode.LIFT),
+    ],
+    Mode.LIFT: [
+        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (lambda o, t, c: o.arrived, Mode.TRANSFER),
+    ],
+    Mode.TRANSFER: [
+        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (lambda o, t, c: o.arrived, Mode.PLACE),
+    ],
+    Mode.PLACE: [(lambda o, t, c: o.arrived, Mode.RELEASE)],
+    Mode.RELEASE: [
+        (lambda o, t, c: o.clear and o.still, Mode.RETREAT),
+        (lambda o, t, c: t >= c.gripper_timeout, Mode.RETREAT),
+    ],
+    Mode.RETREAT: [(lambda o, t, c: o.arrived, Mode.HOME)],
+    Mode.HOME: [
+        (lambda o, t, c: o.arrived and o.at_goal, Mode.DONE),
+        (lambda o, t, c: o.arrived and o.failure is not None, Mode.FAILED),
+        (lambda o, t, c: o.arrived, Mode.IDLE),
+    ],
+    Mode.DONE: [],
+    Mode.FAILED: [],
+}
+
+
+def transition(
+    mode: Mode, observation: Observation, t: float, timing: Timing | None = None
+) -> Mode:
+    """Return the mode that follows, by the table `TRANSITIONS`.
+
+    Args:
+        mode: The mode now.
+        observation: What is known now.
+        t: Time since the mode began [s].
+        timing: Durations; default, those of `PlannerConfig`.
+    """
+    if observation.failure in (Failure.TIME_BUDGET, Failure.STOPPED):
+        return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
+    for condition, following in TRANSITIONS[mode]:
+        if condition(observation, t, timing or Timing()):
+            return following
+    return mode
+
+
+@dc.dataclass(frozen=True)
+class _Memory:
+    """The state of the planner. Never changed, only replaced, so copies share it."""
+
+    mode: Mode = Mode.IDLE
+    since: float = 0.0  # when the mode began [s]
+    started: float = 0.0  # when the task began [s]
+    next_look: float = 0.0  # when the object is looked for next [s]
+    ready_at: float = np.inf  # when the planned motion may begin [s]
+    attempts: int = 0  # grasps begun
+    motions: TaskMotions | None = None
+    escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
+    trajectory: Trajectory | None = None  # of the mode, from `since` on
+    q_rest: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    closure: float = 0.0
+    failure: Failure | None = None  # what went wrong last
+    localization: Blob | None = None  # the last one that led to a plan
+    localized_at: float = 0.0  # s
+    message: str = ""
+    planning_wall: float = 0.0  # s
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "_Memory":
+        return self
+
+
+class PickAndPlacePlanner(LeafSystem):
+    """Finds an object, takes it, sets it on its goal and returns home.
+
+    .. pydrake_system::
+
+        name: PickAndPlacePlanner
+        input_ports:
+        - blobs
+        - arm_state
+        - gripper_state
+        - grasped
+        - proximity
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+
+    Inputs: `blobs` (list[Blob]), evaluated only when the planner looks; `arm_state`
+    (2N) and `gripper_state` (8), [q; v] in rad and rad/s; `grasped` (1), nonzero once
+    both fingers sense something; `proximity` (4), signed distances [m].
+
+    Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
+    closed; `mode` (Mode); `status` (PlannerStatus).
+
+    The modes follow one another by `transition`, evaluated every `config.period`. The
+    planner looks for the object while it is idle, plans all motions at once and moves
+    `config.latency` later. A grasp is verified by `grasped` and the fingers' angles
+    before the arm lifts, after it has lifted and before it places. When the object is
+    not in the hand, or in the end not seen on its goal, the planner goes home, looks
+    again and repeats, `config.max_attempts` times at most.
+
+    Args:
+        task_planner: Plans the motions.
+        object_name: Which blobs to take.
+        shape: The object's known shape.
+        goal: Where its centre shall be, p_WO, shape (3,) [m].
+        tolerance: Distance from the goal in x and y that counts as placed [m].
+        config: Times, speeds and limits.
+    """
+
+    def __init__(
+        self,
+        task_planner: TaskPlanner,
+        object_name: str,
+        shape: Shape,
+        goal: Vector,
+        tolerance: float = 0.005,
+        config: PlannerConfig | None = None,
+    ) -> None:
+        super().__init__()
+        self.config = config or PlannerConfig()
+        self._timing = Timing(self.config.verify_time, self.config.gripper_timeout)
+        self._task_planner = task_planner
+        self._object_name = object_name
+        self._shape = shape
+        self._goal = np.asarray(goal, dtype=float)
+        self._tolerance = tolerance
+        n = len(task_planner.q_home)
+
+        self._blobs = self.DeclareAbstractInputPort(
+            name="blobs", model_value=AbstractValue.Make([])
+        )
+        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * n)
+        self._gripper = self.DeclareVectorInputPort(name="gripper_state", size=8)
+        self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
+        self._proximity = self.DeclareVectorInputPort(name="proximity", size=4)
+        self._state = self.DeclareAbstractState(
+            AbstractValue.Make(_Memory(q_rest=task_planner.q_home))
+        )
+        state = {self.abstract_state_ticket(self._state)}
+        self.DeclareVectorOutputPort(
+            name="position_commanded",
+            size=n,
+            calc=self._calc_position,
+            prerequisites_of_calc={*state, self.time_ticket()},
+        )
+        self.DeclareVectorOutputPort(
+            name="closure_commanded",
+            size=1,
+            calc=self._calc_closure,
+            prerequisites_of_calc=state,
+        )
+        self.DeclareAbstractOutputPort(
+            name="mode",
+            alloc=lambda: AbstractValue.Make(Mode.IDLE),
+            calc=self._calc_mode,
+            prerequisites_of_calc=state,
+        )
+        self.DeclareAbstractOutputPort(
+            name="status",
+            alloc=lambda: AbstractValue.Make(PlannerStatus()),
+            calc=self._calc_status,
+            prerequisites_of_calc=state,
+        )
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    # Outputs.
+
+    def _memory(self, context: Context) -> _Memory:
+        memory: _Memory = context.get_abstract_state(int(self._state)).get_value()
+        return memory
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        memory = self._memory(context)
+        output.SetFromVector(_position(memory, context.get_time()))
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        output[0] = self._memory(context).closure
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._memory(context).mode)
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        memory = self._memory(context)
+        output.set_value(
+            PlannerStatus(
+                mode=memory.mode,
+                failure=memory.failure if memory.mode is Mode.FAILED else None,
+                attempts=memory.attempts,
+                localization=memory.localization,
+                localized_at=memory.localized_at,
+                message=memory.message,
+                planning_wall=memory.planning_wall,
+            )
+        )
+
+    # Updates.
+
+    def _initialize(self, context: Context, state: State) -> EventStatus:
+        time = context.get_time()
+        memory = dc.replace(
+            self._memory(context), since=time, started=time, next_look=time
+        )
+        state.get_mutable_abstract_state(int(self._state)).set_value(memory)
+        return EventStatus.Succeeded()
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        time = context.get_time()
+        memory = old = self._memory(context)
+        if memory.mode is Mode.IDLE and memory.motions is None:
+            memory = self._look(context, memory)
+        observation = self._observe(context, memory)
+        mode = transition(memory.mode, observation, time - memory.since, self._timing)
+        if mode is not memory.mode:
+            memory = self._enter(mode, memory, observation, time)
+        if memory is not old:
+            state.get_mutable_abstract_state(int(self._state)).set_value(memory)
+        return EventStatus.Succeeded()
+
+    def _look(self, context: Context, memory: _Memory) -> _Memory:
+        """Look for the object and plan, when it is time to."""
+        time = context.get_time()
+        if time < memory.next_look:
+            return memory
+        blob = self._best_blob(context)
+        if blob is None:
+            if time < memory.since + self.config.search_time:
+                return dc.replace(memory, next_look=time + self.config.search_period)
+            # What became of an object that was in the hand says more.
+            return dc.replace(
+                memory,
+                failure=memory.failure or Failure.NOT_SEEN,
+                message=memory.message or f"no {self._object_name} in any image",
+                ready_at=time,
+            )
+        start = wall.perf_counter()
+        result = self._task_planner.plan(
+            memory.q_rest, blob.position, self._shape, self._goal
+        )
+        memory = dc.replace(
+            memory,
+            planning_wall=memory.planning_wall + wall.perf_counter() - start,
+            ready_at=time + self.config.latency,
+        )
+        if isinstance(result, TaskFailure):
+            return dc.replace(
+                memory,
+                failure=memory.failure or result.failure,
+                message=result.message,
+            )
+        return dc.replace(
+            memory, motions=result, localization=blob, localized_at=time, failure=None
+        )
+
+    def _best_blob(self, context: Context) -> Blob | None:
+        blobs: list[Blob] = self._blobs.Eval(context)
+        blobs = [blob for blob in blobs if blob.object_name == self._object_name]
+        return max(blobs, key=lambda blob: blob.quality, default=None)
+
+    def _observe(self, context: Context, memory: _Memory) -> Observation:
+        """Evaluate what the mode's transitions need, and only that."""
+        time, mode = context.get_time(), memory.mode
+        if time - memory.started > self.config.time_budget:
+            return Observation(failure=Failure.TIME_BUDGET)
+        if mode is Mode.IDLE:
+            due = time >= memory.ready_at
+            planned = memory.motions is not None
+            return Observation(
+                ready=due and planned,
+                failure=memory.failure if due and not planned else None,
+            )
+        if mode in (Mode.CLOSE, Mode.VERIFY, Mode.RELEASE):
+            speeds = self._gripper.Eval(context)[4:]
+            return Observation(
+                still=bool(np.max(np.abs(speeds)) < _STILL),
+                holding=self._holding(context, memory),
+                clear=bool(np.min(self._proximity.Eval(context)) > _CLEAR),
+            )
+        arrived = self._arrived(context, memory)
+        if mode is not Mode.HOME or not arrived:
+            return Observation(
+                arrived=arrived, holding=arrived and self._holding(context, memory)
+            )
+        if memory.failure is None:
+            blob = self._best_blob(context)
+            at_goal = blob is not None and bool(
+                np.linalg.norm((blob.position - self._goal)[:2]) <= self._tolerance
+            )
+        else:
+            at_goal = False
+        out_of_attempts = memory.attempts >= self.config.max_attempts
+        return Observation(
+            arrived=True,
+            at_goal=at_goal,
+            failure=(memory.failure or Failure.MISPLACED) if out_of_attempts else None,
+        )
+
+    def _arrived(self, context: Context, memory: _Memory) -> bool:
+        if memory.trajectory is None:
+            return True
+        due = memory.trajectory.end_time()
+        if memory.mode in (Mode.LIFT, Mode.TRANSFER):
+            due += self.config.verify_time  # a look at the grasp while the arm rests
+        if context.get_time() - memory.since < due:
+            return False
+        q = self._arm.Eval(context)[: len(memory.q_rest)]
+        goal = memory.trajectory.value(memory.trajectory.end_time())[:, 0]
+        return bool(np.max(np.abs(q - goal)) < _ARRIVED)
+
+    def _holding(self, context: Context, memory: _Memory) -> bool:
+        """Whether both fingers sense something of the expected size."""
+        if memory.motions is None or self._grasped.Eval(context)[0] == 0.0:
+            return False
+        expected = memory.motions.grasp.base_angle
+        base = self._gripper.Eval(context)[:2]
+        return bool(np.max(np.abs(base - expected)) < self.config.angle_tolerance)
+
+    def _enter(
+        self, mode: Mode, memory: _Memory, o: Observation, time: float
+    ) -> _Memory:
+        """Begin a mode."""
+        previous, q_rest = memory.mode, _position(memory, time)
+        memory = dc.replace(
+            memory, mode=mode, since=time, q_rest=q_rest, trajectory=None
+        )
+        motions = memory.motions
+        match mode:
+            case Mode.IDLE | Mode.FAILED | Mode.DONE:
+                if previous is Mode.HOME and mode is not Mode.DONE:
+                    failure = memory.failure or Failure.MISPLACED
+                    memory = dc.replace(
+                        memory, failure=failure, message=_MESSAGES[failure]
+                    )
+                if o.failure is not None:
+                    memory = dc.replace(memory, failure=o.failure)
+                return dc.replace(
+                    memory, motions=None, escape=None, next_look=time, ready_at=np.inf
+                )
+            case Mode.CLOSE if motions is not None:
+                return dc.replace(memory, closure=motions.grasp.closure_closed)
+            case Mode.RELEASE if motions is not None:
+                failures = {
+                    Mode.VERIFY: Failure.NO_GRASP,
+                    Mode.LIFT: Failure.DROPPED,
+                    Mode.TRANSFER: Failure.DROPPED,
+                }
+                return dc.replace(
+                    memory,
+                    closure=motions.grasp.closure_open,
+                    failure=failures.get(previous),
+                )
+            case Mode.RETREAT if memory.failure is not None:
+                escape = self._task_planner.plan_escape(q_rest)
+                if isinstance(escape, TaskFailure):
+                    return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
+                return dc.replace(memory, escape=escape, trajectory=escape[0])
+            case Mode.HOME if memory.escape is not None:
+                return dc.replace(memory, trajectory=memory.escape[1])
+            case Mode.PRE_GRASP if motions is not None:
+                memory = dc.replace(
+                    memory,
+                    attempts=memory.attempts + 1,
+                    closure=motions.grasp.closure_open,
+                )
+        if motions is not None:
+            memory = dc.replace(memory, trajectory=motions.motions.get(mode))
+        return memory
+
+
+def _position(memory: _Memory, time: float) -> Vector:
+    if memory.trajectory is None:
+        return memory.q_rest
+    t = min(time - memory.since, memory.trajectory.end_time())
+    q: Vector = memory.trajectory.value(t)[:, 0]
+    return q

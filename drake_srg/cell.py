@@ -1,0 +1,170 @@
+"""The cell: a station with localizer and planner, the autonomous system."""
+
+import numpy as np
+from pydrake.planning import RobotDiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from drake_srg.objects import object_shape
+from drake_srg.planning.pick_and_place import PickAndPlacePlanner
+from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.task_motions import MotionOptions, TaskPlanner
+from drake_srg.scenario import ObjectConfig, Scenario
+from drake_srg.station import AddDirectives, MakeStation
+from drake_srg.types import Vector
+from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.color import ColorRange
+
+
+def MakeCell(scenario: Scenario) -> Diagram:
+    """Build the diagram of a station whose task a localizer and a planner do.
+
+    .. pydrake_system::
+
+        name: Cell
+        output_ports:
+        - (all of the station's)
+        - localizer.blobs
+        - planner.mode
+        - planner.status
+        - arm.position_commanded
+        - gripper.closure_commanded
+
+    The subsystems are named `station`, `localizer` and `planner`. To replace one, build
+    the diagram with your own in its place: this function is short for that reason.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    station = builder.AddNamedSystem("station", MakeStation(scenario))
+    localizer = AddLocalizer(builder, scenario, station)
+    planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
+    ConnectPlanner(builder, station, localizer, planner)
+    for i in range(station.num_output_ports()):
+        port = station.get_output_port(i)
+        builder.ExportOutput(port, port.get_name())
+    builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
+    builder.ExportOutput(planner.GetOutputPort("mode"), "planner.mode")
+    builder.ExportOutput(planner.GetOutputPort("status"), "planner.status")
+    builder.ExportOutput(
+        planner.GetOutputPort("position_commanded"), "arm.position_commanded"
+    )
+    builder.ExportOutput(
+        planner.GetOutputPort("closure_commanded"), "gripper.closure_commanded"
+    )
+    diagram = builder.Build()
+    diagram.set_name("cell")
+    return diagram
+
+
+def AddLocalizer(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> BlobLocalizer:
+    """Add the localizer of a scenario, connected to the station's cameras."""
+    sensors = {
+        name: station.GetSubsystemByName(f"rgbd_sensor_{name}")
+        for name in scenario.localizer.cameras
+    }
+    localizer = builder.AddNamedSystem(
+        "localizer",
+        BlobLocalizer(
+            [
+                BlobTarget(name, object_shape(name, config), _color_range(config))
+                for name, config in scenario.objects.items()
+            ],
+            {name: CameraModel.from_sensor(sensor) for name, sensor in sensors.items()},
+            min_area=scenario.localizer.min_area,
+            period=scenario.localizer.period,
+        ),
+    )
+    for name in sensors:
+        for port in ("color_image", "depth_image", "body_pose_in_world"):
+            builder.Connect(
+                station.GetOutputPort(f"camera_{name}.{port}"),
+                localizer.GetInputPort(f"{name}.{port}"),
+            )
+    return localizer
+
+
+def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
+    """Make the planner of a scenario's task."""
+    name, place = scenario.task.pick, scenario.task.place
+    shape = object_shape(name, scenario.objects[name])
+    goal = [*place.position, scenario.table.height + 0.5 * shape.height]
+    return PickAndPlacePlanner(
+        MakeTaskPlanner(scenario),
+        name,
+        shape,
+        np.array(goal),
+        place.tolerance,
+        scenario.planner,
+    )
+
+
+def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
+    """Make what plans the motions, with a model of its own of arm and furniture."""
+    config = scenario.planner
+    builder = RobotDiagramBuilder(time_step=0.0)
+    AddDirectives(builder.plant(), scenario)
+    scene = PlanningScene(
+        builder, margin=config.clearance, hand_margin=config.hand_clearance
+    )
+    names = [
+        scene.plant.get_joint(joint).name()
+        for joint in scene.plant.GetJointIndices(
+            scene.plant.GetModelInstanceByName("gripper")
+        )
+        if scene.plant.get_joint(joint).num_positions() == 1
+    ]
+
+    def finger_joints(base: float, tip: float) -> Vector:
+        return np.array([base if "base" in name else tip for name in names])
+
+    assert scenario.arm is not None
+    return TaskPlanner(
+        scene,
+        np.array(scenario.arm.home),
+        MotionOptions(
+            approaches=config.approaches,
+            tilts=config.tilts,
+            squeeze=config.squeeze,
+            approach_distance=config.approach_distance,
+            lift_height=config.lift_height,
+            place_height=config.place_height,
+            speed=config.speed,
+            holding_speed=config.holding_speed,
+            holding_acceleration=config.holding_acceleration,
+        ),
+        finger_joints,
+    )
+
+
+def ConnectPlanner(
+    builder: DiagramBuilder, station: Diagram, localizer: object, planner: object
+) -> None:
+    """Connect a planner with our ports to a station and a localizer."""
+    builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    for source, target in (
+        ("arm.state_measured", "arm_state"),
+        ("gripper.state_measured", "gripper_state"),
+        ("gripper.grasped", "grasped"),
+        ("gripper.proximity", "proximity"),
+    ):
+        builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
+    for source, target in (
+        ("position_commanded", "arm.position_commanded"),
+        ("closure_commanded", "gripper.closure_commanded"),
+    ):
+        builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
+
+
+def _color_range(config: ObjectConfig) -> ColorRange:
+    if config.color_range is None:
+        return ColorRange.around(config.color)
+    lower, upper = config.color_range.lower, config.color_range.upper
+    return ColorRange(
+        (lower[0], lower[1], lower[2]),
+        (upper[0], upper[1], upper[2]),
+        config.color_range.space,  # type: ignore[arg-type] # it checks that itself
+    )

@@ -1,0 +1,277 @@
+"""All motions of one pick and place, planned at once from where the object is seen."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.grasps import Grasp, grasps_of
+from drake_srg.planning.hand_target import HandTarget
+from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
+from drake_srg.planning.paths import PathFailure, PlanCartesianPath, PlanJointPath
+from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.trajectories import MotionLimits, TimeOptimalTrajectory
+from drake_srg.types import Failure, Mode, Shape, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+# A held object may overlap its support by this much in the plan [m], because it is
+# planned to stand on it.
+_SUPPORT_OVERLAP = -0.003
+
+
+@dc.dataclass(frozen=True)
+class MotionOptions:
+    """Distances and speeds of the motions."""
+
+    approaches: list[str]
+    tilts: list[float]  # rad
+    squeeze: float  # rad
+    approach_distance: float  # between pre-grasp and grasp [m]
+    lift_height: float  # m
+    place_height: float  # of the object above its support when it is let go [m]
+    speed: float  # share of the arm's velocity and acceleration limits, empty hand
+    holding_speed: float  # share of the velocity limits with something in the hand
+    holding_acceleration: float  # the same of the acceleration limits
+
+
+@dc.dataclass(frozen=True)
+class TaskMotions:
+    """A grasp and the motion of each mode that moves the arm."""
+
+    grasp: Grasp
+    motions: Mapping[Mode, Trajectory]
+
+
+@dc.dataclass(frozen=True)
+class TaskFailure:
+    """Why there are no motions."""
+
+    failure: Failure
+    message: str
+
+
+class _NoPathError(Exception):
+    def __init__(self, failure: Failure, message: str) -> None:
+        super().__init__(message)
+        self.failure = TaskFailure(failure, message)
+
+
+@dc.dataclass(frozen=True)
+class _Candidate:
+    grasp: Grasp
+    q_grasp: Vector
+    q_place: Vector
+    score: float
+
+
+class TaskPlanner:
+    """Plans picking and placing with a planning scene; holds nothing between calls."""
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        q_home: Vector,
+        options: MotionOptions,
+        finger_joints: Callable[[float, float], Vector],
+    ) -> None:
+        """Take what planning needs.
+
+        Args:
+            scene: The arm, the gripper and what they may hit.
+            q_home: Where the arm rests, shape (N,) [rad].
+            options: Distances and speeds.
+            finger_joints: Positions of the scene's fingers at a base and a tip angle.
+        """
+        self.scene = scene
+        self.q_home = np.asarray(q_home, dtype=float)
+        self.options = options
+        self._finger_joints = finger_joints
+        limits = MotionLimits.OfPlant(scene)
+        self._free = limits.Scaled(options.speed, options.speed)
+        self._holding = limits.Scaled(
+            options.holding_speed, options.holding_acceleration
+        )
+
+    def plan(
+        self, q_start: Vector, p_WO: Vector, shape: Shape, p_WO_goal: Vector
+    ) -> TaskMotions | TaskFailure:
+        """Plan the motions from `q_start` over pick and place to home.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            p_WO: Centre of the upright object, shape (3,) [m].
+            shape: Its shape.
+            p_WO_goal: Where its centre shall be, shape (3,) [m].
+        """
+        with self.scene.standing(shape, RigidTransform(p_WO_goal)):
+            clearance = self.scene.clearance(self.q_home)
+        if clearance.distance < 0.0:
+            return TaskFailure(
+                Failure.BLOCKED, f"something stands on the goal: {clearance}"
+            )
+        candidates, failures = self._candidates(p_WO, shape, p_WO_goal)
+        for candidate in candidates:
+            try:
+                motions = self._motions(q_start, p_WO, shape, p_WO_goal, candidate)
+                return TaskMotions(candidate.grasp, motions)
+            except _NoPathError as error:
+                failures.append(error.failure)
+        if not failures:
+            return TaskFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
+        # What only the surroundings forbid is worth knowing before what no arm
+        # posture reaches.
+        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
+        return (blocked or failures)[0]
+
+    def plan_escape(self, q: Vector) -> tuple[Trajectory, Trajectory] | TaskFailure:
+        """Plan back out of a failed grasp: away from the object, then home."""
+        X_WG = self.scene.X_WG(q)
+        back = -self.options.approach_distance * X_WG.rotation().col(0)
+        try:
+            path = PlanCartesianPath(self.scene, q, HandTarget.Pose(X_WG).Shifted(back))
+            if isinstance(path, PathFailure):
+                path = q[np.newaxis]
+            return (
+                self._timed(path, self._free),
+                self._timed(self._joint_path(path[-1], self.q_home), self._free),
+            )
+        except _NoPathError as error:
+            return error.failure
+
+    def _candidates(
+        self, p_WO: Vector, shape: Shape, p_WO_goal: Vector
+    ) -> tuple[list[_Candidate], list[TaskFailure]]:
+        """Grasps that can be reached at both ends, the best first."""
+        options = self.options
+        candidates, failures = [], []
+        for grasp in grasps_of(
+            shape, options.approaches, options.tilts, options.squeeze
+        ):
+            self._open_fingers(grasp)
+            with self.scene.standing(shape, RigidTransform(p_WO), touchable=True):
+                pick = SolveInverseKinematics(
+                    self.scene, grasp.target(p_WO), q_nominal=self.q_home
+                )
+            if isinstance(pick, IkFailure):
+                failures.append(
+                    TaskFailure(pick.failure, f"pick {grasp.name}: {pick.message}")
+                )
+                continue
+            self._close_fingers(grasp)
+            with self.scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
+                place = SolveInverseKinematics(
+                    self.scene,
+                    grasp.target(p_WO_goal),
+                    q_nominal=self.q_home,
+                    q_guess=pick.q,
+                )
+            if isinstance(place, IkFailure):
+                failures.append(
+                    TaskFailure(place.failure, f"place {grasp.name}: {place.message}")
+                )
+                continue
+            # Reach: how far the joints are from home [rad²]. Clearance counts up to
+            # 5 cm, and 1 cm as much as 0.5 rad².
+            spare = min(
+                0.05,
+                *(s.clearance.distance for s in (pick, place) if s.clearance),
+            )
+            score = pick.cost + place.cost - 50.0 * spare
+            candidates.append(_Candidate(grasp, pick.q, place.q, score))
+        return sorted(candidates, key=lambda c: c.score), failures
+
+    def _motions(
+        self,
+        q_start: Vector,
+        p_WO: Vector,
+        shape: Shape,
+        p_WO_goal: Vector,
+        candidate: _Candidate,
+    ) -> dict[Mode, Trajectory]:
+        scene, options, grasp = self.scene, self.options, candidate.grasp
+        lift = options.lift_height * _UP
+        motions: dict[Mode, Trajectory] = {}
+
+        self._open_fingers(grasp)
+        with scene.standing(shape, RigidTransform(p_WO), touchable=True):
+            back = self._straight(candidate.q_grasp, self._behind(candidate.q_grasp))
+            motions[Mode.GRASP] = self._timed(back[::-1], self._free)
+        with scene.standing(shape, RigidTransform(p_WO)):
+            motions[Mode.PRE_GRASP] = self._timed(
+                self._joint_path(q_start, back[-1]), self._free
+            )
+
+        self._close_fingers(grasp)
+        with scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
+            q_pick = candidate.q_grasp
+            up = self._straight(q_pick, HandTarget.Pose(scene.X_WG(q_pick)), lift)
+            motions[Mode.LIFT] = self._timed(up, self._holding)
+            q_place, down, across = self._transfer(up[-1], p_WO_goal, candidate)
+            motions[Mode.TRANSFER] = self._timed(across, self._holding)
+            motions[Mode.PLACE] = self._timed(down, self._holding)
+
+        self._open_fingers(grasp)
+        with scene.standing(shape, RigidTransform(p_WO_goal), touchable=True):
+            away = self._straight(q_place, self._behind(q_place))
+            motions[Mode.RETREAT] = self._timed(away, self._free)
+        with scene.standing(shape, RigidTransform(p_WO_goal)):
+            motions[Mode.HOME] = self._timed(
+                self._joint_path(away[-1], self.q_home), self._free
+            )
+        return motions
+
+    def _transfer(
+        self, q_lifted: Vector, p_WO_goal: Vector, candidate: _Candidate
+    ) -> tuple[Vector, Vector, Vector]:
+        """Posture at the goal, the way down to it, and the way across."""
+        scene, grasp = self.scene, candidate.grasp
+        p_place = p_WO_goal + self.options.place_height * _UP
+        lift = self.options.lift_height * _UP
+        # Straight across keeps the object upright. Where that does not go, any way.
+        upright = grasp.target(p_place + lift, angle_tolerance=0.004)
+        across = PlanCartesianPath(scene, q_lifted, upright)
+        if not isinstance(across, PathFailure):
+            target = HandTarget.Pose(scene.X_WG(across[-1])).Shifted(-lift)
+            down = PlanCartesianPath(scene, across[-1], target)
+            if not isinstance(down, PathFailure):
+                return down[-1], down, across
+        q_place = candidate.q_place
+        up = self._straight(q_place, HandTarget.Pose(scene.X_WG(q_place)), lift)
+        return q_place, up[::-1], self._joint_path(q_lifted, up[-1])
+
+    def _behind(self, q: Vector) -> HandTarget:
+        X_WG = self.scene.X_WG(q)
+        back = -self.options.approach_distance * X_WG.rotation().col(0)
+        return HandTarget.Pose(X_WG).Shifted(back)
+
+    def _straight(
+        self, q: Vector, target: HandTarget, shift: Vector | None = None
+    ) -> Vector:
+        if shift is not None:
+            target = target.Shifted(shift)
+        path = PlanCartesianPath(self.scene, q, target)
+        if isinstance(path, PathFailure):
+            raise _NoPathError(path.failure, path.message)
+        return path
+
+    def _joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:
+        path = PlanJointPath(self.scene, q_start, q_goal)
+        if isinstance(path, PathFailure):
+            raise _NoPathError(path.failure, path.message)
+        return path
+
+    def _timed(self, path: Vector, limits: MotionLimits) -> Trajectory:
+        trajectory = TimeOptimalTrajectory(self.scene, path, limits)
+        if isinstance(trajectory, PathFailure):
+            raise _NoPathError(trajectory.failure, trajectory.message)
+        return trajectory
+
+    def _open_fingers(self, grasp: Grasp) -> None:
+        self.scene.fingers = self._finger_joints(grasp.base_angle_open, 0.0)
+
+    def _close_fingers(self, grasp: Grasp) -> None:
+        self.scene.fingers = self._finger_joints(grasp.base_angle, grasp.tip_angle)
