@@ -40,6 +40,6 @@ def ConfigureParser(parser: Parser) -> None:
         if Path(known).resolve() == Path(path).resolve():
             return
         raise ValueError(
-            f"This parser maps package 'drake_srg' to {known}, not to {path}."
+            f"This parser already maps package 'drake_srg' to {known}, not to {path}."
         )
     packages.Add("drake_srg", path)

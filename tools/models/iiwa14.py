@@ -128,8 +128,8 @@ class Elbow:
         band = Prism(Disc(self.radius + 0.001, count=_FINE), 0.008, 0.016, 0.0005)
         name = f"link_{link}"
         pieces = [
-            _Convex(f"{name}_socket", self.Socket(_FINE, 6), self.Socket(_COARSE, 3)),
-            _Convex(f"{name}_hub", self.Hub(_FINE, 6), self.Hub(_COARSE, 3)),
+            _Convex(f"{name}_socket", self.Socket(_FINE, 6), self.Socket(_COARSE, 5)),
+            _Convex(f"{name}_hub", self.Hub(_FINE, 6), self.Hub(_COARSE, 5)),
             Piece(f"{name}_band", "ring", band),
             *[
                 dc.replace(cap, solid=self._OnHub(cap.solid))
@@ -186,7 +186,7 @@ def Link6() -> list[Piece]:
         return Revolve(profile, count).moved(RotX(-_HALF))
 
     return [
-        _Convex("link_6_drum", Drum(_FINE, 6), Drum(_COARSE, 3)),
+        _Convex("link_6_drum", Drum(_FINE, 6), Drum(_COARSE, 5)),
         _Convex("link_6_outlet", Outlet(_FINE), Outlet(_COARSE)),
         *_Cap("link_6", 0.034, 0.062),
     ]

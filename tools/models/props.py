@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, Sub
-from .shapes import Block, Disc, Prism, Revolve, UnionProperties
+from .shapes import Block, Disc, Prism, Revolve, RotX, UnionProperties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.
 WOOD = Proximity(rigid=True, friction=0.6)
@@ -102,21 +102,16 @@ def Can() -> Files:
     looks = {"red": (0.80, 0.10, 0.08), "label": (0.93, 0.89, 0.78)}
     model = Model(name, looks, "YCB 005; one cylinder to touch.")
     r, h, count = CAN_RADIUS, CAN_LENGTH / 2, 64
-    rim = [(r - 0.0002, h), (r, h - 0.0002), (r, h - 0.0022), (r - 0.0003, h - 0.0028)]
-    profile = [*rim, *[(radius, -z) for radius, z in reversed(rim)]]
-    parts = [
-        Revolve([profile[0], profile[1], profile[2], profile[3]], count),
-        Revolve([(r - 0.0003, 0.05), (r - 0.0003, -0.05)], count),
-        Revolve(profile[4:], count),
-    ]
+    rim = [(r - 0.0002, h), (r, h - 0.0002), (r, h - 0.0022)]
+    upper = Revolve([*rim, (r - 0.0002, h - 0.0028), (r - 0.0002, h / 3)], count)
+    lower = upper.moved(RotX(np.pi))
+    label = Revolve([(r - 0.0001, h / 3), (r - 0.0001, -h / 3)], count)
     collision = Primitive("cylinder", (r, CAN_LENGTH))
     pieces = [
-        Piece("can", "red", parts[0], collision, CAN),
-        Piece("body", "red", parts[1]),
-        Piece("bottom", "red", parts[2]),
-        Piece("label", "label", Revolve([(r - 0.0001, h / 3), (r - 0.0001, -h / 3)],
-                                        count)),
-    ]  # fmt: skip
+        Piece("can", "red", upper, collision, CAN),
+        Piece("lower", "red", lower),
+        Piece("label", "label", label),
+    ]
     moment = CAN_MASS * (3 * r**2 + CAN_LENGTH**2) / 12
     inertia = np.diag([moment, moment, CAN_MASS * r**2 / 2])
     model.AddLink("can", pieces, Inertial(CAN_MASS, (0, 0, 0), inertia))
