@@ -125,11 +125,11 @@ class Model:
             Sub(link, "pose", [*pose[1], *pose[2]], relative_to=pose[0])
         if inertial is not None:
             node = Sub(link, "inertial")
-            Pose(node, inertial.com)
+            Pose(node, np.round(inertial.com, 6) + 0.0)
             Sub(node, "mass", inertial.mass)
             matrix = Sub(node, "inertia")
             for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-                value = f"{inertial.inertia[i, j]:.5g}"
+                value = f"{inertial.inertia[i, j]:.4g}"
                 floor = 1e-5 * np.max(inertial.inertia)
                 if abs(inertial.inertia[i, j]) < floor:
                     value = "0"
