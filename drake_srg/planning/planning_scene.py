@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from pydrake import geometry
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import SpatialInertia
+from pydrake.multibody.tree import Joint, ModelInstanceIndex, SpatialInertia
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
@@ -119,15 +119,11 @@ class PlanningScene:
         self._held = held
         self._gripper_model = gripper_model
         self._positions = self.plant.GetPositions(self.context)
-        joints = [
-            self.plant.get_joint(index)
-            for index in self.plant.GetJointIndices(arm_model)
-        ]
-        joints = sorted(
-            (joint for joint in joints if joint.num_positions() == 1),
-            key=lambda joint: joint.position_start(),
-        )
+        joints = self._MovingJoints(arm_model)
         self.joint_names = [joint.name() for joint in joints]
+        self.finger_names = [
+            joint.name() for joint in self._MovingJoints(gripper_model)
+        ]
         self.arm_indices = np.array([joint.position_start() for joint in joints])
         self.lower = self.plant.GetPositionLowerLimits()[self.arm_indices]
         self.upper = self.plant.GetPositionUpperLimits()[self.arm_indices]
@@ -155,6 +151,11 @@ class PlanningScene:
         # joint to the finger tips is its lever.
         self.levers: Vector = np.cumsum(lengths[::-1])[::-1] + _HAND_REACH
 
+    def _MovingJoints(self, model: ModelInstanceIndex) -> list[Joint]:
+        joints = map(self.plant.get_joint, self.plant.GetJointIndices(model))
+        moving = (joint for joint in joints if joint.num_positions() == 1)
+        return sorted(moving, key=lambda joint: joint.position_start())
+
     def _SetMargin(self, body: object, margin: float) -> None:
         self._checker.SetPaddingOneRobotBodyAllEnvironmentPairs(body, margin)
 
@@ -165,7 +166,7 @@ class PlanningScene:
 
     @property
     def fingers(self) -> Vector:
-        """Positions of the gripper's joints during planning [rad], in plant order."""
+        """Angles of the gripper's joints in planning [rad], as `finger_names`."""
         return self.plant.GetPositionsFromArray(self._gripper_model, self._positions)
 
     @fingers.setter
@@ -217,11 +218,18 @@ class PlanningScene:
         coarse, fine = samples[::8], np.delete(samples, np.s_[::8], axis=0)
         return all(map(self.is_free, coarse)) and all(map(self.is_free, fine))
 
-    def first_hit(self, samples: Iterable[Vector]) -> Clearance | None:
-        """The clearance at the first of `samples` that breaks a margin, else None."""
+    def first_hit(
+        self, samples: Iterable[Vector], tolerance: float = 0.0
+    ) -> Clearance | None:
+        """The first clearance among `samples` that breaks a margin, else None.
+
+        Breaking it by less than `tolerance` [m] does not count.
+        """
         for q in samples:
             if not self.is_free(q):
-                return self.clearance(q)
+                clearance = self.clearance(q)
+                if clearance.spare <= -tolerance:
+                    return clearance
         return None
 
     @contextlib.contextmanager

@@ -26,6 +26,10 @@ from drake_srg.planning.paths import PathFailure
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.types import Failure, Vector
 
+# The polyline may touch its margin between the configurations that were checked; a
+# motion that is checked elsewhere on it must not fail for that [m].
+_GRAZE = 1e-3
+
 
 @dc.dataclass(frozen=True)
 class MotionLimits:
@@ -115,9 +119,8 @@ def TimeOptimalTrajectory(
             )
         trajectory = _WithinLimits(scene, motion, limits, ramp)
         # A straight line stays straight and has been checked.
-        hit = (
-            scene.first_hit(_Samples(scene, trajectory)) if len(waypoints) > 2 else None
-        )
+        samples = _Samples(scene, trajectory) if len(waypoints) > 2 else ()
+        hit = scene.first_hit(samples, _GRAZE)
         if hit is None:
             return trajectory
         message = f": {hit}"

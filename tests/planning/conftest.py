@@ -1,0 +1,78 @@
+"""Two arms to plan for: the iiwa with the SRG on a table, and a pendulum."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.planning import RobotDiagramBuilder
+
+from drake_srg.parsing import ConfigureParser
+from drake_srg.planning.planning_scene import PlanningScene
+
+_IIWA = """
+directives:
+- add_model: {name: table, file: package://drake_srg/sdf/table.sdf}
+- add_model: {name: arm, file: package://drake_srg/sdf/iiwa14.sdf}
+- add_weld: {parent: table::table_top, child: arm::link_0}
+- add_model: {name: gripper, file: package://drake_srg/sdf/srg.sdf}
+- add_weld:
+    parent: arm::flange
+    child: gripper::palm
+    X_PC: {rotation: !Rpy {deg: [0, -90, 0]}}
+"""
+
+# Two hinges about y, a massless-looking arm and 2 kg at 0.5 m: 9.81 N m when level.
+_PENDULUM = """
+<robot name="{name}">{body}</robot>
+"""
+_PENDULUM_ARM = """
+<link name="base"/>
+<link name="upper"><inertial><mass value="1e-3"/>
+  <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="lower"><inertial><mass value="1e-3"/>
+  <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+  <axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" velocity="2" effort="15" drake:acceleration="10"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+  <origin xyz="0.25 0 0"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" velocity="3" effort="15" drake:acceleration="20"/></joint>
+<transmission><type>SimpleTransmission</type><joint name="shoulder">
+  <hardwareInterface>E</hardwareInterface></joint><actuator name="s"/></transmission>
+<transmission><type>SimpleTransmission</type><joint name="elbow">
+  <hardwareInterface>E</hardwareInterface></joint><actuator name="e"/></transmission>
+"""
+_PENDULUM_HAND = """
+<link name="palm"><inertial><mass value="2"/>
+  <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><sphere radius="0.05"/></geometry></collision></link>
+"""
+
+
+@pytest.fixture(scope="session")
+def iiwa() -> PlanningScene:
+    builder = RobotDiagramBuilder(time_step=0.0)
+    ConfigureParser(builder.parser())
+    builder.parser().AddModelsFromString(_IIWA, "dmd.yaml")
+    return PlanningScene(builder)
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> PlanningScene:
+    builder = RobotDiagramBuilder(time_step=0.0)
+    plant, parser = builder.plant(), builder.parser()
+    for name, body in (("arm", _PENDULUM_ARM), ("gripper", _PENDULUM_HAND)):
+        parser.AddModelsFromString(_PENDULUM.format(name=name, body=body), "urdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+    elbow = plant.GetFrameByName("lower")
+    plant.WeldFrames(
+        elbow, plant.GetFrameByName("palm"), RigidTransform([0.25, 0.0, 0.0])
+    )
+    return PlanningScene(builder)
+
+
+@pytest.fixture
+def home() -> np.ndarray:
+    """Elbow up, hand pointing down, clear of the table."""
+    return np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
