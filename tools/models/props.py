@@ -14,9 +14,9 @@ SHEET = Proximity(rigid=True, friction=0.4)
 # YCB object set, 005_tomato_soup_can.
 CAN_RADIUS, CAN_LENGTH, CAN_MASS = 0.0339, 0.1018, 0.349
 # Tinplate around a liquid: 25 times stiffer than the pads that hold it, so that the
-# pads yield, and soft enough for steps of several milliseconds. The hint cuts the circle
-# into 22 sides, 0.34 mm inside it; at 0.015 it is 0.7 mm for the same time a step, at
-# 0.006 0.1 mm for a fifth more.
+# pads yield, and soft enough for steps of several milliseconds. The hint cuts the
+# circle into 22 sides, 0.34 mm inside it; at 0.015 it is 0.7 mm for the same time a
+# step, at 0.006 it is 0.1 mm for a quarter more.
 CAN = Proximity(
     rigid=False, friction=0.8, modulus=5e7, dissipation=5.0, resolution=0.01
 )

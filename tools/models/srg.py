@@ -54,8 +54,8 @@ LOOKS = {
 
 # Nylon on a can or on itself: handbooks give 0.3 to 0.5.
 PLASTIC = Proximity(rigid=True, friction=0.4, resolution=0.005)
-# Soft rubber. Measured to hold and to place a can at steps of 1 to 10 ms. Drake meshes a
-# compliant box the same at any resolution, so none is given.
+# Soft rubber. Measured to hold and to place a can at steps of 1 to 10 ms. Drake meshes
+# a compliant box the same at any resolution, so none is given.
 RUBBER = Proximity(rigid=False, friction=0.8, modulus=2e6, dissipation=5.0)
 
 _PLATE_IN, _PLATE_OUT = 0.0158, 0.0208  # the palm's plates hold the fingers, |z|
