@@ -34,10 +34,10 @@ _PENDULUM_ARM = """
   <inertia ixx="1e-6" iyy="1e-6" izz="1e-6" ixy="0" ixz="0" iyz="0"/></inertial></link>
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
   <axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" velocity="2" effort="15" drake:acceleration="10"/></joint>
+  <limit lower="-3" upper="3" velocity="2" effort="13" drake:acceleration="10"/></joint>
 <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
   <origin xyz="0.25 0 0"/><axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" velocity="3" effort="15" drake:acceleration="20"/></joint>
+  <limit lower="-3" upper="3" velocity="3" effort="13" drake:acceleration="20"/></joint>
 <transmission><type>SimpleTransmission</type><joint name="shoulder">
   <hardwareInterface>E</hardwareInterface></joint><actuator name="s"/></transmission>
 <transmission><type>SimpleTransmission</type><joint name="elbow">
