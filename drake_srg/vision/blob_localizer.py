@@ -1,0 +1,230 @@
+"""Finds objects of known colour and shape in colour and depth images."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, EventStatus, State
+from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Blob, BlobFlag, Shape, Vector
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.color import ColorImage, ColorRange
+from drake_srg.vision.shape_fit import Fit, fit_shape
+from drake_srg.vision.view import bounding_size, view_around
+
+
+@dc.dataclass(frozen=True)
+class BlobTarget:
+    """What to look for."""
+
+    name: str
+    shape: Shape
+    color: ColorRange
+
+
+class BlobLocalizer(LeafSystem):
+    """Positions of the targets that the cameras see, one Blob a sighting.
+
+    A target's pixels are found by colour, their connected components give the blobs,
+    and depth and the known shape give each blob the position of the object's centre
+    (see `fit_shape`). Cylinders and boxes are taken to stand upright, within 15
+    degrees. Two blobs nearer to each other than the object is wide are the same object
+    seen in two parts; the better one stays.
+
+    .. pydrake_system::
+
+        name: BlobLocalizer
+        input_ports:
+        - camera.color_image
+        - camera.depth_image
+        - camera.body_pose_in_world
+        output_ports:
+        - blobs
+
+    Every camera has its three input ports: `{camera}.color_image` (ImageRgba8U),
+    `{camera}.depth_image` (ImageDepth32F) and `{camera}.body_pose_in_world`
+    (RigidTransform X_WB). The output `blobs` is a list[Blob], in the order of the
+    targets and the best first; poses in world [m].
+
+    With `period` 0 the output is computed when it is evaluated, so cameras that nobody
+    asks cost nothing. With a positive period the images are sampled by a periodic event
+    and the output repeats the last sample.
+
+    Args:
+        targets: What to look for, by unique names.
+        cameras: Camera name to its model.
+        period: 0, or the sampling period [s].
+        min_area: Smaller blobs are dropped [pixels].
+        min_quality: Blobs with a smaller share of the outline seen are dropped, 0 .. 1.
+
+    Raises:
+        ValueError: If targets or cameras are empty, a name appears twice, or a number
+            is out of range.
+    """
+
+    def __init__(
+        self,
+        targets: Sequence[BlobTarget],
+        cameras: Mapping[str, CameraModel],
+        *,
+        period: float = 0.0,
+        min_area: int = 12,
+        min_quality: float = 0.2,
+    ):
+        super().__init__()
+        names = [target.name for target in targets]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(
+                f"BlobLocalizer needs targets of unique names, got {names}"
+            )
+        if not cameras:
+            raise ValueError("BlobLocalizer needs at least one camera")
+        if period < 0 or min_area < 1 or not 0 <= min_quality <= 1:
+            raise ValueError(
+                f"BlobLocalizer has period={period}, min_area={min_area}, min_quality="
+                f"{min_quality}; allowed are period >= 0, min_area >= 1 and a "
+                "min_quality of 0 .. 1"
+            )
+        self._targets = tuple(targets)
+        self._cameras = {
+            name: (model.imager("color"), model.imager("depth"))
+            for name, model in cameras.items()
+        }
+        self._min_area = min_area
+        self._min_quality = min_quality
+
+        image_types = {"color_image": ImageRgba8U, "depth_image": ImageDepth32F}
+        for camera in cameras:
+            for port, image in image_types.items():
+                self.DeclareAbstractInputPort(
+                    name=f"{camera}.{port}", model_value=AbstractValue.Make(image())
+                )
+            self.DeclareAbstractInputPort(
+                name=f"{camera}.body_pose_in_world",
+                model_value=AbstractValue.Make(RigidTransform()),
+            )
+        empty: list[Blob] = []
+        if period == 0:
+            calc, prerequisites = self._calc_blobs, {self.all_input_ports_ticket()}
+        else:
+            self._sample = self.DeclareAbstractState(AbstractValue.Make(empty))
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+            calc = self._copy_sample
+            prerequisites = {self.abstract_state_ticket(self._sample)}
+        self.DeclareAbstractOutputPort(
+            name="blobs",
+            alloc=lambda: AbstractValue.Make(empty),
+            calc=calc,
+            prerequisites_of_calc=prerequisites,
+        )
+
+    def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._locate(context))
+
+    def _copy_sample(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(
+            list(context.get_abstract_state(int(self._sample)).get_value())
+        )
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        found = self._locate(context)
+        state.get_mutable_abstract_state(int(self._sample)).set_value(found)
+        return EventStatus.Succeeded()
+
+    def _locate(self, context: Context) -> list[Blob]:
+        found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
+        for camera in self._cameras:
+            color = self._image(context, camera, "color")
+            depth = self._image(context, camera, "depth")[..., 0]
+            X_WB = self._input(context, f"{camera}.body_pose_in_world")
+            for target in self._targets:
+                found[target.name] += self._see(target, camera, color, depth, X_WB)
+        return [
+            blob
+            for blobs in found.values()
+            for blob in sorted(blobs, key=lambda blob: -blob.quality)
+        ]
+
+    def _see(
+        self,
+        target: BlobTarget,
+        camera: str,
+        color: ColorImage,
+        depth: Vector,
+        X_WB: RigidTransform,
+    ) -> list[Blob]:
+        """The blobs of one target in one camera."""
+        color_imager, depth_imager = self._cameras[camera]
+        colored = target.color.mask(color)
+        count, labels, stats, centroids = cv2.connectedComponentsWithStats(
+            colored.astype(np.uint8), connectivity=8
+        )
+        blobs: list[Blob] = []
+        for i in range(1, count):  # 0 is the background
+            left, top, width, height, area = (int(x) for x in stats[i])
+            if area < self._min_area:
+                continue
+            blob = labels == i
+            view = view_around(
+                target.shape, blob, colored, depth, color_imager, depth_imager, X_WB
+            )
+            fit = fit_shape(target.shape, view) if view else None
+            if fit is None or fit.quality < self._min_quality:
+                continue
+            h, w = labels.shape
+            at_border = left == 0 or top == 0 or left + width == w or top + height == h
+            blobs.append(
+                Blob(
+                    object_name=target.name,
+                    camera=camera,
+                    pixel=(float(centroids[i, 0]), float(centroids[i, 1])),
+                    position=fit.position,
+                    axis=fit.axis,
+                    quality=fit.quality,
+                    flags=_flags(fit, at_border),
+                )
+            )
+        return _distinct(blobs, target.shape)
+
+    def _image(self, context: Context, camera: str, which: str) -> npt.NDArray[Any]:
+        image = self._input(context, f"{camera}.{which}_image").data
+        info = self._cameras[camera][which == "depth"].info
+        if image.shape[:2] != (info.height(), info.width()):
+            raise ValueError(
+                f"{camera}.{which}_image is {image.shape[1]}x{image.shape[0]} pixels, "
+                f"but its camera model says {info.width()}x{info.height()}"
+            )
+        return np.asarray(image)
+
+    def _input(self, context: Context, name: str) -> Any:
+        port = self.GetInputPort(name)
+        if not port.HasValue(context):
+            raise RuntimeError(f"BlobLocalizer's input port {name!r} is not connected")
+        return port.Eval(context)
+
+
+def _flags(fit: Fit, at_border: bool) -> frozenset[BlobFlag]:
+    flags = {
+        BlobFlag.BORDER: fit.cut or at_border,
+        BlobFlag.OCCLUDED: fit.hidden,
+    }
+    return frozenset(flag for flag, raised in flags.items() if raised)
+
+
+def _distinct(blobs: list[Blob], shape: Shape) -> list[Blob]:
+    """The blobs without those that repeat a better one's object."""
+    width = float(bounding_size(shape)[:2].min())
+    kept: list[Blob] = []
+    for blob in sorted(blobs, key=lambda blob: -blob.quality):
+        if all(np.linalg.norm(blob.position - k.position) >= width / 2 for k in kept):
+            kept.append(blob)
+    return kept

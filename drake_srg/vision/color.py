@@ -1,0 +1,98 @@
+"""Which colours belong to a target."""
+
+from __future__ import annotations
+
+import colorsys
+import dataclasses as dc
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+Mask = npt.NDArray[np.bool_]
+ColorImage = npt.NDArray[np.uint8]
+Triple = tuple[float, float, float]
+
+# What "full scale" of a channel is in the units of `ColorRange`.
+_FULL_SCALE = {"hsv": (360.0, 1.0, 1.0), "rgb": (1.0, 1.0, 1.0)}
+
+
+@dc.dataclass(frozen=True)
+class ColorRange:
+    """An inclusive range of colours.
+
+    In "hsv" the channels are hue [degrees, 0 .. 360], saturation and value
+    [0 .. 1]; a lower hue above the upper one wraps through red at 0. In "rgb" they
+    are red, green and blue [0 .. 1]. HSV suits coloured objects, because shading
+    changes the value and little else.
+
+    Raises:
+        ValueError: If a bound lies outside its channel or the bounds are swapped.
+    """
+
+    lower: Triple
+    upper: Triple
+    space: Literal["hsv", "rgb"] = "hsv"
+
+    def __post_init__(self) -> None:
+        if self.space not in _FULL_SCALE:
+            raise ValueError(
+                f"ColorRange.space is {self.space!r}; allowed are 'hsv' and 'rgb'"
+            )
+        for i, top in enumerate(_FULL_SCALE[self.space]):
+            low, high = self.lower[i], self.upper[i]
+            channel = f"ColorRange channel {self.space[i]!r}"
+            if not (0.0 <= low <= top and 0.0 <= high <= top):
+                raise ValueError(
+                    f"{channel} is [{low}, {high}]; allowed are 0 .. {top:g}"
+                )
+            if low > high and not self._hue(i):
+                raise ValueError(
+                    f"{channel} is [{low}, {high}]; lower must not exceed upper "
+                    "(only a hue wraps)"
+                )
+
+    @classmethod
+    def around(cls, rgb: Sequence[float], hue_tolerance: float = 12.0) -> ColorRange:
+        """The range an object of diffuse colour `rgb` is seen in, shaded or not.
+
+        A coloured object keeps its hue, and shading lowers its value; a grey one has
+        no hue, so it is told by its value.
+
+        Args:
+            rgb: Red, green, blue [0 .. 1]; a fourth entry (alpha) is ignored.
+            hue_tolerance: Accepted deviation of the hue [degrees].
+        """
+        h, s, v = colorsys.rgb_to_hsv(*(float(x) for x in rgb[:3]))
+        if s < 0.05:
+            return cls((0.0, 0.0, max(0.0, v - 0.3)), (360.0, 0.1, min(1.0, v + 0.1)))
+        return cls(
+            ((360.0 * h - hue_tolerance) % 360.0, 0.6 * s, 0.1 * v),
+            ((360.0 * h + hue_tolerance) % 360.0, min(1.0, 1.4 * s + 0.05), 1.0),
+        )
+
+    def mask(self, image: ColorImage) -> Mask:
+        """Which pixels lie in the range.
+
+        Args:
+            image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.
+
+        Returns:
+            Shape (height, width).
+        """
+        pixels: npt.NDArray[Any] = np.ascontiguousarray(image[..., :3])
+        if self.space == "hsv":
+            pixels = cv2.cvtColor(pixels, cv2.COLOR_RGB2HSV_FULL)
+        scale = 255.0 / np.array(_FULL_SCALE[self.space])
+        low = np.floor(np.array(self.lower) * scale)
+        high = np.ceil(np.array(self.upper) * scale)
+        if low[0] <= high[0]:
+            return np.asarray(cv2.inRange(pixels, low, high) > 0)
+        to_red = cv2.inRange(pixels, low, np.array([255.0, *high[1:]]))
+        from_red = cv2.inRange(pixels, np.array([0.0, *low[1:]]), high)
+        return np.asarray((to_red > 0) | (from_red > 0))
+
+    def _hue(self, channel: int) -> bool:
+        return self.space == "hsv" and channel == 0

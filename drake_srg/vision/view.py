@@ -1,0 +1,106 @@
+"""The window of a depth image in which a blob's object must lie."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.math import RigidTransform
+
+from drake_srg.types import Box, Shape, Vector
+from drake_srg.vision.camera import Imager
+
+Mask = npt.NDArray[np.bool_]
+
+
+@dc.dataclass(frozen=True)
+class View:
+    """A window of one depth image around a blob, its geometry in world W.
+
+    Attributes:
+        origin: p_WD, the imager's centre [m], shape (3,).
+        rays: Directions in W per unit of depth, shape (h, w, 3).
+        depth: Along the imager's z [m], shape (h, w); 0 is too near, inf too far.
+        blob: Pixels of the blob, shape (h, w).
+        others: Pixels of the same colour that are not the blob's, shape (h, w).
+        project: World points (n, 3) to window pixels (column, row), (n, 2).
+        focal: Focal length [pixels].
+    """
+
+    origin: Vector
+    rays: Vector
+    depth: Vector
+    blob: Mask
+    others: Mask
+    project: Callable[[Vector], Vector]
+    focal: float
+
+    def points(self) -> Vector:
+        """Visible surface in W [m], shape (h, w, 3); not finite where too far."""
+        return np.asarray(self.origin + self.rays * self.depth[..., None])
+
+
+def bounding_size(shape: Shape) -> Vector:
+    """Extent of a shape along its own x, y, z [m], shape (3,)."""
+    if isinstance(shape, Box):
+        return np.array(shape.size, dtype=float)
+    return np.array([2 * shape.radius, 2 * shape.radius, shape.height])
+
+
+def view_around(
+    shape: Shape,
+    blob: Mask,
+    colored: Mask,
+    depth: Vector,
+    color_imager: Imager,
+    depth_imager: Imager,
+    X_WB: RigidTransform,
+) -> View | None:
+    """The view of a blob, as far as the whole object may reach.
+
+    Args:
+        shape: The object's shape; its size sets the window's margin.
+        blob: Colour pixels of the blob, shape (color height, color width).
+        colored: Colour pixels of the target's colour.
+        depth: Along the depth imager's z [m], shape (depth height, depth width).
+        color_imager: Where the masks were taken.
+        depth_imager: Where the depth was taken.
+        X_WB: Pose of the camera body in world.
+
+    Returns:
+        None where the blob has no pixel with depth.
+    """
+    h, w = depth.shape
+    if not depth_imager.same_as(color_imager):
+        # Carry the masks over to the depth image's pixels.
+        finite = np.where(np.isfinite(depth), depth, 0.0)
+        p_D = depth_imager.rays(slice(0, w), slice(0, h)) * finite[..., None]
+        X_CD = color_imager.X_BI.inverse() @ depth_imager.X_BI
+        p_C = p_D @ X_CD.rotation().matrix().T + X_CD.translation()
+        blob, colored = (color_imager.lookup(p_C, mask) for mask in (blob, colored))
+    usable = blob & np.isfinite(depth) & (depth > 0)
+    if not usable.any():
+        return None
+    reach = np.linalg.norm(bounding_size(shape)) * depth_imager.info.focal_x()
+    margin = int(np.ceil(reach / depth[usable].min())) + 3
+
+    def window(hits: Mask) -> slice:
+        found = np.flatnonzero(hits)
+        first, last = int(found[0]) - margin, int(found[-1]) + margin
+        return slice(max(0, first), min(len(hits), last + 1))
+
+    rows, columns = (window(np.asarray(usable.any(axis=a))) for a in (1, 0))
+    X_WD = X_WB @ depth_imager.X_BI
+    R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
+    corner = np.array([columns.start, rows.start])
+    return View(
+        origin=p_WD,
+        rays=depth_imager.rays(columns, rows) @ R_WD.T,
+        depth=depth[rows, columns].astype(float),
+        blob=blob[rows, columns],
+        others=(colored & ~blob)[rows, columns],
+        project=lambda p_W: depth_imager.project((p_W - p_WD) @ R_WD) - corner,
+        focal=depth_imager.info.focal_x(),
+    )

@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import CameraInfo
+from vision_scene import FOV_Y, RED, Camera, Thing, make_sensors, render
+
+from drake_srg import types
+from drake_srg.vision.camera import DRAKE_PIXEL_CENTER, CameraModel
+
+INFO = CameraInfo(640, 480, FOV_Y)
+
+
+@pytest.mark.parametrize("kind", ["color", "depth"])
+def test_drake_samples_a_pixel_half_a_pixel_off_its_index(kind):
+    """A pixel is on a plate exactly where its sampling point is.
+
+    Every edge of a plate at a random place bounds the offset of the sampling points
+    from one side; thirty plates leave a narrow interval.
+    """
+    rng = np.random.default_rng(1)
+    low, high = np.full(2, -1.0), np.full(2, 2.0)
+    for _ in range(30):
+        x, y = rng.uniform(-0.25, 0.25, 2)
+        plate = Thing(types.Box((0.2, 0.2, 0.001)), (x, y, 0.0995), RED)
+        color, depth = render([plate])
+        on = depth < 1.45 if kind == "depth" else color[..., 1] < 60
+        first = np.array([np.flatnonzero(on.any(axis=a))[0] for a in (0, 1)])
+        last = np.array([np.flatnonzero(on.any(axis=a))[-1] for a in (0, 1)])
+        middle = np.array([x, -y])
+        center = np.array([INFO.center_x(), INFO.center_y()])
+        left, right = (
+            center + INFO.focal_x() * (middle + d) / 1.4 for d in (-0.1, 0.1)
+        )
+        low = np.maximum(low, np.maximum(left - first, right - last - 1))
+        high = np.minimum(high, np.minimum(left - first + 1, right - last))
+    # The coloured edge pixels are mixtures; leave them a tenth.
+    assert np.all(low - 0.1 < DRAKE_PIXEL_CENTER)
+    assert np.all(high + 0.1 > DRAKE_PIXEL_CENTER)
+    assert np.all(high - low < 0.15)
+
+
+def test_projecting_a_ray_gives_its_pixel():
+    imager = CameraModel(INFO).imager("depth")
+    rays = imager.rays(slice(10, 13), slice(400, 402))
+    assert rays.shape == (2, 3, 3)
+    np.testing.assert_allclose(imager.project(1.7 * rays)[1, 2], [12, 401])
+
+
+def test_lookup_is_false_outside_the_image_and_behind_the_camera():
+    imager = CameraModel(INFO).imager("color")
+    image = np.ones((480, 640), dtype=bool)
+    points = np.array([[0, 0, 1.0], [2.0, 0, 1.0], [0, 0, -1.0], [np.nan, 0, 1.0]])
+    assert imager.lookup(points, image).tolist() == [True, False, False, False]
+
+
+def test_depth_is_taken_like_color_unless_told_otherwise():
+    shift = RigidTransform([0.01, 0, 0])
+    model = CameraModel(INFO, X_BC=shift)
+    assert model.imager("depth").same_as(model.imager("color"))
+    model = CameraModel(INFO, X_BD=shift)
+    assert not model.imager("depth").same_as(model.imager("color"))
+
+
+def test_a_model_is_read_off_a_sensor():
+    X_BD = RigidTransform([0.02, 0.0, 0.0])
+    camera = Camera(depth_size=(320, 240), X_BD=X_BD)
+    sensor = make_sensors(DiagramBuilder(), [], {"c": camera})["c"]
+    model = CameraModel.from_sensor(sensor)
+    assert model.color.width() == 640
+    assert model.depth is not None
+    assert model.depth.width() == 320
+    assert model.imager("depth").X_BI.IsExactlyEqualTo(X_BD)

@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.vision.color import ColorRange
+
+
+def seen(color_range, *rgb):
+    image = np.array([[np.rint(255 * np.array(rgb))]], dtype=np.uint8)
+    return bool(color_range.mask(image)[0, 0])
+
+
+def test_a_hue_range_wraps_through_red():
+    red = ColorRange((345.0, 0.3, 0.1), (15.0, 1.0, 1.0))
+    assert seen(red, 0.9, 0.1, 0.2)
+    assert seen(red, 0.9, 0.2, 0.1)
+    assert not seen(red, 0.1, 0.9, 0.1)
+    assert not seen(red, 0.1, 0.1, 0.9)
+
+
+def test_rgb_bounds_are_inclusive():
+    lavender = ColorRange((0.8, 0.8, 0.95), (0.9, 0.9, 1.0), "rgb")
+    assert seen(lavender, 0.8, 0.9, 1.0)
+    assert not seen(lavender, 0.8, 0.9, 0.9)
+
+
+def test_alpha_is_ignored():
+    image = np.array([[[230, 20, 20, 0], [20, 230, 20, 255]]], dtype=np.uint8)
+    mask = ColorRange.around((0.9, 0.1, 0.1, 0.5)).mask(image)
+    assert mask.tolist() == [[True, False]]
+
+
+colorful = st.tuples(*[st.floats(0.0, 1.0)] * 3).filter(
+    lambda rgb: max(rgb) > 0.4 and max(rgb) - min(rgb) > 0.3 * max(rgb)
+)
+
+
+@given(colorful, st.floats(0.3, 1.0))
+def test_shading_keeps_an_object_in_its_range(rgb, shade):
+    assert seen(ColorRange.around(rgb), *(shade * x for x in rgb))
+
+
+@given(colorful)
+def test_a_grey_table_is_not_a_colored_object(rgb):
+    assert not seen(ColorRange.around(rgb), 0.6, 0.6, 0.6)
+
+
+def test_grey_objects_are_told_by_their_value():
+    white = ColorRange.around((0.95, 0.95, 0.95))
+    assert seen(white, 0.9, 0.9, 0.9)
+    assert not seen(white, 0.4, 0.4, 0.4)
+    assert not seen(white, 0.9, 0.3, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (((0, 0, 0), (1, 1, 1), "lab"), "allowed are 'hsv' and 'rgb'"),
+        (((0, 0, 0), (400, 1, 1)), r"'h' is \[0, 400\]; allowed are 0 .. 360"),
+        (((0, 0.5, 0), (10, 0.4, 1)), "'s'.*lower must not exceed upper"),
+        (((0.5, 0, 0), (0.4, 1, 1), "rgb"), "'r'.*lower must not exceed upper"),
+    ],
+)
+def test_bad_ranges_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        ColorRange(*arguments)
