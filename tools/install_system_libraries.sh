@@ -1,0 +1,33 @@
+#!/bin/sh
+# Installs the system libraries that Drake's wheel needs but does not carry, on Debian
+# and Ubuntu. Silent when nothing is missing; without root it prints the line to run.
+# Determined in a bare Debian 12: importing pydrake.all needs the first, rendering with
+# RenderEngineVtk without a display the other two (EGL alone crashes in VTK).
+# drake_srg/doctor.py names the same packages; tests/test_doctor.py compares them.
+set -eu
+
+# shared library : package
+needed='
+libglib-2.0.so.0:libglib2.0-0
+libEGL.so.1:libegl1
+libGL.so.1:libgl1
+'
+
+known=$(PATH="$PATH:/sbin:/usr/sbin" ldconfig -p)
+missing=
+for entry in $needed; do
+    case "$known" in
+        *"${entry%%:*} "*) ;;
+        *) missing="$missing ${entry#*:}" ;;
+    esac
+done
+[ -n "$missing" ] || exit 0
+
+if [ "$(id -u)" -ne 0 ]; then
+    echo "Missing system libraries. Run:" >&2
+    echo "sudo apt-get install -y --no-install-recommends$missing" >&2
+    exit 1
+fi
+apt-get update
+# shellcheck disable=SC2086  # the packages are words
+apt-get install -y --no-install-recommends $missing
