@@ -236,7 +236,9 @@ def _Diagnose(
     turning = target.R_WG is not None or bool(target.axes)
     if turning:
         free = _Program(scene, target, limits, weights, soft_rotation=True)
-        reached = [q for q, ok in (free.Solve(s, s) for s in starts) if ok]
+        tries = [free.Solve(start, start)[0] for start in starts]
+        close = 2.0 * target.position_tolerance  # beyond the corner of the box
+        reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
         if reached:
             q = min(reached, key=lambda q: target.angle_violation(scene.X_WG(q)))
             angle = target.angle_violation(scene.X_WG(q))

@@ -8,8 +8,15 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 from pydrake import geometry
+from pydrake.common import Parallelism
 from pydrake.math import RigidTransform
-from pydrake.multibody.tree import Joint, ModelInstanceIndex, SpatialInertia
+from pydrake.multibody.tree import (
+    BodyIndex,
+    Joint,
+    ModelInstanceIndex,
+    RigidBody,
+    SpatialInertia,
+)
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
@@ -82,7 +89,7 @@ class PlanningScene:
             hand: name of the gripper's body G whose pose is planned.
             margin: distance the arm keeps from its surroundings [m].
             hand_margin: distance the gripper keeps from them [m].
-            payload: mass at G that torque limits allow for [kg], always present.
+            payload: mass at G's origin that torque limits allow for [kg]; always there.
             step: largest motion of any point between two checks [m].
 
         Raises:
@@ -107,11 +114,11 @@ class PlanningScene:
         for body in (self._standing, self._obstacle):
             plant.WeldFrames(plant.world_frame(), body.body_frame())
 
-        # Drake announces its context pool on every construction; one is enough here.
         self._checker = SceneGraphCollisionChecker(
             model=builder.Build(),
             robot_model_instances=[arm_model, gripper_model],
             edge_step_size=self.step,  # required; edges are walked here instead
+            implicit_context_parallelism=Parallelism(1),
         )
         self.plant = self._checker.plant()
         self.context = self.plant.CreateDefaultContext()
@@ -125,8 +132,14 @@ class PlanningScene:
             joint.name() for joint in self._MovingJoints(gripper_model)
         ]
         self.arm_indices = np.array([joint.position_start() for joint in joints])
-        self.lower = self.plant.GetPositionLowerLimits()[self.arm_indices]
-        self.upper = self.plant.GetPositionUpperLimits()[self.arm_indices]
+        # A joint without limits gets two turns, so that postures can be drawn.
+        turn = 2.0 * np.pi
+        lower, upper = (
+            self.plant.GetPositionLowerLimits(),
+            self.plant.GetPositionUpperLimits(),
+        )
+        self.lower: Vector = np.maximum(lower[self.arm_indices], -turn)
+        self.upper: Vector = np.minimum(upper[self.arm_indices], turn)
 
         gripper_bodies = [
             self.plant.get_body(index)
@@ -156,7 +169,7 @@ class PlanningScene:
         moving = (joint for joint in joints if joint.num_positions() == 1)
         return sorted(moving, key=lambda joint: joint.position_start())
 
-    def _SetMargin(self, body: object, margin: float) -> None:
+    def _SetMargin(self, body: BodyIndex, margin: float) -> None:
         self._checker.SetPaddingOneRobotBodyAllEnvironmentPairs(body, margin)
 
     @property
@@ -265,7 +278,7 @@ class PlanningScene:
 
     @contextlib.contextmanager
     def _Shape(
-        self, body: object, shape: Shape, X_BO: RigidTransform
+        self, body: RigidBody, shape: Shape, X_BO: RigidTransform
     ) -> Iterator[None]:
         group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
         self._checker.AddCollisionShapeToBody(group, body, _ToDrake(shape), X_BO)

@@ -35,9 +35,9 @@ _PENDULUM_ARM = """
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
   <axis xyz="0 1 0"/>
   <limit lower="-3" upper="3" velocity="2" effort="13" drake:acceleration="10"/></joint>
-<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+<joint name="elbow" type="continuous"><parent link="upper"/><child link="lower"/>
   <origin xyz="0.25 0 0"/><axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" velocity="3" effort="13" drake:acceleration="20"/></joint>
+  <limit velocity="3" effort="13" drake:acceleration="20"/></joint>
 <transmission><type>SimpleTransmission</type><joint name="shoulder">
   <hardwareInterface>E</hardwareInterface></joint><actuator name="s"/></transmission>
 <transmission><type>SimpleTransmission</type><joint name="elbow">
@@ -58,18 +58,26 @@ def iiwa() -> PlanningScene:
     return PlanningScene(builder)
 
 
-@pytest.fixture(scope="session")
-def pendulum() -> PlanningScene:
+def MakePendulum(payload: float = 0.0) -> PlanningScene:
     builder = RobotDiagramBuilder(time_step=0.0)
     plant, parser = builder.plant(), builder.parser()
     for name, body in (("arm", _PENDULUM_ARM), ("gripper", _PENDULUM_HAND)):
         parser.AddModelsFromString(_PENDULUM.format(name=name, body=body), "urdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     elbow = plant.GetFrameByName("lower")
-    plant.WeldFrames(
-        elbow, plant.GetFrameByName("palm"), RigidTransform([0.25, 0.0, 0.0])
-    )
-    return PlanningScene(builder)
+    hand = plant.GetFrameByName("palm")
+    plant.WeldFrames(elbow, hand, RigidTransform([0.25, 0.0, 0.0]))
+    return PlanningScene(builder, payload=payload)
+
+
+@pytest.fixture(scope="session")
+def pendulum() -> PlanningScene:
+    return MakePendulum()
+
+
+@pytest.fixture(scope="session")
+def loaded_pendulum() -> PlanningScene:
+    return MakePendulum(payload=0.5)
 
 
 @pytest.fixture

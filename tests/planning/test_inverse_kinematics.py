@@ -133,6 +133,17 @@ def test_what_blocks_is_named(iiwa, home):
     assert isinstance(unchecked, IkSolution)
 
 
+def test_two_joints_reach_what_lies_in_their_plane(pendulum):
+    nominal = np.array([0.5, 0.5])
+    p_WT = np.array([0.25, 0.0, -0.25])  # the elbow bends by a right angle
+    found = SolveInverseKinematics(pendulum, HandTarget(p_WT), q_nominal=nominal)
+    assert abs(found.q[1]) == pytest.approx(np.pi / 2, abs=2e-3)
+    aside = HandTarget(p_WT + np.array([0.0, 0.1, 0.0]))
+    failure = SolveInverseKinematics(pendulum, aside, q_nominal=nominal)
+    assert failure.requirement is Requirement.POSITION
+    assert failure.violation == pytest.approx(0.1, abs=1e-3)
+
+
 def test_a_vector_of_the_wrong_size_is_refused_with_the_joints_names(iiwa):
     with pytest.raises(ValueError, match=r"q_nominal needs one entry.*joint_1"):
         SolveInverseKinematics(iiwa, HandTarget(np.zeros(3)), q_nominal=np.zeros(6))

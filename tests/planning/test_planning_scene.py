@@ -148,3 +148,8 @@ def test_margins_are_checked_before_anything_is_built():
         PlanningScene(RobotDiagramBuilder(), margin=-0.01)
     with pytest.raises(ValueError, match="step must be positive"):
         PlanningScene(RobotDiagramBuilder(), margin=0.0)
+
+
+def test_a_joint_without_limits_gets_two_turns(pendulum):
+    np.testing.assert_allclose(pendulum.lower, [-3.0, -2 * np.pi])
+    np.testing.assert_allclose(pendulum.upper, [3.0, 2 * np.pi])

@@ -237,6 +237,20 @@ def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
     assert "torque" in failure.message
 
 
+def test_a_payload_slows_and_can_be_too_much(pendulum, loaded_pendulum):
+    waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
+    limits = MotionLimits.OfPlant(pendulum)
+    bare = TimeOptimalTrajectory(pendulum, waypoints, limits)
+    loaded = TimeOptimalTrajectory(loaded_pendulum, waypoints, limits)
+    assert loaded.end_time() > bare.end_time() + 0.02
+    # 12.26 N m to hold 2.5 kg, 9.81 N m to hold 2 kg.
+    weak = limits.Scaled(torque=12.0 / 13.0)
+    assert not isinstance(TimeOptimalTrajectory(pendulum, waypoints, weak), PathFailure)
+    assert isinstance(
+        TimeOptimalTrajectory(loaded_pendulum, waypoints, weak), PathFailure
+    )
+
+
 @pytest.mark.parametrize(
     ("waypoints", "changes", "message"),
     [
