@@ -85,7 +85,8 @@ def TimeOptimalTrajectory(
         scene: what the polyline `waypoints` is free in, held object and all.
         waypoints: shape (K, N) [rad].
         limits: what not to exceed.
-        rounding: how far the motion may leave the polyline [rad].
+        rounding: how far the motion may leave the polyline [rad]; for a path of
+            `PlanCartesianPath`, 1e-3 keeps the hand on its line to a millimetre.
         ramp: duration of the shortest ramp from one acceleration to another [s].
             The whole motion lasts two to three of it longer than the fastest.
 
