@@ -2,7 +2,7 @@
 
 import numpy as np
 from pydrake.planning import RobotDiagramBuilder
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.objects import object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
@@ -10,7 +10,6 @@ from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.task_motions import MotionOptions, TaskPlanner
 from drake_srg.scenario import ObjectConfig, Scenario
 from drake_srg.station import AddDirectives, MakeStation
-from drake_srg.types import Vector
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
@@ -110,17 +109,6 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
     scene = PlanningScene(
         builder, margin=config.clearance, hand_margin=config.hand_clearance
     )
-    names = [
-        scene.plant.get_joint(joint).name()
-        for joint in scene.plant.GetJointIndices(
-            scene.plant.GetModelInstanceByName("gripper")
-        )
-        if scene.plant.get_joint(joint).num_positions() == 1
-    ]
-
-    def finger_joints(base: float, tip: float) -> Vector:
-        return np.array([base if "base" in name else tip for name in names])
-
     assert scenario.arm is not None
     return TaskPlanner(
         scene,
@@ -136,12 +124,11 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
             holding_speed=config.holding_speed,
             holding_acceleration=config.holding_acceleration,
         ),
-        finger_joints,
     )
 
 
 def ConnectPlanner(
-    builder: DiagramBuilder, station: Diagram, localizer: object, planner: object
+    builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
 ) -> None:
     """Connect a planner with our ports to a station and a localizer."""
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))

@@ -7,7 +7,9 @@ from collections.abc import Mapping
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import Context, LeafSystem
+from pydrake.systems.framework import Context
+
+from drake_srg.lifetime import LeafSystem
 
 
 class ObjectPoses(LeafSystem):

@@ -172,7 +172,8 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
             (body,) = plant.GetBodyIndices(model)
             plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
         if config.covered:
-            AddFixture(plant, f"lid_of_{name}", _LID, [*config.position, height])
+            x, y = X_WO.translation()[:2]
+            AddFixture(plant, f"lid_of_{name}", _LID, [x, y, height])
     if scenario.task.place.marker:
         AddFixture(
             plant,

@@ -10,6 +10,7 @@ import dataclasses as dc
 import difflib
 import hashlib
 import math
+import operator
 import types
 import typing
 from collections.abc import Iterable, Mapping, Sequence
@@ -219,7 +220,8 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
             _fail(origin, key, f"unknown key {field!r}; {_suggest(field, fields)}")
         field_type, bounds = fields[field]
         result[field] = check_tree(item, field_type, origin, _join(key, field))
-        _check_bounds(result[field], bounds, origin, _join(key, field))
+        if ours:
+            _check_bounds(result[field], bounds, origin, _join(key, field))
     return result
 
 
@@ -278,15 +280,15 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
 
 
 def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
-    if value is None or not bounds:
+    if value is None:
         return
     length = bounds.get("length")
     if length is not None and len(value) != length:
         _fail(origin, key, f"must have {length} numbers, has {len(value)}")
     tests = {
-        "gt": (lambda x, b: x > b, "greater than"),
-        "ge": (lambda x, b: x >= b, "at least"),
-        "le": (lambda x, b: x <= b, "at most"),
+        "gt": (operator.gt, "greater than"),
+        "ge": (operator.ge, "at least"),
+        "le": (operator.le, "at most"),
     }
     for item in value if isinstance(value, list) else [value]:
         if isinstance(item, float) and math.isinf(item):

@@ -10,9 +10,10 @@ from pydrake.systems.framework import (
     Context,
     Diagram,
     DiagramBuilder,
-    LeafSystem,
 )
 from pydrake.systems.primitives import StateInterpolatorWithDiscreteDerivative
+
+from drake_srg.lifetime import LeafSystem
 
 
 @dc.dataclass(kw_only=True)

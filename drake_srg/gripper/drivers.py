@@ -23,7 +23,7 @@ JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
 
 def _default_servo() -> GripperServoConfig:
     # Joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip), the inertia J that
-    # a joint turns is almost only its motor's, 0.0036 and 0.0018 kg m² (srg.sdf).
+    # a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
     # Stiffness K = J w²: the base gets w = 40 rad/s, a fifth of the sample rate. A
     # fingertip pinch presses with the middle of its pad, 34 mm beyond the tip hinge
     # and 85 mm beyond the base hinge, when base and tip torque are as 85 : 34; both
@@ -32,9 +32,9 @@ def _default_servo() -> GripperServoConfig:
     # over tau; K_FF2 = J / tau.
     base, tip = 0, 1
     tau = np.array([2.0, 1.4])
-    inertia = np.array([0.0036, 0.0018])
+    inertia = np.array([0.0037, 0.0019])
     stiffness = inertia[base] * 40.0**2 * np.array([1.0, 1.0 / 2.5])
-    damping = 0.005
+    damping = 0.01
 
     def per_joint(gain: np.ndarray) -> list[float]:
         return [float(gain[i]) for i in (base, base, tip, tip)]

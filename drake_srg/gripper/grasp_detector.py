@@ -4,7 +4,9 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from drake_srg.lifetime import LeafSystem
 
 
 @dc.dataclass(kw_only=True)

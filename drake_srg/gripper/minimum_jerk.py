@@ -3,8 +3,9 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
 # Columns of the discrete state, one row a joint.

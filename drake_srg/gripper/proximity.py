@@ -13,8 +13,9 @@ from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
     DiscreteValues,
-    LeafSystem,
 )
+
+from drake_srg.lifetime import LeafSystem
 
 
 @dc.dataclass(kw_only=True)

@@ -4,8 +4,9 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
 # Order of joints and sensors, here and at every port: left base, right base, left

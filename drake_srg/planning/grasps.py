@@ -165,5 +165,5 @@ def _contact_angle(p: Vector, radius: float) -> float:
         p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
         radius: Of the circle [m].
     """
-    cosine = (radius + _FACE_OFFSET) / np.linalg.norm(p)
+    cosine = float((radius + _FACE_OFFSET) / np.linalg.norm(p))
     return float(np.arccos(min(cosine, 1.0)) - np.arctan2(p[1], p[0]))

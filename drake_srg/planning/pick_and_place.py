@@ -11,13 +11,12 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     EventStatus,
-    LeafSystem,
     State,
 )
 from pydrake.trajectories import Trajectory
 
+from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.task_motions import (
-    MotionOptions,
     TaskFailure,
     TaskMotions,
     TaskPlanner,
@@ -171,6 +170,7 @@ class _Memory:
     next_look: float = 0.0  # when the object is looked for next [s]
     ready_at: float = np.inf  # when the planned motion may begin [s]
     attempts: int = 0  # grasps begun
+    looks: int = 0  # evaluations of `blobs`
     motions: TaskMotions | None = None
     escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
     trajectory: Trajectory | None = None  # of the mode, from `since` on
@@ -309,6 +309,7 @@ class PickAndPlacePlanner(LeafSystem):
                 mode=memory.mode,
                 failure=memory.failure if memory.mode is Mode.FAILED else None,
                 attempts=memory.attempts,
+                looks=memory.looks,
                 localization=memory.localization,
                 localized_at=memory.localized_at,
                 message=memory.message,
@@ -345,6 +346,7 @@ class PickAndPlacePlanner(LeafSystem):
         if time < memory.next_look:
             return memory
         blob = self._best_blob(context)
+        memory = dc.replace(memory, looks=memory.looks + 1)
         if blob is None:
             if time < memory.since + self.config.search_time:
                 return dc.replace(memory, next_look=time + self.config.search_period)
@@ -353,6 +355,7 @@ class PickAndPlacePlanner(LeafSystem):
                 memory,
                 failure=memory.failure or Failure.NOT_SEEN,
                 message=memory.message or f"no {self._object_name} in any image",
+                next_look=np.inf,
                 ready_at=time,
             )
         start = wall.perf_counter()
@@ -362,6 +365,7 @@ class PickAndPlacePlanner(LeafSystem):
         memory = dc.replace(
             memory,
             planning_wall=memory.planning_wall + wall.perf_counter() - start,
+            next_look=np.inf,
             ready_at=time + self.config.latency,
         )
         if isinstance(result, TaskFailure):

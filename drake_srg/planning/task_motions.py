@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -76,7 +76,6 @@ class TaskPlanner:
         scene: PlanningScene,
         q_home: Vector,
         options: MotionOptions,
-        finger_joints: Callable[[float, float], Vector],
     ) -> None:
         """Take what planning needs.
 
@@ -84,12 +83,10 @@ class TaskPlanner:
             scene: The arm, the gripper and what they may hit.
             q_home: Where the arm rests, shape (N,) [rad].
             options: Distances and speeds.
-            finger_joints: Positions of the scene's fingers at a base and a tip angle.
         """
         self.scene = scene
         self.q_home = np.asarray(q_home, dtype=float)
         self.options = options
-        self._finger_joints = finger_joints
         limits = MotionLimits.OfPlant(scene)
         self._free = limits.Scaled(options.speed, options.speed)
         self._holding = limits.Scaled(
@@ -199,7 +196,7 @@ class TaskPlanner:
         self._open_fingers(grasp)
         with scene.standing(shape, RigidTransform(p_WO), touchable=True):
             back = self._straight(candidate.q_grasp, self._behind(candidate.q_grasp))
-            motions[Mode.GRASP] = self._timed(back[::-1], self._free)
+            motions[Mode.GRASP] = self._timed(back[::-1], self._free, straight=True)
         with scene.standing(shape, RigidTransform(p_WO)):
             motions[Mode.PRE_GRASP] = self._timed(
                 self._joint_path(q_start, back[-1]), self._free
@@ -209,15 +206,15 @@ class TaskPlanner:
         with scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
             q_pick = candidate.q_grasp
             up = self._straight(q_pick, HandTarget.Pose(scene.X_WG(q_pick)), lift)
-            motions[Mode.LIFT] = self._timed(up, self._holding)
+            motions[Mode.LIFT] = self._timed(up, self._holding, straight=True)
             q_place, down, across = self._transfer(up[-1], p_WO_goal, candidate)
             motions[Mode.TRANSFER] = self._timed(across, self._holding)
-            motions[Mode.PLACE] = self._timed(down, self._holding)
+            motions[Mode.PLACE] = self._timed(down, self._holding, straight=True)
 
         self._open_fingers(grasp)
         with scene.standing(shape, RigidTransform(p_WO_goal), touchable=True):
             away = self._straight(q_place, self._behind(q_place))
-            motions[Mode.RETREAT] = self._timed(away, self._free)
+            motions[Mode.RETREAT] = self._timed(away, self._free, straight=True)
         with scene.standing(shape, RigidTransform(p_WO_goal)):
             motions[Mode.HOME] = self._timed(
                 self._joint_path(away[-1], self.q_home), self._free
@@ -264,14 +261,22 @@ class TaskPlanner:
             raise _NoPathError(path.failure, path.message)
         return path
 
-    def _timed(self, path: Vector, limits: MotionLimits) -> Trajectory:
-        trajectory = TimeOptimalTrajectory(self.scene, path, limits)
+    def _timed(
+        self, path: Vector, limits: MotionLimits, *, straight: bool = False
+    ) -> Trajectory:
+        # The hand's straight lines are kept, other corners are rounded [rad].
+        rounding = 1e-3 if straight else 0.2
+        trajectory = TimeOptimalTrajectory(self.scene, path, limits, rounding=rounding)
         if isinstance(trajectory, PathFailure):
             raise _NoPathError(trajectory.failure, trajectory.message)
         return trajectory
 
     def _open_fingers(self, grasp: Grasp) -> None:
-        self.scene.fingers = self._finger_joints(grasp.base_angle_open, 0.0)
+        self._set_fingers(grasp.base_angle_open, 0.0)
 
     def _close_fingers(self, grasp: Grasp) -> None:
-        self.scene.fingers = self._finger_joints(grasp.base_angle, grasp.tip_angle)
+        self._set_fingers(grasp.base_angle, grasp.tip_angle)
+
+    def _set_fingers(self, base: float, tip: float) -> None:
+        names = self.scene.finger_names
+        self.scene.fingers = np.array([base if "base" in n else tip for n in names])

@@ -1,0 +1,293 @@
+"""What a run is judged by: from the log and the ground truth, after the fact."""
+
+import dataclasses as dc
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+
+from drake_srg.objects import object_shape
+from drake_srg.scenario import Scenario
+from drake_srg.station import AddDirectives
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+
+SCHEMA_VERSION = 1
+MODES = list(Mode)
+
+# When a placed object counts as resting upright, and the arm as home.
+_MAX_SPEED = 1e-3  # m/s
+_MAX_TILT = np.deg2rad(5.0)
+_MAX_HOME_ERROR = 0.01  # rad
+
+
+@dc.dataclass
+class Metrics:
+    """The contents of metrics.json, in SI units; None where one does not apply."""
+
+    scenario: str
+    seed: int
+    success: bool
+    # The planner's own word, or `misplaced` where it said done and was wrong.
+    failure: str | None
+    attempts: int
+    # From the localisation that led to the grasp to the arm back home [s].
+    cycle_time_s: float | None
+    planning_wall_s: float
+    localization_error_m: list[float] | None  # estimate minus truth
+    placement_error_m: list[float] | None  # final position minus goal
+    placement_tilt_rad: float | None
+    grasp_shift_m: float | None  # motion of the object while the fingers close
+    smoothness: float | None  # log dimensionless jerk of the arm; higher is smoother
+    hold_drift_m_per_s: float | None  # in the hand, while the lifted arm dwells
+    peak_contact_force_n: float | None  # between the gripper and the object
+    sim_time_s: float
+    wall_time_s: float
+    real_time_factor: float
+    artifacts: dict[str, str | None]
+    schema_version: int = SCHEMA_VERSION
+
+    def write(self, path: Path) -> None:
+        """Write metrics.json; the file appears whole or not at all."""
+        partial = path.with_suffix(".part")
+        text = json.dumps(dc.asdict(self), indent=2, allow_nan=False)
+        partial.write_text(text + "\n", encoding="utf-8")
+        partial.replace(path)
+
+
+@dc.dataclass(frozen=True)
+class RunTimes:
+    """How long a run took [s]."""
+
+    simulated: float
+    wall: float
+
+
+def calc_metrics(
+    scenario: Scenario,
+    name: str,
+    log: Mapping[str, Vector],
+    status: PlannerStatus,
+    touching: set[str],
+    times: RunTimes,
+    artifacts: dict[str, str | None],
+) -> Metrics:
+    """Judge a run.
+
+    Args:
+        scenario: What was simulated.
+        name: Its name.
+        log: Arrays of log.npz, one row a sample.
+        status: The planner's last word.
+        touching: Names of the bodies that touch the picked object in the end, as
+            `ContactReader.forces` names them.
+        times: Duration of the run.
+        artifacts: Paths of the files that the run wrote.
+    """
+    pick = scenario.task.pick
+    time, mode = log["time"], log["mode"].astype(int)
+    poses = log.get(f"object_pose.{pick}")
+    placed, error, tilt = False, None, None
+    localization = shift = drift = peak = cycle = None
+    if poses is not None:
+        final = _transform(poses[-1])
+        shape = object_shape(pick, scenario.objects[pick])
+        place = scenario.task.place
+        goal = [*place.position, scenario.table.height + 0.5 * shape.height]
+        error = final.translation() - goal
+        tilt = float(np.arccos(np.clip(final.rotation().matrix()[2, 2], -1.0, 1.0)))
+        placed = bool(
+            np.linalg.norm(error) <= place.tolerance
+            and tilt <= _MAX_TILT
+            and _final_speed(time, poses) <= _MAX_SPEED
+            and not touching - {"support"}
+            and "support" in touching
+            and _is_home(scenario, log)
+        )
+        if status.localization is not None:
+            row = int(np.searchsorted(time, status.localized_at - 1e-9))
+            localization = status.localization.position - poses[row, :3]
+        shift = _grasp_shift(mode, poses)
+        drift = _hold_drift(scenario, time, mode, log, poses)
+        peak = float(np.max(log["contact_force"]))
+    if status.mode is Mode.DONE:
+        done = time[mode == MODES.index(Mode.DONE)][0]
+        cycle = float(done - status.localized_at)
+    success = placed and status.mode is Mode.DONE
+    failure = status.failure
+    if status.mode is Mode.DONE and not success:
+        failure = Failure.MISPLACED
+    elif status.mode not in (Mode.DONE, Mode.FAILED):
+        failure = Failure.TIME_BUDGET
+    return Metrics(
+        scenario=name,
+        seed=scenario.random_seed,
+        success=success,
+        failure=failure.value if failure else None,
+        attempts=status.attempts,
+        cycle_time_s=cycle,
+        planning_wall_s=status.planning_wall,
+        localization_error_m=_floats(localization),
+        placement_error_m=_floats(error),
+        placement_tilt_rad=tilt,
+        grasp_shift_m=shift,
+        smoothness=_smoothness(time, mode, log.get("arm.state_measured")),
+        hold_drift_m_per_s=drift,
+        peak_contact_force_n=peak,
+        sim_time_s=times.simulated,
+        wall_time_s=times.wall,
+        real_time_factor=times.simulated / times.wall,
+        artifacts=artifacts,
+    )
+
+
+class ContactReader:
+    """Reads from contact results what touches one object, and how hard."""
+
+    def __init__(self, plant: MultibodyPlant, name: str) -> None:
+        self._model = plant.GetModelInstanceByName(name)
+        self._plant = plant
+        self._bodies = {
+            geometry: plant.get_body(index)
+            for model in range(plant.num_model_instances())
+            for index in plant.GetBodyIndices(ModelInstanceIndex(model))
+            for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
+        }
+
+    def forces(self, contacts: ContactResults) -> dict[str, float]:
+        """Return the largest contact force with each kind of body [N].
+
+        Keys are `gripper`, `arm`, the names of other objects, and `support` for
+        everything else.
+        """
+        forces: dict[str, float] = {}
+        for i in range(contacts.num_hydroelastic_contacts()):
+            info = contacts.hydroelastic_contact_info(i)
+            surface = info.contact_surface()
+            self._add(
+                forces,
+                self._bodies[surface.id_M()],
+                self._bodies[surface.id_N()],
+                info.F_Ac_W().translational(),
+            )
+        for i in range(contacts.num_point_pair_contacts()):
+            pair = contacts.point_pair_contact_info(i)
+            self._add(
+                forces,
+                self._plant.get_body(pair.bodyA_index()),
+                self._plant.get_body(pair.bodyB_index()),
+                pair.contact_force(),
+            )
+        return forces
+
+    def _add(
+        self, forces: dict[str, float], a: RigidBody, b: RigidBody, force: Vector
+    ) -> None:
+        for own, other in ((a, b), (b, a)):
+            if own.model_instance() != self._model:
+                continue
+            key = self._plant.GetModelInstanceName(other.model_instance())
+            if key not in ("arm", "gripper") and not other.is_floating_base_body():
+                key = "support"
+            forces[key] = max(forces.get(key, 0.0), float(np.linalg.norm(force)))
+
+
+def pose_to_row(X: RigidTransform) -> Vector:
+    """Return [x, y, z, qw, qx, qy, qz] of a pose, shape (7,)."""
+    return np.concatenate([X.translation(), X.rotation().ToQuaternion().wxyz()])
+
+
+def _transform(row: Vector) -> RigidTransform:
+    return RigidTransform(Quaternion(row[3:] / np.linalg.norm(row[3:])), row[:3])
+
+
+def _final_speed(time: Vector, poses: Vector) -> float:
+    """Mean speed over the last 0.1 s [m/s]."""
+    first = int(np.searchsorted(time, time[-1] - 0.1))
+    if first == len(time) - 1:
+        return float("inf")
+    distance = np.linalg.norm(poses[-1, :3] - poses[first, :3])
+    return float(distance / (time[-1] - time[first]))
+
+
+def _is_home(scenario: Scenario, log: Mapping[str, Vector]) -> bool:
+    if scenario.arm is None:
+        return True
+    q = log["arm.state_measured"][-1, : len(scenario.arm.home)]
+    return bool(np.max(np.abs(q - scenario.arm.home)) <= _MAX_HOME_ERROR)
+
+
+def _last_rows(mode: Vector, wanted: Mode) -> npt.NDArray[np.intp]:
+    """Rows of the last uninterrupted stretch of a mode."""
+    rows = np.flatnonzero(mode == MODES.index(wanted))
+    if len(rows) == 0:
+        return rows
+    breaks = np.flatnonzero(np.diff(rows) > 1)
+    return rows[breaks[-1] + 1 :] if len(breaks) else rows
+
+
+def _grasp_shift(mode: Vector, poses: Vector) -> float | None:
+    rows = _last_rows(mode, Mode.CLOSE)
+    if len(rows) == 0:
+        return None
+    start, end = poses[rows[0], :3], poses[min(rows[-1] + 1, len(poses) - 1), :3]
+    return float(np.linalg.norm(end - start))
+
+
+def _hold_drift(
+    scenario: Scenario,
+    time: Vector,
+    mode: Vector,
+    log: Mapping[str, Vector],
+    poses: Vector,
+) -> float | None:
+    """Speed of the object in the hand while the arm dwells after lifting [m/s]."""
+    rows = _last_rows(mode, Mode.LIFT)
+    if len(rows) == 0 or not np.any(mode == MODES.index(Mode.TRANSFER)):
+        return None
+    rows = rows[time[rows] >= time[rows[-1]] - 0.8 * scenario.planner.verify_time]
+    if len(rows) < 2:
+        return None
+    plant = MultibodyPlant(time_step=0.0)
+    AddDirectives(plant, scenario)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    arm = plant.GetModelInstanceByName("arm")
+    palm = plant.GetFrameByName("palm", plant.GetModelInstanceByName("gripper"))
+    p_GO = []
+    for row in (rows[0], rows[-1]):
+        q = log["arm.state_measured"][row, : plant.num_positions(arm)]
+        plant.SetPositions(context, arm, q)
+        X_WG = palm.CalcPoseInWorld(context)
+        p_GO.append(X_WG.inverse() @ poses[row, :3])
+    return float(np.linalg.norm(p_GO[1] - p_GO[0]) / (time[rows[-1]] - time[rows[0]]))
+
+
+def _smoothness(time: Vector, mode: Vector, arm: Vector | None) -> float | None:
+    """Log dimensionless jerk of the joint speeds from the first motion to the last.
+
+    -ln(T³ / v_peak² integral |d²v/dt²|² dt) (S. Balasubramanian et al., J. NeuroEng.
+    Rehabil. 12:112, 2015), v the vector of joint velocities.
+    """
+    resting = [MODES.index(m) for m in (Mode.IDLE, Mode.DONE, Mode.FAILED)]
+    rows = np.flatnonzero(~np.isin(mode, resting))
+    if arm is None or len(rows) < 5:
+        return None
+    rows = np.arange(rows[0], rows[-1] + 1)
+    t = time[rows]
+    v = arm[rows, arm.shape[1] // 2 :]
+    peak = np.max(np.linalg.norm(v, axis=1))
+    if peak == 0.0:
+        return None
+    jerk = np.gradient(np.gradient(v, t, axis=0), t, axis=0)
+    squared = np.trapezoid(np.sum(jerk**2, axis=1), t)
+    return float(-np.log((t[-1] - t[0]) ** 3 / peak**2 * squared))
+
+
+def _floats(vector: Vector | None) -> list[float] | None:
+    return None if vector is None else [float(x) for x in vector]

@@ -1,0 +1,189 @@
+"""Runs a scenario to its end, with log, recordings and metrics."""
+
+import dataclasses as dc
+import logging
+import sys
+import time as wall
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from tqdm import tqdm
+
+from drake_srg.cell import MakeCell
+from drake_srg.metrics import (
+    MODES,
+    ContactReader,
+    Metrics,
+    RunTimes,
+    calc_metrics,
+    pose_to_row,
+)
+from drake_srg.recording.log import write_log
+from drake_srg.scenario import Scenario
+from drake_srg.types import Mode, PlannerStatus, Vector
+
+# How long a run goes on after the planner has ended, for things to settle [s].
+_SETTLE = 0.5
+
+_LOGGED = (
+    "arm.state_measured",
+    "arm.torque_measured",
+    "arm.position_commanded",
+    "gripper.state_measured",
+    "gripper.closure_commanded",
+    "gripper.pwm",
+    "gripper.proximity",
+    "gripper.grasped",
+)
+
+
+@dc.dataclass(frozen=True)
+class Result:
+    """What came of a run."""
+
+    metrics: Metrics
+    log: dict[str, Vector]  # arrays with one row a sample; see `Simulate`
+    status: PlannerStatus
+
+
+def Simulate(
+    scenario: Scenario,
+    *,
+    name: str = "scenario",
+    out: Path | None = None,
+    record: bool = True,
+    make_cell: Callable[[Scenario], Diagram] = MakeCell,
+    progress: bool = False,
+) -> Result:
+    """Simulate a cell until its planner has ended, and judge the result.
+
+    The log has the arrays `time` (K), `mode` (K, index into `Mode`), the vector ports
+    of the cell by their names, `object_pose.NAME` (K, 7: position, then quaternion w,
+    x, y, z) and `contact_force` (K, the largest force of the gripper on the picked
+    object), sampled every `recording.period`.
+
+    Args:
+        scenario: What to simulate.
+        name: Its name, for metrics.json.
+        out: Folder for metrics.json, log.npz and the recordings; None writes nothing.
+        record: Whether to write video, rosbag and timeline, too.
+        make_cell: Builds the cell; any diagram with the ports of `MakeCell`'s.
+        progress: Whether to show a progress bar.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+        OSError: If `out` cannot be written.
+    """
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    # One line about contexts for every planner is no use to anyone.
+    logging.getLogger("drake").setLevel(logging.WARNING)
+    builder = DiagramBuilder()
+    cell = builder.AddNamedSystem("cell", make_cell(scenario))
+    diagram = builder.Build()
+    diagram.set_name("simulation")
+    simulator = Simulator(diagram)
+    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    log = _Log(scenario, cell)
+    status, times = _run(simulator, cell, scenario, log, progress)
+    arrays = log.arrays()
+    artifacts: dict[str, str | None] = dict.fromkeys(
+        ("video", "recording", "log", "timeline")
+    )
+    if out is not None:
+        write_log(out / "log.npz", arrays)
+        artifacts["log"] = str(out / "log.npz")
+    metrics = calc_metrics(
+        scenario, name, arrays, status, log.touching, times, artifacts
+    )
+    if out is not None:
+        metrics.write(out / "metrics.json")
+    return Result(metrics, arrays, status)
+
+
+def _run(
+    simulator: Simulator,
+    cell: Diagram,
+    scenario: Scenario,
+    log: "_Log",
+    progress: bool,
+) -> tuple[PlannerStatus, RunTimes]:
+    """Advance until the planner has ended and things have settled."""
+    root = simulator.get_mutable_context()
+    context = cell.GetMyContextFromRoot(root)
+    status_port = cell.GetOutputPort("planner.status")
+    start_time = root.get_time()
+    # The planner ends by itself; the margin is for a planner that does not.
+    limit = start_time + scenario.planner.time_budget + 1.0
+    end = limit
+    start = wall.perf_counter()
+    simulator.Initialize()
+    log.sample(context)
+    with tqdm(
+        total=scenario.planner.time_budget,
+        disable=not progress,
+        file=sys.stderr,
+        bar_format="{n:5.2f} s  {desc} [{elapsed}, {rate_fmt}]",
+        unit="s",
+    ) as bar:
+        step = 0
+        while root.get_time() < end - 1e-9:
+            step += 1
+            time = min(start_time + step * scenario.recording.period, end)
+            simulator.AdvanceTo(time)
+            log.sample(context)
+            status: PlannerStatus = status_port.Eval(context)
+            if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
+                end = min(limit, time + _SETTLE)
+            bar.set_description_str(f"{status.mode.value:10}", refresh=False)
+            bar.update(scenario.recording.period)
+    elapsed = wall.perf_counter() - start
+    return status, RunTimes(root.get_time() - start_time, elapsed)
+
+
+class _Log:
+    """Samples of the cell's ports."""
+
+    def __init__(self, scenario: Scenario, cell: Diagram) -> None:
+        available = {
+            cell.get_output_port(i).get_name() for i in range(cell.num_output_ports())
+        }
+        self._ports = {
+            name: cell.GetOutputPort(name) for name in _LOGGED if name in available
+        }
+        self._mode = cell.GetOutputPort("planner.mode")
+        self._poses = cell.GetOutputPort("object_poses_cheat")
+        self._contacts = cell.GetOutputPort("contact_results_cheat")
+        self._pick = scenario.task.pick
+        self._reader: ContactReader | None = None
+        self._present = scenario.objects[self._pick].present
+        self._rows: dict[str, list[Vector]] = {}
+        self.touching: set[str] = set()
+
+    def sample(self, context: Context) -> None:
+        """Add a row."""
+        row: dict[str, Vector | float] = {
+            "time": context.get_time(),
+            "mode": float(MODES.index(self._mode.Eval(context))),
+        }
+        for name, port in self._ports.items():
+            row[name] = np.array(port.Eval(context))
+        for name, X_WO in self._poses.Eval(context).items():
+            row[f"object_pose.{name}"] = pose_to_row(X_WO)
+        forces = {}
+        if self._present:
+            contacts = self._contacts.Eval(context)
+            if self._reader is None:
+                self._reader = ContactReader(contacts.plant(), self._pick)
+            forces = self._reader.forces(contacts)
+        row["contact_force"] = forces.get("gripper", 0.0)
+        self.touching = set(forces)
+        for name, value in row.items():
+            self._rows.setdefault(name, []).append(np.asarray(value))
+
+    def arrays(self) -> dict[str, Vector]:
+        """Return what was sampled, one array a quantity, one row a sample."""
+        return {name: np.array(rows) for name, rows in self._rows.items()}
