@@ -104,12 +104,13 @@ class TaskPlanner:
             shape: Its shape.
             p_WO_goal: Where its centre shall be, shape (3,) [m].
         """
-        with self.scene.standing(shape, RigidTransform(p_WO_goal)):
+        # With the arm at home, does the object fit where it shall stand? Fixed things
+        # are only checked against what moves, so it hangs from the distant hand.
+        X_GO = self.scene.X_WG(self.q_home).inverse() @ RigidTransform(p_WO_goal)
+        with self.scene.holding(shape, X_GO, margin=_SUPPORT_OVERLAP):
             clearance = self.scene.clearance(self.q_home)
-        if clearance.distance < 0.0:
-            return TaskFailure(
-                Failure.BLOCKED, f"something stands on the goal: {clearance}"
-            )
+        if clearance.spare < 0.0:
+            return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
         candidates, failures = self._candidates(p_WO, shape, p_WO_goal)
         for candidate in candidates:
             try:
