@@ -1,0 +1,39 @@
+"""One step up the ladder: fix a system's inputs, evaluate ports, fire one event."""
+
+import numpy as np
+
+
+def fix(system, context, **inputs):
+    """Fixes input ports by name, vectors and abstract values alike."""
+    for name, value in inputs.items():
+        abstract = hasattr(value, "get_value")
+        system.GetInputPort(name).FixValue(
+            context, value if abstract else np.atleast_1d(value)
+        )
+
+
+def update(system, context, time=None):
+    """Executes the system's periodic discrete update once, at `time` if given."""
+    if time is not None:
+        context.SetTime(time)
+    context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
+
+
+def read(system, context, name):
+    """The value of an output port, a copy of it where it is a vector."""
+    value = system.GetOutputPort(name).Eval(context)
+    return value.copy() if isinstance(value, np.ndarray) else value
+
+
+def port_table(system):
+    """Name to size of the vector ports, to None of the abstract ones: (in, out)."""
+
+    def size(port):
+        return port.size() if port.get_data_type().name == "kVectorValued" else None
+
+    ins = map(system.get_input_port, range(system.num_input_ports()))
+    outs = map(system.get_output_port, range(system.num_output_ports()))
+    return (
+        {port.get_name(): size(port) for port in ins},
+        {port.get_name(): size(port) for port in outs},
+    )
