@@ -1,0 +1,83 @@
+"""Numbers over time in one .npz file, the same bytes for the same arrays."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.systems.framework import Context
+from pydrake.systems.primitives import VectorLogSink
+
+from drake_srg.recording.output import OutputFile
+from drake_srg.types import Vector
+
+# The oldest date that a zip file can state, so that none of ours tells the time.
+_DATE = (1980, 1, 1, 0, 0, 0)
+
+
+def write_log(path: Path | str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
+    """Write arrays as `numpy.load` and `read_log` read them.
+
+    The file is replaced at once, never half written. Names are stored in their
+    alphabetical order and without the time, so equal arrays give equal files.
+
+    Args:
+        path: The .npz file.
+        arrays: Name to array of numbers or strings.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: If an array holds Python objects.
+        OSError: If the file cannot be written.
+    """
+    output = OutputFile(path)
+    with zipfile.ZipFile(output.path, "w") as archive:
+        for name in sorted(arrays):
+            array = np.asarray(arrays[name])
+            if array.dtype.hasobject:
+                raise ValueError(
+                    f"Log array {name!r} has dtype {array.dtype}; allowed are numbers "
+                    "and strings"
+                )
+            entry = zipfile.ZipInfo(f"{name}.npy", _DATE)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            with archive.open(entry, "w", force_zip64=True) as file:
+                np.lib.format.write_array(file, array, allow_pickle=False)
+    return output.commit()
+
+
+def read_log(path: Path | str) -> dict[str, npt.NDArray[Any]]:
+    """The arrays of a log, by name.
+
+    Raises:
+        OSError: If there is no such file.
+        ValueError: If it is not a log.
+    """
+    with np.load(path, allow_pickle=False) as archive:
+        return dict(archive)
+
+
+def sink_arrays(
+    context: Context, sinks: Mapping[str, VectorLogSink]
+) -> dict[str, Vector]:
+    """What log sinks hold, with time along the first axis.
+
+    Args:
+        context: The root context of the diagram that holds the sinks.
+        sinks: Name to sink.
+
+    Returns:
+        For every name an array `NAME` of shape (K, size) and its `NAME.time` [s], (K,).
+    """
+    arrays: dict[str, Vector] = {}
+    for name, sink in sinks.items():
+        log = sink.FindLog(context)
+        arrays[f"{name}.time"] = log.sample_times().copy()
+        arrays[name] = log.data().T.copy()
+    return arrays

@@ -1,0 +1,63 @@
+"""What the recorders share: files that appear whole, and the optional packages."""
+
+from __future__ import annotations
+
+import importlib
+import tempfile
+from pathlib import Path
+from types import ModuleType
+
+
+def require(module: str) -> ModuleType:
+    """Import a module of the `recording` extra.
+
+    Raises:
+        ImportError: If it is missing; the message says how to install it.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        package = module.partition(".")[0]
+        raise ImportError(
+            f"Recording needs {package!r}, which is not installed. "
+            "Run: pip install 'drake_srg[recording]'"
+        ) from error
+
+
+class OutputFile:
+    """A file that appears under its name only when it is complete.
+
+    It is written as `path`, in a hidden folder beside its place, so that putting it
+    there is a rename. The folder disappears with the object, complete or not.
+
+    Attributes:
+        target: The final place.
+        path: Where to write until `commit`.
+
+    Raises:
+        OSError: If nothing can be written beside `target`; the message says why.
+    """
+
+    def __init__(self, target: Path | str):
+        self.target = Path(target)
+        try:
+            self.target.parent.mkdir(parents=True, exist_ok=True)
+            self._folder = tempfile.TemporaryDirectory(
+                prefix=f".{self.target.name}.", dir=self.target.parent
+            )
+        except OSError as error:
+            raise OSError(
+                f"Cannot write {self.target}: {error.strerror} ({error.filename}). "
+                "Choose a folder that exists, or can be made, and is writable."
+            ) from error
+        self.path = Path(self._folder.name) / self.target.name
+
+    def commit(self) -> Path:
+        """Put what was written in its place, over what was there; returns `target`."""
+        self.path.replace(self.target)
+        self.discard()
+        return self.target
+
+    def discard(self) -> None:
+        """Forget what was written."""
+        self._folder.cleanup()

@@ -1,0 +1,180 @@
+"""What goes into a rosbag: topics made from port values.
+
+Port names are those of a station or cell, so that connecting a recorder is a loop over
+its ports. Every function returns a `Topic`; write your own the same way.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import enum
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.sensors import ImageRgba8U
+
+# Makes a message: (type name such as "std_msgs/msg/String", its fields) -> message.
+MakeMessage = Callable[..., Any]
+# (make, time [s], one value a port, None where an optional port is open) -> message
+Convert = Callable[..., Any]
+
+
+@dc.dataclass(frozen=True)
+class Topic:
+    """One topic of a recording.
+
+    Attributes:
+        name: ROS topic.
+        type: ROS 2 message type, as in "std_msgs/msg/String".
+        ports: Input port to its model, a size for vectors; topics may share a port.
+        convert: Called as `convert(make, time, *values)`; None for no message.
+        period: Time between messages [s]; None for the recorder's.
+        optional: Those of the ports that may stay open.
+    """
+
+    name: str
+    type: str
+    ports: Mapping[str, int | AbstractValue]
+    convert: Convert
+    period: float | None = None
+    optional: frozenset[str] = frozenset()
+
+
+def stamp(make: MakeMessage, time: float) -> Any:
+    """Simulated time [s] as builtin_interfaces/msg/Time."""
+    sec, nanosec = divmod(round(time * 1e9), 10**9)
+    return make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+
+def header(make: MakeMessage, time: float, frame_id: str = "") -> Any:
+    """A std_msgs/msg/Header."""
+    return make("std_msgs/msg/Header", stamp=stamp(make, time), frame_id=frame_id)
+
+
+def clock() -> Topic:
+    """Simulated time on /clock."""
+    kind = "rosgraph_msgs/msg/Clock"
+    return Topic("/clock", kind, {}, lambda make, t: make(kind, clock=stamp(make, t)))
+
+
+def float64(name: str, port: str) -> Topic:
+    """A vector port of size 1 as std_msgs/msg/Float64."""
+    kind = "std_msgs/msg/Float64"
+    return Topic(
+        name, kind, {port: 1}, lambda make, t, value: make(kind, data=float(value[0]))
+    )
+
+
+def float64_array(name: str, port: str, size: int) -> Topic:
+    """A vector port as std_msgs/msg/Float64MultiArray."""
+    kind = "std_msgs/msg/Float64MultiArray"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        layout = make("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
+        return make(kind, layout=layout, data=np.array(value, dtype=np.float64))
+
+    return Topic(name, kind, {port: size}, convert)
+
+
+def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
+    """A string, or an enum by its value, as std_msgs/msg/String.
+
+    The port holds Python objects unless `model`, as AbstractValue.Make(""), says that
+    it holds Drake's strings.
+    """
+    kind = "std_msgs/msg/String"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        text = value.value if isinstance(value, enum.Enum) else value
+        return make(kind, data=str(text))
+
+    return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
+
+
+def image(name: str, port: str, frame_id: str, period: float) -> Topic:
+    """An ImageRgba8U port as sensor_msgs/msg/Image, rgb8, every `period` [s]."""
+    kind = "sensor_msgs/msg/Image"
+
+    def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
+        return make(
+            kind,
+            header=header(make, time, frame_id),
+            height=value.height(),
+            width=value.width(),
+            encoding="rgb8",
+            is_bigendian=0,
+            step=3 * value.width(),
+            data=np.ascontiguousarray(value.data[..., :3]).reshape(-1),
+        )
+
+    return Topic(name, kind, {port: AbstractValue.Make(ImageRgba8U())}, convert, period)
+
+
+def joint_states(joints: Mapping[str, Sequence[str]]) -> Topic:
+    """The joints of several instances as one sensor_msgs/msg/JointState.
+
+    Args:
+        joints: Instance name to its joint names. Instance I has the ports
+            `I.state_measured` ([q; v], rad and rad/s) and, optionally,
+            `I.torque_measured` (N m); efforts not measured are NaN.
+    """
+    kind = "sensor_msgs/msg/JointState"
+    names = [name for group in joints.values() for name in group]
+    ports: dict[str, int | AbstractValue] = {}
+    for instance, group in joints.items():
+        ports[f"{instance}.state_measured"] = 2 * len(group)
+        ports[f"{instance}.torque_measured"] = len(group)
+
+    def convert(make: MakeMessage, time: float, *values: Any) -> Any:
+        states = [np.split(np.asarray(state), 2) for state in values[::2]]
+        efforts = [
+            np.full(len(q), np.nan) if torque is None else torque
+            for (q, _), torque in zip(states, values[1::2], strict=True)
+        ]
+        return make(
+            kind,
+            header=header(make, time),
+            name=names,
+            position=np.concatenate([q for q, _ in states]),
+            velocity=np.concatenate([v for _, v in states]),
+            effort=np.concatenate(efforts),
+        )
+
+    optional = frozenset(f"{instance}.torque_measured" for instance in joints)
+    return Topic("/joint_states", kind, ports, convert, optional=optional)
+
+
+def cell_topics(
+    arm_joints: Sequence[str],
+    gripper_joints: Sequence[str],
+    sensors: int,
+    cameras: Mapping[str, float] | None = None,
+) -> list[Topic]:
+    """The topics of a cell's recording.
+
+    Args:
+        arm_joints: Names of the arm's joints.
+        gripper_joints: Names of the gripper's actuated joints.
+        sensors: How many finger sensors there are.
+        cameras: Camera name to the time between its images [s].
+    """
+    size = len(arm_joints)
+    return [
+        clock(),
+        joint_states({"arm": arm_joints, "gripper": gripper_joints}),
+        float64_array("/arm/position_commanded", "arm.position_commanded", size),
+        float64("/gripper/closure_commanded", "gripper.closure_commanded"),
+        float64_array("/gripper/proximity", "gripper.proximity", sensors),
+        string("/planner/mode", "planner.mode"),
+        *(
+            image(
+                f"/camera_{name}/color/image_raw",
+                f"camera_{name}.color_image",
+                f"camera_{name}",
+                period,
+            )
+            for name, period in (cameras or {}).items()
+        ),
+    ]

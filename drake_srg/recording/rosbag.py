@@ -1,0 +1,149 @@
+"""Records port values as ROS 2 messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from pydrake.systems.framework import Context
+
+from drake_srg.lifetime import LeafSystem, weak
+from drake_srg.recording.output import OutputFile, require
+from drake_srg.recording.ros_topics import Topic
+
+
+class RosbagRecorder(LeafSystem):
+    """Writes topics into one rosbag2 file of the MCAP format.
+
+    .. pydrake_system::
+
+        name: RosbagRecorder
+        input_ports:
+        - (the ports of all topics)
+
+    A topic is recorded at every multiple of its period but 0, stamped with simulated
+    time. The file can be opened alone, by `rosbags.rosbag2.Reader`, `ros2 bag info` and
+    Foxglove; its messages carry their definitions. It appears under its name on
+    `close()`, complete; use the recorder as a context manager around the simulation.
+
+    Args:
+        path: The .mcap file.
+        topics: What to record; see `drake_srg.recording.ros_topics`.
+        period: Time between messages of the topics that have no period [s].
+
+    Raises:
+        ImportError: If rosbags is missing.
+        OSError: If the file cannot be written.
+        ValueError: If a topic appears twice, a period is not positive, the file is not
+            named .mcap, or two topics want different types of one port.
+    """
+
+    def __init__(
+        self, path: Path | str, topics: Sequence[Topic], *, period: float = 0.02
+    ):
+        super().__init__()
+        path = Path(path)
+        names = [topic.name for topic in topics]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"RosbagRecorder needs unique topic names, got {names}")
+        if path.suffix != ".mcap":
+            raise ValueError(f"RosbagRecorder writes .mcap files, not {path.name!r}")
+        for topic in topics:
+            every = period if topic.period is None else topic.period
+            if every <= 0:
+                raise ValueError(f"{topic.name} has period={every}; allowed are > 0")
+
+        rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
+        self._store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+        self._output = OutputFile(path)
+        # Writer makes a folder FOLDER/ with FOLDER.mcap in it.
+        self._bag = self._output.path.with_suffix("")
+        self._writer = rosbag2.Writer(
+            self._bag, version=9, storage_plugin=rosbag2.StoragePlugin.MCAP
+        )
+        self._writer.set_compression(
+            rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD
+        )
+        self._writer.open()
+
+        record = weak(self._record)  # a closure over self would keep it alive
+        sizes: dict[str, object] = {}
+        for topic in topics:
+            self._declare_ports(topic, sizes)
+            connection = self._writer.add_connection(
+                topic.name, topic.type, typestore=self._store
+            )
+            every = period if topic.period is None else topic.period
+            self.DeclarePeriodicPublishEvent(
+                every,
+                every,
+                lambda context, t=topic, c=connection: record(context, t, c),
+            )
+
+    @property
+    def path(self) -> Path:
+        """Where the recording is after `close()`."""
+        return self._output.target
+
+    def close(self) -> None:
+        """Finish the recording and put it in its place."""
+        if self._writer is None:
+            return
+        self._writer.close()
+        self._writer = None
+        (self._bag / self._output.path.name).replace(self._output.path)
+        self._output.commit()
+
+    def __enter__(self) -> RosbagRecorder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:
+        for port, model in topic.ports.items():
+            kind = model if isinstance(model, int) else type(model)
+            if declared.setdefault(port, kind) != kind:
+                raise ValueError(
+                    f"{topic.name} wants port {port!r} as {kind}, another topic as "
+                    f"{declared[port]}"
+                )
+            if self.HasInputPort(port):
+                continue
+            if isinstance(model, int):
+                self.DeclareVectorInputPort(name=port, size=model)
+            else:
+                self.DeclareAbstractInputPort(name=port, model_value=model)
+
+    def _record(self, context: Context, topic: Topic, connection: Any) -> None:
+        if self._writer is None:
+            raise RuntimeError(f"The recording {self.path} is closed; make a new one")
+        values = []
+        for name in topic.ports:
+            port = self.GetInputPort(name)
+            if port.HasValue(context):
+                values.append(port.Eval(context))
+            elif name in topic.optional:
+                values.append(None)
+            else:
+                raise RuntimeError(
+                    f"RosbagRecorder's input port {name!r} ({topic.name}) is not "
+                    "connected"
+                )
+        message = topic.convert(self._make, context.get_time(), *values)
+        if message is not None:
+            self._writer.write(
+                connection,
+                round(context.get_time() * 1e9),
+                self._store.serialize_cdr(message, topic.type),
+            )
+
+    def _make(self, kind: str, **fields: Any) -> Any:
+        return self._store.types[kind](**fields)

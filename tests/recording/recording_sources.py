@@ -1,0 +1,45 @@
+"""Sources to record from, and the marks of a leak."""
+
+import gc
+import weakref
+
+from pydrake.common.value import AbstractValue
+from pydrake.systems.sensors import ImageRgba8U
+
+from drake_srg.lifetime import LeafSystem
+
+RED, BLUE = (220, 30, 30, 255), (30, 30, 220, 255)
+
+
+def image(color, width=64, height=48):
+    made = ImageRgba8U(width, height)
+    made.mutable_data[:] = color
+    return made
+
+
+class Sweep(LeafSystem):
+    """An image that is red on the left of a line moving to the right, 10 pixels/s."""
+
+    def __init__(self, width=64, height=48):
+        super().__init__()
+        self.evaluations = 0
+
+        self._size = (width, height)
+        self.DeclareAbstractOutputPort(
+            "color_image", lambda: AbstractValue.Make(ImageRgba8U()), self._calc
+        )
+
+    def _calc(self, context, output):
+        self.evaluations += 1
+        made = image(BLUE, *self._size)
+        made.mutable_data[:, : int(10 * context.get_time() + 0.5)] = RED
+        output.set_value(made)
+
+
+def is_freed(make):
+    """Whether what `make` returns, a diagram, goes with all of its systems."""
+    diagram = make()
+    watches = [weakref.ref(diagram), *map(weakref.ref, diagram.GetSystems())]
+    del diagram
+    gc.collect()
+    return [watch() for watch in watches] == [None] * len(watches)

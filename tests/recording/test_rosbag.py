@@ -1,0 +1,200 @@
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import (
+    ConstantValueSource,
+    ConstantVectorSource,
+    TrajectorySource,
+)
+from pydrake.trajectories import PiecewisePolynomial
+from recording_sources import RED, Sweep, is_freed
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from drake_srg.recording import ros_topics
+from drake_srg.recording.ros_topics import Topic, cell_topics
+from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.types import Mode
+
+ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
+TOPICS = cell_topics(ARM, GRIPPER, 2, {"top": 0.25})
+
+
+def make(path, torque=True):
+    """A diagram that records what a cell would offer."""
+    ramp = PiecewisePolynomial.FirstOrderHold([0.0, 10.0], [[0.0, 10.0]])
+    sources = {
+        "arm.state_measured": ConstantVectorSource([1.0, 2.0, 3.0, 4.0]),
+        "gripper.state_measured": ConstantVectorSource([0.1, 0.2, 0.3, 0.4]),
+        "arm.position_commanded": ConstantVectorSource([5.0, 6.0]),
+        "gripper.closure_commanded": TrajectorySource(ramp),
+        "gripper.proximity": ConstantVectorSource([0.01, np.inf]),
+        "planner.mode": ConstantValueSource(AbstractValue.Make(Mode.PRE_GRASP)),
+        "camera_top.color_image": Sweep(),
+    }
+    if torque:
+        sources["arm.torque_measured"] = ConstantVectorSource([7.0, 8.0])
+    builder = DiagramBuilder()
+    recorder = builder.AddSystem(RosbagRecorder(path, TOPICS, period=0.1))
+    for name, source in sources.items():
+        builder.AddSystem(source)
+        builder.Connect(source.get_output_port(), recorder.GetInputPort(name))
+    return builder.Build(), recorder
+
+
+def run(path, until=1.0, torque=True):
+    diagram, recorder = make(path, torque)
+    with recorder:
+        Simulator(diagram).AdvanceTo(until)
+        assert not path.exists()
+    return diagram
+
+
+def read(path):
+    """Topic to (type, stamps [ns], messages)."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    topics = {}
+    with Reader(path) as reader:
+        for connection, time, raw in reader.messages():
+            entry = topics.setdefault(connection.topic, (connection.msgtype, [], []))
+            entry[1].append(time)
+            entry[2].append(store.deserialize_cdr(raw, connection.msgtype))
+    return topics
+
+
+def ns(sec, nanosec):
+    return sec * 10**9 + nanosec
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp("bag") / "recording.mcap"
+    run(path, 1.24)
+    assert list(path.parent.iterdir()) == [path]
+    return read(path)
+
+
+def test_topics_have_their_types(bag):
+    assert {name: kind for name, (kind, _, _) in bag.items()} == {
+        "/clock": "rosgraph_msgs/msg/Clock",
+        "/joint_states": "sensor_msgs/msg/JointState",
+        "/arm/position_commanded": "std_msgs/msg/Float64MultiArray",
+        "/gripper/closure_commanded": "std_msgs/msg/Float64",
+        "/gripper/proximity": "std_msgs/msg/Float64MultiArray",
+        "/planner/mode": "std_msgs/msg/String",
+        "/camera_top/color/image_raw": "sensor_msgs/msg/Image",
+    }
+
+
+def test_stamps_are_simulated_time_from_one_period_on(bag):
+    for name, (_, times, _) in bag.items():
+        step = 250_000_000 if "camera" in name else 100_000_000
+        assert times == [step * k for k in range(1, len(times) + 1)]
+        assert len(times) == int(1.24e9 // step)
+    _, times, messages = bag["/clock"]
+    assert [ns(m.clock.sec, m.clock.nanosec) for m in messages] == times
+    for name in ("/joint_states", "/camera_top/color/image_raw"):
+        _, times, messages = bag[name]
+        stamps = [m.header.stamp for m in messages]
+        assert [ns(s.sec, s.nanosec) for s in stamps] == times
+
+
+def test_joint_states_hold_arm_and_gripper(bag):
+    message = bag["/joint_states"][2][0]
+    assert message.name == ARM + GRIPPER
+    assert message.position.tolist() == [1.0, 2.0, 0.1, 0.2]
+    assert message.velocity.tolist() == [3.0, 4.0, 0.3, 0.4]
+    np.testing.assert_array_equal(message.effort, [7.0, 8.0, np.nan, np.nan])
+
+
+def test_numbers_and_words_are_those_of_the_ports(bag):
+    assert bag["/arm/position_commanded"][2][-1].data.tolist() == [5.0, 6.0]
+    assert bag["/gripper/proximity"][2][-1].data.tolist() == [0.01, np.inf]
+    assert bag["/planner/mode"][2][-1].data == "pre_grasp"
+    closure = [m.data for m in bag["/gripper/closure_commanded"][2]]
+    np.testing.assert_allclose(closure, 0.1 * np.arange(1, 13))
+
+
+def test_images_are_rgb(bag):
+    for k, message in enumerate(bag["/camera_top/color/image_raw"][2], start=1):
+        assert (message.height, message.width) == (48, 64)
+        assert (message.encoding, message.step) == ("rgb8", 192)
+        assert message.header.frame_id == "camera_top"
+        pixels = message.data.reshape(48, 64, 3)
+        assert (pixels[5] == RED[:3]).all(axis=1).sum() == int(10 * 0.25 * k + 0.5)
+
+
+def test_equal_runs_give_equal_bytes(tmp_path):
+    paths = [tmp_path / name / "recording.mcap" for name in "ab"]
+    for path in paths:
+        run(path, 0.5)
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_torque_may_stay_open(tmp_path):
+    run(tmp_path / "r.mcap", 0.1, torque=False)
+    assert np.isnan(read(tmp_path / "r.mcap")["/joint_states"][2][0].effort).all()
+
+
+def test_an_unconnected_port_is_named(tmp_path):
+    with (
+        RosbagRecorder(tmp_path / "r.mcap", TOPICS) as recorder,
+        pytest.raises(RuntimeError, match=r"port '.*' \(/.*\) is not connected"),
+    ):
+        Simulator(recorder).AdvanceTo(0.05)
+
+
+def test_users_can_add_topics_and_leave_messages_out(tmp_path):
+    def convert(make, time, value):
+        if value[0] < 2.0:
+            return None
+        return make("std_msgs/msg/Bool", data=True)
+
+    topic = Topic("/heavy", "std_msgs/msg/Bool", {"weight": 1}, convert, period=0.5)
+    with RosbagRecorder(tmp_path / "r.mcap", [topic]) as recorder:
+        context = recorder.CreateDefaultContext()
+        simulator = Simulator(recorder, context)
+        for weight in (1.0, 3.0):
+            recorder.GetInputPort("weight").FixValue(context, [weight])
+            simulator.AdvanceTo(context.get_time() + 1.0)
+    assert read(tmp_path / "r.mcap")["/heavy"][1] == [1_500_000_000, 2_000_000_000]
+
+
+def test_topics_share_ports(tmp_path):
+    topics = [ros_topics.float64(name, "x") for name in ("/a", "/b")]
+    with RosbagRecorder(tmp_path / "r.mcap", topics) as recorder:
+        assert recorder.num_input_ports() == 1
+
+
+@pytest.mark.parametrize(
+    ("topics", "arguments", "message"),
+    [
+        ([], {}, "unique topic names"),
+        ([ros_topics.clock()] * 2, {}, "unique topic names.*'/clock', '/clock'"),
+        ([ros_topics.clock()], {"period": 0.0}, r"/clock has period=0\.0"),
+        ([ros_topics.clock()], {"path": "bag.db3"}, r"not 'bag\.db3'"),
+        (
+            [ros_topics.float64("/a", "x"), ros_topics.float64_array("/b", "x", 3)],
+            {},
+            "/b wants port 'x' as 3",
+        ),
+    ],
+)
+def test_bad_arguments_are_named(tmp_path, topics, arguments, message):
+    path = tmp_path / arguments.pop("path", "r.mcap")
+    with pytest.raises(ValueError, match=message):
+        RosbagRecorder(path, topics, **arguments)
+
+
+def test_a_closed_recording_says_so_and_closing_twice_is_fine(tmp_path):
+    diagram, recorder = make(tmp_path / "r.mcap")
+    recorder.close()
+    recorder.close()
+    with pytest.raises(RuntimeError, match=r"r\.mcap is closed"):
+        Simulator(diagram).AdvanceTo(0.1)
+
+
+def test_a_recorded_diagram_is_freed(tmp_path):
+    assert is_freed(lambda: run(tmp_path / "r.mcap", 0.3))

@@ -1,0 +1,150 @@
+import av
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource
+from recording_sources import Sweep, image, is_freed
+
+from drake_srg.recording.video import VideoRecorder, caption
+from drake_srg.types import Mode
+
+
+def make(path, width=64, height=48, text=None, **config):
+    builder = DiagramBuilder()
+    source = builder.AddSystem(Sweep(width, height))
+    recorder = builder.AddSystem(VideoRecorder(path, width, height, **config))
+    builder.Connect(source.get_output_port(), recorder.GetInputPort("color_image"))
+    if text is not None:
+        words = builder.AddSystem(ConstantValueSource(AbstractValue.Make(text)))
+        builder.Connect(words.get_output_port(), recorder.GetInputPort("caption"))
+    return builder.Build(), recorder, source
+
+
+def decode(path):
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        frames = [
+            frame.to_ndarray(format="rgb24") for frame in container.decode(stream)
+        ]
+        return stream, np.array(frames)
+
+
+def test_ports(tmp_path):
+    recorder = VideoRecorder(tmp_path / "video.mp4", 64, 48)
+    assert [recorder.get_input_port(i).get_name() for i in (0, 1)] == [
+        "color_image",
+        "caption",
+    ]
+    assert recorder.num_input_ports() == 2
+    assert recorder.num_output_ports() == 0
+    recorder.close()
+
+
+def test_a_browser_can_play_what_the_camera_saw(tmp_path):
+    path = tmp_path / "video.mp4"
+    diagram, recorder, source = make(path, frame_rate=10.0)
+    with recorder:
+        Simulator(diagram).AdvanceTo(3.05)
+        assert not path.exists()
+    assert recorder.frames == source.evaluations == 30
+    stream, frames = decode(path)
+    assert stream.codec_context.name == "h264"
+    assert stream.codec_context.pix_fmt == "yuv420p"
+    assert stream.average_rate == 10
+    assert frames.shape == (30, 48, 64, 3)
+    # The first image is that of t = 0.1, the last that of t = 3.0: 30 red columns.
+    red = (frames[:, 24, :, 0] > 125).sum(axis=1)
+    np.testing.assert_allclose(red, 1 + np.arange(30), atol=1)
+    content = path.read_bytes()
+    assert 0 < content.find(b"moov") < content.find(b"mdat")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_equal_runs_give_equal_bytes(tmp_path):
+    for name in ("a.mp4", "b.mp4"):
+        # Below 128 pixels x264 does not keep this.
+        diagram, recorder, _ = make(tmp_path / name, 160, 120, Mode.LIFT)
+        with recorder:
+            Simulator(diagram).AdvanceTo(1.0)
+    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+
+
+def test_odd_sizes_lose_their_last_row_and_column(tmp_path):
+    diagram, recorder, _ = make(tmp_path / "video.mp4", 65, 49)
+    with recorder:
+        Simulator(diagram).AdvanceTo(0.2)
+    assert decode(tmp_path / "video.mp4")[1].shape[1:] == (48, 64, 3)
+
+
+def test_the_caption_is_on_the_lower_edge_of_the_frames(tmp_path):
+    frames = {}
+    for text in (None, Mode.CLOSE):
+        diagram, recorder, _ = make(tmp_path / "v.mp4", 320, 240, text, quality=10)
+        with recorder:
+            Simulator(diagram).AdvanceTo(0.1)
+        frames[text] = decode(tmp_path / "v.mp4")[1][0].astype(float)
+    difference = np.abs(frames[None] - frames[Mode.CLOSE]).max(axis=(1, 2))
+    assert difference[230:].max() > 100
+    assert difference[:215].max() < 20
+
+
+def test_captions_tell_enums_and_strings_alike():
+    pictures = [np.full((240, 320, 3), 90, np.uint8) for _ in range(3)]
+    for picture, text in zip(pictures, (Mode.LIFT, "lift", "place"), strict=True):
+        caption(picture, 1.5, text)
+    assert np.array_equal(pictures[0], pictures[1])
+    assert not np.array_equal(pictures[1], pictures[2])
+
+
+def test_drakes_strings_can_be_captions(tmp_path):
+    diagram, recorder, _ = make(
+        tmp_path / "v.mp4", text="words", caption_model=AbstractValue.Make("")
+    )
+    with recorder:
+        Simulator(diagram).AdvanceTo(0.1)
+    assert recorder.frames == 2
+
+
+def test_no_frames_no_file_and_closing_twice_is_fine(tmp_path):
+    diagram, recorder, _ = make(tmp_path / "video.mp4")
+    Simulator(diagram).AdvanceTo(0.01)
+    recorder.close()
+    recorder.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_closed_video_says_so(tmp_path):
+    diagram, recorder, _ = make(tmp_path / "video.mp4")
+    recorder.close()
+    with pytest.raises(RuntimeError, match=r"video\.mp4 is closed"):
+        Simulator(diagram).AdvanceTo(0.1)
+
+
+def test_an_image_of_another_size_is_named(tmp_path):
+    with VideoRecorder(tmp_path / "video.mp4", 64, 48) as recorder:
+        context = recorder.CreateDefaultContext()
+        recorder.GetInputPort("color_image").FixValue(context, image((0, 0, 0, 0), 32))
+        with pytest.raises(ValueError, match=r"32x48 pixels; .*video\.mp4 is 64x48"):
+            Simulator(recorder, context).AdvanceTo(0.1)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"width": 1}, {"frame_rate": 0.0}, {"quality": 60}], ids=str
+)
+def test_bad_arguments_are_named(tmp_path, wrong):
+    [(name, value)] = wrong.items()
+    with pytest.raises(ValueError, match=f"{name}={value}.*allowed"):
+        VideoRecorder(**{"path": tmp_path / "v.mp4", "width": 64, "height": 48} | wrong)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recorded_diagram_is_freed(tmp_path):
+    def run():
+        diagram, recorder, _ = make(tmp_path / "video.mp4", text=Mode.LIFT)
+        with recorder:
+            Simulator(diagram).AdvanceTo(0.1)
+        return diagram
+
+    assert is_freed(run)
