@@ -1,0 +1,201 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from helpers import fix, port_table, read, update
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDiff
+from pydrake.symbolic import Evaluate, MakeVectorContinuousVariable
+
+from drake_srg.gripper.servo import GripperServo, GripperServo_, GripperServoConfig
+
+GAINS = GripperServoConfig(
+    kp=[2.0, 1.0], ki=[0.5, 0.0], kd=[0.1, 0.2], kff1=[0.03, 0.02], kff2=[1e-3, 2e-3]
+)
+# [q; v; a] and [q; v] of two joints that keep the PWM below 1.
+REFERENCE = np.array([0.3, 0.2, 1.0, -0.5, 5.0, 6.0])
+MEASURED = np.array([0.2, 0.25, 0.6, 0.1])
+# By hand: kff1 v + kff2 a + kp e + kd (v - v measured)
+PID = np.array(
+    [
+        0.03 * 1.0 + 1e-3 * 5.0 + 2.0 * 0.1 + 0.1 * 0.4,
+        0.02 * -0.5 + 2e-3 * 6.0 + 1.0 * -0.05 + 0.2 * -0.6,
+    ]
+)
+
+
+def make(reference=REFERENCE, measured=MEASURED, config=GAINS, **changes):
+    servo = GripperServo(dc.replace(config, **changes))
+    context = servo.CreateDefaultContext()
+    fix(servo, context, reference=reference, state_measured=measured)
+    return servo, context
+
+
+def pwm(servo, context):
+    update(servo, context)
+    return read(servo, context, "pwm")
+
+
+def test_ports():
+    assert port_table(GripperServo(GAINS)) == (
+        {"reference": 6, "state_measured": 4, "force_limit": 1},
+        {"pwm": 2},
+    )
+
+
+def test_the_law_is_the_one_computed_by_hand():
+    assert pwm(*make()) == pytest.approx(PID)
+
+
+def test_the_integral_adds_up():
+    servo, context = make()
+    for k in range(4):
+        # 0.5 of K_I, an error of 0.1, k periods of 5 ms; the second joint has no K_I.
+        expected = [PID[0] + 0.5 * 0.1 * 0.005 * k, PID[1]]
+        assert pwm(servo, context) == pytest.approx(expected)
+
+
+def test_without_feedback_gains_the_feedforward_remains():
+    zero = [0.0, 0.0]
+    result = pwm(*make(kp=zero, ki=zero, kd=zero))
+    assert result == pytest.approx([0.03 + 0.005, -0.01 + 0.012])
+
+
+def test_the_pwm_is_held_between_updates():
+    servo, context = make()
+    assert read(servo, context, "pwm").tolist() == [0.0, 0.0]
+    before = pwm(servo, context)
+    fix(servo, context, reference=np.zeros(6))
+    context.SetTime(0.004)
+    assert np.array_equal(read(servo, context, "pwm"), before)
+
+
+@pytest.mark.parametrize(
+    ("port", "kappa"), [(None, 0.4), (0.2, 0.2), (0.0, 0.0), (-1.0, 0.0), (3.0, 1.0)]
+)
+def test_the_pwm_is_clipped_to_kappa(port, kappa):
+    far = np.array([9.0, -9.0, 0, 0, 0, 0])
+    servo, context = make(reference=far, force_limit=0.4)
+    if port is not None:
+        fix(servo, context, force_limit=port)
+    assert pwm(servo, context).tolist() == [kappa, -kappa]
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=6, max_size=6), st.floats(-2, 2))
+def test_no_reference_exceeds_the_limit(reference, kappa):
+    servo, context = make(reference=np.array(reference))
+    fix(servo, context, force_limit=kappa)
+    for _ in range(3):
+        assert np.max(np.abs(pwm(servo, context))) <= np.clip(kappa, 0, 1)
+
+
+def samples_until_reversal(tracking_time):
+    """Saturates the servo for 1 s, then reverses the error; counts until it follows."""
+    servo, context = make(
+        np.array([1.0, 0, 0]),
+        np.zeros(2),
+        GripperServoConfig(kp=[2.0], ki=[4.0], kd=[0.0], kff1=[0.0], kff2=[0.0]),
+        tracking_time=tracking_time,
+    )
+    for _ in range(200):
+        assert pwm(servo, context)[0] == 1.0
+    fix(servo, context, reference=np.array([-0.2, 0, 0]))
+    for count in range(10_000):
+        if pwm(servo, context)[0] < 0.0:
+            return count
+    raise AssertionError("never reversed")
+
+
+def test_anti_windup_recovers_faster_than_without():
+    # Without, 4 PWM/s have piled up for a second and 0.8 PWM/s undo it: seconds. With,
+    # the integral is just what keeps the output at the limit.
+    assert samples_until_reversal(np.inf) > 500
+    assert samples_until_reversal(0.05) < 100
+
+
+def test_the_printed_law_is_the_thesis_equation():
+    v = REFERENCE[2:4]
+    e = REFERENCE[:2] - MEASURED[:2]
+    feedback = GAINS.kp * e + GAINS.ki * e * v + GAINS.kd * e / v
+    feedforward = GAINS.kff1 * v + GAINS.kff2 * REFERENCE[4:]
+    result = pwm(*make(law="printed", printed_law_min_speed=1e-9))
+    assert result == pytest.approx(feedforward + feedback)
+
+
+@given(speed=st.floats(-1.0, 1.0), min_speed=st.floats(1e-3, 1.0))
+def test_the_printed_division_is_guarded(speed, min_speed):
+    reference = np.array([0.1, 0.1, speed, 0.0, 0, 0])
+    zero = [0.0, 0.0]
+    servo, context = make(
+        reference,
+        np.zeros(4),
+        law="printed",
+        printed_law_min_speed=min_speed,
+        kp=zero,
+        kff1=zero,
+        ki=zero,
+        kd=[1e-3, 1e-3],
+    )
+    moving, resting = pwm(servo, context)
+    # v / (v² + s²) has its peak, 1 / (2 s), at v = s.
+    assert abs(moving) <= 1e-3 * 0.1 / (2 * min_speed) * (1 + 1e-9)
+    assert resting == 0.0
+
+
+def test_gains_of_different_lengths_are_refused():
+    with pytest.raises(ValueError, match=r"one entry a joint; got \[2, 2, 1, 2, 2\]"):
+        make(kd=[0.1])
+
+
+def test_an_unknown_law_is_refused():
+    with pytest.raises(ValueError, match=r"'pdi'.*pid.*printed"):
+        make(law="pdi")
+
+
+# Scalar conversion.
+
+
+def derivatives(kappa):
+    """Of the PWM by: q q' q'' of the reference, q q' measured (joints 1, 2), kappa."""
+    servo = GripperServo(GAINS).ToAutoDiffXd()
+    assert isinstance(servo, GripperServo_[AutoDiffXd])
+    context = servo.CreateDefaultContext()
+    x = InitializeAutoDiff([*REFERENCE, *MEASURED, kappa]).flatten()
+    fix(servo, context, reference=x[:6], state_measured=x[6:10], force_limit=x[10:])
+    update(servo, context)
+    return ExtractGradient(read(servo, context, "pwm")[:, np.newaxis])
+
+
+def test_derivatives_are_the_gains():
+    expected = [
+        [2.0, 0, 0.13, 0, 1e-3, 0, -2.0, 0, -0.1, 0, 0],
+        [0, 1.0, 0, 0.22, 0, 2e-3, 0, -1.0, 0, -0.2, 0],
+    ]
+    np.testing.assert_allclose(derivatives(kappa=0.9), expected)
+
+
+def test_saturated_the_limit_alone_has_a_derivative():
+    # The PWM are 0.275 and -0.168 without the limit.
+    expected = [[0] * 10 + [1], [0] * 10 + [-1]]
+    np.testing.assert_allclose(derivatives(kappa=0.1), expected)
+
+
+# NumPy's arithmetic on arrays of Expression raises the flag for nothing.
+@pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
+@pytest.mark.parametrize("law", ["pid", "printed"])
+@given(st.lists(st.floats(-2, 2), min_size=11, max_size=11))
+def test_the_symbolic_law_evaluates_to_the_same_numbers(law, values):
+    values = np.array(values)
+    x = MakeVectorContinuousVariable(11, "x")
+    symbolic = GripperServo(dc.replace(GAINS, law=law)).ToSymbolic()
+    context = symbolic.CreateDefaultContext()
+    e = x * 1.0
+    fix(symbolic, context, reference=e[:6], state_measured=e[6:10], force_limit=e[10:])
+    update(symbolic, context)
+    expressions = read(symbolic, context, "pwm")
+    result = Evaluate(expressions, dict(zip(x, values, strict=True))).flatten()
+
+    servo, context = make(values[:6], values[6:10], law=law)
+    fix(servo, context, force_limit=values[10:])
+    np.testing.assert_allclose(result, pwm(servo, context), atol=1e-12)
