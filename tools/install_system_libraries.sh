@@ -25,7 +25,7 @@ done
 
 if [ "$(id -u)" -ne 0 ]; then
     echo "Missing system libraries. Run:" >&2
-    echo "sudo apt-get install -y --no-install-recommends$missing" >&2
+    echo "sudo apt-get update && sudo apt-get install -y --no-install-recommends$missing" >&2
     exit 1
 fi
 apt-get update
