@@ -1,5 +1,6 @@
 """Runs a scenario to its end, with log, recordings and metrics."""
 
+import contextlib
 import dataclasses as dc
 import logging
 import sys
@@ -13,6 +14,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from tqdm import tqdm
 
 from drake_srg.cell import MakeCell
+from drake_srg.gripper.drivers import JOINT_NAMES
 from drake_srg.metrics import (
     MODES,
     ContactReader,
@@ -22,6 +24,10 @@ from drake_srg.metrics import (
     pose_to_row,
 )
 from drake_srg.recording.log import write_log
+from drake_srg.recording.ros_topics import cell_topics
+from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.recording.timeline import Timeline, draw_timeline
+from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
 from drake_srg.types import Mode, PlannerStatus, Vector
 
@@ -79,29 +85,104 @@ def Simulate(
     """
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
+    pick = scenario.task.pick
     # One line about contexts for every planner is no use to anyone.
     logging.getLogger("drake").setLevel(logging.WARNING)
     builder = DiagramBuilder()
     cell = builder.AddNamedSystem("cell", make_cell(scenario))
-    diagram = builder.Build()
-    diagram.set_name("simulation")
-    simulator = Simulator(diagram)
-    ApplySimulatorConfig(scenario.simulator_config, simulator)
-    log = _Log(scenario, cell)
-    status, times = _run(simulator, cell, scenario, log, progress)
-    arrays = log.arrays()
     artifacts: dict[str, str | None] = dict.fromkeys(
         ("video", "recording", "log", "timeline")
     )
+    with contextlib.ExitStack() as recorders:
+        if out is not None and record:
+            for kind, recorder in AddRecorders(builder, cell, scenario, out).items():
+                recorders.enter_context(recorder)
+                artifacts[kind] = str(recorder.path)
+        diagram = builder.Build()
+        diagram.set_name("simulation")
+        simulator = Simulator(diagram)
+        ApplySimulatorConfig(scenario.simulator_config, simulator)
+        log = _Log(scenario, cell)
+        status, times = _run(simulator, cell, scenario, log, progress)
+    arrays = log.arrays()
     if out is not None:
-        write_log(out / "log.npz", arrays)
-        artifacts["log"] = str(out / "log.npz")
+        artifacts["log"] = str(write_log(out / "log.npz", arrays))
+        if record:
+            timeline = _timeline(f"{name}, seed {scenario.random_seed}", arrays, pick)
+            artifacts["timeline"] = str(draw_timeline(timeline, out / "timeline.png"))
     metrics = calc_metrics(
         scenario, name, arrays, status, log.touching, times, artifacts
     )
     if out is not None:
         metrics.write(out / "metrics.json")
     return Result(metrics, arrays, status)
+
+
+def AddRecorders(
+    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
+) -> dict[str, VideoRecorder | RosbagRecorder]:
+    """Add what records video.mp4 and recording.mcap, connected to the cell.
+
+    Close them after the simulation; they are context managers.
+    """
+    config = scenario.recording
+    recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
+    if config.video_camera:
+        camera = scenario.cameras[config.video_camera]
+        video = VideoRecorder(
+            out / "video.mp4", camera.width, camera.height, frame_rate=config.video_fps
+        )
+        builder.AddNamedSystem("video_recorder", video)
+        builder.Connect(
+            cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
+            video.GetInputPort("color_image"),
+        )
+        builder.Connect(
+            cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
+        )
+        recorders["video"] = video
+    topics = cell_topics(
+        _arm_joint_names(cell),
+        [f"{name}_joint" for name in JOINT_NAMES],
+        len(JOINT_NAMES),
+        dict.fromkeys(config.bag_cameras, config.bag_camera_period),
+    )
+    bag = RosbagRecorder(out / "recording.mcap", topics, period=config.period)
+    builder.AddNamedSystem("rosbag_recorder", bag)
+    for i in range(bag.num_input_ports()):
+        port = bag.get_input_port(i)
+        if cell.HasOutputPort(port.get_name()):
+            builder.Connect(cell.GetOutputPort(port.get_name()), port)
+    recorders["recording"] = bag
+    return recorders
+
+
+def _arm_joint_names(cell: Diagram) -> list[str]:
+    """Names of the arm's joints, in the order of its state."""
+    station = cell.GetSubsystemByName("station")
+    plant = station.GetSubsystemByName("plant")
+    arm = plant.GetModelInstanceByName("arm")
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    return [j.name() for j in sorted(joints, key=lambda j: j.position_start())]
+
+
+def _timeline(title: str, log: dict[str, Vector], pick: str) -> Timeline:
+    gripper, arm = log["gripper.state_measured"], log["arm.state_measured"]
+    names = [name.replace("_", " ") for name in JOINT_NAMES]
+    poses = log.get(f"object_pose.{pick}")
+    return Timeline(
+        time=log["time"],
+        mode=[MODES[int(i)].value for i in log["mode"]],
+        gripper_position=gripper[:, : len(names)],
+        gripper_joints=names,
+        closure=log["gripper.closure_commanded"][:, 0],
+        proximity=log["gripper.proximity"],
+        sensors=names,
+        arm_velocity=arm[:, arm.shape[1] // 2 :],
+        object_height=None if poses is None else poses[:, 2],
+        title=title,
+    )
 
 
 def _run(
@@ -126,8 +207,7 @@ def _run(
         total=scenario.planner.time_budget,
         disable=not progress,
         file=sys.stderr,
-        bar_format="{n:5.2f} s  {desc} [{elapsed}, {rate_fmt}]",
-        unit="s",
+        bar_format="{n:6.2f} s simulated  {desc} [{elapsed} elapsed]",
     ) as bar:
         step = 0
         while root.get_time() < end - 1e-9:

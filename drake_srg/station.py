@@ -6,6 +6,7 @@ import copy
 from collections.abc import Sequence
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
@@ -63,20 +64,10 @@ def MakeStation(scenario: Scenario) -> Diagram:
         ScenarioError: If the models do not fit the scenario.
     """
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlant(
-        plant_config=scenario.plant_config,
-        scene_graph_config=scenario.scene_graph_config,
-        builder=builder,
-    )
-    AddDirectives(plant, scenario)
-    AddObjects(plant, scenario)
-    arm = gripper = None
-    if scenario.arm is not None:
-        arm = plant.GetModelInstanceByName("arm")
-        SetArmGains(plant, arm, scenario.arm)
-    plant.Finalize()
+    plant, scene_graph = MakePlant(builder, scenario)
 
     # Drivers.
+    arm = gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
         driver = AddSrgPositionDriver(builder, plant, gripper, scenario.gripper)
@@ -93,7 +84,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         for name in ("state_measured", "pwm", "proximity", "grasped"):
             builder.ExportOutput(driver.GetOutputPort(name), f"gripper.{name}")
     if scenario.arm is not None:
-        plant.SetDefaultPositions(arm, scenario.arm.home)
+        arm = plant.GetModelInstanceByName("arm")
         control_plant = MultibodyPlant(time_step=0.0)
         AddDirectives(control_plant, scenario)
         control_plant.Finalize()
@@ -144,6 +135,30 @@ def MakeStation(scenario: Scenario) -> Diagram:
     diagram = builder.Build()
     diagram.set_name("station")
     return diagram
+
+
+def MakePlant(
+    builder: DiagramBuilder, scenario: Scenario
+) -> tuple[MultibodyPlant, SceneGraph]:
+    """Add the plant with all models of a scenario to a diagram, finalized.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    plant, scene_graph = AddMultibodyPlant(
+        plant_config=scenario.plant_config,
+        scene_graph_config=scenario.scene_graph_config,
+        builder=builder,
+    )
+    AddDirectives(plant, scenario)
+    AddObjects(plant, scenario)
+    if scenario.arm is not None:
+        arm = plant.GetModelInstanceByName("arm")
+        SetArmGains(plant, arm, scenario.arm)
+    plant.Finalize()
+    if scenario.arm is not None:
+        plant.SetDefaultPositions(arm, scenario.arm.home)
+    return plant, scene_graph
 
 
 def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:

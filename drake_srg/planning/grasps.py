@@ -13,7 +13,8 @@ from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 # Geometry of the SRG in the palm frame G (x out of the palm, fingers in the x-y plane)
 # from SAKE's public gen-2 URDF and MuJoCo model [m].
-_PALM_FRONT = 0.0791
+_PALM_FACE = 0.072  # where it is flat
+_PALM_HALF_HEIGHT = 0.0327
 _HINGE_X, _HINGE_Y = 0.072569, 0.03
 _BASE_LENGTH = 0.052
 _PAD_START, _PAD_END = 0.009, 0.0588  # along the tip link, from its hinge
@@ -47,6 +48,11 @@ class Grasp:
         if self.approach is Approach.ABOVE:
             return "from above"
         return f"from the side, {np.rad2deg(self.tilt):.0f} degrees down"
+
+    @property
+    def lean(self) -> float:
+        """Angle between the object's axis and the nearest axis of the palm [rad]."""
+        return min(self.tilt, abs(0.5 * np.pi - self.tilt))
 
     @property
     def base_angle_open(self) -> float:
@@ -123,10 +129,10 @@ def _from_above(shape: Cylinder | Sphere, squeeze: float) -> Grasp:
 
 def _from_side(shape: Cylinder | Sphere, tilt: float, squeeze: float) -> Grasp:
     radius = shape.radius
-    # The object nearly touches the palm, so that the fingers wrap around it; taken
-    # a little above its centre, for the wrist's sake.
-    x = _PALM_FRONT + radius / np.cos(tilt) + 0.004
-    height = 0.12 * shape.height
+    # The object nearly touches the palm, so that the fingers wrap around it and do
+    # not pull it in; taken above its centre, for the wrist's sake.
+    x = _PALM_FACE + radius / np.cos(tilt) + _PALM_HALF_HEIGHT * np.tan(tilt) + 0.002
+    height = 0.25 * shape.height
     p_hinge = np.array([x - _HINGE_X, -_HINGE_Y])
     base = _contact_angle(p_hinge, radius)
     p_tip_hinge = p_hinge - _BASE_LENGTH * np.array([np.sin(base), np.cos(base)])

@@ -39,9 +39,9 @@ class PlannerConfig:
     search_period: float = dc.field(default=0.25, metadata=positive())
     # Directions from which objects are taken: above, side.
     approaches: list[str] = dc.field(default_factory=lambda: ["above", "side"])
-    # For grasps from the side, how far the hand points down [rad]: 10, 15 and 20
-    # degrees keep the wrist off the table.
-    tilts: list[float] = dc.field(default_factory=lambda: [0.175, 0.262, 0.349])
+    # For grasps from the side, how far the hand points down [rad]: none, 5 and 10
+    # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
+    tilts: list[float] = dc.field(default_factory=lambda: [0.0, 0.0873, 0.1745])
     # What the closed command asks for beyond the contact, base + tip [rad]; 0.4 rad
     # presses with about 14 N a finger (see `SrgPositionDriver`'s gains), three times
     # what friction 0.6 needs for 0.42 kg.
@@ -63,13 +63,14 @@ class PlannerConfig:
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
     # The grasp is checked for this long before and after lifting [s].
     verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # How far a base angle may be from what the grasp expects [rad].
+    # How much further than expected a base angle may close on an object [rad]; an
+    # empty hand closes 0.4 rad further.
     angle_tolerance: float = dc.field(default=0.3, metadata=positive())
     period: float = dc.field(default=0.01, metadata=positive())  # s
 
 
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
-_CLEAR = 0.005  # distance beyond which an object is out of the fingers' way [m]
+_CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
 _ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
 _MESSAGES = {
     Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
@@ -434,12 +435,12 @@ class PickAndPlacePlanner(LeafSystem):
         return bool(np.max(np.abs(q - goal)) < _ARRIVED)
 
     def _holding(self, context: Context, memory: _Memory) -> bool:
-        """Whether both fingers sense something of the expected size."""
+        """Whether both fingers sense something and it is not too small."""
         if memory.motions is None or self._grasped.Eval(context)[0] == 0.0:
             return False
         expected = memory.motions.grasp.base_angle
         base = self._gripper.Eval(context)[:2]
-        return bool(np.max(np.abs(base - expected)) < self.config.angle_tolerance)
+        return bool(np.max(base) < expected + self.config.angle_tolerance)
 
     def _enter(
         self, mode: Mode, memory: _Memory, o: Observation, time: float

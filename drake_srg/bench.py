@@ -1,0 +1,144 @@
+"""How fast a scenario runs, beside its bare plant, and where the time goes."""
+
+import dataclasses as dc
+import time as wall
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.cell import MakeCell
+from drake_srg.scenario import Scenario
+from drake_srg.simulation import Simulate
+from drake_srg.station import MakePlant
+from drake_srg.types import Mode, PlannerStatus, Vector
+
+# Inputs of the plant that a replay needs: subsystem of the station, output port, and
+# the plant's input port with the model instance it belongs to.
+_PLANT_INPUTS = (
+    ("arm_driver", "desired_state", "arm", "get_desired_state_input_port"),
+    ("arm_driver", "actuation", "arm", "get_actuation_input_port"),
+    ("gripper_driver", "actuation", "gripper", "get_actuation_input_port"),
+)
+
+
+@dc.dataclass(frozen=True)
+class Bench:
+    """Wall-clock times of one run [s], and of the bare plant on the same inputs."""
+
+    simulated: float
+    total: float
+    plant: float
+    planning: float
+    rendering: float
+
+    @property
+    def other(self) -> float:
+        """What is left: our systems in Python, and logging."""
+        return self.total - self.plant - self.planning - self.rendering
+
+    def table(self) -> str:
+        """Return the figures as text."""
+        rows = [
+            ("simulated", self.simulated, ""),
+            ("wall clock", self.total, f"{self.simulated / self.total:.2f} x real time"),
+            (
+                "bare plant",
+                self.plant,
+                f"{self.simulated / self.plant:.2f} x real time; "
+                f"ours runs at {self.plant / self.total:.2f} of it",
+            ),
+            ("planning", self.planning, f"{self.planning / self.total:.0%}"),
+            ("rendering", self.rendering, f"{self.rendering / self.total:.0%}"),
+            ("our systems", self.other, f"{self.other / self.total:.0%}"),
+        ]
+        return "\n".join(f"{name:12} {time:7.2f} s  {note}" for name, time, note in rows)
+
+
+def run_bench(scenario: Scenario) -> Bench:
+    """Measure a scenario: a run, the plant alone, and single images.
+
+    The bare plant gets the inputs that it got in a run, from trajectories held between
+    its steps, so that it makes the same contacts with none of our systems attached.
+    """
+    inputs = _record_inputs(scenario)
+    result = Simulate(scenario)
+    times = result.metrics
+    return Bench(
+        simulated=times.sim_time_s,
+        total=times.wall_time_s,
+        plant=_replay(scenario, inputs, times.sim_time_s),
+        planning=times.planning_wall_s,
+        rendering=result.status.looks * _image_time(scenario),
+    )
+
+
+def _record_inputs(scenario: Scenario) -> dict[int, PiecewisePolynomial]:
+    """What the plant's inputs were at each of its steps, in a run."""
+    cell = MakeCell(scenario)
+    station = cell.GetSubsystemByName("station")
+    simulator = Simulator(cell)
+    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    times: list[float] = []
+    rows: list[list[Vector]] = [[] for _ in _PLANT_INPUTS]
+    ports = [
+        (station.GetSubsystemByName(driver), output)
+        for driver, output, *_ in _PLANT_INPUTS
+    ]
+
+    def monitor(root: Context) -> EventStatus:
+        times.append(root.get_time())
+        for (driver, output), values in zip(ports, rows, strict=True):
+            context = driver.GetMyContextFromRoot(root)
+            values.append(np.array(driver.GetOutputPort(output).Eval(context)))
+        status: PlannerStatus = cell.GetOutputPort("planner.status").Eval(root)
+        if status.mode in (Mode.DONE, Mode.FAILED):
+            return EventStatus.ReachedTermination(cell, "the planner has ended")
+        return EventStatus.Succeeded()
+
+    simulator.set_monitor(monitor)
+    simulator.AdvanceTo(scenario.planner.time_budget + 1.0)
+    # Termination steps are shorter than the plant's; keep one sample a time.
+    unique = np.unique(np.round(times, 9), return_index=True)[1]
+    breaks = np.array(times)[unique]
+    return {
+        i: PiecewisePolynomial.ZeroOrderHold(breaks, np.array(values)[unique].T)
+        for i, values in enumerate(rows)
+    }
+
+
+def _replay(
+    scenario: Scenario, inputs: dict[int, PiecewisePolynomial], duration: float
+) -> float:
+    """Wall-clock time of the bare plant on recorded inputs [s]."""
+    builder = DiagramBuilder()
+    plant, _ = MakePlant(builder, scenario)
+    for i, (*_, name, port) in enumerate(_PLANT_INPUTS):
+        source = builder.AddSystem(TrajectorySource(inputs[i]))
+        target = getattr(plant, port)(plant.GetModelInstanceByName(name))
+        builder.Connect(source.get_output_port(), target)
+    simulator = Simulator(builder.Build())
+    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    simulator.Initialize()
+    return _timed(lambda: simulator.AdvanceTo(duration))
+
+
+def _image_time(scenario: Scenario) -> float:
+    """Wall-clock time of one look at the blobs [s], after the first."""
+    cell: Diagram = MakeCell(scenario)
+    context = cell.CreateDefaultContext()
+    port = cell.GetOutputPort("localizer.blobs")
+    looks = []
+    for i in range(4):
+        context.SetTime(float(i))  # what was rendered before counts no more
+        looks.append(_timed(lambda: port.Eval(context)))
+    return float(np.mean(looks[1:]))
+
+
+def _timed(action: Callable[[], object]) -> float:
+    start = wall.perf_counter()
+    action()
+    return wall.perf_counter() - start
