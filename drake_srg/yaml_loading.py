@@ -48,13 +48,18 @@ def parse_yaml(text: str, origin: str) -> Any:
     """Parse YAML text; tags of mappings become the key `_tag`.
 
     Raises:
-        ScenarioError: If the text is not YAML, naming `origin`, line and problem.
+        ScenarioError: If the text is not YAML, naming `origin`, line and problem, or
+            has keys that are not text or a part that contains itself.
     """
     try:
-        return yaml_load(data=text)
+        tree = yaml_load(data=text or "null")
+    except AttributeError:  # of Drake's look at the top level's keys
+        raise ScenarioError(f"{origin}: keys must be text") from None
     except Exception as error:
         lines = " ".join(part.strip() for part in str(error).splitlines())
         raise ScenarioError(f"{origin}: not valid YAML: {lines[:200]}") from None
+    _check_is_tree(tree, origin)
+    return tree
 
 
 def merge(base: Any, override: Any) -> Any:
@@ -122,8 +127,8 @@ def draw_distributions(tree: Any, seed: int, origin: str, key: str = "") -> Any:
 def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
     """Check parsed YAML against a schema and return it normalised.
 
-    Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `length` of
-    dataclass fields. Drake's own classes are checked by their fields as well.
+    Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `among`,
+    `length` of dataclass fields. Drake's own classes are checked by their fields, too.
 
     Args:
         value: What `parse_yaml` returned, distributions drawn.
@@ -161,7 +166,29 @@ def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
         return yaml_load_typed(schema=schema, data=yaml_dump(checked))
     except Exception as error:
         line = " ".join(str(error).split())
-        raise ScenarioError(f"{origin}: {line[:300]}") from None
+        _fail(origin, _misfit(schema, checked), f"does not fit: {line[:200]}")
+
+
+def _misfit(schema: type[Any], tree: Mapping[str, Any]) -> str:
+    """Name the key of a dataclass that `yaml_load_typed` does not take."""
+    for key, value in tree.items():
+        try:
+            yaml_load_typed(schema=schema, data=yaml_dump({key: value}))
+        except Exception:
+            return key
+    return ""
+
+
+def _check_is_tree(node: Any, origin: str, above: tuple[int, ...] = ()) -> None:
+    if not isinstance(node, (dict, list)):
+        return
+    if id(node) in above:
+        raise ScenarioError(f"{origin}: an anchored part contains itself")
+    for key in node if isinstance(node, dict) else ():
+        if not isinstance(key, str):
+            raise ScenarioError(f"{origin}: keys must be text, {key!r} is not")
+    for child in node.values() if isinstance(node, dict) else node:
+        _check_is_tree(child, origin, (*above, id(node)))
 
 
 def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
@@ -173,8 +200,12 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
             raise ValueError
         for value in given.values():
             check_tree(value, float if not isinstance(value, list) else list[float], "")
+            if not np.all(np.isfinite(np.array(value, dtype=float))):
+                raise ValueError
         drawn = yaml_load_typed(schema=cls, data=yaml_dump(given))
         if "min" in given and np.any(np.array(given["min"]) > np.array(given["max"])):
+            raise ValueError
+        if "stddev" in given and np.any(np.array(given["stddev"], dtype=float) < 0.0):
             raise ValueError
         return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
     except Exception:
@@ -183,7 +214,8 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
             key,
             f"{tag} needs finite numbers for {_names(fields)}"
             + (", lists of one length" if tag.endswith("Vector") else "")
-            + (", min not above max" if "min" in fields else ""),
+            + (", min not above max" if "min" in fields else "")
+            + (", stddev not negative" if "stddev" in fields else ""),
         )
 
 
@@ -201,9 +233,7 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
     if value is None:
         value = {}
     if not isinstance(value, Mapping):
-        if ours:
-            _fail(origin, key, f"must be a mapping, is {_describe(value)}")
-        return value  # Drake's Transform and Rotation also take a bare value.
+        _fail(origin, key, f"must be a mapping, is {_describe(value)}")
     tag = value.get("_tag")
     name = _base_name(schema)
     if ours and tag not in (None, f"!{name}"):
@@ -229,6 +259,8 @@ def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
     def fail(message: str) -> typing.NoReturn:
         _fail(origin, key, message)
 
+    if isinstance(value, Mapping) and value.get("_tag") not in (None, *_DISTRIBUTIONS):
+        fail(f"unknown tag {value['_tag']}; {_suggest(value['_tag'], _DISTRIBUTIONS)}")
     if schema is str:
         if not isinstance(value, str):
             fail(f"must be text, is {_describe(value)}")
@@ -247,6 +279,8 @@ def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
     if math.isnan(value):
         fail("must be a number, is NaN")
     if schema is int:
+        if math.isinf(value):
+            fail(f"must be finite, is {value}")
         if value != int(value):
             fail(f"must be a whole number, is {value}")
         return int(value)
@@ -291,6 +325,8 @@ def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) 
         "le": (operator.le, "at most"),
     }
     for item in value if isinstance(value, list) else [value]:
+        if item not in bounds.get("among", (item,)):
+            _fail(origin, key, f"must be one of {_names(bounds['among'])}; is {item!r}")
         if isinstance(item, float) and math.isinf(item):
             _fail(origin, key, f"must be finite, is {item}")
         for name, (test, words) in tests.items():
