@@ -48,7 +48,7 @@ class ColorRangeConfig:
     )
     # hsv: hue in degrees (lower above upper wraps through red), saturation and value
     # 0 .. 1. rgb: 0 .. 1.
-    space: str = "hsv"
+    space: str = dc.field(default="hsv", metadata={"among": ("hsv", "rgb")})
 
 
 @dc.dataclass(kw_only=True)
@@ -197,8 +197,9 @@ def load_scenario(
         if not (key and equals):
             raise ScenarioError(f"--set {override}: must be KEY=VALUE")
         if key.split(".")[0] == "object":
-            picked = (tree.get("task") or {}).get("pick")
-            if not picked:
+            task = tree.get("task")
+            picked = task.get("pick") if isinstance(task, dict) else None
+            if not (picked and isinstance(picked, str)):
                 raise ScenarioError(f"--set {key}: the scenario picks no object")
             key = f"objects.{picked}{key.removeprefix('object')}"
         set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
@@ -218,20 +219,21 @@ def load_scenario(
 
 
 def _builtin(name: str | Path) -> Path:
-    path = SCENARIOS / f"{name}.yaml"
-    if not path.exists():
+    if name not in list_scenarios():
         raise ScenarioError(
             f"scenario {str(name)!r} is unknown; allowed: {', '.join(list_scenarios())}"
             " or a path that ends in .yaml"
         )
-    return path
+    return SCENARIOS / f"{name}.yaml"
 
 
 def _load_tree(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeError) as error:
-        reason = getattr(error, "strerror", None) or "not text in UTF-8"
+    except UnicodeError:
+        raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
+    except (OSError, ValueError) as error:  # ValueError: of a null in the path
+        reason = getattr(error, "strerror", None) or str(error)
         raise ScenarioError(f"{path}: cannot be read: {reason}") from None
     tree = parse_yaml(text, path.name)
     if tree is None:
@@ -257,6 +259,11 @@ def _check(scenario: Scenario, origin: str) -> None:
         if not condition:
             raise ScenarioError(f"{origin}: {key}: {message}")
 
+    # Of these Drake makes a program's end.
+    for name in ("time_step", "penetration_allowance", "stiction_tolerance"):
+        value = getattr(scenario.plant_config, name)
+        message = f"must be greater than 0.0, is {value}"
+        require(value > 0.0, f"plant_config.{name}", message)
     names = ", ".join(scenario.objects) or "none"
     pick = scenario.task.pick
     require(
@@ -286,6 +293,19 @@ def _check(scenario: Scenario, origin: str) -> None:
                 f"{obj.position} is not on the table; "
                 f"allowed: x {low[0]} .. {high[0]}, y {low[1]} .. {high[1]}",
             )
+    if any(obj.position is None for obj in scenario.objects.values()):
+        region, table = scenario.task.region, scenario.table
+        require(
+            all(a <= b for a, b in zip(region.min, region.max, strict=True)),
+            "task.region",
+            f"min must not be above max, is {region.min} .. {region.max}",
+        )
+        require(
+            all(a <= b for a, b in zip(table.min, region.min, strict=True))
+            and all(a <= b for a, b in zip(region.max, table.max, strict=True)),
+            "task.region",
+            f"must be on the table; allowed: {table.min} .. {table.max}",
+        )
     cameras = ", ".join(scenario.cameras) or "none"
     for key, used in (
         ("localizer.cameras", scenario.localizer.cameras),
@@ -305,7 +325,11 @@ def _draw_positions(scenario: Scenario, origin: str) -> None:
     taken = [np.array(o.position) for o in scenario.objects.values() if o.position]
     region = scenario.task.region
     uniform = UniformVectorX(np.array(region.min), np.array(region.max))
-    for name, obj in scenario.objects.items():
+    # The picked object comes first: the others must not change where it stands.
+    objects = sorted(
+        scenario.objects.items(), key=lambda item: item[0] != scenario.task.pick
+    )
+    for name, obj in objects:
         if obj.position is not None:
             continue
         generator: RandomGenerator = key_generator(

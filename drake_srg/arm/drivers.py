@@ -14,6 +14,7 @@ from pydrake.systems.framework import (
 from pydrake.systems.primitives import StateInterpolatorWithDiscreteDerivative
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
@@ -35,7 +36,7 @@ class ArmPositionDriver:
     # Joint positions at the start of a simulation [rad].
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
     # Commands are sampled and differentiated at this period [s].
-    period: float = 0.005
+    period: float = dc.field(default=0.005, metadata=positive())
 
 
 class GravityCompensation(LeafSystem):

@@ -7,6 +7,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
@@ -14,8 +15,9 @@ class GraspDetectorConfig:
     """When a grasp counts."""
 
     # Both sides must fire for this long [s]; the arm thesis's post-contact delay.
-    post_contact_delay: float = 0.1
-    period: float = 0.01  # time between evaluations [s]
+    post_contact_delay: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # Time between evaluations [s].
+    period: float = dc.field(default=0.01, metadata=positive())
 
 
 class GraspDetector(LeafSystem):

@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector
+from drake_srg.types import Vector, positive
 
 # Columns of the discrete state, one row a joint.
 _START, _DURATION, _TARGET = 0, 1, 2
@@ -22,11 +22,11 @@ class MinimumJerkConfig:
 
     # Peak speed of a rest-to-rest motion [rad/s]. Default: the SRG's joint limit in
     # SAKE's public URDF.
-    max_velocity: float = 3.67
+    max_velocity: float = dc.field(default=3.67, metadata=positive())
     # Shortest motion [s]: the time in which small corrections are made.
-    min_duration: float = 0.08
+    min_duration: float = dc.field(default=0.08, metadata=positive())
     # Time between looks at the target [s].
-    period: float = 0.005
+    period: float = dc.field(default=0.005, metadata=positive())
 
 
 def minimum_jerk_coefficients(

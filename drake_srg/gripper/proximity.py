@@ -16,18 +16,21 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
 class ProximityConfig:
     """Range, trigger and rate of the sensors."""
 
-    range: float = 0.05  # readings saturate here [m]
-    trigger_distance: float = 0.003  # a sensor fires below this distance [m]
+    # Readings saturate here [m].
+    range: float = dc.field(default=0.05, metadata=positive())
+    # A sensor fires below this distance [m].
+    trigger_distance: float = dc.field(default=0.003, metadata=positive())
     # Time between readings [s]. 100 Hz: at the fingers' top speed (3.67 rad/s over
     # 0.1 m) a reading is at most 4 mm old, and a reading costs a third of a
     # millisecond.
-    period: float = 0.01
+    period: float = dc.field(default=0.01, metadata=positive())
 
 
 class ProximitySensors(LeafSystem):

@@ -9,6 +9,8 @@ from pydrake.math import min as min_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from drake_srg.types import positive
+
 LAWS = ("pid", "printed")
 
 
@@ -23,14 +25,15 @@ class GripperServoConfig:
     kd: list[float]  # K_D [s/rad]
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
-    law: str = "pid"  # pid | printed
-    force_limit: float = 1.0  # kappa where the port `force_limit` is not connected
+    law: str = dc.field(default="pid", metadata={"among": LAWS})
+    # kappa where the port `force_limit` is not connected
+    force_limit: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})
     # Anti-windup by back-calculation: time in which the integral follows the
     # saturation [s].
-    tracking_time: float = 0.05
+    tracking_time: float = dc.field(default=0.05, metadata=positive())
     # The printed law divides by q'; below this speed [rad/s] the division fades out.
-    printed_law_min_speed: float = 0.05
-    period: float = 0.005  # sample time [s]
+    printed_law_min_speed: float = dc.field(default=0.05, metadata=positive())
+    period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
 
 
 @TemplateSystem.define("GripperServo_")

@@ -7,7 +7,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector
+from drake_srg.types import Vector, positive
 
 # Order of joints and sensors, here and at every port: left base, right base, left
 # tip, right tip. A finger is a (base, tip) pair of indices into it.
@@ -19,14 +19,15 @@ class UnderactuationConfig:
     """Parameters of Algorithm 1."""
 
     # Sum of base and tip angle that closure 1 asks for [rad]; from the thesis.
-    full_scale: float = 3.0
+    full_scale: float = dc.field(default=3.0, metadata=positive())
     # Joint limits of base and tip [rad]; targets saturate there. SAKE's public URDF.
     base_limit: float = 1.94
     tip_limit: float = 1.94
     # The thesis tests `tip angle <= 0`; a measured angle of a finger that rests on
     # its stop is zero only up to the stop's compliance [rad].
     straight_tolerance: float = 0.002
-    period: float = 0.005  # time between evaluations [s]
+    # Time between evaluations [s].
+    period: float = dc.field(default=0.005, metadata=positive())
 
 
 def finger_targets(

@@ -38,7 +38,10 @@ class PlannerConfig:
     search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
     search_period: float = dc.field(default=0.25, metadata=positive())
     # Directions from which objects are taken: above, side.
-    approaches: list[str] = dc.field(default_factory=lambda: ["above", "side"])
+    approaches: list[str] = dc.field(
+        default_factory=lambda: ["above", "side"],
+        metadata={"among": ("above", "side")},
+    )
     # For grasps from the side, how far the hand points down [rad]: none, 5 and 10
     # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
     tilts: list[float] = dc.field(default_factory=lambda: [0.0, 0.0873, 0.1745])
