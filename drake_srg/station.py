@@ -17,6 +17,7 @@ from pydrake.multibody.parsing import (
 )
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
 from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
@@ -99,22 +100,8 @@ def MakeStation(scenario: Scenario) -> Diagram:
             plant.get_net_actuation_output_port(arm), "arm.torque_measured"
         )
 
-    # Cameras.
-    for name, camera_config in scenario.cameras.items():
-        config = copy.copy(camera_config)
-        config.name = name
-        # This address stands for no publishing: images are made when asked for.
-        lcm = DrakeLcm("memq://null")
-        ApplyCameraConfig(config=config, builder=builder, lcm=lcm)
-        sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
-        for port, exported in (
-            ("color_image", "color_image"),
-            ("depth_image_32f", "depth_image"),
-            ("body_pose_in_world", "body_pose_in_world"),
-        ):
-            builder.ExportOutput(
-                sensor.GetOutputPort(port), f"camera_{name}.{exported}"
-            )
+    if scenario.cameras:
+        AddCameras(builder, plant, scenario)
 
     # Ground truth.
     poses = builder.AddNamedSystem(
@@ -159,6 +146,51 @@ def MakePlant(
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)
     return plant, scene_graph
+
+
+def AddCameras(
+    builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario
+) -> None:
+    """Add the cameras of a scenario, and export their ports.
+
+    They see a scene graph of their own. In the plant's, the renderers would follow
+    every step of the simulation, which costs as much as the bare plant; this one takes
+    the plant's state when somebody asks for an image.
+    """
+    scene = builder.AddNamedSystem("render_scene_graph", SceneGraph())
+    render_plant = MultibodyPlant(time_step=0.0)
+    render_plant.RegisterAsSourceForSceneGraph(scene)
+    AddDirectives(render_plant, scenario)
+    AddObjects(render_plant, scenario)
+    render_plant.Finalize()
+    poses = builder.AddNamedSystem(
+        "render_poses",
+        MultibodyPositionToGeometryPose(render_plant, input_multibody_state=True),
+    )
+    builder.Connect(plant.get_state_output_port(), poses.get_input_port())
+    builder.Connect(
+        poses.get_output_port(),
+        scene.get_source_pose_port(render_plant.get_source_id()),
+    )
+    for name, camera_config in scenario.cameras.items():
+        config = copy.copy(camera_config)
+        config.name = name
+        ApplyCameraConfig(
+            config=config,
+            builder=builder,
+            plant=render_plant,
+            scene_graph=scene,
+            lcm=DrakeLcm("memq://null"),  # stands for no publishing
+        )
+        sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
+        for port, exported in (
+            ("color_image", "color_image"),
+            ("depth_image_32f", "depth_image"),
+            ("body_pose_in_world", "body_pose_in_world"),
+        ):
+            builder.ExportOutput(
+                sensor.GetOutputPort(port), f"camera_{name}.{exported}"
+            )
 
 
 def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
