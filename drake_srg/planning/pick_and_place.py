@@ -456,6 +456,8 @@ class PickAndPlacePlanner(LeafSystem):
         motions = memory.motions
         match mode:
             case Mode.IDLE | Mode.FAILED | Mode.DONE:
+                if previous is Mode.HOME and o.arrived and memory.failure is None:
+                    memory = dc.replace(memory, looks=memory.looks + 1)
                 if previous is Mode.HOME and mode is not Mode.DONE:
                     failure = memory.failure or Failure.MISPLACED
                     memory = dc.replace(
@@ -463,6 +465,12 @@ class PickAndPlacePlanner(LeafSystem):
                     )
                 if o.failure is not None:
                     memory = dc.replace(memory, failure=o.failure)
+                if o.failure is Failure.TIME_BUDGET:
+                    message = (
+                        f"not done after {self.config.time_budget:g} s, "
+                        f"in mode {previous.value}"
+                    )
+                    memory = dc.replace(memory, message=message)
                 return dc.replace(
                     memory, motions=None, escape=None, next_look=time, ready_at=np.inf
                 )

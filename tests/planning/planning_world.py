@@ -1,0 +1,167 @@
+"""A world for the planner; everything goes as planned, unless told otherwise."""
+
+import numpy as np
+from helpers import fix
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.grasps import grasps_of
+from drake_srg.planning.pick_and_place import PickAndPlacePlanner, PlannerConfig
+from drake_srg.planning.task_motions import TaskMotions
+from drake_srg.types import Blob, Cylinder, Mode
+
+CAN = Cylinder(0.034, 0.1)
+START, GOAL = np.array([0.6, 0.1, 0.05]), np.array([0.5, -0.4, 0.05])
+_MOVING = [
+    Mode.PRE_GRASP,
+    Mode.GRASP,
+    Mode.LIFT,
+    Mode.TRANSFER,
+    Mode.PLACE,
+    Mode.RETREAT,
+    Mode.HOME,
+]
+_CLOSED = [Mode.CLOSE, Mode.VERIFY, Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
+
+
+def blob(position, name="can", quality=0.9):
+    return Blob(name, "eye", (1.0, 2.0), np.array(position), np.eye(3)[2], quality)
+
+
+def motion(start, end):
+    """From one posture to another in 0.1 s."""
+    return PiecewisePolynomial.FirstOrderHold([0.0, 0.1], np.column_stack([start, end]))
+
+
+class FakeTaskPlanner:
+    """Plans motions of a two-joint arm: 1 rad on in each mode, home in the last."""
+
+    def __init__(self):
+        self.q_home = np.array([0.5, -0.5])
+        self.grasp = grasps_of(CAN, ["above"], [], 0.4)[0]
+        self.result = self.escape = None  # in place of motions
+        self.calls = []
+
+    def plan(self, q_start, p_WO, shape, p_WO_goal):
+        self.calls.append((q_start, p_WO, shape, p_WO_goal))
+        if self.result is not None:
+            return self.result
+        n = len(_MOVING)
+        q = [q_start + np.array([min(i, n - i), 0.0]) for i in range(n)] + [self.q_home]
+        return TaskMotions(
+            self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(_MOVING)}
+        )
+
+    def plan_escape(self, q):
+        if self.escape is not None:
+            return self.escape
+        middle = 0.5 * (q + self.q_home)
+        return motion(q, middle), motion(middle, self.q_home)
+
+
+def make_planner(**config):
+    return PickAndPlacePlanner(
+        FakeTaskPlanner(), "can", CAN, GOAL, config=PlannerConfig(**config)
+    )
+
+
+class Camera(LeafSystem):
+    """Sees what it is told to, and counts how often it is asked."""
+
+    def __init__(self):
+        super().__init__()
+        self.blobs = list
+        self.evaluations = 0
+        self.DeclareAbstractOutputPort(
+            name="blobs", alloc=lambda: AbstractValue.Make([]), calc=self._look
+        )
+
+    def _look(self, context, output):
+        self.evaluations += 1
+        output.set_value(self.blobs())
+
+
+class World:
+    """A planner between a camera, an arm that follows and fingers that hold.
+
+    What happens otherwise is told by replacing `where` (the blobs seen in a mode),
+    `holding` (whether the fingers hold something in a mode), `base_angle` and
+    `arm_follows`. `like` makes a world with the systems of another.
+    """
+
+    def __init__(self, *, like=None, start=0.0, **config):
+        if like is None:
+            builder = DiagramBuilder()
+            self.camera = builder.AddSystem(Camera())
+            self.planner = builder.AddSystem(make_planner(**config))
+            builder.Connect(
+                self.camera.get_output_port(), self.planner.GetInputPort("blobs")
+            )
+            diagram = builder.Build()
+        else:
+            diagram, self.camera, self.planner = like.diagram, like.camera, like.planner
+        self.diagram = diagram
+        self.task_planner = self.planner._task_planner
+        self.period = self.planner.config.period
+        self._simulator = Simulator(diagram)
+        root = self._simulator.get_mutable_context()
+        root.SetTime(start)
+        self._start = start
+        self._context = self.planner.GetMyMutableContextFromRoot(root)
+        self.seen, self.trace, self.commands = [], [], []
+        self.began, self.closures = {}, {}
+        self.where = lambda mode: [blob(GOAL if mode is Mode.HOME else START)]
+        self.holding = lambda mode: True
+        self.base_angle = self.task_planner.grasp.base_angle
+        self.arm_follows = True
+
+    @property
+    def status(self):
+        return self.planner.GetOutputPort("status").Eval(self._context)
+
+    @property
+    def time(self):
+        return self._context.get_time() - self._start
+
+    def run(self, limit=60.0):
+        """Lets time pass until the planner has ended; returns its status."""
+        self.camera.blobs = self._look
+        self._sense()
+        while self.time < limit:
+            self._simulator.AdvancePendingEvents()
+            status = self.status
+            if status.mode not in self.trace[-1:]:
+                self.trace.append(status.mode)
+                self.began.setdefault(status.mode, self.time)
+            self.closures[status.mode] = self._read("closure_commanded")[0]
+            self.commands.append(self._read("position_commanded"))
+            if status.mode in (Mode.DONE, Mode.FAILED):
+                return status
+            self._sense()
+            self._simulator.AdvanceTo(self._start + self.time + self.period)
+        raise AssertionError(f"still {status} after {limit} s")
+
+    def _read(self, name):
+        return self.planner.GetOutputPort(name).Eval(self._context).copy()
+
+    def _look(self):
+        blobs = self.where(self.status.mode)
+        self.seen += blobs
+        return blobs
+
+    def _sense(self):
+        mode = self.status.mode
+        held = self.holding(mode) and mode in _CLOSED
+        q = self._read("position_commanded") if self.arm_follows else [9.0, 9.0]
+        base = [self.base_angle] * 2
+        fix(
+            self.planner,
+            self._context,
+            arm_state=[*q, 0.0, 0.0],
+            gripper_state=[*base, 0, 0, 0, 0, 0, 0],
+            grasped=float(held),
+            proximity=[0.0 if held else 0.05] * 4,
+        )

@@ -1,0 +1,310 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from planning_world import GOAL, START, World, blob, make_planner
+
+from drake_srg.planning.pick_and_place import (
+    TRANSITIONS,
+    Observation,
+    Timing,
+    transition,
+)
+from drake_srg.planning.task_motions import TaskFailure
+from drake_srg.types import Failure, Mode
+
+CYCLE = [mode for mode in Mode if mode is not Mode.FAILED]
+CARRYING = [Mode.PRE_GRASP, Mode.GRASP, Mode.CLOSE, Mode.VERIFY, Mode.LIFT]
+ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
+
+observations = st.builds(
+    Observation,
+    ready=st.booleans(),
+    arrived=st.booleans(),
+    still=st.booleans(),
+    holding=st.booleans(),
+    clear=st.booleans(),
+    at_goal=st.booleans(),
+    failure=st.none() | st.sampled_from(Failure),
+)
+times = st.floats(0, 5)
+modes = st.sampled_from(Mode)
+
+
+# The transition table.
+
+
+@pytest.mark.parametrize(
+    ("mode", "observed", "t", "expected"),
+    [
+        (Mode.IDLE, {}, 9, Mode.IDLE),
+        (Mode.IDLE, {"ready": True}, 0, Mode.PRE_GRASP),
+        (Mode.IDLE, {"failure": Failure.NOT_SEEN, "ready": True}, 0, Mode.FAILED),
+        (Mode.PRE_GRASP, {}, 9, Mode.PRE_GRASP),
+        (Mode.PRE_GRASP, {"arrived": True}, 0, Mode.GRASP),
+        (Mode.GRASP, {}, 9, Mode.GRASP),
+        (Mode.GRASP, {"arrived": True}, 0, Mode.CLOSE),
+        (Mode.CLOSE, {"still": True}, 1.4, Mode.CLOSE),
+        (Mode.CLOSE, {"holding": True}, 1.4, Mode.CLOSE),
+        (Mode.CLOSE, {"holding": True, "still": True}, 0, Mode.VERIFY),
+        (Mode.CLOSE, {}, 1.5, Mode.VERIFY),
+        (Mode.VERIFY, {"holding": True}, 0.05, Mode.VERIFY),
+        (Mode.VERIFY, {"holding": True}, 0.1, Mode.LIFT),
+        (Mode.VERIFY, {}, 0, Mode.RELEASE),
+        (Mode.VERIFY, {}, 0.1, Mode.RELEASE),
+        (Mode.LIFT, {"holding": True}, 9, Mode.LIFT),
+        (Mode.LIFT, {}, 9, Mode.LIFT),
+        (Mode.LIFT, {"arrived": True}, 0, Mode.RELEASE),
+        (Mode.LIFT, {"arrived": True, "holding": True}, 0, Mode.TRANSFER),
+        (Mode.TRANSFER, {}, 9, Mode.TRANSFER),
+        (Mode.TRANSFER, {"arrived": True}, 0, Mode.RELEASE),
+        (Mode.TRANSFER, {"arrived": True, "holding": True}, 0, Mode.PLACE),
+        (Mode.PLACE, {}, 9, Mode.PLACE),
+        (Mode.PLACE, {"arrived": True}, 0, Mode.RELEASE),
+        (Mode.RELEASE, {"clear": True}, 1.4, Mode.RELEASE),
+        (Mode.RELEASE, {"still": True}, 1.4, Mode.RELEASE),
+        (Mode.RELEASE, {"clear": True, "still": True}, 0, Mode.RETREAT),
+        (Mode.RELEASE, {}, 1.5, Mode.RETREAT),
+        (Mode.RETREAT, {}, 9, Mode.RETREAT),
+        (Mode.RETREAT, {"arrived": True}, 0, Mode.HOME),
+        (Mode.HOME, {"at_goal": True}, 9, Mode.HOME),
+        (Mode.HOME, {"arrived": True, "at_goal": True}, 0, Mode.DONE),
+        (Mode.HOME, {"arrived": True}, 0, Mode.IDLE),
+        (Mode.HOME, {"arrived": True, "failure": Failure.DROPPED}, 0, Mode.FAILED),
+    ],
+)
+def test_transitions(mode, observed, t, expected):
+    assert transition(mode, Observation(**observed), t, Timing(0.1, 1.5)) is expected
+
+
+def test_every_mode_can_be_reached():
+    reached, edge = set(), {Mode.IDLE}
+    while edge:
+        reached |= edge
+        edge = {following for mode in edge for _, following in TRANSITIONS[mode]}
+        edge -= reached
+    assert reached == set(Mode)
+
+
+@given(modes, observations, times)
+def test_what_follows_is_in_the_table(mode, o, t):
+    following = {mode, Mode.FAILED, *(m for _, m in TRANSITIONS[mode])}
+    assert transition(mode, o, t) in following
+
+
+@given(st.sampled_from([Mode.DONE, Mode.FAILED]), observations, times)
+def test_the_end_is_the_end(mode, o, t):
+    assert transition(mode, o, t) is mode
+
+
+@given(st.sampled_from(CYCLE[:-1]), observations, times)
+def test_a_spent_budget_and_a_stop_end_every_mode(mode, o, t):
+    for failure in (Failure.TIME_BUDGET, Failure.STOPPED):
+        observed = Observation(**{**vars(o), "failure": failure})
+        assert transition(mode, observed, t) is Mode.FAILED
+
+
+@given(modes, observations, times)
+def test_the_arm_lifts_and_carries_only_what_it_holds(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
+        assert o.holding
+        assert mode is CYCLE[CYCLE.index(following) - 1]
+
+
+# The system, in a world where everything goes as planned unless told otherwise.
+
+
+def test_ports():
+    planner = make_planner()
+    inputs = {planner.get_input_port(i).get_name() for i in range(5)}
+    assert inputs == {"blobs", "arm_state", "gripper_state", "grasped", "proximity"}
+    outputs = {planner.get_output_port(i).get_name() for i in range(4)}
+    assert outputs == {"position_commanded", "closure_commanded", "mode", "status"}
+    assert planner.GetOutputPort("position_commanded").size() == 2
+
+
+def test_a_cycle_where_all_goes_well():
+    world = World()
+    status = world.run()
+    assert world.trace == CYCLE
+    assert (status.failure, status.attempts, status.message) == (None, 1, "")
+    assert status.localization is world.seen[0]
+    (call,) = world.task_planner.calls
+    np.testing.assert_array_equal(call[0], world.task_planner.q_home)
+    np.testing.assert_array_equal(call[1], START)
+
+
+def test_the_fingers_close_on_the_object_and_open_to_let_go():
+    world = World()
+    world.run()
+    grasp = world.task_planner.grasp
+    for mode, closure in world.closures.items():
+        closed = Mode.CLOSE.value, Mode.VERIFY.value, Mode.LIFT.value
+        closed += Mode.TRANSFER.value, Mode.PLACE.value
+        if mode is Mode.IDLE:
+            assert closure == 0.0
+        elif mode.value in closed:
+            assert closure == grasp.closure_closed
+        else:
+            assert closure == grasp.closure_open
+
+
+def test_the_commanded_position_never_jumps():
+    world = World(max_attempts=2)
+    world.holding = lambda mode: world.status.attempts == 2
+    world.run()
+    # The fake motions move 1 rad in 0.1 s, so 0.1 rad a period.
+    steps = np.abs(np.diff(world.commands, axis=0))
+    assert 0.09 < np.max(steps) <= 0.1 + 1e-9
+    np.testing.assert_array_equal(world.commands[-1], world.task_planner.q_home)
+
+
+def test_planning_takes_simulated_time():
+    for latency in (0.0, 0.1, 0.35):
+        world = World(latency=latency)
+        world.run()
+        begun = world.began[Mode.PRE_GRASP]
+        # Two events at most lie between the decision and the motion.
+        assert latency <= begun + 1e-9 <= latency + 2 * world.period
+
+
+def test_time_may_begin_anywhere():
+    world = World(start=100.0, time_budget=10.0)
+    assert world.run().mode is Mode.DONE
+    assert world.status.localized_at == 100.0
+
+
+def test_images_are_asked_for_only_when_they_are_needed():
+    world = World()
+    status = world.run()
+    # Once before the grasp and once at home, to see the object on its goal.
+    assert world.camera.evaluations == 2
+    assert status.looks == 2
+
+
+def test_an_object_that_is_nowhere_is_looked_for_and_given_up():
+    world = World(search_time=0.5, search_period=0.25)
+    world.where = lambda mode: []
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.NOT_SEEN)
+    assert world.camera.evaluations == status.looks == 3  # at 0, 0.25 and 0.5 s
+    assert world.time == pytest.approx(0.5, abs=2 * world.period)
+    assert "can" in status.message
+    assert status.attempts == 0
+
+
+def test_an_object_that_appears_later_is_found():
+    world = World(search_time=0.5, search_period=0.25)
+    late = world.where
+    world.where = lambda mode: late(mode) if world.time > 0.1 else []
+    status = world.run()
+    assert status.mode is Mode.DONE
+    assert status.localized_at == pytest.approx(0.25, abs=world.period)
+
+
+def test_the_best_blob_of_the_right_name_counts():
+    world = World()
+    good, bad = blob(START), blob([9.0, 9.0, 9.0], quality=0.5)
+    other = blob([8.0, 8.0, 8.0], name="cup", quality=1.0)
+    at_goal = world.where
+    world.where = lambda m: [bad, other, good] if m is Mode.IDLE else at_goal(m)
+    assert world.run().localization is good
+
+
+@pytest.mark.parametrize("failure", [Failure.BLOCKED, Failure.OUT_OF_REACH])
+def test_where_there_is_no_plan_the_reason_is_told(failure):
+    world = World()
+    world.task_planner.result = TaskFailure(failure, "there is a wall")
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, failure)
+    assert status.message == "there is a wall"
+    assert status.attempts == 0
+    assert np.ptp(world.commands, axis=0).max() == 0.0
+
+
+def test_after_a_failed_grasp_the_arm_escapes_and_tries_again():
+    world = World(max_attempts=3)
+    world.holding = lambda mode: world.status.attempts == 2
+    status = world.run()
+    assert world.trace == [*CYCLE[:5], *ESCAPE, *CYCLE]
+    assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 2)
+    assert len(world.task_planner.calls) == 2
+
+
+@pytest.mark.parametrize("attempts", [1, 2])
+def test_no_grasp_after_all_attempts(attempts):
+    world = World(max_attempts=attempts)
+    world.holding = lambda mode: False
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.NO_GRASP)
+    assert status.attempts == attempts
+    assert Mode.LIFT not in world.trace
+    assert "nothing of the right size" in status.message
+
+
+@pytest.mark.parametrize(("beyond", "held"), [(0.2, True), (0.4, False)])
+def test_fingers_that_close_too_far_hold_nothing(beyond, held):
+    world = World(angle_tolerance=0.3, max_attempts=1)
+    world.base_angle = world.task_planner.grasp.base_angle + beyond
+    assert (world.run().failure is None) == held
+    assert (Mode.LIFT in world.trace) == held
+
+
+@pytest.mark.parametrize("lost_in", [Mode.LIFT, Mode.TRANSFER])
+def test_an_object_lost_on_the_way_is_dropped(lost_in):
+    world = World(max_attempts=1)
+    on_the_way = CYCLE[CYCLE.index(Mode.CLOSE) : CYCLE.index(lost_in)]
+    world.holding = lambda mode: mode in on_the_way
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.DROPPED)
+    assert world.trace[-5:] == [lost_in, *ESCAPE, Mode.FAILED]
+    assert "got lost" in status.message
+
+
+def test_a_dropped_object_that_is_not_seen_again_was_dropped():
+    world = World(max_attempts=2)
+    world.holding = lambda mode: mode in (Mode.CLOSE, Mode.VERIFY)
+    there = world.where
+    world.where = lambda mode: there(mode) if world.status.attempts == 0 else []
+    status = world.run()
+    assert (status.failure, status.attempts) == (Failure.DROPPED, 1)
+
+
+@pytest.mark.parametrize(("off", "failure"), [(4e-3, None), (6e-3, Failure.MISPLACED)])
+def test_the_goal_is_met_within_the_tolerance(off, failure):
+    world = World(max_attempts=2)
+    where = world.where
+    seen = blob(GOAL + np.array([off, 0.0, 0.05]))  # the height does not count
+    world.where = lambda mode: [seen] if mode is Mode.HOME else where(mode)
+    status = world.run()
+    assert status.failure is failure
+    assert status.attempts == (1 if failure is None else 2)
+
+
+def test_an_arm_that_does_not_arrive_uses_up_the_time_budget():
+    world = World(time_budget=2.0)
+    world.arm_follows = False
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
+    assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, Mode.FAILED]
+    assert world.time == pytest.approx(2.0, abs=2 * world.period)
+    assert status.message == "not done after 2 s, in mode pre_grasp"
+
+
+def test_a_way_out_that_is_blocked_ends_the_task():
+    world = World()
+    world.holding = lambda mode: False
+    world.task_planner.escape = TaskFailure(Failure.BLOCKED, "stuck")
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.NO_GRASP)
+    assert status.message == "stuck"
+
+
+def test_all_state_is_in_the_context():
+    first = World()
+    second = World(like=first)
+    assert first.run().mode is Mode.DONE
+    assert second.status.mode is Mode.IDLE
+    assert second.run().mode is Mode.DONE
+    np.testing.assert_array_equal(first.commands, second.commands)
