@@ -9,6 +9,7 @@ from pydrake.math import min as min_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
+from drake_srg.lifetime import collectable, weak
 from drake_srg.types import positive
 
 LAWS = ("pid", "printed")
@@ -72,6 +73,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
 
         def _construct(self, config: GripperServoConfig, converter: Any = None) -> None:
             LeafSystem_[T].__init__(self, converter)
+            collectable(self)
             if config.law not in LAWS:
                 raise ValueError(f"law: {config.law!r} is not one of {LAWS}")
             gains = (config.kp, config.ki, config.kd, config.kff1, config.kff2)
@@ -93,7 +95,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             self.DeclareVectorOutputPort(
                 name="pwm",
                 size=n,
-                calc=self._calc_pwm,
+                calc=weak(self._calc_pwm),
                 prerequisites_of_calc={self.discrete_state_ticket(state)},
             )
             self.DeclarePeriodicDiscreteUpdateEvent(

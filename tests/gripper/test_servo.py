@@ -1,4 +1,6 @@
 import dataclasses as dc
+import gc
+import weakref
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDiff
 from pydrake.symbolic import Evaluate, MakeVectorContinuousVariable
+from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.gripper.servo import GripperServo, GripperServo_, GripperServoConfig
 
@@ -199,3 +202,16 @@ def test_the_symbolic_law_evaluates_to_the_same_numbers(law, values):
     servo, context = make(values[:6], values[6:10], law=law)
     fix(servo, context, force_limit=values[10:])
     np.testing.assert_allclose(result, pwm(servo, context), atol=1e-12)
+
+
+def test_it_is_freed_with_its_diagram():
+    def watch_one():
+        builder = DiagramBuilder()
+        servo = builder.AddSystem(GripperServo(GAINS))
+        diagram = builder.Build()
+        diagram.CreateDefaultContext()
+        return weakref.ref(diagram), weakref.ref(servo)
+
+    watches = watch_one()
+    gc.collect()
+    assert [watch() for watch in watches] == [None, None]
