@@ -44,7 +44,11 @@ class Bench:
         """Return the figures as text."""
         rows = [
             ("simulated", self.simulated, ""),
-            ("wall clock", self.total, f"{self.simulated / self.total:.2f} x real time"),
+            (
+                "wall clock",
+                self.total,
+                f"{self.simulated / self.total:.2f} x real time",
+            ),
             (
                 "bare plant",
                 self.plant,
@@ -55,7 +59,9 @@ class Bench:
             ("rendering", self.rendering, f"{self.rendering / self.total:.0%}"),
             ("our systems", self.other, f"{self.other / self.total:.0%}"),
         ]
-        return "\n".join(f"{name:12} {time:7.2f} s  {note}" for name, time, note in rows)
+        return "\n".join(
+            f"{name:12} {time:7.2f} s  {note}" for name, time, note in rows
+        )
 
 
 def run_bench(scenario: Scenario) -> Bench:

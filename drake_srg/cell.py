@@ -13,6 +13,7 @@ from drake_srg.station import AddDirectives, MakeStation
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
+from drake_srg.yaml_loading import ScenarioError
 
 
 def MakeCell(scenario: Scenario) -> Diagram:
@@ -35,6 +36,15 @@ def MakeCell(scenario: Scenario) -> Diagram:
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
+    needed = {
+        "arm": scenario.arm,
+        "gripper": scenario.gripper,
+        "task.pick": scenario.task.pick,
+        "localizer.cameras": scenario.localizer.cameras,
+    }
+    missing = [key for key, value in needed.items() if not value]
+    if missing:
+        raise ScenarioError(f"a cell also needs {', '.join(missing)}")
     builder = DiagramBuilder()
     station = builder.AddNamedSystem("station", MakeStation(scenario))
     localizer = AddLocalizer(builder, scenario, station)

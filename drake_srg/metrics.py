@@ -52,6 +52,33 @@ class Metrics:
     artifacts: dict[str, str | None]
     schema_version: int = SCHEMA_VERSION
 
+    def table(self) -> str:
+        """Return what people want to know first, as text."""
+
+        def show(value: float | None, scale: float, unit: str) -> str:
+            return "-" if value is None else f"{scale * value:.3g} {unit}"
+
+        def across(vector: list[float] | None) -> str:
+            if vector is None:
+                return "-"
+            return ", ".join(f"{1e3 * x:.2f}" for x in vector) + " mm"
+
+        word = "success" if self.success else f"failure: {self.failure}"
+        rows = [
+            ("scenario", f"{self.scenario}, seed {self.seed}"),
+            ("result", f"{word}, {self.attempts} attempt(s)"),
+            ("cycle", show(self.cycle_time_s, 1.0, "s")),
+            ("localisation error", across(self.localization_error_m)),
+            ("placement error", across(self.placement_error_m)),
+            ("placement tilt", show(self.placement_tilt_rad, 180.0 / np.pi, "degrees")),
+            ("shift while closing", show(self.grasp_shift_m, 1e3, "mm")),
+            ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
+            ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
+            ("planning", show(self.planning_wall_s, 1.0, "s of wall clock")),
+            ("speed", f"{self.real_time_factor:.2f} x real time"),
+        ]
+        return "\n".join(f"{name:20} {value}" for name, value in rows)
+
     def write(self, path: Path) -> None:
         """Write metrics.json; the file appears whole or not at all."""
         partial = path.with_suffix(".part")

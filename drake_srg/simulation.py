@@ -5,7 +5,7 @@ import dataclasses as dc
 import logging
 import sys
 import time as wall
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +30,7 @@ from drake_srg.recording.timeline import Timeline, draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
 from drake_srg.types import Mode, PlannerStatus, Vector
+from drake_srg.yaml_loading import ScenarioError
 
 # How long a run goes on after the planner has ended, for things to settle [s].
 _SETTLE = 0.5
@@ -88,20 +89,22 @@ def Simulate(
     pick = scenario.task.pick
     # One line about contexts for every planner is no use to anyone.
     logging.getLogger("drake").setLevel(logging.WARNING)
-    builder = DiagramBuilder()
-    cell = builder.AddNamedSystem("cell", make_cell(scenario))
     artifacts: dict[str, str | None] = dict.fromkeys(
         ("video", "recording", "log", "timeline")
     )
     with contextlib.ExitStack() as recorders:
-        if out is not None and record:
-            for kind, recorder in AddRecorders(builder, cell, scenario, out).items():
-                recorders.enter_context(recorder)
-                artifacts[kind] = str(recorder.path)
-        diagram = builder.Build()
-        diagram.set_name("simulation")
-        simulator = Simulator(diagram)
-        ApplySimulatorConfig(scenario.simulator_config, simulator)
+        with _bad_settings(name):
+            builder = DiagramBuilder()
+            cell = builder.AddNamedSystem("cell", make_cell(scenario))
+            if out is not None and record:
+                added = AddRecorders(builder, cell, scenario, out)
+                for kind, recorder in added.items():
+                    recorders.enter_context(recorder)
+                    artifacts[kind] = str(recorder.path)
+            diagram = builder.Build()
+            diagram.set_name("simulation")
+            simulator = Simulator(diagram)
+            ApplySimulatorConfig(scenario.simulator_config, simulator)
         log = _Log(scenario, cell)
         status, times = _run(simulator, cell, scenario, log, progress)
     arrays = log.arrays()
@@ -116,6 +119,17 @@ def Simulate(
     if out is not None:
         metrics.write(out / "metrics.json")
     return Result(metrics, arrays, status)
+
+
+@contextlib.contextmanager
+def _bad_settings(name: str) -> Iterator[None]:
+    """Drake checks many settings only when it builds; say which scenario has them."""
+    try:
+        yield
+    except ScenarioError:
+        raise
+    except (RuntimeError, ValueError) as error:
+        raise ScenarioError(f"{name}: {' '.join(str(error).split())[:300]}") from error
 
 
 def AddRecorders(

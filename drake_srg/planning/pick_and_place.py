@@ -16,6 +16,7 @@ from pydrake.systems.framework import (
 from pydrake.trajectories import Trajectory
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.grasps import Approach
 from drake_srg.planning.task_motions import (
     TaskFailure,
     TaskMotions,
@@ -66,16 +67,23 @@ class PlannerConfig:
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
     # The grasp is checked for this long before and after lifting [s].
     verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # How much further than expected a base angle may close on an object [rad]; an
-    # empty hand closes 0.4 rad further.
+    # How much further than expected a base angle may close on what is pinched [rad];
+    # an empty hand closes 0.4 rad further.
     angle_tolerance: float = dc.field(default=0.3, metadata=positive())
     period: float = dc.field(default=0.01, metadata=positive())  # s
 
 
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
+_NEAR = 0.01  # distance within which wrapped fingers have an object [m]
 _ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
+_LOST_IN = {
+    Mode.VERIFY: Failure.NO_GRASP,
+    Mode.LIFT: Failure.DROPPED,
+    Mode.TRANSFER: Failure.DROPPED,
+}
 _MESSAGES = {
+    Failure.TIME_BUDGET: "the time budget is used up",
     Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
     Failure.DROPPED: "the object was in the hand and got lost",
     Failure.MISPLACED: "the object is not seen on its goal",
@@ -438,12 +446,16 @@ class PickAndPlacePlanner(LeafSystem):
         return bool(np.max(np.abs(q - goal)) < _ARRIVED)
 
     def _holding(self, context: Context, memory: _Memory) -> bool:
-        """Whether both fingers sense something and it is not too small."""
+        """Whether both fingers sense something, and not just one another."""
         if memory.motions is None or self._grasped.Eval(context)[0] == 0.0:
             return False
-        expected = memory.motions.grasp.base_angle
+        grasp = memory.motions.grasp
+        if grasp.approach is Approach.SIDE:
+            # What fingers wrap around is beside their base links, which do not sense
+            # each other.
+            return bool(np.max(self._proximity.Eval(context)[:2]) < _NEAR)
         base = self._gripper.Eval(context)[:2]
-        return bool(np.max(base) < expected + self.config.angle_tolerance)
+        return bool(np.max(base) < grasp.base_angle + self.config.angle_tolerance)
 
     def _enter(
         self, mode: Mode, memory: _Memory, o: Observation, time: float
@@ -456,53 +468,51 @@ class PickAndPlacePlanner(LeafSystem):
         motions = memory.motions
         match mode:
             case Mode.IDLE | Mode.FAILED | Mode.DONE:
-                if previous is Mode.HOME and o.arrived and memory.failure is None:
-                    memory = dc.replace(memory, looks=memory.looks + 1)
-                if previous is Mode.HOME and mode is not Mode.DONE:
-                    failure = memory.failure or Failure.MISPLACED
-                    memory = dc.replace(
-                        memory, failure=failure, message=_MESSAGES[failure]
-                    )
-                if o.failure is not None:
-                    memory = dc.replace(memory, failure=o.failure)
-                if o.failure is Failure.TIME_BUDGET:
-                    message = (
-                        f"not done after {self.config.time_budget:g} s, "
-                        f"in mode {previous.value}"
-                    )
-                    memory = dc.replace(memory, message=message)
-                return dc.replace(
-                    memory, motions=None, escape=None, next_look=time, ready_at=np.inf
-                )
-            case Mode.CLOSE if motions is not None:
-                return dc.replace(memory, closure=motions.grasp.closure_closed)
-            case Mode.RELEASE if motions is not None:
-                failures = {
-                    Mode.VERIFY: Failure.NO_GRASP,
-                    Mode.LIFT: Failure.DROPPED,
-                    Mode.TRANSFER: Failure.DROPPED,
-                }
-                return dc.replace(
-                    memory,
-                    closure=motions.grasp.closure_open,
-                    failure=failures.get(previous),
-                )
-            case Mode.RETREAT if memory.failure is not None:
-                escape = self._task_planner.plan_escape(q_rest)
-                if isinstance(escape, TaskFailure):
-                    return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
-                return dc.replace(memory, escape=escape, trajectory=escape[0])
-            case Mode.HOME if memory.escape is not None:
-                return dc.replace(memory, trajectory=memory.escape[1])
+                return _end_attempt(memory, previous, o)
             case Mode.PRE_GRASP if motions is not None:
                 memory = dc.replace(
                     memory,
                     attempts=memory.attempts + 1,
                     closure=motions.grasp.closure_open,
                 )
+            case Mode.CLOSE if motions is not None:
+                memory = dc.replace(memory, closure=motions.grasp.closure_closed)
+            case Mode.RELEASE if motions is not None:
+                memory = dc.replace(
+                    memory,
+                    closure=motions.grasp.closure_open,
+                    failure=_LOST_IN.get(previous),
+                )
+            case Mode.RETREAT if memory.failure is not None:
+                escape = self._task_planner.plan_escape(q_rest)
+                if isinstance(escape, TaskFailure):
+                    return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
+                memory = dc.replace(memory, escape=escape)
+        if memory.escape is not None:
+            retreat, home = memory.escape
+            return dc.replace(
+                memory, trajectory=retreat if mode is Mode.RETREAT else home
+            )
         if motions is not None:
             memory = dc.replace(memory, trajectory=motions.motions.get(mode))
         return memory
+
+
+def _end_attempt(memory: _Memory, previous: Mode, o: Observation) -> _Memory:
+    """Forget the motions, but not what went wrong."""
+    failure = o.failure or memory.failure
+    if previous is Mode.HOME and memory.mode is not Mode.DONE:
+        failure = failure or Failure.MISPLACED
+    if failure is not None and previous is not Mode.IDLE:
+        memory = dc.replace(memory, message=_MESSAGES.get(failure, memory.message))
+    return dc.replace(
+        memory,
+        failure=failure,
+        motions=None,
+        escape=None,
+        next_look=memory.since,
+        ready_at=np.inf,
+    )
 
 
 def _position(memory: _Memory, time: float) -> Vector:

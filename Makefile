@@ -1,0 +1,33 @@
+# Everything below sets up what it needs: a virtual environment in .venv with the pinned
+# packages, and the system libraries that rendering needs.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: demo test lint types models clean
+
+demo: .venv/ready  ## run the main job and record it
+	$(BIN)/drake-srg run kitchen --out out/kitchen
+
+test: .venv/ready  ## run the test suite
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+lint: .venv/ready
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/ready
+	$(BIN)/mypy
+
+models: .venv/ready  ## generate models/ anew
+	$(BIN)/python tools/build_models.py
+
+.venv/ready: requirements.lock pyproject.toml tools/install_system_libraries.sh
+	sh tools/install_system_libraries.sh
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps \
+		--no-build-isolation --editable .
+	touch $@
+
+clean:
+	rm -rf .venv out

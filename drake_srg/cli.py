@@ -1,0 +1,191 @@
+"""The command drake-srg."""
+
+import argparse
+import dataclasses as dc
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from drake_srg import doctor
+from drake_srg.yaml_loading import ScenarioError
+
+# Exit codes.
+SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.run(options)
+    except ScenarioError as error:
+        return _complain(str(error))
+    except RuntimeError as error:  # from Drake, in the middle of a simulation
+        return _complain(" ".join(str(error).split())[:300])
+    except ImportError as error:
+        return _complain(f"{error}. `drake-srg doctor` says more.")
+    except KeyboardInterrupt:
+        return _complain("stopped")
+    except BrokenPipeError:  # `| head` has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return SUCCESS
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="drake-srg",
+        description="Robot cells with the SAKE Robotics gripper, simulated with Drake.",
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    run = commands.add_parser("run", help="simulate a scenario and record it")
+    _add_scenario(run)
+    run.add_argument(
+        "--out", type=Path, metavar="DIR", help="results (default: out/SCENARIO)"
+    )
+    run.add_argument(
+        "--no-record", action="store_true", help="only metrics.json and log.npz"
+    )
+    run.add_argument("--json", action="store_true", help="print metrics.json")
+    run.set_defaults(run=_run)
+
+    listing = commands.add_parser("list", help="list the scenarios")
+    listing.set_defaults(run=_list)
+
+    diagram = commands.add_parser("diagram", help="draw a scenario's systems")
+    _add_scenario(diagram)
+    diagram.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="FILE.svg|.png|.dot"
+    )
+    diagram.set_defaults(run=_diagram)
+
+    bench = commands.add_parser(
+        "bench", help="measure the speed of a scenario, and where the time goes"
+    )
+    _add_scenario(bench)
+    bench.set_defaults(run=_bench)
+
+    check = commands.add_parser("doctor", help="say what works on this machine")
+    check.set_defaults(run=_doctor)
+    return parser
+
+
+def _add_scenario(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scenario", help="a name of `drake-srg list`, or a .yaml file")
+    parser.add_argument(
+        "--seed", type=int, help="replaces the scenario's random_seed", metavar="N"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="replace an entry: dotted key, YAML value; `object.` is the picked object",
+    )
+
+
+def _run(options: argparse.Namespace) -> int:
+    from drake_srg.scenario import load_scenario
+    from drake_srg.simulation import Simulate
+
+    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    name = Path(options.scenario).stem
+    out: Path = options.out or Path("out") / name
+    try:
+        result = Simulate(
+            scenario,
+            name=name,
+            out=out,
+            record=not options.no_record,
+            progress=sys.stderr.isatty(),
+        )
+    except OSError as error:
+        return _complain(f"--out {out}: cannot be written: {error.strerror or error}")
+    metrics = result.metrics
+    if options.json:
+        print(json.dumps(dc.asdict(metrics), indent=2))
+    else:
+        print(metrics.table())
+        if result.status.message and not metrics.success:
+            print(f"\n{result.status.message}")
+        print()
+        for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
+            print(out / Path(path).name)
+    return SUCCESS if metrics.success else TASK_FAILED
+
+
+def _list(options: argparse.Namespace) -> int:
+    from drake_srg.scenario import SCENARIOS, list_scenarios
+
+    for name in list_scenarios():
+        first = (SCENARIOS / f"{name}.yaml").read_text().splitlines()[0]
+        print(f"{name:24} {first.removeprefix('#').strip()}")
+    return SUCCESS
+
+
+def _diagram(options: argparse.Namespace) -> int:
+    from drake_srg.cell import MakeCell
+    from drake_srg.scenario import load_scenario
+
+    output: Path = options.output
+    kinds = (".svg", ".png", ".dot")
+    if output.suffix not in kinds:
+        return _complain(f"-o {output}: must end in one of {', '.join(kinds)}")
+    cell = MakeCell(
+        load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    )
+    dot = cell.GetGraphvizString()
+    try:
+        if output.suffix == ".dot":
+            output.write_text(dot)
+        elif shutil.which("dot") is None:
+            return _complain(
+                "drawing needs Graphviz: sudo apt-get install -y graphviz "
+                "(a .dot file does not)"
+            )
+        else:
+            subprocess.run(
+                ["dot", f"-T{output.suffix[1:]}", "-o", str(output)],
+                input=dot,
+                text=True,
+                check=True,
+                capture_output=True,
+            )
+    except OSError as error:
+        return _complain(f"-o {output}: cannot be written: {error.strerror or error}")
+    except subprocess.CalledProcessError as error:
+        return _complain(f"-o {output}: cannot be drawn: {error.stderr.strip()}")
+    print(output)
+    return SUCCESS
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from drake_srg.bench import run_bench
+    from drake_srg.scenario import load_scenario
+
+    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    print(run_bench(scenario).table())
+    return SUCCESS
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    checks = doctor.Checks()
+    for check in checks:
+        print(f"{'ok  ' if check.ok else 'FAIL'} {check.name:10} {check.detail}")
+        if not check.ok:
+            print(f"     {'':10} {check.fix}")
+    return SUCCESS if all(check.ok for check in checks) else TASK_FAILED
+
+
+def _complain(message: str) -> int:
+    print(f"drake-srg: {message}", file=sys.stderr)
+    return BAD_INPUT
+
+
+if __name__ == "__main__":
+    sys.exit(main())
