@@ -65,8 +65,12 @@ class ProximitySensors(LeafSystem):
         super().__init__()
         self.config = config or ProximityConfig()
         self.sensor_names = list(sensors)
-        self._sensor_of = {g: i for i, gs in enumerate(sensors.values()) for g in gs}
-        self._ignored = [set(ignored.get(name, ())) for name in sensors]
+        # The ids' numbers: an id that a plant gave keeps the plant alive, and with it
+        # the diagram, out of the garbage collector's sight.
+        self._sensor_of = {
+            g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
+        }
+        self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
         self.DeclareAbstractInputPort(
             name="query_object", model_value=AbstractValue.Make(QueryObject())
         )
@@ -89,7 +93,8 @@ class ProximitySensors(LeafSystem):
         query: QueryObject = self.get_input_port(0).Eval(context)
         distances = np.full(len(self.sensor_names), self.config.range)
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
-            for own, other in ((pair.id_A, pair.id_B), (pair.id_B, pair.id_A)):
+            a, b = pair.id_A.get_value(), pair.id_B.get_value()
+            for own, other in ((a, b), (b, a)):
                 i = self._sensor_of.get(own)
                 if i is not None and other not in self._ignored[i]:
                     distances[i] = min(distances[i], pair.distance)

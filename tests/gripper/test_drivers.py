@@ -1,0 +1,212 @@
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from helpers import fix, port_table
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.gripper.drivers import (
+    JOINT_NAMES,
+    AddSrgPositionDriver,
+    SrgPositionDriver,
+)
+from drake_srg.parsing import ConfigureParser
+
+# A cylinder across the hand, as far from the palm as a wrapped grasp has it.
+RADIUS = 0.033
+CYLINDER = f"""
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="post">
+<link name="post"><collision name="c"><geometry><cylinder><radius>{RADIUS}</radius>
+<length>0.2</length></cylinder></geometry><drake:proximity_properties><drake:rigid_hydroelastic/>
+<drake:mesh_resolution_hint>0.01</drake:mesh_resolution_hint>
+</drake:proximity_properties></collision></link></model></sdf>"""
+
+
+class Hand:
+    """An SRG with its palm fixed, x up; optionally with a post in the hand."""
+
+    def __init__(self, *, post=False, config=None):
+        builder = DiagramBuilder()
+        plant_config = MultibodyPlantConfig(
+            time_step=0.002, discrete_contact_approximation="lagged"
+        )
+        self.plant, scene_graph = AddMultibodyPlant(plant_config, builder)
+        parser = Parser(self.plant)
+        ConfigureParser(parser)
+        (self.model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+        world, palm = self.plant.world_frame(), self.plant.GetFrameByName("palm")
+        self.plant.WeldFrames(world, palm)
+        if post:
+            parser.AddModelsFromString(CYLINDER, "sdf")
+            X_WP = RigidTransform([0.0791 + RADIUS + 0.006, 0.0, 0.0])
+            self.plant.WeldFrames(world, self.plant.GetFrameByName("post"), X_WP)
+        self.plant.Finalize()
+        self.driver = AddSrgPositionDriver(builder, self.plant, self.model, config)
+        builder.Connect(
+            scene_graph.get_query_output_port(),
+            self.driver.GetInputPort("query_object"),
+        )
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.root = self.simulator.get_mutable_context()
+        self.context = self.driver.GetMyMutableContextFromRoot(self.root)
+        self.log = {"time": [], "q": [], "pwm": [], "proximity": []}
+        self.command(closure_commanded=0.0)
+
+    def command(self, **inputs):
+        fix(self.driver, self.context, **inputs)
+
+    def read(self, name):
+        return self.driver.GetOutputPort(name).Eval(self.context).copy()
+
+    @property
+    def q(self):
+        return self.read("state_measured")[:4]
+
+    def advance(self, duration):
+        """Lets time pass, logging every 10 ms."""
+        for _ in range(round(duration / 0.01)):
+            self.simulator.AdvanceTo(self.root.get_time() + 0.01)
+            self.log["time"].append(self.root.get_time())
+            self.log["q"].append(self.q)
+            for name in ("pwm", "proximity"):
+                self.log[name].append(self.read(name))
+
+
+def test_ports():
+    assert port_table(Hand().driver) == (
+        {
+            "plant_state": 8,
+            "query_object": None,
+            "closure_commanded": 1,
+            "joint_position_commanded": 4,
+            "hold": 1,
+            "force_limit": 1,
+        },
+        {
+            "actuation": 4,
+            "state_measured": 8,
+            "pwm": 4,
+            "proximity": 4,
+            "grasped": 1,
+        },
+    )
+
+
+def test_joints_are_measured_in_the_order_of_their_names():
+    hand = Hand()
+    plant_context = hand.plant.GetMyMutableContextFromRoot(hand.root)
+    for i, name in enumerate(JOINT_NAMES):
+        joint = hand.plant.GetJointByName(f"{name}_joint", hand.model)
+        joint.set_angle(plant_context, 0.1 * (i + 1))
+        joint.set_angular_rate(plant_context, 1.0 * (i + 1))
+    expected = [0.1, 0.2, 0.3, 0.4, 1, 2, 3, 4]
+    assert hand.read("state_measured") == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("i", range(4))
+def test_each_joint_is_driven_by_its_own_pwm(i):
+    hand = Hand()
+    targets = np.zeros(4)
+    targets[i] = 0.3
+    hand.command(joint_position_commanded=targets)
+    hand.advance(0.5)
+    assert hand.q == pytest.approx(targets, abs=0.01)
+    name = f"{JOINT_NAMES[i]}_joint"
+    for k in hand.plant.GetJointActuatorIndices():
+        actuator = hand.plant.get_joint_actuator(k)
+        torque = actuator.get_actuation_vector(hand.read("actuation"))[0]
+        if actuator.joint().name() == name:
+            pwm = hand.read("pwm")[i]
+            assert torque == pytest.approx(pwm * actuator.effort_limit())
+
+
+def test_it_closes_on_nothing_and_opens():
+    hand = Hand()
+    hand.command(closure_commanded=0.25)
+    hand.advance(0.6)
+    # The bases alone; the fingers' weight bends the servos by less than 0.01 rad.
+    assert hand.q == pytest.approx([0.75, 0.75, 0.0, 0.0], abs=0.01)
+    hand.command(closure_commanded=0.0)
+    hand.advance(0.6)
+    assert hand.q == pytest.approx([0.0] * 4, abs=0.01)
+    assert hand.read("grasped") == [0.0]
+
+
+def test_the_bases_move_no_faster_than_the_limit():
+    hand = Hand()
+    hand.command(closure_commanded=0.4)
+    speeds = []
+    for _ in range(60):
+        hand.advance(0.01)
+        speeds.append(np.max(hand.read("state_measured")[4:6]))
+    # 3.67 rad/s and a tenth for the servo's overshoot.
+    assert 3.3 < max(speeds) < 4.04
+
+
+@pytest.fixture(scope="module")
+def wrapped():
+    hand = Hand(post=True)
+    hand.command(closure_commanded=1.0, force_limit=0.3)
+    hand.advance(1.5)
+    return hand
+
+
+def test_the_tips_close_after_the_bases_touch(wrapped):
+    q, proximity = np.array(wrapped.log["q"]), np.array(wrapped.log["proximity"])
+    for base, tip in ((0, 2), (1, 3)):
+        touched = np.flatnonzero(proximity[:, base] < 0.003)[0]
+        assert touched > 0
+        assert np.max(np.abs(q[: touched + 1, tip])) < 0.03
+        assert q[-1, tip] > 0.5
+        assert proximity[-1, tip] < 0.003
+    # Left and right do the same; contact meshes of the post are not symmetric.
+    assert q[-1, 0] == pytest.approx(q[-1, 1], abs=0.02)
+    assert q[-1, 2] == pytest.approx(q[-1, 3], abs=0.02)
+
+
+def test_it_presses_with_the_force_limit(wrapped):
+    pwm = np.array(wrapped.log["pwm"])
+    assert np.max(np.abs(pwm)) == pytest.approx(0.3)
+    assert pwm[-1] == pytest.approx([0.3] * 4)
+
+
+def test_a_wrapped_object_is_a_grasp(wrapped):
+    assert wrapped.read("grasped") == [1.0]
+
+
+def test_hold_keeps_the_fingers_where_they_are():
+    hand = Hand()
+    hand.command(closure_commanded=0.3)
+    hand.advance(0.2)
+    hand.command(hold=1.0)
+    hand.advance(0.3)
+    held = hand.q
+    assert 0.1 < held[0] < 0.85
+    hand.command(closure_commanded=1.0)
+    hand.advance(0.3)
+    assert hand.q == pytest.approx(held, abs=1e-3)
+
+
+def test_the_configuration_arrives():
+    config = SrgPositionDriver()
+    config.servo.force_limit = 0.02
+    hand = Hand(config=config)
+    hand.command(closure_commanded=0.3)
+    hand.advance(0.05)
+    assert np.max(np.abs(hand.log["pwm"])) == pytest.approx(0.02)
+
+
+def test_a_diagram_with_the_driver_is_freed():
+    hand = Hand()
+    hand.advance(0.02)
+    watches = [weakref.ref(hand.diagram), weakref.ref(hand.driver)]
+    watches += [weakref.ref(system) for system in hand.driver.GetSystems()]
+    del hand
+    gc.collect()
+    assert [watch() for watch in watches] == [None] * len(watches)
