@@ -127,7 +127,8 @@ def calc_metrics(
         place = scenario.task.place
         goal = [*place.position, scenario.table.height + 0.5 * shape.height]
         error = final.translation() - goal
-        tilt = float(np.arccos(np.clip(final.rotation().matrix()[2, 2], -1.0, 1.0)))
+        z = final.rotation().col(2)
+        tilt = float(np.arctan2(np.hypot(z[0], z[1]), z[2]))
         placed = bool(
             np.linalg.norm(error) <= place.tolerance
             and tilt <= _MAX_TILT

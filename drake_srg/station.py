@@ -183,14 +183,14 @@ def AddCameras(
             lcm=DrakeLcm("memq://null"),  # stands for no publishing
         )
         sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
+        # Not by GetOutputPort: that, of a system that Drake made, keeps its builder
+        # alive where the garbage collector cannot see it (Drake 1.51.1).
         for port, exported in (
-            ("color_image", "color_image"),
-            ("depth_image_32f", "depth_image"),
-            ("body_pose_in_world", "body_pose_in_world"),
+            (sensor.color_image_output_port(), "color_image"),
+            (sensor.depth_image_32F_output_port(), "depth_image"),
+            (sensor.body_pose_in_world_output_port(), "body_pose_in_world"),
         ):
-            builder.ExportOutput(
-                sensor.GetOutputPort(port), f"camera_{name}.{exported}"
-            )
+            builder.ExportOutput(port, f"camera_{name}.{exported}")
 
 
 def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:

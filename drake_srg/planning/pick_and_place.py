@@ -501,8 +501,10 @@ class PickAndPlacePlanner(LeafSystem):
 def _end_attempt(memory: _Memory, previous: Mode, o: Observation) -> _Memory:
     """Forget the motions, but not what went wrong."""
     failure = o.failure or memory.failure
-    if previous is Mode.HOME and memory.mode is not Mode.DONE:
-        failure = failure or Failure.MISPLACED
+    if previous is Mode.HOME and memory.failure is None:
+        memory = dc.replace(memory, looks=memory.looks + 1)  # for `at_goal`
+        if memory.mode is not Mode.DONE:
+            failure = Failure.MISPLACED
     if failure is not None and previous is not Mode.IDLE:
         memory = dc.replace(memory, message=_MESSAGES.get(failure, memory.message))
     return dc.replace(
