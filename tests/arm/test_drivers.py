@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from helpers import fix, port_table
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.arm.drivers import (
+    AddArmPositionDriver,
+    ArmPositionDriver,
+    GravityCompensation,
+    SetArmGains,
+)
+from drake_srg.scenario import load_scenario
+from drake_srg.station import AddDirectives
+
+HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
+CONFIG = ArmPositionDriver(home=list(HOME))
+
+
+def add_models(plant):
+    AddDirectives(plant, load_scenario("kitchen"))
+    return [plant.GetModelInstanceByName(name) for name in ("arm", "gripper")]
+
+
+class Arm:
+    """The arm with a gripper whose fingers are limp, driven."""
+
+    def __init__(self):
+        builder = DiagramBuilder()
+        config = PlantConfig(time_step=0.002, discrete_contact_approximation="lagged")
+        self.plant, _ = AddMultibodyPlant(config, builder)
+        self.arm, gripper = add_models(self.plant)
+        SetArmGains(self.plant, self.arm, CONFIG)
+        self.plant.Finalize()
+        self.plant.SetDefaultPositions(self.arm, HOME)
+        control_plant = MultibodyPlant(0.0)
+        add_models(control_plant)
+        control_plant.Finalize()
+        self.driver = AddArmPositionDriver(
+            builder, self.plant, self.arm, gripper, control_plant, CONFIG
+        )
+        self.simulator = Simulator(builder.Build())
+        self.root = self.simulator.get_mutable_context()
+        self.context = self.driver.GetMyMutableContextFromRoot(self.root)
+        plant_context = self.plant.GetMyMutableContextFromRoot(self.root)
+        self.plant.get_actuation_input_port(gripper).FixValue(plant_context, [0.0] * 4)
+
+    def command(self, q):
+        fix(self.driver, self.context, position_commanded=q)
+
+    @property
+    def q(self):
+        port = self.plant.get_state_output_port(self.arm)
+        context = self.plant.GetMyContextFromRoot(self.root)
+        return port.Eval(context)[:7].copy()
+
+
+def test_ports():
+    assert port_table(Arm().driver) == (
+        {"position_commanded": 7, "arm_state": 14, "gripper_state": 8},
+        {"desired_state": 14, "actuation": 7},
+    )
+
+
+def test_it_holds_home_against_gravity():
+    arm = Arm()
+    arm.command(HOME)
+    arm.simulator.AdvanceTo(1.0)
+    # Without compensation joint 2 alone would sag by some 60 N m / 9600 N m/rad.
+    assert np.max(np.abs(arm.q - HOME)) < 1e-4
+
+
+def test_it_follows_a_ramp_and_stays_at_its_end():
+    arm = Arm()
+    direction = np.array([0.3, 0.2, -0.3, 0.2, 0.3, -0.2, 0.3])
+    lag = []
+    for k in range(101):  # 0.5 s at up to 0.6 rad/s
+        arm.command(HOME + direction * min(1.0, k / 100))
+        arm.simulator.AdvanceTo(0.005 * (k + 1))
+        lag.append(np.max(np.abs(arm.q - HOME - direction * k / 100)))
+    # The controller sees each command one period late: 3 mrad at 0.6 rad/s; the first
+    # motion from a standstill lags by kd-damped inertia, twice that at most.
+    assert max(lag) < 0.01
+    arm.simulator.AdvanceTo(1.0)
+    assert np.max(np.abs(arm.q - HOME - direction)) < 1e-3
+
+
+def test_it_comes_to_rest_after_a_step():
+    arm = Arm()
+    arm.command(HOME)
+    arm.simulator.AdvanceTo(0.1)
+    arm.command(HOME + 0.02)
+    arm.simulator.AdvanceTo(1.1)
+    assert np.max(np.abs(arm.q - HOME - 0.02)) < 1e-3
+
+
+def test_the_compensation_is_the_plants_own_gravity():
+    plant = MultibodyPlant(0.0)
+    arm, gripper = add_models(plant)
+    plant.Finalize()
+    system = GravityCompensation(plant, ["arm", "gripper"])
+    context, plant_context = system.CreateDefaultContext(), plant.CreateDefaultContext()
+    generator = np.random.default_rng(0)
+    for _ in range(5):
+        q, fingers = generator.uniform(-1.5, 1.5, 7), generator.uniform(0, 1.5, 4)
+        fix(
+            system,
+            context,
+            arm_state=np.concatenate([q, generator.normal(size=7)]),
+            gripper_state=np.concatenate([fingers, generator.normal(size=4)]),
+        )
+        plant.SetPositions(plant_context, arm, q)
+        plant.SetPositions(plant_context, gripper, fingers)
+        # The gradient of the potential energy, by central differences.
+        expected = np.zeros(7)
+        for i in range(7):
+            energy = []
+            for h in (1e-5, -1e-5):
+                plant.SetPositions(plant_context, arm, q + h * np.eye(7)[i])
+                energy.append(plant.CalcPotentialEnergy(plant_context))
+            expected[i] = (energy[0] - energy[1]) / 2e-5
+        result = system.get_output_port().Eval(context)
+        np.testing.assert_allclose(result, expected, atol=1e-5)
+        assert np.max(np.abs(result)) > 1.0
+
+
+@pytest.mark.parametrize("name", ["kp", "kd", "home"])
+def test_a_wrong_number_of_gains_is_named(name):
+    plant = MultibodyPlant(0.001)
+    arm, _ = add_models(plant)
+    config = ArmPositionDriver(**{name: [1.0, 2.0]})
+    with pytest.raises(ValueError, match=rf"arm\.{name}: has 2 entries, the arm has 7"):
+        SetArmGains(plant, arm, config)

@@ -1,0 +1,88 @@
+import pytest
+from helpers import port_table
+from pydrake.systems.analysis import Simulator
+
+from drake_srg.cell import MakeCell, MakePlanner
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeStation
+from drake_srg.types import Mode
+from drake_srg.vision.blob_localizer import BlobLocalizer
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("kitchen", seed=1)
+
+
+@pytest.fixture(scope="module")
+def cell(scenario):
+    return MakeCell(scenario)
+
+
+def test_it_exports_the_stations_ports_and_its_own(cell, scenario):
+    inputs, outputs = port_table(cell)
+    assert inputs == {}
+    _, of_station = port_table(MakeStation(scenario))
+    assert outputs == {
+        **of_station,
+        "localizer.blobs": None,
+        "planner.mode": None,
+        "planner.status": None,
+        "arm.position_commanded": 7,
+        "gripper.closure_commanded": 1,
+    }
+
+
+def test_its_parts_have_names(cell):
+    for name in ("station", "localizer", "planner"):
+        assert cell.HasSubsystemNamed(name)
+
+
+def test_the_localizer_sees_the_object(cell, scenario):
+    context = cell.CreateDefaultContext()
+    (blob,) = cell.GetOutputPort("localizer.blobs").Eval(context)
+    truth = cell.GetOutputPort("object_poses_cheat").Eval(context)["soup_can"]
+    assert blob.object_name == "soup_can"
+    assert blob.camera == "ceiling"
+    # The project's own limit, 0.5 mm on each axis.
+    assert blob.position == pytest.approx(truth.translation(), abs=5e-4)
+
+
+def test_the_goal_is_on_the_table(scenario):
+    planner = MakePlanner(scenario)
+    # Half the can's height, 101.8 mm, above the table's top.
+    assert planner._goal == pytest.approx([0.55, -0.42, 0.0509], abs=1e-4)
+    assert planner._tolerance == scenario.task.place.tolerance
+    assert planner.config is scenario.planner
+
+
+def test_it_looks_and_then_moves(cell):
+    simulator = Simulator(cell)
+    context = simulator.get_mutable_context()
+    assert cell.GetOutputPort("planner.mode").Eval(context) is Mode.IDLE
+    simulator.AdvanceTo(0.2)  # the planner's latency is 0.1 s
+    assert cell.GetOutputPort("planner.mode").Eval(context) is Mode.PRE_GRASP
+    assert cell.GetOutputPort("planner.status").Eval(context).looks == 1
+
+
+def test_images_are_searched_only_when_the_planner_looks(scenario, monkeypatch):
+    searched = []
+    locate = BlobLocalizer._locate
+
+    def count(self, context):
+        searched.append(context.get_time())
+        return locate(self, context)
+
+    monkeypatch.setattr(BlobLocalizer, "_locate", count)
+    cell = MakeCell(scenario)
+    simulator = Simulator(cell)
+    simulator.AdvanceTo(0.3)
+    assert searched == [0.0]
+
+
+def test_cells_are_freed(leaked, scenario):
+    simulator = Simulator(MakeCell(scenario))
+    simulator.AdvanceTo(0.02)
+    assert len(leaked()) > 6  # otherwise this would test nothing
+    del simulator
+    assert leaked() == []
