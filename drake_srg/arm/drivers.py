@@ -11,7 +11,10 @@ from pydrake.systems.framework import (
     Diagram,
     DiagramBuilder,
 )
-from pydrake.systems.primitives import StateInterpolatorWithDiscreteDerivative
+from pydrake.systems.primitives import (
+    StateInterpolatorWithDiscreteDerivative,
+    ZeroOrderHold,
+)
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
@@ -35,7 +38,7 @@ class ArmPositionDriver:
     )  # N m s / rad
     # Joint positions at the start of a simulation [rad].
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
-    # Commands are sampled and differentiated at this period [s].
+    # Commands are sampled and gravity is compensated at this period [s].
     period: float = dc.field(default=0.005, metadata=positive())
 
 
@@ -156,7 +159,9 @@ def AddArmPositionDriver(
     )
     for i, name in enumerate(instances):
         inner.ExportInput(gravity.get_input_port(i), f"{name}_state")
-    inner.ExportOutput(gravity.get_output_port(), "actuation")
+    hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(config.period, n))
+    inner.Connect(gravity.get_output_port(), hold.get_input_port())
+    inner.ExportOutput(hold.get_output_port(), "actuation")
 
     driver = builder.AddNamedSystem("arm_driver", inner.Build())
     for name, instance in instances.items():

@@ -25,8 +25,8 @@ class MinimumJerkConfig:
     max_velocity: float = dc.field(default=3.67, metadata=positive())
     # Shortest motion [s]: the time in which small corrections are made.
     min_duration: float = dc.field(default=0.08, metadata=positive())
-    # Time between looks at the target [s].
-    period: float = dc.field(default=0.005, metadata=positive())
+    # Time between looks at the target [s]: Algorithm 1 changes it at 100 Hz.
+    period: float = dc.field(default=0.01, metadata=positive())
 
 
 def minimum_jerk_coefficients(

@@ -26,8 +26,8 @@ class UnderactuationConfig:
     # The thesis tests `tip angle <= 0`; a measured angle of a finger that rests on
     # its stop is zero only up to the stop's compliance [rad].
     straight_tolerance: float = 0.002
-    # Time between evaluations [s].
-    period: float = dc.field(default=0.005, metadata=positive())
+    # Time between evaluations [s]: that of the proximity sensors.
+    period: float = dc.field(default=0.01, metadata=positive())
 
 
 def finger_targets(

@@ -1,0 +1,33 @@
+"""What README.md shows works as it stands there."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from drake_srg.cli import _parser
+
+README = (Path(__file__).parents[1] / "README.md").read_text()
+
+
+@pytest.mark.parametrize("code", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
+def test_python(code, capsys):
+    variables: dict = {}
+    exec(compile(code, "README.md", "exec"), variables)
+    if "height" in variables:  # the hand-built diagram holds the can up
+        assert variables["height"].translation()[2] == pytest.approx(0.13, abs=0.01)
+
+
+def test_commands_parse():
+    commands = re.findall(r"^drake-srg run kitchen.*?(?=\s*#|$)", README, re.MULTILINE)
+    assert len(commands) > 3
+    for command in commands:
+        _parser().parse_args(shlex.split(command)[1:])
+
+
+def test_links_lead_somewhere():
+    links = re.findall(r"\]\((?!http)([^)]+)\)", README)
+    assert links
+    for link in links:
+        assert (Path(__file__).parents[1] / link).exists(), link
