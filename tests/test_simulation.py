@@ -1,0 +1,189 @@
+import dataclasses as dc
+import json
+
+import numpy as np
+import pytest
+
+from drake_srg.cell import MakeCell
+from drake_srg.recording.log import read_log
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.types import Mode
+from drake_srg.yaml_loading import ScenarioError
+
+# Metrics that tell how fast this machine is, or where files went.
+OF_THE_MACHINE = (
+    "planning_wall_s",
+    "wall_time_s",
+    "real_time_factor",
+    "artifacts",
+)
+
+
+def run(*overrides, seed=1, **kwargs):
+    scenario = load_scenario("kitchen", seed=seed, overrides=overrides)
+    return Simulate(scenario, name="kitchen", record=False, **kwargs)
+
+
+@pytest.fixture(scope="module")
+def golden():
+    return run()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("run") / "made" / "on the way"
+
+
+@pytest.fixture(scope="module")
+def again(folder):
+    return run(out=folder)
+
+
+def test_the_can_is_placed(golden):
+    metrics = golden.metrics
+    assert (metrics.success, metrics.failure, metrics.attempts) == (True, None, 1)
+    assert golden.status.mode is Mode.DONE
+    # What the project promises.
+    assert np.max(np.abs(metrics.localization_error_m)) < 0.5e-3
+    assert np.max(np.abs(metrics.placement_error_m[:2])) < 2e-3
+    assert metrics.placement_tilt_rad < np.deg2rad(1.0)
+    assert 0.0 < metrics.cycle_time_s < 8.0
+
+
+def test_the_other_metrics_are_plausible(golden):
+    metrics = golden.metrics
+    assert metrics.seed == 1
+    assert metrics.scenario == "kitchen"
+    assert 0.0 <= metrics.grasp_shift_m < 5e-3
+    assert 0.0 <= metrics.hold_drift_m_per_s < 5e-3
+    # At least the can's weight, not more than the motors' stall torque gives.
+    assert 3.0 < metrics.peak_contact_force_n < 60.0
+    assert metrics.smoothness < 0.0
+    assert metrics.sim_time_s > metrics.cycle_time_s
+    assert metrics.real_time_factor == pytest.approx(
+        metrics.sim_time_s / metrics.wall_time_s
+    )
+
+
+def test_the_log_has_a_row_a_sample(golden):
+    log = golden.log
+    (count,) = log["time"].shape
+    assert {name: array.shape for name, array in log.items()} == {
+        "time": (count,),
+        "mode": (count,),
+        "arm.state_measured": (count, 14),
+        "arm.torque_measured": (count, 7),
+        "arm.position_commanded": (count, 7),
+        "gripper.state_measured": (count, 8),
+        "gripper.closure_commanded": (count, 1),
+        "gripper.pwm": (count, 4),
+        "gripper.proximity": (count, 4),
+        "gripper.grasped": (count, 1),
+        "object_pose.soup_can": (count, 7),
+        "contact_force": (count,),
+    }
+    np.testing.assert_allclose(np.diff(log["time"]), 0.02, atol=1e-9)
+    for array in log.values():
+        assert np.all(np.isfinite(array))
+
+
+def test_the_modes_come_in_their_order(golden):
+    modes = [list(Mode)[int(i)] for i in golden.log["mode"]]
+    order = list(dict.fromkeys(modes))
+    assert order == [mode for mode in Mode if mode in order]
+    assert order[-1] is Mode.DONE
+    assert Mode.LIFT in order
+
+
+def test_the_can_moves_only_in_the_hand(golden):
+    log = golden.log
+    p = log["object_pose.soup_can"][:, :3]
+    moved = np.linalg.norm(np.diff(p, axis=0), axis=1) > 1e-4
+    assert np.any(moved)
+    # Released, it may still fall by the place height.
+    touched = log["contact_force"] > 0.0
+    released = log["mode"] == list(Mode).index(Mode.RELEASE)
+    assert np.all((touched | released)[1:][moved])
+
+
+def test_the_same_seed_gives_the_same_bits(golden, again):
+    assert golden.log.keys() == again.log.keys()
+    for name, array in golden.log.items():
+        assert array.tobytes() == again.log[name].tobytes(), name
+    first, second = dc.asdict(golden.metrics), dc.asdict(again.metrics)
+    for name in OF_THE_MACHINE:
+        del first[name], second[name]
+    assert first == second
+
+
+def test_the_files_hold_the_result(again, folder):
+    assert sorted(path.name for path in folder.iterdir()) == ["log.npz", "metrics.json"]
+    assert json.loads((folder / "metrics.json").read_text()) == dc.asdict(again.metrics)
+    log = read_log(folder / "log.npz")
+    assert log.keys() == again.log.keys()
+    for name, array in log.items():
+        np.testing.assert_array_equal(array, again.log[name])
+    assert again.metrics.artifacts == {
+        "video": None,
+        "recording": None,
+        "log": str(folder / "log.npz"),
+        "timeline": None,
+    }
+
+
+@pytest.mark.parametrize("why", ["present=false", "covered=true"])
+def test_an_object_that_is_not_there_is_not_seen(why):
+    result = run(f"object.{why}")
+    assert (result.metrics.success, result.metrics.failure) == (False, "not_seen")
+    assert result.metrics.cycle_time_s is None
+    assert result.metrics.attempts == 0
+    assert result.metrics.sim_time_s < 2.0
+
+
+def test_another_seed_gives_another_run():
+    first, second = (
+        run("planner.time_budget=0.05", seed=seed).log["object_pose.soup_can"]
+        for seed in (1, 2)
+    )
+    assert np.linalg.norm(first[0, :2] - second[0, :2]) > 1e-3
+
+
+def test_a_run_is_freed(leaked):
+    def make_cell(scenario):
+        cell = MakeCell(scenario)
+        assert len(leaked()) > 6  # otherwise this would test nothing
+        return cell
+
+    run("planner.time_budget=0.2", make_cell=make_cell)
+    assert leaked() == []
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "arm.kp=[1.0]",
+        "gripper.servo.kp=[1.0]",
+        "plant_config.contact_model=sticky",
+        "simulator_config.integration_scheme=guess",
+        "cameras.ceiling.width=-3",
+        "cameras.ceiling.X_PB.base_frame=nowhere",
+        "directives=[]",
+        "task.place.marker=no.sdf",
+        "task.pick=''",
+        "gripper=null",
+        "arm=null",
+        "localizer.cameras=[]",
+    ],
+)
+def test_what_only_the_models_tell_to_be_wrong_is_reported_in_one_line(override):
+    with pytest.raises(ScenarioError) as error:
+        run(override)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) > 20
+
+
+def test_a_folder_that_cannot_be_made_is_reported_before_the_run(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OSError, match="file"):
+        run(out=tmp_path / "file" / "run")
