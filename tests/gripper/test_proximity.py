@@ -1,0 +1,191 @@
+import numpy as np
+import pytest
+from helpers import fix, port_table, read, update
+from pydrake.geometry import Box, Sphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.gripper.proximity import (
+    AddSrgProximitySensors,
+    ProximityConfig,
+    ProximitySensors,
+)
+from drake_srg.parsing import ConfigureParser
+
+
+def simulate(builder, plant, scene_graph, sensors):
+    builder.Connect(scene_graph.get_query_output_port(), sensors.get_input_port())
+    simulator = Simulator(builder.Build())
+    root = simulator.get_mutable_context()
+    return (
+        simulator,
+        plant.GetMyMutableContextFromRoot(root),
+        sensors.GetMyMutableContextFromRoot(root),
+    )
+
+
+class Line:
+    """A ball of 10 mm radius on the x axis that watches a box and another ball.
+
+    The box's face is at x = 0.1 m; the other ball, 20 mm, is centred at x = -0.1 m.
+    """
+
+    def __init__(self, ignored=(), **config):
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+        self.ball = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1, 1))
+
+        def add(body, x, shape, name):
+            friction = CoulombFriction(1.0, 1.0)
+            X = RigidTransform([x, 0.0, 0.0])
+            return plant.RegisterCollisionGeometry(body, X, shape, name, friction)
+
+        own = add(self.ball, 0.0, Sphere(0.01), "own")
+        others = {
+            "box": add(plant.world_body(), 0.15, Box(0.1, 0.1, 0.1), "box"),
+            "sphere": add(plant.world_body(), -0.1, Sphere(0.02), "sphere"),
+        }
+        plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+        plant.Finalize()
+        self.sensors = builder.AddSystem(
+            ProximitySensors(
+                {"only": [own]},
+                {"only": [others[name] for name in ignored]},
+                ProximityConfig(**config),
+            )
+        )
+        self.plant = plant
+        self.simulator, self.plant_context, self.context = simulate(
+            builder, plant, scene_graph, self.sensors
+        )
+
+    def put(self, x):
+        self.plant.SetFreeBodyPose(
+            self.plant_context, self.ball, RigidTransform([x, 0.0, 0.0])
+        )
+
+    def reading(self, x):
+        """Distance and trigger of a reading with the ball at x."""
+        self.put(x)
+        update(self.sensors, self.context)
+        return tuple(read(self.sensors, self.context, name)[0] for name in PORTS)
+
+
+PORTS = ("proximity", "triggered")
+
+
+def test_ports():
+    sensors = ProximitySensors({"a": [], "b": []}, {})
+    assert port_table(sensors) == (
+        {"query_object": None},
+        {"proximity": 2, "triggered": 2},
+    )
+
+
+@pytest.mark.parametrize(
+    ("x", "distance"),
+    [
+        (0.07, 0.02),  # 30 mm to the face less the radius
+        (0.088, 0.002),
+        (0.095, -0.005),  # penetration
+        (-0.04, 0.03),  # 60 mm to the ball's centre less both radii
+        (0.0, 0.05),  # nothing within the range
+    ],
+)
+def test_distances_are_signed_and_saturate(x, distance):
+    reading, triggered = Line().reading(x)
+    assert reading == pytest.approx(distance, abs=1e-6)
+    assert triggered == (distance < 0.003)
+
+
+def test_the_nearest_counts():
+    assert Line(range=0.2).reading(0.02)[0] == pytest.approx(0.07, abs=1e-6)
+    assert Line(range=0.2).reading(-0.02)[0] == pytest.approx(0.05, abs=1e-6)
+
+
+def test_the_trigger_distance_can_be_chosen():
+    assert Line(trigger_distance=0.01).reading(0.081)[1] == 1.0
+    assert Line(trigger_distance=0.008).reading(0.081)[1] == 0.0
+
+
+def test_what_is_ignored_is_not_seen():
+    assert Line(ignored=["box"]).reading(0.095)[0] == 0.05
+    assert Line(ignored=["sphere"]).reading(0.095)[0] < 0.0
+
+
+def test_readings_are_taken_once_a_period():
+    line = Line(period=0.02)
+    line.put(0.07)
+    line.simulator.AdvanceTo(0.01)
+    first = read(line.sensors, line.context, "proximity")[0]
+    assert first == pytest.approx(0.02, abs=1e-6)
+    line.put(0.08)
+    line.simulator.AdvanceTo(0.019)
+    assert read(line.sensors, line.context, "proximity")[0] == first
+    line.simulator.AdvanceTo(0.021)
+    reading = read(line.sensors, line.context, "proximity")[0]
+    assert reading == pytest.approx(0.01, abs=1e-6)
+
+
+# The SRG.
+
+
+def srg_readings(q, post=None, **config):
+    """The four distances with the joints at q, and a post of 10 mm at a point."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    (model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
+    if post is not None:
+        friction = CoulombFriction(1.0, 1.0)
+        X_WP = RigidTransform(np.array(post))
+        plant.RegisterCollisionGeometry(
+            plant.world_body(), X_WP, Sphere(0.01), "post", friction
+        )
+    plant.Finalize()
+    sensors = AddSrgProximitySensors(builder, plant, model, ProximityConfig(**config))
+    simulator, plant_context, context = simulate(builder, plant, scene_graph, sensors)
+    for name, angle in zip(sensors.sensor_names, q, strict=True):
+        plant.GetJointByName(f"{name}_joint").set_angle(plant_context, angle)
+    fix(plant, plant_context, srg_actuation=np.zeros(4))
+    simulator.AdvancePendingEvents()
+    return read(sensors, context, "proximity")
+
+
+def test_an_open_hand_sees_neither_itself_nor_its_palm():
+    np.testing.assert_array_equal(srg_readings([0.0] * 4), [0.05] * 4)
+
+
+def test_nor_does_a_bent_one():
+    # Tips bent 70 degrees back from fingers that are spread wide.
+    assert np.all(srg_readings([0.0, 0.0, 1.2, 1.2], range=0.02) == 0.02)
+
+
+def test_the_tips_see_the_other_finger():
+    # Both fingers straight ahead: hinges 60 mm apart, faces 9.2 mm inward of them.
+    readings = srg_readings([np.pi / 2, np.pi / 2, 0.0, 0.0])
+    np.testing.assert_array_equal(readings[:2], 0.05)
+    assert readings[2:] == pytest.approx([0.0416, 0.0416], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("post", "nearest"),
+    [
+        # Open fingers point sideways from hinges at x = 73 mm, y = ±30 mm; a base
+        # link is 52 mm long.
+        ([0.10, 0.055, 0.0], 0),
+        ([0.10, -0.055, 0.0], 1),
+        ([0.10, 0.115, 0.0], 2),
+        ([0.10, -0.115, 0.0], 3),
+    ],
+)
+def test_each_sensor_watches_its_own_link(post, nearest):
+    readings = srg_readings([0.0] * 4, post)
+    assert np.argmin(readings) == nearest
+    assert readings[nearest] < 0.03
