@@ -1,0 +1,154 @@
+import numpy as np
+import pytest
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.objects import AddObject, X_WO_start, object_shape
+from drake_srg.scenario import ObjectConfig
+from drake_srg.types import Box, Cylinder, Sphere
+from drake_srg.yaml_loading import ScenarioError
+
+CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
+SHAPES = [Cylinder(0.03, 0.1), Box([0.04, 0.05, 0.06]), Sphere(0.035)]
+
+
+def add(config):
+    """Mass, inertia about the centre of mass, and the geometry's properties."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    model = AddObject(plant, "thing", config)
+    plant.Finalize()
+    assert plant.GetModelInstanceName(model) == "thing"
+    (index,) = plant.GetBodyIndices(model)
+    body = plant.get_body(index)
+    (geometry,) = plant.GetCollisionGeometriesForBody(body)
+    inspector = scene_graph.model_inspector()
+    inertia = body.default_spatial_inertia()
+    return (
+        inertia.get_mass(),
+        inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3(),
+        inspector.GetProximityProperties(geometry),
+        inspector.GetShape(geometry),
+        inspector.GetIllustrationProperties(plant.GetVisualGeometriesForBody(body)[0]),
+    )
+
+
+def moments(shape):
+    """Of one kilogram, by the textbook, about x, y, z."""
+    match shape:
+        case Cylinder(r, length):
+            side = (3 * r**2 + length**2) / 12
+            return [side, side, r**2 / 2]
+        case Box((a, b, c)):
+            return [(b**2 + c**2) / 12, (a**2 + c**2) / 12, (a**2 + b**2) / 12]
+        case Sphere(r):
+            return [0.4 * r**2] * 3
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_shape_becomes_a_solid_body(shape):
+    config = ObjectConfig(shape=shape, mass=0.25, friction=0.7, color=[0.1, 0.2, 0.3])
+    mass, inertia, properties, geometry, looks = add(config)
+    assert mass == 0.25
+    np.testing.assert_allclose(inertia, 0.25 * np.diag(moments(shape)), atol=1e-12)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.static_friction() == friction.dynamic_friction() == 0.7
+    assert type(geometry).__name__ == type(shape).__name__
+    color = looks.GetProperty("phong", "diffuse")
+    assert (color.r(), color.g(), color.b()) == pytest.approx((0.1, 0.2, 0.3))
+
+
+def test_a_model_keeps_what_is_not_overridden():
+    mass, inertia, properties, *_ = add(ObjectConfig(model=CAN))
+    # The data sheet's 0.349 kg.
+    assert mass == pytest.approx(0.349)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.dynamic_friction() > 0.0
+    assert np.all(np.linalg.eigvalsh(inertia) > 0.0)
+
+
+def test_mass_and_friction_override_the_models():
+    _, reference, *_ = add(ObjectConfig(model=CAN))
+    mass, inertia, properties, *_ = add(
+        ObjectConfig(model=CAN, mass=3 * 0.349, friction=0.0)
+    )
+    assert mass == pytest.approx(3 * 0.349)
+    np.testing.assert_allclose(inertia, 3.0 * reference, rtol=1e-9, atol=1e-15)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.static_friction() == friction.dynamic_friction() == 0.0
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_given_shape_is_the_known_one(shape):
+    assert object_shape("thing", ObjectConfig(shape=shape)) is shape
+
+
+def sdf(path, geometry, count=1):
+    """A model of one link, in a file."""
+    collision = f"<collision name='c{{}}'><geometry>{geometry}</geometry></collision>"
+    collisions = "".join(collision.format(i) for i in range(count))
+    path.write_text(
+        "<sdf version='1.9'><model name='m'><link name='l'>"
+        f"{collisions}</link></model></sdf>"
+    )
+    return path.as_uri()
+
+
+@pytest.mark.parametrize(
+    ("geometry", "shape"),
+    [
+        (
+            "<cylinder><radius>0.03</radius><length>0.1</length></cylinder>",
+            Cylinder(0.03, 0.1),
+        ),
+        ("<box><size>0.04 0.05 0.06</size></box>", Box([0.04, 0.05, 0.06])),
+        ("<sphere><radius>0.035</radius></sphere>", Sphere(0.035)),
+    ],
+)
+def test_a_models_shape_is_that_of_its_collision(tmp_path, geometry, shape):
+    config = ObjectConfig(model=sdf(tmp_path / "m.sdf", geometry))
+    assert object_shape("thing", config) == shape
+
+
+def test_the_can_has_the_datasheets_size():
+    shape = object_shape("can", ObjectConfig(model=CAN))
+    # YCB's 005: 66 mm across, 101 mm high, both to a couple of millimetres.
+    assert shape.radius == pytest.approx(0.0335, abs=1.5e-3)
+    assert shape.length == pytest.approx(0.1015, abs=1.5e-3)
+
+
+BALL = "<sphere><radius>1</radius></sphere>"
+
+
+@pytest.mark.parametrize(
+    ("geometry", "count"),
+    [(BALL, 0), (BALL, 2), ("<plane><normal>0 0 1</normal></plane>", 1)],
+)
+def test_a_model_needs_one_simple_collision(tmp_path, geometry, count):
+    config = ObjectConfig(model=sdf(tmp_path / "m.sdf", geometry, count))
+    with pytest.raises(ScenarioError, match=r"^objects\.thing\.model: .*must have one"):
+        object_shape("thing", config)
+
+
+@pytest.mark.parametrize("content", ["<sdf", "<sdf version='1.9'/>", "hello"])
+def test_what_is_not_a_model_is_refused(tmp_path, content):
+    path = tmp_path / "m.sdf"
+    path.write_text(content)
+    with pytest.raises(ScenarioError, match=r"^objects\.thing"):
+        object_shape("thing", ObjectConfig(model=path.as_uri()))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_object_stands_upright_on_its_table(shape):
+    X = X_WO_start(ObjectConfig(position=[0.3, -0.2], yaw=0.5), shape, 0.1)
+    height = {"Cylinder": 0.1, "Box": 0.06, "Sphere": 0.07}[type(shape).__name__]
+    np.testing.assert_allclose(X.translation(), [0.3, -0.2, 0.1 + height / 2])
+    np.testing.assert_allclose(X.rotation().col(2), [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(
+        X.rotation().col(0), [np.cos(0.5), np.sin(0.5), 0], atol=1e-12
+    )
+
+
+def test_a_position_must_have_been_drawn():
+    with pytest.raises(ValueError, match="has not been drawn"):
+        X_WO_start(ObjectConfig(), SHAPES[0], 0.0)
