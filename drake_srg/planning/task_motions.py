@@ -112,12 +112,15 @@ class TaskPlanner:
         if clearance.spare < 0.0:
             return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
         candidates, failures = self._candidates(p_WO, shape, p_WO_goal)
+        no_path = []
         for candidate in candidates:
             try:
                 motions = self._motions(q_start, p_WO, shape, p_WO_goal, candidate)
                 return TaskMotions(candidate.grasp, motions)
             except _NoPathError as error:
-                failures.append(error.failure)
+                no_path.append(error.failure)
+        # The grasps that came furthest tell what is in the way.
+        failures = no_path or failures
         if not failures:
             return TaskFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
         # What only the surroundings forbid is worth knowing before what no arm
@@ -143,9 +146,9 @@ class TaskPlanner:
     def _candidates(
         self, p_WO: Vector, shape: Shape, p_WO_goal: Vector
     ) -> tuple[list[_Candidate], list[TaskFailure]]:
-        """Grasps that can be reached at both ends, the best first."""
+        """Grasps that can be reached at both ends, the best first; or why none is."""
         options = self.options
-        candidates, failures = [], []
+        candidates, no_pick, no_place = [], [], []
         for grasp in grasps_of(
             shape, options.approaches, options.tilts, options.squeeze
         ):
@@ -155,7 +158,7 @@ class TaskPlanner:
                     self.scene, grasp.target(p_WO), q_nominal=self.q_home
                 )
             if isinstance(pick, IkFailure):
-                failures.append(
+                no_pick.append(
                     TaskFailure(pick.failure, f"pick {grasp.name}: {pick.message}")
                 )
                 continue
@@ -168,7 +171,7 @@ class TaskPlanner:
                     q_guess=pick.q,
                 )
             if isinstance(place, IkFailure):
-                failures.append(
+                no_place.append(
                     TaskFailure(place.failure, f"place {grasp.name}: {place.message}")
                 )
                 continue
@@ -181,7 +184,7 @@ class TaskPlanner:
             )
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
             candidates.append(_Candidate(grasp, pick.q, place.q, score))
-        return sorted(candidates, key=lambda c: c.score), failures
+        return sorted(candidates, key=lambda c: c.score), no_place or no_pick
 
     def _motions(
         self,
