@@ -289,7 +289,7 @@ def test_an_arm_that_does_not_arrive_uses_up_the_time_budget():
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
     assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, Mode.FAILED]
     assert world.time == pytest.approx(2.0, abs=2 * world.period)
-    assert status.message == "not done after 2 s, in mode pre_grasp"
+    assert "time budget" in status.message
 
 
 def test_a_way_out_that_is_blocked_ends_the_task():
