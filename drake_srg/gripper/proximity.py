@@ -23,8 +23,8 @@ from drake_srg.types import positive
 class ProximityConfig:
     """Range, trigger and rate of the sensors."""
 
-    # Readings saturate here [m].
-    range: float = dc.field(default=0.05, metadata=positive())
+    # Readings saturate here [m]. A longer range costs time: more pairs are near.
+    range: float = dc.field(default=0.02, metadata=positive())
     # A sensor fires below this distance [m].
     trigger_distance: float = dc.field(default=0.003, metadata=positive())
     # Time between readings [s]. 100 Hz: at the fingers' top speed (3.67 rad/s over
