@@ -16,6 +16,8 @@ from drake_srg.gripper.proximity import (
 )
 from drake_srg.parsing import ConfigureParser
 
+RANGE = 0.05  # m
+
 
 def simulate(builder, plant, scene_graph, sensors):
     builder.Connect(scene_graph.get_query_output_port(), sensors.get_input_port())
@@ -55,7 +57,7 @@ class Line:
             ProximitySensors(
                 {"only": [own]},
                 {"only": [others[name] for name in ignored]},
-                ProximityConfig(**config),
+                ProximityConfig(**{"range": RANGE, **config}),
             )
         )
         self.plant = plant
@@ -93,7 +95,7 @@ def test_ports():
         (0.088, 0.002),
         (0.095, -0.005),  # penetration
         (-0.04, 0.03),  # 60 mm to the ball's centre less both radii
-        (0.0, 0.05),  # nothing within the range
+        (0.0, RANGE),  # nothing within the range
     ],
 )
 def test_distances_are_signed_and_saturate(x, distance):
@@ -113,7 +115,7 @@ def test_the_trigger_distance_can_be_chosen():
 
 
 def test_what_is_ignored_is_not_seen():
-    assert Line(ignored=["box"]).reading(0.095)[0] == 0.05
+    assert Line(ignored=["box"]).reading(0.095)[0] == RANGE
     assert Line(ignored=["sphere"]).reading(0.095)[0] < 0.0
 
 
@@ -149,7 +151,8 @@ def srg_readings(q, post=None, **config):
             plant.world_body(), X_WP, Sphere(0.01), "post", friction
         )
     plant.Finalize()
-    sensors = AddSrgProximitySensors(builder, plant, model, ProximityConfig(**config))
+    config = ProximityConfig(**{"range": RANGE, **config})
+    sensors = AddSrgProximitySensors(builder, plant, model, config)
     simulator, plant_context, context = simulate(builder, plant, scene_graph, sensors)
     for name, angle in zip(sensors.sensor_names, q, strict=True):
         plant.GetJointByName(f"{name}_joint").set_angle(plant_context, angle)
@@ -159,7 +162,7 @@ def srg_readings(q, post=None, **config):
 
 
 def test_an_open_hand_sees_neither_itself_nor_its_palm():
-    np.testing.assert_array_equal(srg_readings([0.0] * 4), [0.05] * 4)
+    np.testing.assert_array_equal(srg_readings([0.0] * 4), [RANGE] * 4)
 
 
 def test_nor_does_a_bent_one():
@@ -170,7 +173,7 @@ def test_nor_does_a_bent_one():
 def test_the_tips_see_the_other_finger():
     # Both fingers straight ahead: hinges 60 mm apart, faces 9.2 mm inward of them.
     readings = srg_readings([np.pi / 2, np.pi / 2, 0.0, 0.0])
-    np.testing.assert_array_equal(readings[:2], 0.05)
+    np.testing.assert_array_equal(readings[:2], RANGE)
     assert readings[2:] == pytest.approx([0.0416, 0.0416], abs=1e-3)
 
 
