@@ -141,6 +141,22 @@ def test_an_object_that_is_not_there_is_not_seen(why):
     assert result.metrics.sim_time_s < 2.0
 
 
+@pytest.mark.parametrize(
+    ("override", "failure"),
+    [
+        ("object.position=[1.25, 0.5]", "out_of_reach"),
+        ("task.place.position=[1.2, -0.7]", "out_of_reach"),
+        ("task.place.position=[0.0, 0.0]", "blocked"),  # in the robot's foot
+    ],
+)
+def test_what_the_arm_cannot_do_is_named(override, failure):
+    result = run(override)
+    assert (result.metrics.success, result.metrics.failure) == (False, failure)
+    assert result.metrics.attempts == 0
+    assert result.metrics.sim_time_s < 2.0
+    assert result.status.message
+
+
 def test_another_seed_gives_another_run():
     first, second = (
         run("planner.time_budget=0.05", seed=seed).log["object_pose.soup_can"]
