@@ -7,7 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from drake_srg.objects import object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
-from drake_srg.planning.task_motions import MotionOptions, TaskPlanner
+from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.scenario import ObjectConfig, Scenario
 from drake_srg.station import AddDirectives, MakeStation
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
@@ -120,21 +120,7 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
         builder, margin=config.clearance, hand_margin=config.hand_clearance
     )
     assert scenario.arm is not None
-    return TaskPlanner(
-        scene,
-        np.array(scenario.arm.home),
-        MotionOptions(
-            approaches=config.approaches,
-            tilts=config.tilts,
-            squeeze=config.squeeze,
-            approach_distance=config.approach_distance,
-            lift_height=config.lift_height,
-            place_height=config.place_height,
-            speed=config.speed,
-            holding_speed=config.holding_speed,
-            holding_acceleration=config.holding_acceleration,
-        ),
-    )
+    return TaskPlanner(scene, np.array(scenario.arm.home), config)
 
 
 def ConnectPlanner(

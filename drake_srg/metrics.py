@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import ContactResults, MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, RigidBody
+from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.objects import object_shape
 from drake_srg.scenario import Scenario
@@ -172,57 +171,6 @@ def calc_metrics(
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
     )
-
-
-class ContactReader:
-    """Reads from contact results what touches one object, and how hard."""
-
-    def __init__(self, plant: MultibodyPlant, name: str) -> None:
-        self._model = plant.GetModelInstanceByName(name)
-        self._plant = plant
-        self._bodies = {
-            geometry: plant.get_body(index)
-            for model in range(plant.num_model_instances())
-            for index in plant.GetBodyIndices(ModelInstanceIndex(model))
-            for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
-        }
-
-    def forces(self, contacts: ContactResults) -> dict[str, float]:
-        """Return the largest contact force with each kind of body [N].
-
-        Keys are `gripper`, `arm`, the names of other objects, and `support` for
-        everything else.
-        """
-        forces: dict[str, float] = {}
-        for i in range(contacts.num_hydroelastic_contacts()):
-            info = contacts.hydroelastic_contact_info(i)
-            surface = info.contact_surface()
-            self._add(
-                forces,
-                self._bodies[surface.id_M()],
-                self._bodies[surface.id_N()],
-                info.F_Ac_W().translational(),
-            )
-        for i in range(contacts.num_point_pair_contacts()):
-            pair = contacts.point_pair_contact_info(i)
-            self._add(
-                forces,
-                self._plant.get_body(pair.bodyA_index()),
-                self._plant.get_body(pair.bodyB_index()),
-                pair.contact_force(),
-            )
-        return forces
-
-    def _add(
-        self, forces: dict[str, float], a: RigidBody, b: RigidBody, force: Vector
-    ) -> None:
-        for own, other in ((a, b), (b, a)):
-            if own.model_instance() != self._model:
-                continue
-            key = self._plant.GetModelInstanceName(other.model_instance())
-            if key not in ("arm", "gripper") and not other.is_floating_base_body():
-                key = "support"
-            forces[key] = max(forces.get(key, 0.0), float(np.linalg.norm(force)))
 
 
 def pose_to_row(X: RigidTransform) -> Vector:

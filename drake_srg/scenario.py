@@ -20,13 +20,12 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.gripper.drivers import SrgPositionDriver
-from drake_srg.planning.pick_and_place import PlannerConfig
+from drake_srg.planning.config import PlannerConfig
 from drake_srg.types import Box, Cylinder, Sphere, positive
 from drake_srg.yaml_loading import (
     ScenarioError,
-    draw_distributions,
-    key_generator,
     load_typed,
     merge,
     parse_yaml,

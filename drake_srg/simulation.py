@@ -14,10 +14,10 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from tqdm import tqdm
 
 from drake_srg.cell import MakeCell
+from drake_srg.contacts import ContactReader
 from drake_srg.gripper.drivers import JOINT_NAMES
 from drake_srg.metrics import (
     MODES,
-    ContactReader,
     Metrics,
     RunTimes,
     calc_metrics,

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 import difflib
-import hashlib
 import math
 import operator
 import types
@@ -17,27 +16,18 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common import RandomGenerator
-from pydrake.common.schema import (
-    Deterministic,
-    DeterministicVectorX,
-    Gaussian,
-    GaussianVectorX,
-    Uniform,
-    UniformDiscrete,
-    UniformVectorX,
-)
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
-_DISTRIBUTIONS = {
-    "!Deterministic": (Deterministic, {"value"}),
-    "!Gaussian": (Gaussian, {"mean", "stddev"}),
-    "!Uniform": (Uniform, {"min", "max"}),
-    "!UniformDiscrete": (UniformDiscrete, {"values"}),
-    "!DeterministicVector": (DeterministicVectorX, {"value"}),
-    "!GaussianVector": (GaussianVectorX, {"mean", "stddev"}),
-    "!UniformVector": (UniformVectorX, {"min", "max"}),
-}
+# Where a number is expected, one of these may stand; see `distributions.py`.
+DISTRIBUTION_TAGS = (
+    "!Deterministic",
+    "!Gaussian",
+    "!Uniform",
+    "!UniformDiscrete",
+    "!DeterministicVector",
+    "!GaussianVector",
+    "!UniformVector",
+)
 
 
 class ScenarioError(ValueError):
@@ -97,33 +87,6 @@ def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
     node[last] = merge(node.get(last), value)
 
 
-def key_generator(seed: int, key: str) -> RandomGenerator:
-    """Return the random generator that belongs to one key of a scenario.
-
-    Each key draws from its own stream, so that a change of one field leaves what the
-    others draw as it was.
-    """
-    digest = hashlib.sha256(f"{seed}/{key}".encode()).digest()
-    return RandomGenerator(int.from_bytes(digest[:4], "little"))
-
-
-def draw_distributions(tree: Any, seed: int, origin: str, key: str = "") -> Any:
-    """Return `tree` with every distribution of Drake's schema replaced by a draw."""
-    if isinstance(tree, Mapping):
-        if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
-            return _draw(tree, seed, origin, key)
-        return {
-            k: draw_distributions(v, seed, origin, _join(key, k))
-            for k, v in tree.items()
-        }
-    if isinstance(tree, list):
-        return [
-            draw_distributions(v, seed, origin, f"{key}[{i}]")
-            for i, v in enumerate(tree)
-        ]
-    return tree
-
-
 def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
     """Check parsed YAML against a schema and return it normalised.
 
@@ -145,13 +108,13 @@ def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
     if generic is list or schema is np.ndarray:
         (item,) = typing.get_args(schema) or (float,)
         if not isinstance(value, list):
-            _fail(origin, key, f"must be a list, is {_describe(value)}")
+            fail(origin, key, f"must be a list, is {_describe(value)}")
         return [check_tree(v, item, origin, f"{key}[{i}]") for i, v in enumerate(value)]
     if generic is dict:
         if not isinstance(value, Mapping):
-            _fail(origin, key, f"must be a mapping, is {_describe(value)}")
+            fail(origin, key, f"must be a mapping, is {_describe(value)}")
         item = typing.get_args(schema)[1]
-        return {k: check_tree(v, item, origin, _join(key, k)) for k, v in value.items()}
+        return {k: check_tree(v, item, origin, join(key, k)) for k, v in value.items()}
     if schema in (bool, int, float, str):
         return _check_scalar(value, schema, origin, key)
     if _fields(schema) is not None:
@@ -166,7 +129,7 @@ def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
         return yaml_load_typed(schema=schema, data=yaml_dump(checked))
     except Exception as error:
         line = " ".join(str(error).split())
-        _fail(origin, _misfit(schema, checked), f"does not fit: {line[:200]}")
+        fail(origin, _misfit(schema, checked), f"does not fit: {line[:200]}")
 
 
 def _misfit(schema: type[Any], tree: Mapping[str, Any]) -> str:
@@ -191,34 +154,6 @@ def _check_is_tree(node: Any, origin: str, above: tuple[int, ...] = ()) -> None:
         _check_is_tree(child, origin, (*above, id(node)))
 
 
-def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
-    tag = node["_tag"]
-    cls, fields = _DISTRIBUTIONS[tag]
-    given = {k: v for k, v in node.items() if k != "_tag"}
-    try:
-        if set(given) != fields:
-            raise ValueError
-        for value in given.values():
-            check_tree(value, float if not isinstance(value, list) else list[float], "")
-            if not np.all(np.isfinite(np.array(value, dtype=float))):
-                raise ValueError
-        drawn = yaml_load_typed(schema=cls, data=yaml_dump(given))
-        if "min" in given and np.any(np.array(given["min"]) > np.array(given["max"])):
-            raise ValueError
-        if "stddev" in given and np.any(np.array(given["stddev"], dtype=float) < 0.0):
-            raise ValueError
-        return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
-    except Exception:
-        _fail(
-            origin,
-            key,
-            f"{tag} needs finite numbers for {_names(fields)}"
-            + (", lists of one length" if tag.endswith("Vector") else "")
-            + (", min not above max" if "min" in fields else "")
-            + (", stddev not negative" if "stddev" in fields else ""),
-        )
-
-
 def _fields(schema: Any) -> dict[str, tuple[Any, Mapping[str, Any]]] | None:
     if dc.is_dataclass(schema):
         hints = typing.get_type_hints(schema)
@@ -233,11 +168,11 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
     if value is None:
         value = {}
     if not isinstance(value, Mapping):
-        _fail(origin, key, f"must be a mapping, is {_describe(value)}")
+        fail(origin, key, f"must be a mapping, is {_describe(value)}")
     tag = value.get("_tag")
     name = _base_name(schema)
     if ours and tag not in (None, f"!{name}"):
-        _fail(origin, key, f"has the tag {tag}; allowed: none or !{name}")
+        fail(origin, key, f"has the tag {tag}; allowed: none or !{name}")
     if not ours and tag is not None and tag != f"!{name}":
         return value  # A tagged short form of a Drake class, such as !Rpy {deg: ...}.
     fields = _fields(schema) or {}
@@ -247,42 +182,47 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
         if field == "_tag":
             continue
         if field not in fields:
-            _fail(origin, key, f"unknown key {field!r}; {_suggest(field, fields)}")
+            fail(origin, key, f"unknown key {field!r}; {_suggest(field, fields)}")
         field_type, bounds = fields[field]
-        result[field] = check_tree(item, field_type, origin, _join(key, field))
+        result[field] = check_tree(item, field_type, origin, join(key, field))
         if ours:
-            _check_bounds(result[field], bounds, origin, _join(key, field))
+            _check_bounds(result[field], bounds, origin, join(key, field))
     return result
 
 
 def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
-    def fail(message: str) -> typing.NoReturn:
-        _fail(origin, key, message)
+    def wrong(message: str) -> typing.NoReturn:
+        fail(origin, key, message)
 
-    if isinstance(value, Mapping) and value.get("_tag") not in (None, *_DISTRIBUTIONS):
-        fail(f"unknown tag {value['_tag']}; {_suggest(value['_tag'], _DISTRIBUTIONS)}")
+    if isinstance(value, Mapping) and value.get("_tag") not in (
+        None,
+        *DISTRIBUTION_TAGS,
+    ):
+        wrong(
+            f"unknown tag {value['_tag']}; {_suggest(value['_tag'], DISTRIBUTION_TAGS)}"
+        )
     if schema is str:
         if not isinstance(value, str):
-            fail(f"must be text, is {_describe(value)}")
+            wrong(f"must be text, is {_describe(value)}")
         return value
     if schema is bool:
         if not isinstance(value, bool):
-            fail(f"must be true or false, is {_describe(value)}")
+            wrong(f"must be true or false, is {_describe(value)}")
         return value
     if isinstance(value, str):  # YAML 1.1 reads 1e-3 as text
         try:
             value = float(value)
         except ValueError:
-            fail(f"must be a number, is {_describe(value)}")
+            wrong(f"must be a number, is {_describe(value)}")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        fail(f"must be a number, is {_describe(value)}")
+        wrong(f"must be a number, is {_describe(value)}")
     if math.isnan(value):
-        fail("must be a number, is NaN")
+        wrong("must be a number, is NaN")
     if schema is int:
         if math.isinf(value):
-            fail(f"must be finite, is {value}")
+            wrong(f"must be finite, is {value}")
         if value != int(value):
-            fail(f"must be a whole number, is {value}")
+            wrong(f"must be a whole number, is {value}")
         return int(value)
     return float(value)
 
@@ -302,7 +242,7 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
     tag = value.get("_tag") if isinstance(value, Mapping) else None
     if tag is not None:
         if tag not in tags:
-            _fail(origin, key, f"unknown tag {tag}; {_suggest(tag, tags)}")
+            fail(origin, key, f"unknown tag {tag}; {_suggest(tag, tags)}")
         checked = check_tree(value, tags[tag], origin, key)
         return {**checked, "_tag": tag}
     untagged = [option for option in options if _fields(option) is None]
@@ -310,7 +250,7 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
         return check_tree(value, untagged[0], origin, key)
     if isinstance(value, Mapping) and not dc.is_dataclass(options[0]):
         return check_tree(value, options[0], origin, key)  # Drake's default choice
-    return _fail(origin, key, f"needs a tag; allowed: {_names(tags)}")
+    return fail(origin, key, f"needs a tag; allowed: {names(tags)}")
 
 
 def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
@@ -318,7 +258,7 @@ def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) 
         return
     length = bounds.get("length")
     if length is not None and len(value) != length:
-        _fail(origin, key, f"must have {length} numbers, has {len(value)}")
+        fail(origin, key, f"must have {length} numbers, has {len(value)}")
     tests = {
         "gt": (operator.gt, "greater than"),
         "ge": (operator.ge, "at least"),
@@ -326,19 +266,21 @@ def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) 
     }
     for item in value if isinstance(value, list) else [value]:
         if item not in bounds.get("among", (item,)):
-            _fail(origin, key, f"must be one of {_names(bounds['among'])}; is {item!r}")
+            fail(origin, key, f"must be one of {names(bounds['among'])}; is {item!r}")
         if isinstance(item, float) and math.isinf(item):
-            _fail(origin, key, f"must be finite, is {item}")
+            fail(origin, key, f"must be finite, is {item}")
         for name, (test, words) in tests.items():
             if name in bounds and not test(item, bounds[name]):
-                _fail(origin, key, f"must be {words} {bounds[name]}, is {item}")
+                fail(origin, key, f"must be {words} {bounds[name]}, is {item}")
 
 
-def _fail(origin: str, key: str, message: str) -> typing.NoReturn:
+def fail(origin: str, key: str, message: str) -> typing.NoReturn:
+    """Raise the error of one key of a file or option."""
     raise ScenarioError(f"{origin}: {key or 'top level'}: {message}")
 
 
-def _join(key: str, name: object) -> str:
+def join(key: str, name: object) -> str:
+    """Return the dotted key of an entry."""
     return f"{key}.{name}" if key else str(name)
 
 
@@ -353,11 +295,12 @@ def _describe(value: Any) -> str:
     return "a list" if isinstance(value, list) else repr(value)
 
 
-def _names(names: Iterable[str]) -> str:
+def names(names: Iterable[str]) -> str:
+    """Return names in their order, for a message."""
     return ", ".join(sorted(names))
 
 
 def _suggest(name: str, allowed: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, list(allowed), n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}allowed: {_names(allowed)}"
+    return f"{hint}allowed: {names(allowed)}"

@@ -2,7 +2,6 @@
 
 import dataclasses as dc
 import time as wall
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,62 +15,15 @@ from pydrake.systems.framework import (
 from pydrake.trajectories import Trajectory
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.grasps import Approach
 from drake_srg.planning.task_motions import (
     TaskFailure,
     TaskMotions,
     TaskPlanner,
 )
-from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Shape, Vector, positive
-
-
-@dc.dataclass(kw_only=True)
-class PlannerConfig:
-    """How the planner works. Times are simulated."""
-
-    # From a decision to the first motion [s]: planning takes this long.
-    latency: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # Grasps tried before the planner gives up.
-    max_attempts: int = dc.field(default=3, metadata={"ge": 1})
-    # The planner gives up after this long [s].
-    time_budget: float = dc.field(default=40.0, metadata=positive())
-    # How long an object is looked for, and how often [s].
-    search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
-    search_period: float = dc.field(default=0.25, metadata=positive())
-    # Directions from which objects are taken: above, side.
-    approaches: list[str] = dc.field(
-        default_factory=lambda: ["above", "side"],
-        metadata={"among": ("above", "side")},
-    )
-    # For grasps from the side, how far the hand points down [rad]: none, 5 and 10
-    # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
-    tilts: list[float] = dc.field(default_factory=lambda: [0.0, 0.0873, 0.1745])
-    # What the closed command asks for beyond the contact, base + tip [rad]; 0.4 rad
-    # presses with about 14 N a finger (see `SrgPositionDriver`'s gains), three times
-    # what friction 0.6 needs for 0.42 kg.
-    squeeze: float = dc.field(default=0.4, metadata=positive())
-    # Distance kept by the arm and by the hand from what they must not touch [m].
-    clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
-    hand_clearance: float = dc.field(default=0.005, metadata={"ge": 0.0})
-    approach_distance: float = dc.field(default=0.08, metadata=positive())  # m
-    lift_height: float = dc.field(default=0.08, metadata=positive())  # m
-    # Height above the table at which the object is let go [m]: more than the error of
-    # the localisation, so that it is not pressed into the table.
-    place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
-    # Share of the arm's velocity and acceleration limits with an empty hand.
-    speed: float = dc.field(default=0.9, metadata=positive(le=1.0))
-    # The same with something in the hand.
-    holding_speed: float = dc.field(default=0.7, metadata=positive(le=1.0))
-    holding_acceleration: float = dc.field(default=0.3, metadata=positive(le=1.0))
-    # How long the fingers may take to close or open [s].
-    gripper_timeout: float = dc.field(default=1.5, metadata=positive())
-    # The grasp is checked for this long before and after lifting [s].
-    verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # How much further than expected a base angle may close on what is pinched [rad];
-    # an empty hand closes 0.4 rad further.
-    angle_tolerance: float = dc.field(default=0.3, metadata=positive())
-    period: float = dc.field(default=0.01, metadata=positive())  # s
-
+from drake_srg.planning.transitions import Observation, transition
+from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Shape, Vector
 
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
@@ -88,88 +40,6 @@ _MESSAGES = {
     Failure.DROPPED: "the object was in the hand and got lost",
     Failure.MISPLACED: "the object is not seen on its goal",
 }
-
-
-@dc.dataclass(frozen=True)
-class Observation:
-    """What the next mode depends on."""
-
-    ready: bool = False  # motions are planned and the planning latency has passed
-    arrived: bool = False  # the mode's motion is over and the arm follows
-    still: bool = False  # the fingers have come to rest
-    holding: bool = False  # something of the right size is between the fingers
-    clear: bool = False  # nothing is near the fingers
-    at_goal: bool = False  # the object has been seen on its goal
-    failure: Failure | None = None  # reason to give up, or what went wrong last
-
-
-@dc.dataclass(frozen=True)
-class Timing:
-    """Durations that transitions depend on [s]."""
-
-    verify_time: float = 0.1
-    gripper_timeout: float = 1.5
-
-
-# mode: [(condition on the observation o, the time t in the mode and the timing c;
-#         next mode)]. The first condition that holds decides.
-_Condition = Callable[[Observation, float, Timing], bool]
-TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
-    Mode.IDLE: [
-        (lambda o, t, c: o.failure is not None, Mode.FAILED),
-        (lambda o, t, c: o.ready, Mode.PRE_GRASP),
-    ],
-    Mode.PRE_GRASP: [(lambda o, t, c: o.arrived, Mode.GRASP)],
-    Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
-    Mode.CLOSE: [
-        (lambda o, t, c: o.holding and o.still, Mode.VERIFY),
-        (lambda o, t, c: t >= c.gripper_timeout, Mode.VERIFY),
-    ],
-    Mode.VERIFY: [
-        (lambda o, t, c: not o.holding, Mode.RELEASE),
-        (lambda o, t, c: t >= c.verify_time, Mode.LIFT),
-    ],
-    Mode.LIFT: [
-        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
-        (lambda o, t, c: o.arrived, Mode.TRANSFER),
-    ],
-    Mode.TRANSFER: [
-        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
-        (lambda o, t, c: o.arrived, Mode.PLACE),
-    ],
-    Mode.PLACE: [(lambda o, t, c: o.arrived, Mode.RELEASE)],
-    Mode.RELEASE: [
-        (lambda o, t, c: o.clear and o.still, Mode.RETREAT),
-        (lambda o, t, c: t >= c.gripper_timeout, Mode.RETREAT),
-    ],
-    Mode.RETREAT: [(lambda o, t, c: o.arrived, Mode.HOME)],
-    Mode.HOME: [
-        (lambda o, t, c: o.arrived and o.at_goal, Mode.DONE),
-        (lambda o, t, c: o.arrived and o.failure is not None, Mode.FAILED),
-        (lambda o, t, c: o.arrived, Mode.IDLE),
-    ],
-    Mode.DONE: [],
-    Mode.FAILED: [],
-}
-
-
-def transition(
-    mode: Mode, observation: Observation, t: float, timing: Timing | None = None
-) -> Mode:
-    """Return the mode that follows, by the table `TRANSITIONS`.
-
-    Args:
-        mode: The mode now.
-        observation: What is known now.
-        t: Time since the mode began [s].
-        timing: Durations; default, those of `PlannerConfig`.
-    """
-    if observation.failure in (Failure.TIME_BUDGET, Failure.STOPPED):
-        return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
-    for condition, following in TRANSITIONS[mode]:
-        if condition(observation, t, timing or Timing()):
-            return following
-    return mode
 
 
 @dc.dataclass(frozen=True)
@@ -250,7 +120,6 @@ class PickAndPlacePlanner(LeafSystem):
     ) -> None:
         super().__init__()
         self.config = config or PlannerConfig()
-        self._timing = Timing(self.config.verify_time, self.config.gripper_timeout)
         self._task_planner = task_planner
         self._object_name = object_name
         self._shape = shape
@@ -345,7 +214,7 @@ class PickAndPlacePlanner(LeafSystem):
         if memory.mode is Mode.IDLE and memory.motions is None:
             memory = self._look(context, memory)
         observation = self._observe(context, memory)
-        mode = transition(memory.mode, observation, time - memory.since, self._timing)
+        mode = transition(memory.mode, observation, time - memory.since, self.config)
         if mode is not memory.mode:
             memory = self._enter(mode, memory, observation, time)
         if memory is not old:

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
+from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.grasps import Grasp, grasps_of
 from drake_srg.planning.hand_target import HandTarget
 from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
@@ -21,21 +22,6 @@ _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because it is
 # planned to stand on it.
 _SUPPORT_OVERLAP = -0.003
-
-
-@dc.dataclass(frozen=True)
-class MotionOptions:
-    """Distances and speeds of the motions."""
-
-    approaches: list[str]
-    tilts: list[float]  # rad
-    squeeze: float  # rad
-    approach_distance: float  # between pre-grasp and grasp [m]
-    lift_height: float  # m
-    place_height: float  # of the object above its support when it is let go [m]
-    speed: float  # share of the arm's velocity and acceleration limits, empty hand
-    holding_speed: float  # share of the velocity limits with something in the hand
-    holding_acceleration: float  # the same of the acceleration limits
 
 
 @dc.dataclass(frozen=True)
@@ -75,23 +61,21 @@ class TaskPlanner:
         self,
         scene: PlanningScene,
         q_home: Vector,
-        options: MotionOptions,
+        config: PlannerConfig,
     ) -> None:
         """Take what planning needs.
 
         Args:
             scene: The arm, the gripper and what they may hit.
             q_home: Where the arm rests, shape (N,) [rad].
-            options: Distances and speeds.
+            config: Distances and speeds.
         """
         self.scene = scene
         self.q_home = np.asarray(q_home, dtype=float)
-        self.options = options
+        self.config = config
         limits = MotionLimits.OfPlant(scene)
-        self._free = limits.Scaled(options.speed, options.speed)
-        self._holding = limits.Scaled(
-            options.holding_speed, options.holding_acceleration
-        )
+        self._free = limits.Scaled(config.speed, config.speed)
+        self._holding = limits.Scaled(config.holding_speed, config.holding_acceleration)
 
     def plan(
         self, q_start: Vector, p_WO: Vector, shape: Shape, p_WO_goal: Vector
@@ -131,7 +115,7 @@ class TaskPlanner:
     def plan_escape(self, q: Vector) -> tuple[Trajectory, Trajectory] | TaskFailure:
         """Plan back out of a failed grasp: away from the object, then home."""
         X_WG = self.scene.X_WG(q)
-        back = -self.options.approach_distance * X_WG.rotation().col(0)
+        back = -self.config.approach_distance * X_WG.rotation().col(0)
         try:
             path = PlanCartesianPath(self.scene, q, HandTarget.Pose(X_WG).Shifted(back))
             if isinstance(path, PathFailure):
@@ -147,11 +131,9 @@ class TaskPlanner:
         self, p_WO: Vector, shape: Shape, p_WO_goal: Vector
     ) -> tuple[list[_Candidate], list[TaskFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is."""
-        options = self.options
+        config = self.config
         candidates, no_pick, no_place = [], [], []
-        for grasp in grasps_of(
-            shape, options.approaches, options.tilts, options.squeeze
-        ):
+        for grasp in grasps_of(shape, config.approaches, config.tilts, config.squeeze):
             self._open_fingers(grasp)
             with self.scene.standing(shape, RigidTransform(p_WO), touchable=True):
                 pick = SolveInverseKinematics(
@@ -194,8 +176,8 @@ class TaskPlanner:
         p_WO_goal: Vector,
         candidate: _Candidate,
     ) -> dict[Mode, Trajectory]:
-        scene, options, grasp = self.scene, self.options, candidate.grasp
-        lift = options.lift_height * _UP
+        scene, config, grasp = self.scene, self.config, candidate.grasp
+        lift = config.lift_height * _UP
         motions: dict[Mode, Trajectory] = {}
 
         self._open_fingers(grasp)
@@ -231,8 +213,8 @@ class TaskPlanner:
     ) -> tuple[Vector, Vector, Vector]:
         """Posture at the goal, the way down to it, and the way across."""
         scene, grasp = self.scene, candidate.grasp
-        p_place = p_WO_goal + self.options.place_height * _UP
-        lift = self.options.lift_height * _UP
+        p_place = p_WO_goal + self.config.place_height * _UP
+        lift = self.config.lift_height * _UP
         # Straight across keeps the object upright. Where that does not go, any way.
         upright = grasp.target(p_place + lift, angle_tolerance=0.004)
         across = PlanCartesianPath(scene, q_lifted, upright)
@@ -247,7 +229,7 @@ class TaskPlanner:
 
     def _behind(self, q: Vector) -> HandTarget:
         X_WG = self.scene.X_WG(q)
-        back = -self.options.approach_distance * X_WG.rotation().col(0)
+        back = -self.config.approach_distance * X_WG.rotation().col(0)
         return HandTarget.Pose(X_WG).Shifted(back)
 
     def _straight(

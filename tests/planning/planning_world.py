@@ -8,8 +8,9 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.grasps import grasps_of
-from drake_srg.planning.pick_and_place import PickAndPlacePlanner, PlannerConfig
+from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task_motions import TaskMotions
 from drake_srg.types import Blob, Cylinder, Mode
 

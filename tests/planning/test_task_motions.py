@@ -81,7 +81,7 @@ def test_lifting_goes_straight_up(planner, task):
     # A millimetre is the rounding of a straight path's corners, 1e-3 rad over 1 m.
     np.testing.assert_allclose(path[:, :2] - path[0, :2], 0.0, atol=1e-3)
     assert path[-1, 2] - path[0, 2] == pytest.approx(
-        planner.options.lift_height, abs=1e-3
+        planner.config.lift_height, abs=1e-3
     )
     assert np.all(np.diff(path[:, 2]) > -1e-5)
 
@@ -129,7 +129,7 @@ def test_the_way_out_backs_off_and_goes_home(planner, task):
     np.testing.assert_allclose(ends(back)[0], q_grasp, atol=1e-6)
     X_start, X_end = (planner.scene.X_WG(q) for q in ends(back))
     moved = X_end.translation() - X_start.translation()
-    expected = -planner.options.approach_distance * X_start.rotation().col(0)
+    expected = -planner.config.approach_distance * X_start.rotation().col(0)
     np.testing.assert_allclose(moved, expected, atol=1e-3)
     np.testing.assert_allclose(ends(home)[0], ends(back)[1], atol=1e-6)
     np.testing.assert_allclose(ends(home)[1], planner.q_home, atol=1e-6)

@@ -1,0 +1,87 @@
+"""Draws what a scenario leaves to chance, each key from its own stream."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.common import RandomGenerator
+from pydrake.common.schema import (
+    Deterministic,
+    DeterministicVectorX,
+    Gaussian,
+    GaussianVectorX,
+    Uniform,
+    UniformDiscrete,
+    UniformVectorX,
+)
+from pydrake.common.yaml import yaml_dump, yaml_load_typed
+
+from drake_srg.yaml_loading import check_tree, fail, join, names
+
+_DISTRIBUTIONS = {
+    "!Deterministic": (Deterministic, {"value"}),
+    "!Gaussian": (Gaussian, {"mean", "stddev"}),
+    "!Uniform": (Uniform, {"min", "max"}),
+    "!UniformDiscrete": (UniformDiscrete, {"values"}),
+    "!DeterministicVector": (DeterministicVectorX, {"value"}),
+    "!GaussianVector": (GaussianVectorX, {"mean", "stddev"}),
+    "!UniformVector": (UniformVectorX, {"min", "max"}),
+}
+
+
+def key_generator(seed: int, key: str) -> RandomGenerator:
+    """Return the random generator that belongs to one key of a scenario.
+
+    Each key draws from its own stream, so that a change of one field leaves what the
+    others draw as it was.
+    """
+    digest = hashlib.sha256(f"{seed}/{key}".encode()).digest()
+    return RandomGenerator(int.from_bytes(digest[:4], "little"))
+
+
+def draw_distributions(tree: Any, seed: int, origin: str, key: str = "") -> Any:
+    """Return `tree` with every distribution of Drake's schema replaced by a draw."""
+    if isinstance(tree, Mapping):
+        if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
+            return _draw(tree, seed, origin, key)
+        return {
+            k: draw_distributions(v, seed, origin, join(key, k))
+            for k, v in tree.items()
+        }
+    if isinstance(tree, list):
+        return [
+            draw_distributions(v, seed, origin, f"{key}[{i}]")
+            for i, v in enumerate(tree)
+        ]
+    return tree
+
+
+def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
+    tag = node["_tag"]
+    cls, fields = _DISTRIBUTIONS[tag]
+    given = {k: v for k, v in node.items() if k != "_tag"}
+    try:
+        if set(given) != fields:
+            raise ValueError
+        for value in given.values():
+            check_tree(value, float if not isinstance(value, list) else list[float], "")
+            if not np.all(np.isfinite(np.array(value, dtype=float))):
+                raise ValueError
+        drawn = yaml_load_typed(schema=cls, data=yaml_dump(given))
+        if "min" in given and np.any(np.array(given["min"]) > np.array(given["max"])):
+            raise ValueError
+        if "stddev" in given and np.any(np.array(given["stddev"], dtype=float) < 0.0):
+            raise ValueError
+        return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
+    except Exception:
+        fail(
+            origin,
+            key,
+            f"{tag} needs finite numbers for {names(fields)}"
+            + (", lists of one length" if tag.endswith("Vector") else "")
+            + (", min not above max" if "min" in fields else "")
+            + (", stddev not negative" if "stddev" in fields else ""),
+        )

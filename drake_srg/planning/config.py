@@ -1,0 +1,53 @@
+"""How the pick-and-place planner works."""
+
+import dataclasses as dc
+
+from drake_srg.types import positive
+
+
+@dc.dataclass(kw_only=True)
+class PlannerConfig:
+    """How the planner works. Times are simulated."""
+
+    # From a decision to the first motion [s]: planning takes this long.
+    latency: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # Grasps tried before the planner gives up.
+    max_attempts: int = dc.field(default=3, metadata={"ge": 1})
+    # The planner gives up after this long [s].
+    time_budget: float = dc.field(default=40.0, metadata=positive())
+    # How long an object is looked for, and how often [s].
+    search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})
+    search_period: float = dc.field(default=0.25, metadata=positive())
+    # Directions from which objects are taken: above, side.
+    approaches: list[str] = dc.field(
+        default_factory=lambda: ["above", "side"],
+        metadata={"among": ("above", "side")},
+    )
+    # For grasps from the side, how far the hand points down [rad]: none, 5 and 10
+    # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
+    tilts: list[float] = dc.field(default_factory=lambda: [0.0, 0.0873, 0.1745])
+    # What the closed command asks for beyond the contact, base + tip [rad]; 0.4 rad
+    # presses with about 14 N a finger (see `SrgPositionDriver`'s gains), three times
+    # what friction 0.6 needs for 0.42 kg.
+    squeeze: float = dc.field(default=0.4, metadata=positive())
+    # Distance kept by the arm and by the hand from what they must not touch [m].
+    clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
+    hand_clearance: float = dc.field(default=0.005, metadata={"ge": 0.0})
+    approach_distance: float = dc.field(default=0.08, metadata=positive())  # m
+    lift_height: float = dc.field(default=0.08, metadata=positive())  # m
+    # Height above the table at which the object is let go [m]: more than the error of
+    # the localisation, so that it is not pressed into the table.
+    place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
+    # Share of the arm's velocity and acceleration limits with an empty hand.
+    speed: float = dc.field(default=0.9, metadata=positive(le=1.0))
+    # The same with something in the hand.
+    holding_speed: float = dc.field(default=0.7, metadata=positive(le=1.0))
+    holding_acceleration: float = dc.field(default=0.3, metadata=positive(le=1.0))
+    # How long the fingers may take to close or open [s].
+    gripper_timeout: float = dc.field(default=1.5, metadata=positive())
+    # The grasp is checked for this long before and after lifting [s].
+    verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # How much further than expected a base angle may close on what is pinched [rad];
+    # an empty hand closes 0.4 rad further.
+    angle_tolerance: float = dc.field(default=0.3, metadata=positive())
+    period: float = dc.field(default=0.01, metadata=positive())  # s
