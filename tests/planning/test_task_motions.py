@@ -64,7 +64,7 @@ def test_each_motion_begins_and_ends_at_rest(task):
 
 
 def test_the_grasp_is_at_the_object_and_the_release_at_the_goal(planner, task):
-    options = planner.options
+    options = planner.config
     _, q_grasp = ends(task.motions[Mode.GRASP])
     _, q_place = ends(task.motions[Mode.PLACE])
     # Inverse kinematics and the line's follower allow 0.1 mm each.
