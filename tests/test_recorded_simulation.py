@@ -1,0 +1,125 @@
+"""A recorded run: the files that users open."""
+
+import av
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from drake_srg.recording.log import read_log
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate, _Log
+from drake_srg.types import Mode
+from drake_srg.yaml_loading import ScenarioError
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run that ends within a second, in small pictures."""
+    out = tmp_path_factory.mktemp("recorded")
+    scenario = load_scenario(
+        "kitchen",
+        overrides=[
+            "object.present=false",
+            "cameras.overview.width=320",
+            "cameras.overview.height=180",
+        ],
+    )
+    return Simulate(scenario, name="kitchen", out=out), out
+
+
+@pytest.fixture(scope="module")
+def messages(run):
+    """Topic to list of (time [s], message)."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    found = {}
+    with Reader(run[1] / "recording.mcap") as reader:
+        for connection, stamp, data in reader.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((1e-9 * stamp, message))
+    return found
+
+
+def test_every_artifact_is_where_metrics_say(run):
+    result, out = run
+    names = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
+    assert {path.name for path in out.iterdir()} == names
+    for path in result.metrics.artifacts.values():
+        assert (out / path).stat().st_size > 0
+
+
+def test_the_video_shows_the_whole_run(run):
+    with av.open(str(run[1] / "video.mp4")) as container:
+        stream = container.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode()]
+        assert stream.codec_context.name == "h264"
+        assert stream.average_rate == 20
+    assert len(frames) == pytest.approx(20 * run[0].metrics.sim_time_s, abs=1)
+    assert frames[0].shape == (180, 320, 3)
+    assert frames[-1].std() > 20.0  # something is to be seen
+
+
+def test_the_bag_holds_what_was_commanded_measured_and_seen(run, messages):
+    assert set(messages) >= {
+        "/clock",
+        "/joint_states",
+        "/arm/position_commanded",
+        "/gripper/closure_commanded",
+        "/gripper/proximity",
+        "/planner/mode",
+        "/camera_ceiling/color/image_raw",
+    }
+    states = messages["/joint_states"]
+    assert len(states[0][1].name) == len(states[0][1].position) == 11
+    assert states[0][1].name[:2] == ["joint_1", "joint_2"]
+    assert [m.data for _, m in messages["/planner/mode"]][-1] == Mode.FAILED.value
+    image = messages["/camera_ceiling/color/image_raw"][0][1]
+    assert (image.width, image.height, image.encoding) == (640, 480, "rgb8")
+
+
+def test_messages_have_simulated_time_and_none_is_at_zero(run, messages):
+    for topic, stamped in messages.items():
+        times = np.array([time for time, _ in stamped])
+        assert times[0] > 0.0, topic
+        assert np.all(np.diff(times) > 0.0), topic
+        assert times[-1] <= run[0].metrics.sim_time_s + 1e-6, topic
+    time, message = messages["/joint_states"][0]
+    stamp = message.header.stamp
+    assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(time)
+
+
+def test_bag_and_log_agree(run, messages):
+    log = read_log(run[1] / "log.npz")
+    for time, message in messages["/joint_states"][::5]:
+        row = int(np.argmin(np.abs(log["time"] - time)))
+        # Both are taken at the same time; an arm at rest moves less than this anyway.
+        np.testing.assert_allclose(
+            message.position[:7], log["arm.state_measured"][row, :7], atol=1e-6
+        )
+
+
+def test_a_run_that_cannot_begin_leaves_no_files(tmp_path):
+    scenario = load_scenario("kitchen", overrides=["plant_config.contact_model=soft"])
+    with pytest.raises(ScenarioError, match="contact_model"):
+        Simulate(scenario, out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_an_interrupted_run_leaves_can_be_read(tmp_path, monkeypatch):
+    sample, calls = _Log.sample, []
+
+    def interrupt(log, context):
+        calls.append(context)
+        if len(calls) > 20:
+            raise KeyboardInterrupt
+        sample(log, context)
+
+    monkeypatch.setattr(_Log, "sample", interrupt)
+    scenario = load_scenario("kitchen", overrides=["object.present=false"])
+    with pytest.raises(KeyboardInterrupt):
+        Simulate(scenario, out=tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"video.mp4", "recording.mcap"}
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert reader.message_count > 0
+    with av.open(str(tmp_path / "video.mp4")) as container:
+        assert list(container.decode(video=0))
