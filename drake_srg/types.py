@@ -67,7 +67,7 @@ class BlobFlag(enum.Enum):
     OCCLUDED = "occluded"  # something hides part of the expected outline
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, eq=False)
 class Blob:
     """One object seen in one camera image."""
 
@@ -119,7 +119,7 @@ class PlannerStatus:
     failure: Failure | None = None  # set once the mode is FAILED
     attempts: int = 0  # grasps begun
     looks: int = 0  # how often images were asked for
-    localization: Blob | None = None  # the one that led to the last plan
+    localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # time of that [s]
     message: str = ""  # why it failed, in words
     planning_wall: float = 0.0  # wall-clock time spent on planning [s]

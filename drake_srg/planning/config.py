@@ -25,10 +25,13 @@ class PlannerConfig:
     )
     # For grasps from the side, how far the hand points down [rad]: none, 5 and 10
     # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
-    tilts: list[float] = dc.field(default_factory=lambda: [0.0, 0.0873, 0.1745])
+    tilts: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0873, 0.1745],
+        metadata={"ge": 0.0, "le": 0.7},
+    )
     # What the closed command asks for beyond the contact, base + tip [rad]; 0.4 rad
-    # presses with about 14 N a finger (see `SrgPositionDriver`'s gains), three times
-    # what friction 0.6 needs for 0.42 kg.
+    # presses with about 14 N a finger (see `SrgPositionDriver`'s gains), more than four
+    # times what a can of 0.42 kg needs at friction 0.6.
     squeeze: float = dc.field(default=0.4, metadata=positive())
     # Distance kept by the arm and by the hand from what they must not touch [m].
     clearance: float = dc.field(default=0.01, metadata={"ge": 0.0})
@@ -39,15 +42,18 @@ class PlannerConfig:
     # the localisation, so that it is not pressed into the table.
     place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
     # Share of the arm's velocity and acceleration limits with an empty hand.
-    speed: float = dc.field(default=0.9, metadata=positive(le=1.0))
+    speed: float = dc.field(default=0.9, metadata={"ge": 0.01, "le": 1.0})
     # The same with something in the hand.
-    holding_speed: float = dc.field(default=0.7, metadata=positive(le=1.0))
-    holding_acceleration: float = dc.field(default=0.3, metadata=positive(le=1.0))
+    holding_speed: float = dc.field(default=0.7, metadata={"ge": 0.01, "le": 1.0})
+    holding_acceleration: float = dc.field(
+        default=0.3, metadata={"ge": 0.01, "le": 1.0}
+    )
+    # Mass in the hand that the torque limits allow for [kg].
+    payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
+    # An arm that is this late is stopped by something [s].
+    arrival_timeout: float = dc.field(default=1.0, metadata=positive())
     # How long the fingers may take to close or open [s].
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
     # The grasp is checked for this long before and after lifting [s].
     verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # How much further than expected a base angle may close on what is pinched [rad];
-    # an empty hand closes 0.4 rad further.
-    angle_tolerance: float = dc.field(default=0.3, metadata=positive())
     period: float = dc.field(default=0.01, metadata=positive())  # s

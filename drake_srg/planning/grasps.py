@@ -21,6 +21,10 @@ _PAD_START, _PAD_END = 0.009, 0.0588  # along the tip link, from its hinge
 _FACE_OFFSET = 0.0092  # of finger faces, inward from the line through the hinges
 _FINGERTIP_X = _HINGE_X + _BASE_LENGTH + _PAD_END  # straight fingers, pointing ahead
 _FULL_SCALE = 3.0  # base + tip angle at closure 1 [rad]
+_JOINT_LIMIT = 1.94  # of base and tip [rad]
+# An object whose grasp is not this far from an empty hand's [rad] cannot be told from
+# nothing: at 2.5 mm a side.
+_LEAST_DIFFERENCE = 0.02
 
 
 class Approach(enum.Enum):
@@ -85,7 +89,7 @@ class Grasp:
 def grasps_of(
     shape: Shape, approaches: list[str], tilts: list[float], squeeze: float
 ) -> list[Grasp]:
-    """Return the ways to take an upright object.
+    """Return the ways to take an upright object; none where it does not fit the hand.
 
     Args:
         shape: The object's, round about its vertical z: a cylinder or a ball.
@@ -96,38 +100,43 @@ def grasps_of(
             (Algorithm 1), so it sets the force.
     """
     if isinstance(shape, Box):
-        return []  # needs the turn about the vertical, which nothing estimates yet
-    result = []
+        return []  # needs the turn about the vertical, which a Blob does not tell
+    found: list[Grasp | None] = []
     if Approach.ABOVE.value in approaches:
-        result.append(_from_above(shape, squeeze))
+        found.append(_from_above(shape, squeeze))
     if Approach.SIDE.value in approaches:
-        result += [_from_side(shape, tilt, squeeze) for tilt in tilts]
-    return result
+        found += [_from_side(shape, tilt, squeeze) for tilt in tilts]
+    return [grasp for grasp in found if grasp is not None]
 
 
-def _from_above(shape: Cylinder | Sphere, squeeze: float) -> Grasp:
-    width = 2.0 * shape.radius
+def _from_above(shape: Cylinder | Sphere, squeeze: float) -> Grasp | None:
+    half_width = shape.radius
     # The pads lie flat on the sides, base + tip = 90 degrees, with the object's top at
     # the root of the pads: as much pad as there is on it. Low objects are taken by the
     # pads' ends, 5 mm above the table.
     depth = _HINGE_X + _BASE_LENGTH + 0.002
     depth = max(depth, _FINGERTIP_X + 0.005 - shape.height)
     # Half the gap between vertical pads is hinge + 52 mm cos(base) - 9.2 mm.
-    cosine = (0.5 * width - _HINGE_Y + _FACE_OFFSET) / _BASE_LENGTH
-    base = float(np.arccos(np.clip(cosine, -0.3, 1.0)))
+    cosine = (half_width - _HINGE_Y + _FACE_OFFSET) / _BASE_LENGTH
+    base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
     tip = 0.5 * np.pi - base
+    if tip < 0.0:  # so thin that straight fingers meet it with their ends
+        base, tip = _straight_base_angle(half_width), 0.0
+    opening = _opening(half_width, depth)
+    if opening is None or EMPTY_BASE_ANGLE - base < _LEAST_DIFFERENCE:
+        return None
     return Grasp(
         approach=Approach.ABOVE,
         tilt=0.5 * np.pi,
         p_GO=np.array([depth + 0.5 * shape.height, 0.0, 0.0]),
-        closure_open=_opening(width, depth) / _FULL_SCALE,
+        closure_open=opening / _FULL_SCALE,
         closure_closed=(base + tip + squeeze) / _FULL_SCALE,
         base_angle=base,
         tip_angle=tip,
     )
 
 
-def _from_side(shape: Cylinder | Sphere, tilt: float, squeeze: float) -> Grasp:
+def _from_side(shape: Cylinder | Sphere, tilt: float, squeeze: float) -> Grasp | None:
     radius = shape.radius
     # The object nearly touches the palm, so that the fingers wrap around it and do
     # not pull it in; taken above its centre, for the wrist's sake.
@@ -135,8 +144,12 @@ def _from_side(shape: Cylinder | Sphere, tilt: float, squeeze: float) -> Grasp:
     height = 0.25 * shape.height
     p_hinge = np.array([x - _HINGE_X, -_HINGE_Y])
     base = _contact_angle(p_hinge, radius)
+    if base is None or base > _JOINT_LIMIT:
+        return None
     p_tip_hinge = p_hinge - _BASE_LENGTH * np.array([np.sin(base), np.cos(base)])
     total = _contact_angle(p_tip_hinge, radius)
+    if total is None or not 0.0 <= total - base <= _JOINT_LIMIT:
+        return None
     return Grasp(
         approach=Approach.SIDE,
         tilt=tilt,
@@ -148,21 +161,36 @@ def _from_side(shape: Cylinder | Sphere, tilt: float, squeeze: float) -> Grasp:
     )
 
 
-def _opening(width: float, depth: float) -> float:
+def _opening(half_width: float, depth: float) -> float | None:
     """Base angle of straight fingers that clear an object by 12 mm a side [rad].
 
-    `depth` is where the object begins, in the palm's x [m].
+    `depth` is where the object begins, in the palm's x [m]. None if it is too wide.
     """
     along = max(depth - _HINGE_X, 0.0)
-    need = 0.5 * width + 0.012 - _HINGE_Y
+    need = half_width + 0.012 - _HINGE_Y
     angles = np.linspace(0.0, 0.5 * np.pi, 200)
     gaps = along * np.cos(angles) - _FACE_OFFSET * np.sin(angles)
     fitting = angles[gaps >= need]
-    return float(fitting[-1]) if len(fitting) else 0.0
+    return float(fitting[-1]) if len(fitting) else None
 
 
-def _contact_angle(p: Vector, radius: float) -> float:
-    """Angle at which a closing link's face meets a circle [rad].
+def _straight_base_angle(half_gap: float) -> float:
+    """Base angle at which the ends of straight fingers leave twice `half_gap` [rad].
+
+    Half the gap is 30 mm + 110.8 mm cos(base) - 9.2 mm sin(base).
+    """
+    length = _BASE_LENGTH + _PAD_END
+    reach = np.hypot(length, _FACE_OFFSET)
+    phase = np.arctan2(_FACE_OFFSET, length)
+    return float(np.arccos((half_gap - _HINGE_Y) / reach) - phase)
+
+
+# Where the base links of an empty hand come to rest, fingertip on fingertip [rad].
+EMPTY_BASE_ANGLE = _straight_base_angle(0.0)
+
+
+def _contact_angle(p: Vector, radius: float) -> float | None:
+    """Angle at which a closing link's face meets a circle [rad], None if it does not.
 
     The face's distance from the circle's centre is p_x cos(angle) - p_y sin(angle) -
     9.2 mm, and the link closes on the side where that falls.
@@ -172,4 +200,6 @@ def _contact_angle(p: Vector, radius: float) -> float:
         radius: Of the circle [m].
     """
     cosine = float((radius + _FACE_OFFSET) / np.linalg.norm(p))
-    return float(np.arccos(min(cosine, 1.0)) - np.arctan2(p[1], p[0]))
+    if cosine > 1.0:
+        return None
+    return float(np.arccos(cosine) - np.arctan2(p[1], p[0]))

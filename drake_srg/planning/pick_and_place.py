@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import time as wall
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.config import PlannerConfig
-from drake_srg.planning.grasps import Approach
+from drake_srg.planning.grasps import EMPTY_BASE_ANGLE, Approach
 from drake_srg.planning.task_motions import (
     TaskFailure,
     TaskMotions,
@@ -29,12 +30,17 @@ _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
 _NEAR = 0.01  # distance within which wrapped fingers have an object [m]
 _ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
+# Duration of a stop in the middle of a motion [s]: at the iiwa's top speed, 1.5 to 2.4
+# rad/s, that brakes with less than half of its acceleration limits.
+_STOP_TIME = 0.4
+_ESCAPE = (Mode.RETREAT, Mode.HOME)
 _LOST_IN = {
     Mode.VERIFY: Failure.NO_GRASP,
     Mode.LIFT: Failure.DROPPED,
     Mode.TRANSFER: Failure.DROPPED,
 }
 _MESSAGES = {
+    Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
     Failure.TIME_BUDGET: "the time budget is used up",
     Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
     Failure.DROPPED: "the object was in the hand and got lost",
@@ -54,8 +60,11 @@ class _Memory:
     attempts: int = 0  # grasps begun
     looks: int = 0  # evaluations of `blobs`
     motions: TaskMotions | None = None
+    obstacles: tuple[tuple[Shape, Vector], ...] = ()  # other objects seen, p_WO [m]
     escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
     trajectory: Trajectory | None = None  # of the mode, from `since` on
+    due: float = 0.0  # when that motion is over [s]
+    stopped_at: float | None = None  # time in the trajectory where a stop began [s]
     q_rest: Vector = dc.field(default_factory=lambda: np.zeros(0))
     closure: float = 0.0
     failure: Failure | None = None  # what went wrong last
@@ -106,6 +115,8 @@ class PickAndPlacePlanner(LeafSystem):
         shape: The object's known shape.
         goal: Where its centre shall be, p_WO, shape (3,) [m].
         tolerance: Distance from the goal in x and y that counts as placed [m].
+        obstacles: Names and shapes of the other objects; where they are seen, upright,
+            motions keep clear of them.
         config: Times, speeds and limits.
     """
 
@@ -116,9 +127,11 @@ class PickAndPlacePlanner(LeafSystem):
         shape: Shape,
         goal: Vector,
         tolerance: float = 0.005,
+        obstacles: Mapping[str, Shape] | None = None,
         config: PlannerConfig | None = None,
     ) -> None:
         super().__init__()
+        self._obstacles = dict(obstacles or {})
         self.config = config or PlannerConfig()
         self._task_planner = task_planner
         self._object_name = object_name
@@ -240,8 +253,9 @@ class PickAndPlacePlanner(LeafSystem):
                 ready_at=time,
             )
         start = wall.perf_counter()
+        obstacles = self._obstacles_seen(context)
         result = self._task_planner.plan(
-            memory.q_rest, blob.position, self._shape, self._goal
+            memory.q_rest, blob.position, self._shape, self._goal, obstacles
         )
         memory = dc.replace(
             memory,
@@ -250,19 +264,26 @@ class PickAndPlacePlanner(LeafSystem):
             ready_at=time + self.config.latency,
         )
         if isinstance(result, TaskFailure):
-            return dc.replace(
-                memory,
-                failure=memory.failure or result.failure,
-                message=result.message,
-            )
-        return dc.replace(
-            memory, motions=result, localization=blob, localized_at=time, failure=None
+            # What became of an object that was in the hand says more.
+            if memory.failure is not None:
+                return memory
+            return dc.replace(memory, failure=result.failure, message=result.message)
+        if memory.localization is None:
+            memory = dc.replace(memory, localization=blob, localized_at=time)
+        return dc.replace(memory, motions=result, obstacles=obstacles, failure=None)
+
+    def _obstacles_seen(self, context: Context) -> tuple[tuple[Shape, Vector], ...]:
+        blobs: list[Blob] = self._blobs.Eval(context)
+        return tuple(
+            (self._obstacles[blob.object_name], blob.position)
+            for blob in blobs
+            if blob.object_name in self._obstacles
         )
 
     def _best_blob(self, context: Context) -> Blob | None:
         blobs: list[Blob] = self._blobs.Eval(context)
         blobs = [blob for blob in blobs if blob.object_name == self._object_name]
-        return max(blobs, key=lambda blob: blob.quality, default=None)
+        return max(blobs, key=lambda b: (not b.flags, b.quality), default=None)
 
     def _observe(self, context: Context, memory: _Memory) -> Observation:
         """Evaluate what the mode's transitions need, and only that."""
@@ -281,9 +302,12 @@ class PickAndPlacePlanner(LeafSystem):
             return Observation(
                 still=bool(np.max(np.abs(speeds)) < _STILL),
                 holding=self._holding(context, memory),
-                clear=bool(np.min(self._proximity.Eval(context)) > _CLEAR),
+                clear=time >= memory.ready_at
+                and bool(np.min(self._proximity.Eval(context)) > _CLEAR),
             )
         arrived = self._arrived(context, memory)
+        if not arrived and time > memory.due + self.config.arrival_timeout:
+            return Observation(failure=Failure.STOPPED)
         if mode is not Mode.HOME or not arrived:
             return Observation(
                 arrived=arrived, holding=arrived and self._holding(context, memory)
@@ -305,10 +329,7 @@ class PickAndPlacePlanner(LeafSystem):
     def _arrived(self, context: Context, memory: _Memory) -> bool:
         if memory.trajectory is None:
             return True
-        due = memory.trajectory.end_time()
-        if memory.mode in (Mode.LIFT, Mode.TRANSFER):
-            due += self.config.verify_time  # a look at the grasp while the arm rests
-        if context.get_time() - memory.since < due:
+        if context.get_time() < memory.due:
             return False
         q = self._arm.Eval(context)[: len(memory.q_rest)]
         goal = memory.trajectory.value(memory.trajectory.end_time())[:, 0]
@@ -323,72 +344,93 @@ class PickAndPlacePlanner(LeafSystem):
             # What fingers wrap around is beside their base links, which do not sense
             # each other.
             return bool(np.max(self._proximity.Eval(context)[:2]) < _NEAR)
-        base = self._gripper.Eval(context)[:2]
-        return bool(np.max(base) < grasp.base_angle + self.config.angle_tolerance)
+        # Half way between the angle at contact and that of an empty hand.
+        limit = 0.5 * (grasp.base_angle + EMPTY_BASE_ANGLE)
+        return bool(np.max(self._gripper.Eval(context)[:2]) < limit)
 
     def _enter(
         self, mode: Mode, memory: _Memory, o: Observation, time: float
     ) -> _Memory:
         """Begin a mode."""
-        previous, q_rest = memory.mode, _position(memory, time)
+        if mode in (Mode.IDLE, Mode.FAILED, Mode.DONE):
+            return _end_attempt(memory, mode, o, time)
+        previous, motions = memory.mode, memory.motions
+        assert motions is not None  # these modes follow a plan
         memory = dc.replace(
-            memory, mode=mode, since=time, q_rest=q_rest, trajectory=None
+            memory, mode=mode, since=time, q_rest=_position(memory, time), ready_at=time
         )
-        motions = memory.motions
         match mode:
-            case Mode.IDLE | Mode.FAILED | Mode.DONE:
-                return _end_attempt(memory, previous, o)
-            case Mode.PRE_GRASP if motions is not None:
+            case Mode.PRE_GRASP:
                 memory = dc.replace(
                     memory,
                     attempts=memory.attempts + 1,
                     closure=motions.grasp.closure_open,
                 )
-            case Mode.CLOSE if motions is not None:
+            case Mode.CLOSE:
                 memory = dc.replace(memory, closure=motions.grasp.closure_closed)
-            case Mode.RELEASE if motions is not None:
+            case Mode.RELEASE:
                 memory = dc.replace(
                     memory,
                     closure=motions.grasp.closure_open,
                     failure=_LOST_IN.get(previous),
                 )
-            case Mode.RETREAT if memory.failure is not None:
-                escape = self._task_planner.plan_escape(q_rest)
-                if isinstance(escape, TaskFailure):
-                    return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
-                memory = dc.replace(memory, escape=escape)
+                if memory.failure is not None:
+                    memory = self._plan_escape(memory)
+        trajectory = motions.motions.get(mode)
         if memory.escape is not None:
-            retreat, home = memory.escape
-            return dc.replace(
-                memory, trajectory=retreat if mode is Mode.RETREAT else home
-            )
-        if motions is not None:
-            memory = dc.replace(memory, trajectory=motions.motions.get(mode))
-        return memory
+            trajectory = dict(zip(_ESCAPE, memory.escape, strict=True)).get(mode)
+        due = time + (trajectory.end_time() if trajectory else 0.0)
+        if mode in (Mode.LIFT, Mode.TRANSFER):
+            due += self.config.verify_time  # a look at the grasp while the arm rests
+        return dc.replace(memory, trajectory=trajectory, due=due)
+
+    def _plan_escape(self, memory: _Memory) -> _Memory:
+        start = wall.perf_counter()
+        escape = self._task_planner.plan_escape(memory.q_rest, memory.obstacles)
+        memory = dc.replace(
+            memory,
+            planning_wall=memory.planning_wall + wall.perf_counter() - start,
+            ready_at=memory.since + self.config.latency,
+        )
+        if isinstance(escape, TaskFailure):
+            return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
+        return dc.replace(memory, escape=escape)
 
 
-def _end_attempt(memory: _Memory, previous: Mode, o: Observation) -> _Memory:
+def _end_attempt(memory: _Memory, mode: Mode, o: Observation, time: float) -> _Memory:
     """Forget the motions, but not what went wrong."""
+    previous = memory.mode
     failure = o.failure or memory.failure
     if previous is Mode.HOME and memory.failure is None:
         memory = dc.replace(memory, looks=memory.looks + 1)  # for `at_goal`
-        if memory.mode is not Mode.DONE:
+        if mode is not Mode.DONE:
             failure = Failure.MISPLACED
     if failure is not None and previous is not Mode.IDLE:
         memory = dc.replace(memory, message=_MESSAGES.get(failure, memory.message))
+    moving = memory.trajectory is not None and time < memory.due
     return dc.replace(
         memory,
+        mode=mode,
+        since=time,
+        q_rest=_position(memory, time),
+        # A motion that is under way comes to rest along its own path.
+        trajectory=memory.trajectory if moving else None,
+        stopped_at=time - memory.since if moving else None,
         failure=failure,
         motions=None,
         escape=None,
-        next_look=memory.since,
+        next_look=time,
         ready_at=np.inf,
     )
 
 
 def _position(memory: _Memory, time: float) -> Vector:
+    """The commanded position at a time, shape (N,) [rad]."""
     if memory.trajectory is None:
         return memory.q_rest
-    t = min(time - memory.since, memory.trajectory.end_time())
-    q: Vector = memory.trajectory.value(t)[:, 0]
+    t = time - memory.since
+    if memory.stopped_at is not None:
+        t = min(t, _STOP_TIME)
+        t = memory.stopped_at + t - 0.5 * t * t / _STOP_TIME
+    q: Vector = memory.trajectory.value(min(t, memory.trajectory.end_time()))[:, 0]
     return q

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -22,6 +24,10 @@ _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because it is
 # planned to stand on it.
 _SUPPORT_OVERLAP = -0.003
+
+
+# Shapes that stand about, and their centres p_WO, shape (3,) [m].
+Obstacles: TypeAlias = Sequence[tuple[Shape, Vector]]
 
 
 @dc.dataclass(frozen=True)
@@ -78,7 +84,12 @@ class TaskPlanner:
         self._holding = limits.Scaled(config.holding_speed, config.holding_acceleration)
 
     def plan(
-        self, q_start: Vector, p_WO: Vector, shape: Shape, p_WO_goal: Vector
+        self,
+        q_start: Vector,
+        p_WO: Vector,
+        shape: Shape,
+        p_WO_goal: Vector,
+        obstacles: Obstacles = (),
     ) -> TaskMotions | TaskFailure:
         """Plan the motions from `q_start` over pick and place to home.
 
@@ -87,13 +98,20 @@ class TaskPlanner:
             p_WO: Centre of the upright object, shape (3,) [m].
             shape: Its shape.
             p_WO_goal: Where its centre shall be, shape (3,) [m].
+            obstacles: Other upright objects and their centres, shape (3,) [m].
         """
+        with self._standing(obstacles):
+            return self._plan(q_start, p_WO, shape, p_WO_goal)
+
+    def _plan(
+        self, q_start: Vector, p_WO: Vector, shape: Shape, p_WO_goal: Vector
+    ) -> TaskMotions | TaskFailure:
         # With the arm at home, does the object fit where it shall stand? Fixed things
         # are only checked against what moves, so it hangs from the distant hand.
         X_GO = self.scene.X_WG(self.q_home).inverse() @ RigidTransform(p_WO_goal)
         with self.scene.holding(shape, X_GO, margin=_SUPPORT_OVERLAP):
             clearance = self.scene.clearance(self.q_home)
-        if clearance.spare < 0.0:
+        if clearance.spare < 0.0 and "held_object" in clearance.bodies:
             return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
         candidates, failures = self._candidates(p_WO, shape, p_WO_goal)
         no_path = []
@@ -112,20 +130,29 @@ class TaskPlanner:
         blocked = [f for f in failures if f.failure is Failure.BLOCKED]
         return (blocked or failures)[0]
 
-    def plan_escape(self, q: Vector) -> tuple[Trajectory, Trajectory] | TaskFailure:
+    def plan_escape(
+        self, q: Vector, obstacles: Obstacles = ()
+    ) -> tuple[Trajectory, Trajectory] | TaskFailure:
         """Plan back out of a failed grasp: away from the object, then home."""
-        X_WG = self.scene.X_WG(q)
-        back = -self.config.approach_distance * X_WG.rotation().col(0)
         try:
-            path = PlanCartesianPath(self.scene, q, HandTarget.Pose(X_WG).Shifted(back))
-            if isinstance(path, PathFailure):
-                path = q[np.newaxis]
-            return (
-                self._timed(path, self._free),
-                self._timed(self._joint_path(path[-1], self.q_home), self._free),
-            )
+            with self._standing(obstacles):
+                path = PlanCartesianPath(self.scene, q, self._behind(q))
+                if isinstance(path, PathFailure):
+                    path = q[np.newaxis]
+                return (
+                    self._timed(path, self._free),
+                    self._timed(self._joint_path(path[-1], self.q_home), self._free),
+                )
         except _NoPathError as error:
             return error.failure
+
+    @contextlib.contextmanager
+    def _standing(self, obstacles: Obstacles) -> Iterator[None]:
+        with contextlib.ExitStack() as stack:
+            for shape, p_WO in obstacles:
+                X_WO = RigidTransform(p_WO)
+                stack.enter_context(self.scene.standing(shape, X_WO))
+            yield
 
     def _candidates(
         self, p_WO: Vector, shape: Shape, p_WO_goal: Vector
@@ -159,7 +186,7 @@ class TaskPlanner:
                 continue
             # Reach: how far the joints are from home [rad²]. Clearance counts up to
             # 5 cm, and 1 cm as much as 0.5 rad². A leaning hand tilts what it holds:
-            # 5 degrees, 2 mm beside the goal, count 3.5 rad².
+            # 5 degrees, 4 mm beside the goal, count 3.5 rad².
             spare = min(
                 0.05,
                 *(s.clearance.distance for s in (pick, place) if s.clearance),

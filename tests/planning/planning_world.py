@@ -14,7 +14,7 @@ from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task_motions import TaskMotions
 from drake_srg.types import Blob, Cylinder, Mode
 
-CAN = Cylinder(0.034, 0.1)
+CAN, CUP = Cylinder(0.034, 0.1), Cylinder(0.04, 0.09)
 START, GOAL = np.array([0.6, 0.1, 0.05]), np.array([0.5, -0.4, 0.05])
 _MOVING = [
     Mode.PRE_GRASP,
@@ -46,8 +46,9 @@ class FakeTaskPlanner:
         self.result = self.escape = None  # in place of motions
         self.calls = []
 
-    def plan(self, q_start, p_WO, shape, p_WO_goal):
+    def plan(self, q_start, p_WO, shape, p_WO_goal, obstacles=()):
         self.calls.append((q_start, p_WO, shape, p_WO_goal))
+        self.obstacles = obstacles
         if self.result is not None:
             return self.result
         n = len(_MOVING)
@@ -56,7 +57,7 @@ class FakeTaskPlanner:
             self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(_MOVING)}
         )
 
-    def plan_escape(self, q):
+    def plan_escape(self, q, obstacles=()):
         if self.escape is not None:
             return self.escape
         middle = 0.5 * (q + self.q_home)
@@ -65,7 +66,12 @@ class FakeTaskPlanner:
 
 def make_planner(**config):
     return PickAndPlacePlanner(
-        FakeTaskPlanner(), "can", CAN, GOAL, config=PlannerConfig(**config)
+        FakeTaskPlanner(),
+        "can",
+        CAN,
+        GOAL,
+        obstacles={"cup": CUP},
+        config=PlannerConfig(**config),
     )
 
 
@@ -108,7 +114,7 @@ class World:
         self.task_planner = self.planner._task_planner
         self.period = self.planner.config.period
         self._simulator = Simulator(diagram)
-        root = self._simulator.get_mutable_context()
+        self.root = root = self._simulator.get_mutable_context()
         root.SetTime(start)
         self._start = start
         self._context = self.planner.GetMyMutableContextFromRoot(root)
@@ -137,15 +143,15 @@ class World:
             if status.mode not in self.trace[-1:]:
                 self.trace.append(status.mode)
                 self.began.setdefault(status.mode, self.time)
-            self.closures[status.mode] = self._read("closure_commanded")[0]
-            self.commands.append(self._read("position_commanded"))
+            self.closures[status.mode] = self.read("closure_commanded")[0]
+            self.commands.append(self.read("position_commanded"))
             if status.mode in (Mode.DONE, Mode.FAILED):
                 return status
             self._sense()
             self._simulator.AdvanceTo(self._start + self.time + self.period)
         raise AssertionError(f"still {status} after {limit} s")
 
-    def _read(self, name):
+    def read(self, name):
         return self.planner.GetOutputPort(name).Eval(self._context).copy()
 
     def _look(self):
@@ -156,7 +162,7 @@ class World:
     def _sense(self):
         mode = self.status.mode
         held = self.holding(mode) and mode in _CLOSED
-        q = self._read("position_commanded") if self.arm_follows else [9.0, 9.0]
+        q = self.read("position_commanded") if self.arm_follows else [9.0, 9.0]
         base = [self.base_angle] * 2
         fix(
             self.planner,

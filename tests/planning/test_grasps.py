@@ -11,7 +11,7 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.parsing import ConfigureParser
-from drake_srg.planning.grasps import Approach, grasps_of
+from drake_srg.planning.grasps import EMPTY_BASE_ANGLE, Approach, grasps_of
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = Cylinder(0.0339, 0.1018)
@@ -165,3 +165,23 @@ def test_approaches_and_tilts_are_those_asked_for():
         "from the side, 6 degrees down",
         "from the side, 11 degrees down",
     ]
+
+
+@pytest.mark.parametrize("radius", [0.004, 0.0125, 0.02])
+def test_thin_objects_are_pinched_by_straight_fingers(radius):
+    shape = Cylinder(radius, 0.1)
+    grasp = above(shape)
+    assert grasp.tip_angle >= 0.0
+    assert grasp.base_angle < EMPTY_BASE_ANGLE
+    touching = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    assert min(touching.values()) == pytest.approx(0.0, abs=1.5e-3)
+
+
+def test_an_empty_hand_meets_at_the_published_angle():
+    # The gap of straight fingers is 0.9 mm at 100.7 degrees (SAKE's URDF).
+    assert np.rad2deg(EMPTY_BASE_ANGLE) == pytest.approx(100.7, abs=0.3)
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.085, 0.3])
+def test_what_does_not_fit_the_hand_has_no_grasp(radius):
+    assert grasps_of(Cylinder(radius, 0.1), ["above", "side"], [0.0], SQUEEZE) == []

@@ -1,9 +1,12 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
-from planning_world import GOAL, START, World, blob, make_planner
+from planning_world import CUP, GOAL, START, World, blob, make_planner
 
+from drake_srg.planning.grasps import EMPTY_BASE_ANGLE
 from drake_srg.planning.task_motions import TaskFailure
-from drake_srg.types import Failure, Mode
+from drake_srg.types import BlobFlag, Failure, Mode
 
 CYCLE = [mode for mode in Mode if mode is not Mode.FAILED]
 CARRYING = [Mode.PRE_GRASP, Mode.GRASP, Mode.CLOSE, Mode.VERIFY, Mode.LIFT]
@@ -141,10 +144,12 @@ def test_no_grasp_after_all_attempts(attempts):
     assert "nothing of the right size" in status.message
 
 
-@pytest.mark.parametrize(("beyond", "held"), [(0.2, True), (0.4, False)])
-def test_fingers_that_close_too_far_hold_nothing(beyond, held):
-    world = World(angle_tolerance=0.3, max_attempts=1)
-    world.base_angle = world.task_planner.grasp.base_angle + beyond
+@pytest.mark.parametrize(("share", "held"), [(0.4, True), (0.6, False), (1.0, False)])
+def test_fingers_that_close_too_far_hold_nothing(share, held):
+    """`share` of the way from the angle at contact to that of an empty hand."""
+    world = World(max_attempts=1)
+    expected = world.task_planner.grasp.base_angle
+    world.base_angle = (1.0 - share) * expected + share * EMPTY_BASE_ANGLE
     assert (world.run().failure is None) == held
     assert (Mode.LIFT in world.trace) == held
 
@@ -180,14 +185,74 @@ def test_the_goal_is_met_within_the_tolerance(off, failure):
     assert status.attempts == (1 if failure is None else 2)
 
 
-def test_an_arm_that_does_not_arrive_uses_up_the_time_budget():
-    world = World(time_budget=2.0)
+def test_an_arm_that_does_not_arrive_is_stopped_by_something():
+    world = World(arrival_timeout=0.5)
     world.arm_follows = False
     status = world.run()
-    assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.STOPPED)
     assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, Mode.FAILED]
-    assert world.time == pytest.approx(2.0, abs=2 * world.period)
+    assert "in its way" in status.message
+
+
+def test_a_spent_time_budget_is_told():
+    world = World(time_budget=0.3, latency=0.1)
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
+    assert world.time == pytest.approx(0.3, abs=2 * world.period)
     assert "time budget" in status.message
+
+
+def test_a_stop_in_the_middle_of_a_motion_brakes_gently():
+    # In PRE_GRASP the first joint moves at 10 rad/s.
+    world = World(time_budget=0.15, latency=0.1)
+    world.run()
+    stopped, times = world.time, np.linspace(0.0, 1.0, 101)
+    positions = []
+    for t in times:
+        world.root.SetTime(stopped + t)
+        positions.append(world.read("position_commanded")[0])
+    speeds = np.diff(positions) / np.diff(times)
+    assert abs(positions[0] - world.commands[-1][0]) < 1e-9  # no jump
+    assert abs(speeds[0]) > 5.0
+    assert np.all(np.abs(np.diff(speeds)) < 1.0)  # evenly: 10 rad/s over 0.4 s
+    assert speeds[-1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_way_out_is_planned_while_the_latency_passes():
+    world = World(latency=0.4, max_attempts=1)
+    world.holding = lambda mode: False
+    status = world.run()
+    waited = world.began[Mode.RETREAT] - world.began[Mode.RELEASE]
+    assert waited >= 0.4 - world.period
+    assert status.planning_wall > 0.0
+
+
+def test_the_first_localisation_counts():
+    world = World(max_attempts=2)
+    world.holding = lambda mode: world.status.attempts > 1
+    status = world.run()
+    assert (status.failure, status.attempts) == (None, 2)
+    assert status.localized_at == 0.0
+
+
+def test_blobs_without_flags_are_believed_first():
+    world = World()
+    flags = frozenset({BlobFlag.OCCLUDED})
+    doubtful = dc.replace(blob(START + 0.1, quality=0.9), flags=flags)
+    where = world.where
+    world.where = lambda mode: [doubtful, *(where(mode))]
+    world.run()
+    np.testing.assert_array_equal(world.task_planner.calls[0][1], START)
+
+
+def test_other_objects_are_obstacles_where_they_are_seen():
+    world = World()
+    where = world.where
+    world.where = lambda mode: [*where(mode), blob([0.5, 0.2, 0.05], name="cup")]
+    world.run()
+    ((shape, position),) = world.task_planner.obstacles
+    assert shape == CUP
+    np.testing.assert_array_equal(position, [0.5, 0.2, 0.05])
 
 
 def test_a_way_out_that_is_blocked_ends_the_task():

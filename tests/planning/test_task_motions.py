@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 from planning_world import CAN
+from pydrake.math import RigidTransform
 
 from drake_srg.cell import MakeTaskPlanner
 from drake_srg.planning.task_motions import TaskFailure
 from drake_srg.scenario import load_scenario
-from drake_srg.types import Box, Failure, Mode
+from drake_srg.types import Box, Cylinder, Failure, Mode
 
 START = np.array([0.6, 0.05, 0.5 * CAN.length])
 GOAL = np.array([0.55, -0.42, 0.5 * CAN.length])
@@ -133,3 +134,17 @@ def test_the_way_out_backs_off_and_goes_home(planner, task):
     np.testing.assert_allclose(moved, expected, atol=1e-3)
     np.testing.assert_allclose(ends(home)[0], ends(back)[1], atol=1e-6)
     np.testing.assert_allclose(ends(home)[1], planner.q_home, atol=1e-6)
+
+
+def test_motions_keep_clear_of_other_objects(planner, task):
+    # In the middle of the straight way across, as high as the hand.
+    q_way = samples(task.motions[Mode.TRANSFER], 3)[1]
+    p_way = object_in_world(planner, task, q_way)
+    tower = Cylinder(0.03, 2.0 * p_way[2])
+    p_WO = np.array([*p_way[:2], p_way[2]])
+    around = planner.plan(planner.q_home, START, CAN, GOAL, obstacles=[(tower, p_WO)])
+    with planner.scene.standing(tower, RigidTransform(p_WO)):
+        planner.scene.fingers = 0.0 * planner.scene.fingers
+        assert not planner.scene.is_free(q_way)
+        for q in samples(around.motions[Mode.TRANSFER]):
+            assert planner.scene.clearance(q).distance > 0.0
