@@ -4,6 +4,7 @@ import numpy as np
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from drake_srg.errors import ScenarioError
 from drake_srg.objects import object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
@@ -13,7 +14,6 @@ from drake_srg.station import AddDirectives, MakeStation
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
-from drake_srg.yaml_loading import ScenarioError
 
 
 def MakeCell(scenario: Scenario) -> Diagram:
@@ -107,7 +107,12 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
         shape,
         np.array(goal),
         place.tolerance,
-        scenario.planner,
+        obstacles={
+            other: object_shape(other, config)
+            for other, config in scenario.objects.items()
+            if other != name
+        },
+        config=scenario.planner,
     )
 
 
@@ -117,7 +122,10 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
     builder = RobotDiagramBuilder(time_step=0.0)
     AddDirectives(builder.plant(), scenario)
     scene = PlanningScene(
-        builder, margin=config.clearance, hand_margin=config.hand_clearance
+        builder,
+        margin=config.clearance,
+        hand_margin=config.hand_clearance,
+        payload=config.payload,
     )
     assert scenario.arm is not None
     return TaskPlanner(scene, np.array(scenario.arm.home), config)

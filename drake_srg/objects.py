@@ -12,10 +12,10 @@ from pydrake.multibody.parsing import PackageMap, Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, UnitInertia
 
+from drake_srg.errors import ScenarioError
 from drake_srg.parsing import ConfigureParser
 from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
-from drake_srg.yaml_loading import ScenarioError
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
 # shape: stiff beside the fingers' rubber (2 MPa), so that the pads deform, as they do

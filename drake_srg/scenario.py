@@ -21,16 +21,11 @@ from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.distributions import draw_distributions, key_generator
+from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.types import Box, Cylinder, Sphere, positive
-from drake_srg.yaml_loading import (
-    ScenarioError,
-    load_typed,
-    merge,
-    parse_yaml,
-    set_key,
-)
+from drake_srg.yaml_loading import load_typed, merge, parse_yaml, set_key
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 

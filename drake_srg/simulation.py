@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from drake_srg.cell import MakeCell
 from drake_srg.contacts import ContactReader
+from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import JOINT_NAMES
 from drake_srg.metrics import (
     MODES,
@@ -30,7 +31,6 @@ from drake_srg.recording.timeline import Timeline, draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
 from drake_srg.types import Mode, PlannerStatus, Vector
-from drake_srg.yaml_loading import ScenarioError
 
 # How long a run goes on after the planner has ended, for things to settle [s].
 _SETTLE = 0.5

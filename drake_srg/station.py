@@ -21,12 +21,12 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
 from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
+from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import AddSrgPositionDriver
 from drake_srg.ground_truth import ObjectPoses
 from drake_srg.objects import AddObject, X_WO_start, object_shape
 from drake_srg.parsing import ConfigureParser
 from drake_srg.scenario import Scenario
-from drake_srg.yaml_loading import ScenarioError
 
 _LID = "package://drake_srg/sdf/lid.sdf"
 

@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
+from drake_srg.errors import ScenarioError
+
 # Where a number is expected, one of these may stand; see `distributions.py`.
 DISTRIBUTION_TAGS = (
     "!Deterministic",
@@ -28,10 +30,6 @@ DISTRIBUTION_TAGS = (
     "!GaussianVector",
     "!UniformVector",
 )
-
-
-class ScenarioError(ValueError):
-    """Bad input; the message says what, where, and what is allowed."""
 
 
 def parse_yaml(text: str, origin: str) -> Any:

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from drake_srg.distributions import draw_distributions, key_generator
-from drake_srg.yaml_loading import ScenarioError, parse_yaml
+from drake_srg.errors import ScenarioError
+from drake_srg.yaml_loading import parse_yaml
 
 
 def draw(text, seed=3, key="k"):

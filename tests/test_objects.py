@@ -3,10 +3,10 @@ import pytest
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.errors import ScenarioError
 from drake_srg.objects import AddObject, X_WO_start, object_shape
 from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Box, Cylinder, Sphere
-from drake_srg.yaml_loading import ScenarioError
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
 SHAPES = [Cylinder(0.03, 0.1), Box([0.04, 0.05, 0.06]), Sphere(0.035)]

@@ -6,11 +6,11 @@ import pytest
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from drake_srg.errors import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate, _Log
 from drake_srg.types import Mode
-from drake_srg.yaml_loading import ScenarioError
 
 
 @pytest.fixture(scope="module")

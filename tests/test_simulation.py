@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from drake_srg.cell import MakeCell
+from drake_srg.errors import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.types import Mode
-from drake_srg.yaml_loading import ScenarioError
 
 # Metrics that tell how fast this machine is, or where files went.
 OF_THE_MACHINE = (

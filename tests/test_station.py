@@ -6,9 +6,9 @@ from helpers import fix, port_table
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.errors import ScenarioError
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
-from drake_srg.yaml_loading import ScenarioError
 
 HOME = [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0]
 

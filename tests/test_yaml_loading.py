@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from pydrake.common.schema import Transform
 
 from drake_srg.distributions import draw_distributions
+from drake_srg.errors import ScenarioError
 from drake_srg.types import Box, Cylinder, positive
 from drake_srg.yaml_loading import (
-    ScenarioError,
     check_tree,
     load_typed,
     merge,
