@@ -9,9 +9,10 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from drake_srg import doctor
-from drake_srg.yaml_loading import ScenarioError
+from drake_srg.errors import ScenarioError
 
 # Exit codes.
 SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
@@ -24,8 +25,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code: int = options.run(options)
     except ScenarioError as error:
         return _complain(str(error))
-    except RuntimeError as error:  # from Drake, in the middle of a simulation
-        return _complain(" ".join(str(error).split())[:300])
     except ImportError as error:
         return _complain(f"{error}. `drake-srg doctor` says more.")
     except KeyboardInterrupt:
@@ -36,8 +35,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
+class _Parser(argparse.ArgumentParser):
+    """A parser whose complaints are one line, as all others are."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, and exit."""
+        sys.exit(_complain(message))
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="drake-srg",
         description="Robot cells with the SAKE Robotics gripper, simulated with Drake.",
     )
@@ -176,10 +183,11 @@ def _bench(options: argparse.Namespace) -> int:
 def _doctor(options: argparse.Namespace) -> int:
     checks = doctor.Checks()
     for check in checks:
-        print(f"{'ok  ' if check.ok else 'FAIL'} {check.name:10} {check.detail}")
+        word = "ok" if check.ok else "none" if check.optional else "FAIL"
+        print(f"{word:4} {check.name:10} {check.detail}")
         if not check.ok:
             print(f"     {'':10} {check.fix}")
-    return SUCCESS if all(check.ok for check in checks) else TASK_FAILED
+    return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED
 
 
 def _complain(message: str) -> int:

@@ -9,12 +9,15 @@ import dataclasses as dc
 import importlib
 import importlib.metadata
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+
+from drake_srg.installing import pip_install, this_package
 
 # Debian and Ubuntu packages of the libraries that Drake's wheel needs but does not
 # carry; tools/install_system_libraries.sh has the same list.
@@ -24,18 +27,21 @@ OLDEST_PYTHON = "3.10"
 OLDEST_DRAKE = "1.51.1"
 
 _APT = "sudo apt-get update && sudo apt-get install -y --no-install-recommends "
-_RECORDING = "pip install 'drake_srg[recording]'"
 _PATIENCE = 120.0  # s
 
 
 @dc.dataclass(frozen=True)
 class Check:
-    """One finding: `detail` says what was found, `fix` what to run if it is not ok."""
+    """One finding: `detail` says what was found, `fix` what to run if it is not ok.
+
+    What is `optional` may be missing on a machine that is well.
+    """
 
     name: str
     ok: bool
     detail: str
     fix: str = ""
+    optional: bool = False
 
 
 def Checks() -> list[Check]:
@@ -44,20 +50,26 @@ def Checks() -> list[Check]:
     Nothing here raises. What could crash the interpreter runs in one of its own.
 
     Returns:
-        One Check each for Python, Drake, rendering, video, rosbags, plots, solvers and
-        models.
+        One Check each for Python, Drake, the other packages, rendering, video, rosbags,
+        plots, solvers, models and, optional, Graphviz.
     """
+    recording = pip_install(*this_package("recording"))
     examinations: list[tuple[str, Callable[[], str], str]] = [
         ("python", _python, f"install Python {OLDEST_PYTHON} or newer"),
-        ("drake", _drake, f"pip install 'drake>={OLDEST_DRAKE}'"),
+        ("drake", _drake, pip_install(f"drake>={OLDEST_DRAKE}")),
+        ("packages", _packages, pip_install(*this_package())),
         ("rendering", _rendering, _APT + " ".join(RENDERING_PACKAGES)),
-        ("video", _video, _RECORDING),
-        ("rosbags", _rosbags, _RECORDING),
-        ("plots", _plots, _RECORDING),
-        ("solvers", _solvers, "pip install --force-reinstall drake"),
-        ("models", _models, "pip install --force-reinstall drake_srg"),
+        ("video", _video, recording),
+        ("rosbags", _rosbags, recording),
+        ("plots", _plots, recording),
+        ("solvers", _solvers, pip_install("--force-reinstall", "drake")),
+        ("models", _models, pip_install("--force-reinstall", *this_package())),
     ]
-    return [_check(*examination) for examination in examinations]
+    graphviz = _check("graphviz", _graphviz, _APT + "graphviz")
+    return [
+        *(_check(*examination) for examination in examinations),
+        dc.replace(graphviz, optional=True),
+    ]
 
 
 def _check(name: str, examine: Callable[[], str], fix: str) -> Check:
@@ -81,6 +93,14 @@ def _drake() -> str:
     _at_least("drake", found, OLDEST_DRAKE)
     _run_apart("import pydrake.all")
     return found
+
+
+def _packages() -> str:
+    found = []
+    for name, package in (("cv2", "opencv-python-headless"), ("tqdm", "tqdm")):
+        module = importlib.import_module(name)
+        found.append(f"{package} {module.__version__}")
+    return ", ".join(found)
 
 
 def _rendering() -> str:
@@ -125,6 +145,13 @@ def _solvers() -> str:
 
 def _models() -> str:
     return _run_apart(_RESOLVE)
+
+
+def _graphviz() -> str:
+    found = shutil.which("dot")
+    if found is None:
+        raise RuntimeError("no `dot`; only `drake-srg diagram` needs it")
+    return f"dot is {found}"
 
 
 def _at_least(name: str, found: str, oldest: str) -> None:

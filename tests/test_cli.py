@@ -54,6 +54,25 @@ def test_bad_input_is_one_line_and_leaves_nothing(arguments, words, tmp_path, ca
     assert not list(tmp_path.rglob("*.*"))
 
 
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ([], "COMMAND"),
+        (["walk"], "walk"),
+        (["run"], "scenario"),
+        (["run", "kitchen", "--seed", "x"], "--seed"),
+        (["diagram", "kitchen"], "-o"),
+    ],
+)
+def test_a_bad_command_line_is_one_line(arguments, word, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("drake-srg: ")
+    assert word in line
+
+
 def test_an_unwritable_folder_is_bad_input(tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert main([*ABSENT, "--out", str(tmp_path / "file" / "out")]) == 2

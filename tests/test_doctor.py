@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from drake_srg import doctor
+from drake_srg.cli import main
+from drake_srg.installing import pip_install, this_package
 
 SCRIPT = Path(__file__).parents[1] / "tools" / "install_system_libraries.sh"
 
@@ -20,26 +22,33 @@ def test_this_machine_is_well():
     assert [check.name for check in checks] == [
         "python",
         "drake",
+        "packages",
         "rendering",
         "video",
         "rosbags",
         "plots",
         "solvers",
         "models",
+        "graphviz",
     ]
-    assert [check for check in checks if not check.ok] == []
-    assert all(check.detail and not check.fix for check in checks)
+    assert [check for check in checks if not (check.ok or check.optional)] == []
+    assert all(check.detail and check.ok != bool(check.fix) for check in checks)
 
 
-def test_the_doctor_does_not_need_drake():
+def test_the_doctor_does_not_need_drake(tmp_path):
+    (tmp_path / "pydrake.py").write_text("raise ImportError('no pydrake here')")
     code = (
-        "import sys; sys.modules['pydrake'] = None; import drake_srg.doctor as d; "
-        "print(d._check('python', d._python, '').ok)"
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
+        "from drake_srg.cli import main; sys.exit(main(['doctor']))"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
-    assert done.stdout == "True\n"
+    assert (done.returncode, done.stderr) == (1, "")
+    lines = done.stdout.splitlines()
+    (line,) = [i for i, line in enumerate(lines) if line.startswith("FAIL drake ")]
+    assert "no pydrake here" in lines[line]
+    assert "-m pip install 'drake>=" in lines[line + 1]
 
 
 def test_a_crash_elsewhere_is_reported():
@@ -66,14 +75,36 @@ def test_silence_elsewhere_is_not_waited_for(monkeypatch):
 
 @pytest.mark.parametrize(
     ("module", "name"),
-    [("av", "video"), ("rosbags.rosbag2", "rosbags"), ("matplotlib.figure", "plots")],
+    [
+        ("av", "video"),
+        ("cv2", "packages"),
+        ("matplotlib.figure", "plots"),
+        ("rosbags.rosbag2", "rosbags"),
+        ("tqdm", "packages"),
+    ],
 )
-def test_a_missing_extra_is_named_with_its_cure(monkeypatch, module, name):
+def test_a_missing_package_is_named_with_its_cure(monkeypatch, module, name):
     monkeypatch.setattr(doctor, "_run_apart", lambda code: "")
+    monkeypatch.setattr(shutil, "which", lambda name: "/dot")
     monkeypatch.setitem(sys.modules, module, None)
     checks = by_name(doctor.Checks())
     assert {check.name for check in checks.values() if not check.ok} == {name}
-    assert checks[name].fix == "pip install 'drake_srg[recording]'"
+    extra = [] if name == "packages" else ["recording"]
+    assert checks[name].fix == pip_install(*this_package(*extra))
+
+
+def test_a_command_installs_for_this_interpreter():
+    checkout = Path(__file__).resolve().parents[1]
+    assert pip_install(*this_package("recording")) == (
+        f"{sys.executable} -m pip install -e '{checkout}[recording]'"
+    )
+
+
+def test_graphviz_may_be_missing(monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "_run_apart", lambda code: "")
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    assert main(["doctor"]) == 0
+    assert "only `drake-srg diagram` needs it" in capsys.readouterr().out
 
 
 def test_missing_libraries_are_named_with_their_packages(monkeypatch):

@@ -7,6 +7,8 @@ import tempfile
 from pathlib import Path
 from types import ModuleType
 
+from drake_srg.installing import pip_install, this_package
+
 
 def require(module: str) -> ModuleType:
     """Import a module of the `recording` extra.
@@ -20,7 +22,7 @@ def require(module: str) -> ModuleType:
         package = module.partition(".")[0]
         raise ImportError(
             f"Recording needs {package!r}, which is not installed. "
-            "Run: pip install 'drake_srg[recording]'"
+            f"Run: {pip_install(*this_package('recording'))}"
         ) from error
 
 

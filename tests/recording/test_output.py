@@ -47,5 +47,7 @@ def test_an_impossible_folder_is_named(tmp_path):
 
 def test_a_missing_package_is_named_with_its_cure(monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(ImportError, match=r"'rosbags'.*drake_srg\[recording\]"):
+    with pytest.raises(
+        ImportError, match=r"'rosbags'.* -m pip install .*\[recording\]"
+    ):
         require("rosbags.rosbag2")
