@@ -203,19 +203,18 @@ def test_a_spent_time_budget_is_told():
 
 
 def test_a_stop_in_the_middle_of_a_motion_brakes_gently():
-    # In PRE_GRASP the first joint moves at 10 rad/s.
+    # In PRE_GRASP the first joint moves at 10 rad/s, for 0.1 s.
     world = World(time_budget=0.15, latency=0.1)
     world.run()
-    stopped, times = world.time, np.linspace(0.0, 1.0, 101)
+    stopped, times = world.time, np.linspace(0.0, 0.04, 5)
     positions = []
     for t in times:
         world.root.SetTime(stopped + t)
         positions.append(world.read("position_commanded")[0])
     speeds = np.diff(positions) / np.diff(times)
-    assert abs(positions[0] - world.commands[-1][0]) < 1e-9  # no jump
-    assert abs(speeds[0]) > 5.0
-    assert np.all(np.abs(np.diff(speeds)) < 1.0)  # evenly: 10 rad/s over 0.4 s
-    assert speeds[-1] == pytest.approx(0.0, abs=1e-9)
+    assert positions[0] == pytest.approx(world.commands[-1][0])  # no jump
+    # Evenly from 10 rad/s to rest in 0.4 s: 0.25 rad/s less after every 0.01 s.
+    np.testing.assert_allclose(speeds, 9.875 - 0.25 * np.arange(4))
 
 
 def test_the_way_out_is_planned_while_the_latency_passes():
