@@ -12,9 +12,10 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.objects import object_shape
+from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
 from drake_srg.station import AddDirectives
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Sphere, Vector
 
 SCHEMA_VERSION = 1
 MODES = list(Mode)
@@ -35,16 +36,17 @@ class Metrics:
     # The planner's own word, or `misplaced` where it said done and was wrong.
     failure: str | None
     attempts: int
-    # From the localisation that led to the grasp to the arm back home [s].
+    # From the first localisation that led to a grasp to the arm back home [s].
     cycle_time_s: float | None
     planning_wall_s: float
     localization_error_m: list[float] | None  # estimate minus truth
     placement_error_m: list[float] | None  # final position minus goal
-    placement_tilt_rad: float | None
+    placement_tilt_rad: float | None  # None for a ball
     grasp_shift_m: float | None  # motion of the object while the fingers close
     smoothness: float | None  # log dimensionless jerk of the arm; higher is smoother
     hold_drift_m_per_s: float | None  # in the hand, while the lifted arm dwells
-    peak_contact_force_n: float | None  # between the gripper and the object
+    # Largest contact of the gripper with the object among the samples of the log [N].
+    peak_contact_force_n: float | None
     sim_time_s: float
     wall_time_s: float
     real_time_factor: float
@@ -79,11 +81,12 @@ class Metrics:
         return "\n".join(f"{name:20} {value}" for name, value in rows)
 
     def write(self, path: Path) -> None:
-        """Write metrics.json; the file appears whole or not at all."""
-        partial = path.with_suffix(".part")
-        text = json.dumps(dc.asdict(self), indent=2, allow_nan=False)
-        partial.write_text(text + "\n", encoding="utf-8")
-        partial.replace(path)
+        """Write metrics.json, whole or not at all; what is not finite becomes null."""
+        text = json.dumps(dc.asdict(self))
+        values = json.loads(text, parse_constant=lambda name: None)
+        output = OutputFile(path)
+        output.path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
+        output.commit()
 
 
 @dc.dataclass(frozen=True)
@@ -126,11 +129,12 @@ def calc_metrics(
         place = scenario.task.place
         goal = [*place.position, scenario.table.height + 0.5 * shape.height]
         error = final.translation() - goal
-        z = final.rotation().col(2)
-        tilt = float(np.arctan2(np.hypot(z[0], z[1]), z[2]))
+        if not isinstance(shape, Sphere):
+            z = final.rotation().col(2)
+            tilt = float(np.arctan2(np.hypot(z[0], z[1]), z[2]))
         placed = bool(
             np.linalg.norm(error) <= place.tolerance
-            and tilt <= _MAX_TILT
+            and (tilt is None or tilt <= _MAX_TILT)
             and _final_speed(time, poses) <= _MAX_SPEED
             and not touching - {"support"}
             and "support" in touching
@@ -141,7 +145,7 @@ def calc_metrics(
             localization = status.localization.position - poses[row, :3]
         shift = _grasp_shift(mode, poses)
         drift = _hold_drift(scenario, time, mode, log, poses)
-        peak = float(np.max(log["contact_force"]))
+        peak = float(np.max(log["contact_force"])) or None  # None: never touched
     if status.mode is Mode.DONE:
         done = time[mode == MODES.index(Mode.DONE)][0]
         cycle = float(done - status.localized_at)

@@ -15,8 +15,8 @@ README = (Path(__file__).parents[1] / "README.md").read_text()
 def test_python(code, capsys):
     variables: dict = {}
     exec(compile(code, "README.md", "exec"), variables)
-    if "height" in variables:  # the hand-built diagram holds the can up
-        assert variables["height"].translation()[2] == pytest.approx(0.13, abs=0.01)
+    if "X_WO" in variables:  # the hand-built diagram holds the can up
+        assert variables["X_WO"].translation()[2] == pytest.approx(0.13, abs=0.01)
 
 
 def test_commands_parse():

@@ -1,6 +1,7 @@
 """Gripper drivers: what stands between a closure command and joint torques."""
 
 import dataclasses as dc
+from typing import ClassVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -24,7 +25,7 @@ JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
 def _default_servo() -> GripperServoConfig:
     # Joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip), the inertia J that
     # a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
-    # Stiffness K = J w²: the base gets w = 40 rad/s, a fifth of the sample rate. A
+    # Stiffness K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate. A
     # fingertip pinch presses with the middle of its pad, 34 mm beyond the tip hinge
     # and 85 mm beyond the base hinge, when base and tip torque are as 85 : 34; both
     # joints have the same error there (Algorithm 1), so K_tip = K_base / 2.5.
@@ -54,7 +55,14 @@ class SrgPositionDriver:
 
     closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo; the PWM
     times the joint's torque limit is the torque.
+
+    Attributes:
+        joint_names: Order of everything that has an entry a joint.
+        sensor_names: Order of everything that has an entry a sensor.
     """
+
+    joint_names: ClassVar[tuple[str, ...]] = tuple(f"{n}_joint" for n in JOINT_NAMES)
+    sensor_names: ClassVar[tuple[str, ...]] = JOINT_NAMES
 
     underactuation: UnderactuationConfig = dc.field(
         default_factory=UnderactuationConfig

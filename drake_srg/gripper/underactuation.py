@@ -93,8 +93,11 @@ class UnderactuationLogic(LeafSystem):
     def __init__(self, config: UnderactuationConfig | None = None) -> None:
         super().__init__()
         self.config = config or UnderactuationConfig()
-        # [targets (4), last closure, opening, holding]
-        state = self.DeclareDiscreteState(7)
+        self._limits = np.array(
+            2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
+        )
+        # [Algorithm 1's targets (4), desired (4), last closure, opening, holding]
+        state = self.DeclareDiscreteState(11)
         self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
         self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
         self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
@@ -113,16 +116,12 @@ class UnderactuationLogic(LeafSystem):
         )
 
     def _calc_position_desired(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value()[:4])
+        output.SetFromVector(context.get_discrete_state(0).value()[4:8])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(0).value()
-        targets, last_closure, opening, was_holding = (
-            state[:4].copy(),
-            state[4],
-            bool(state[5]),
-            bool(state[6]),
-        )
+        targets, desired = state[:4], state[4:8]
+        last_closure, opening, was_holding = state[8], bool(state[9]), bool(state[10])
         q = self._measured.Eval(context)[:4]
         fired = self._triggered.Eval(context) != 0.0
         holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
@@ -135,15 +134,15 @@ class UnderactuationLogic(LeafSystem):
             closure = last_closure
         if holding:
             if not was_holding:
-                targets = _hold_targets(targets, q, fired)
+                desired = _hold_targets(desired, q, fired)
         else:
-            targets = self._algorithm(closure, opening, q, fired, targets)
+            targets = desired = self._algorithm(closure, opening, q, fired, targets)
             if self._override.HasValue(context):
                 override = self._override.Eval(context)
-                targets = np.where(np.isfinite(override), override, targets)
-        discrete_state.set_value(
-            np.concatenate([targets, [closure, float(opening), float(holding)]])
-        )
+                desired = np.where(np.isfinite(override), override, targets)
+            desired = np.minimum(desired, self._limits)
+        flags = [closure, float(opening), float(holding)]
+        discrete_state.set_value(np.concatenate([targets, desired, flags]))
 
     def _algorithm(
         self, closure: float, opening: bool, q: Vector, fired: Vector, targets: Vector
@@ -159,8 +158,7 @@ class UnderactuationLogic(LeafSystem):
                 (targets[base], targets[tip]),
                 config.straight_tolerance,
             )
-            result[base] = min(base_target, config.base_limit)
-            result[tip] = min(tip_target, config.tip_limit)
+            result[base], result[tip] = base_target, tip_target
         return result
 
 

@@ -210,3 +210,14 @@ def test_a_diagram_with_the_driver_is_freed():
     del hand
     gc.collect()
     assert [watch() for watch in watches] == [None] * len(watches)
+
+
+def test_the_driver_tells_the_order_of_joints_and_sensors():
+    driver = SrgPositionDriver()
+    assert driver.joint_names == (
+        "left_base_joint",
+        "right_base_joint",
+        "left_tip_joint",
+        "right_tip_joint",
+    )
+    assert driver.sensor_names == JOINT_NAMES

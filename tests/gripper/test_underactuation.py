@@ -181,8 +181,8 @@ def test_finite_overrides_win_and_the_others_follow_the_algorithm():
     fix(system, context, joint_position_commanded=[NAN, 0.2, 0.3, NAN])
     assert targets(system, context) == pytest.approx([1.5, 0.2, 0.3, 0.0])
     fix(system, context, joint_position_commanded=[NAN] * 4)
-    # What the algorithm does not name keeps its last value.
-    assert targets(system, context) == pytest.approx([1.5, 1.5, 0.3, 0.0])
+    # An override leaves no trace in what the algorithm remembers.
+    assert targets(system, context) == pytest.approx([1.5, 1.5, 0.0, 0.0])
 
 
 def test_hold_keeps_the_grip_where_it_touches_and_the_angles_elsewhere():
