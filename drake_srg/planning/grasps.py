@@ -19,7 +19,8 @@ _HINGE_X, _HINGE_Y = 0.072569, 0.03
 _BASE_LENGTH = 0.052
 _PAD_START, _PAD_END = 0.009, 0.0588  # along the tip link, from its hinge
 _FACE_OFFSET = 0.0092  # of finger faces, inward from the line through the hinges
-_FINGERTIP_X = _HINGE_X + _BASE_LENGTH + _PAD_END  # straight fingers, pointing ahead
+# As far as straight fingers reach in x, a little inward of pointing straight ahead.
+_FINGERTIP_X = _HINGE_X + np.hypot(_BASE_LENGTH + _PAD_END, _FACE_OFFSET)
 _FULL_SCALE = 3.0  # base + tip angle at closure 1 [rad]
 _JOINT_LIMIT = 1.94  # of base and tip [rad]
 # An object whose grasp is not this far from an empty hand's [rad] cannot be told from
@@ -113,9 +114,9 @@ def _from_above(shape: Cylinder | Sphere, squeeze: float) -> Grasp | None:
     half_width = shape.radius
     # The pads lie flat on the sides, base + tip = 90 degrees, with the object's top at
     # the root of the pads: as much pad as there is on it. Low objects are taken by the
-    # pads' ends, 5 mm above the table.
+    # pads' ends, 6 mm above the table.
     depth = _HINGE_X + _BASE_LENGTH + 0.002
-    depth = max(depth, _FINGERTIP_X + 0.005 - shape.height)
+    depth = max(depth, float(_FINGERTIP_X) + 0.006 - shape.height)
     # Half the gap between vertical pads is hinge + 52 mm cos(base) - 9.2 mm.
     cosine = (half_width - _HINGE_Y + _FACE_OFFSET) / _BASE_LENGTH
     base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
