@@ -26,7 +26,8 @@ class RosbagRecorder(LeafSystem):
     A topic is recorded at every multiple of its period but 0, stamped with simulated
     time. The file can be opened alone, by `rosbags.rosbag2.Reader`, `ros2 bag info` and
     Foxglove; its messages carry their definitions. It appears under its name on
-    `close()`, complete; use the recorder as a context manager around the simulation.
+    `close()`, complete; use the recorder as a context manager around the simulation,
+    which discards it on an error, but not on a KeyboardInterrupt.
 
     Args:
         path: The .mcap file.
@@ -96,6 +97,13 @@ class RosbagRecorder(LeafSystem):
         (self._bag / self._output.path.name).replace(self._output.path)
         self._output.commit()
 
+    def discard(self) -> None:
+        """Stop and forget the recording; where it is closed, this does nothing."""
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+            self._output.discard()
+
     def __enter__(self) -> RosbagRecorder:
         return self
 
@@ -105,7 +113,10 @@ class RosbagRecorder(LeafSystem):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            self.close()
+        else:
+            self.discard()
 
     def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:
         for port, model in topic.ports.items():

@@ -35,7 +35,8 @@ class VideoRecorder(LeafSystem):
     behind the time: a string, or an enum such as `Mode`, shown by its value.
 
     The video appears under its name on `close()`, complete; use the recorder as a
-    context manager around the simulation. The encoder is outside of the Context, like
+    context manager around the simulation, which discards it on an error, but not on a
+    KeyboardInterrupt. The encoder is outside of the Context, like
     everything a publish event does: a context that is simulated twice is recorded
     twice. Equal images give equal bytes, except below 128 pixels, where x264's
     lookahead reads memory that it has not written.
@@ -120,6 +121,13 @@ class VideoRecorder(LeafSystem):
         else:
             self._output.discard()
 
+    def discard(self) -> None:
+        """Stop and forget the video; where it is closed, this does nothing."""
+        if self._container is not None:
+            self._container.close()
+            self._container = self._stream = None
+            self._output.discard()
+
     def __enter__(self) -> VideoRecorder:
         return self
 
@@ -129,7 +137,10 @@ class VideoRecorder(LeafSystem):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self.close()
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            self.close()
+        else:
+            self.discard()
 
     def _record(self, context: Context) -> None:
         if self._container is None:

@@ -198,3 +198,12 @@ def test_a_closed_recording_says_so_and_closing_twice_is_fine(tmp_path):
 
 def test_a_recorded_diagram_is_freed(tmp_path):
     assert is_freed(lambda: run(tmp_path / "r.mcap", 0.3))
+
+
+def test_a_failed_recording_is_discarded(tmp_path):
+    with (
+        pytest.raises(ZeroDivisionError),
+        RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),
+    ):
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())

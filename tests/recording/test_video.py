@@ -148,3 +148,20 @@ def test_a_recorded_diagram_is_freed(tmp_path):
         return diagram
 
     assert is_freed(run)
+
+
+def test_a_failed_recording_is_discarded(tmp_path):
+    diagram, recorder, _ = make(tmp_path / "video.mp4")
+    with pytest.raises(ZeroDivisionError), recorder:
+        Simulator(diagram).AdvanceTo(0.2)
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupted_recording_is_kept(tmp_path):
+    diagram, recorder, _ = make(tmp_path / "video.mp4")
+    with pytest.raises(KeyboardInterrupt), recorder:
+        Simulator(diagram).AdvanceTo(0.2)
+        raise KeyboardInterrupt
+    _, frames = decode(tmp_path / "video.mp4")
+    assert len(frames) == 4
