@@ -11,10 +11,11 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.cell import MakeCell
+from drake_srg.errors import scenario_errors
 from drake_srg.scenario import Scenario
-from drake_srg.simulation import Simulate
+from drake_srg.simulation import Simulate, failure_time
 from drake_srg.station import MakePlant
-from drake_srg.types import Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # Inputs of the plant that a replay needs: subsystem of the station, output port, and
 # the plant's input port with the model instance it belongs to.
@@ -64,14 +65,23 @@ class Bench:
         )
 
 
-def run_bench(scenario: Scenario) -> Bench:
+def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
     """Measure a scenario: a run, the plant alone, and single images.
 
     The bare plant gets the inputs that it got in a run, from trajectories held between
     its steps, so that it makes the same contacts with none of our systems attached.
+
+    Args:
+        scenario: What to measure.
+        name: Its name, for errors.
+
+    Raises:
+        ScenarioError: As `Simulate` does.
     """
-    inputs = _record_inputs(scenario)
-    result = Simulate(scenario)
+    inputs = _record_inputs(scenario, name)
+    result = Simulate(scenario, name=name)
+    if result.status.failure is Failure.STOPPED:
+        raise KeyboardInterrupt
     times = result.metrics
     return Bench(
         simulated=times.sim_time_s,
@@ -82,12 +92,13 @@ def run_bench(scenario: Scenario) -> Bench:
     )
 
 
-def _record_inputs(scenario: Scenario) -> dict[int, PiecewisePolynomial]:
+def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:
     """What the plant's inputs were at each of its steps, in a run."""
-    cell = MakeCell(scenario)
+    with scenario_errors(name):
+        cell = MakeCell(scenario)
+        simulator = Simulator(cell)
+        ApplySimulatorConfig(scenario.simulator_config, simulator)
     station = cell.GetSubsystemByName("station")
-    simulator = Simulator(cell)
-    ApplySimulatorConfig(scenario.simulator_config, simulator)
     times: list[float] = []
     rows: list[list[Vector]] = [[] for _ in _PLANT_INPUTS]
     ports = [
@@ -106,7 +117,8 @@ def _record_inputs(scenario: Scenario) -> dict[int, PiecewisePolynomial]:
         return EventStatus.Succeeded()
 
     simulator.set_monitor(monitor)
-    simulator.AdvanceTo(scenario.planner.time_budget + 1.0)
+    with failure_time(name, simulator):
+        simulator.AdvanceTo(scenario.planner.time_budget + 1.0)
     # Termination steps are shorter than the plant's; keep one sample a time.
     unique = np.unique(np.round(times, 9), return_index=True)[1]
     breaks = np.array(times)[unique]

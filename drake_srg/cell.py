@@ -4,7 +4,7 @@ import numpy as np
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
-from drake_srg.errors import ScenarioError
+from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.objects import object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
@@ -16,6 +16,7 @@ from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
 
 
+@scenario_errors()
 def MakeCell(scenario: Scenario) -> Diagram:
     """Build the diagram of a station whose task a localizer and a planner do.
 

@@ -1,10 +1,9 @@
 """The command drake-srg."""
 
 import argparse
-import dataclasses as dc
-import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -12,7 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from drake_srg import doctor
-from drake_srg.errors import ScenarioError
+from drake_srg.errors import ScenarioError, scenario_errors
 
 # Exit codes.
 SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
@@ -103,6 +102,8 @@ def _run(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
+    # As Ctrl-C does, this ends the run and keeps what there is.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         result = Simulate(
             scenario,
@@ -115,7 +116,7 @@ def _run(options: argparse.Namespace) -> int:
         return _complain(f"--out {out}: cannot be written: {error.strerror or error}")
     metrics = result.metrics
     if options.json:
-        print(json.dumps(dc.asdict(metrics), indent=2))
+        print((out / "metrics.json").read_text(encoding="utf-8"), end="")
     else:
         print(metrics.table())
         if result.status.message and not metrics.success:
@@ -143,9 +144,9 @@ def _diagram(options: argparse.Namespace) -> int:
     kinds = (".svg", ".png", ".dot")
     if output.suffix not in kinds:
         return _complain(f"-o {output}: must end in one of {', '.join(kinds)}")
-    cell = MakeCell(
-        load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    )
+    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    with scenario_errors(Path(options.scenario).stem):
+        cell = MakeCell(scenario)
     dot = cell.GetGraphvizString()
     try:
         if output.suffix == ".dot":
@@ -176,7 +177,7 @@ def _bench(options: argparse.Namespace) -> int:
     from drake_srg.scenario import load_scenario
 
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    print(run_bench(scenario).table())
+    print(run_bench(scenario, Path(options.scenario).stem).table())
     return SUCCESS
 
 

@@ -9,13 +9,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    OutputPort,
+)
 from tqdm import tqdm
 
 from drake_srg.cell import MakeCell
 from drake_srg.contacts import ContactReader
-from drake_srg.errors import ScenarioError
+from drake_srg.errors import ScenarioError, one_line, scenario_errors
 from drake_srg.gripper.drivers import JOINT_NAMES
 from drake_srg.metrics import (
     MODES,
@@ -30,10 +36,19 @@ from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.timeline import Timeline, draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
-from drake_srg.types import Mode, PlannerStatus, Vector
+from drake_srg.station import AddDirectives
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # How long a run goes on after the planner has ended, for things to settle [s].
 _SETTLE = 0.5
+
+# Artifacts of a run: kind to file.
+_FILES = {
+    "video": "video.mp4",
+    "recording": "recording.mcap",
+    "log": "log.npz",
+    "timeline": "timeline.png",
+}
 
 _LOGGED = (
     "arm.state_measured",
@@ -72,47 +87,55 @@ def Simulate(
     x, y, z) and `contact_force` (K, the largest force of the gripper on the picked
     object), sampled every `recording.period`.
 
+    On a KeyboardInterrupt the run ends as `stopped`, judged and recorded up to there.
+
     Args:
         scenario: What to simulate.
         name: Its name, for metrics.json.
         out: Folder for metrics.json, log.npz and the recordings; None writes nothing.
         record: Whether to write video, rosbag and timeline, too.
-        make_cell: Builds the cell; any diagram with the ports of `MakeCell`'s.
+        make_cell: Builds the cell: any diagram with the ports of `MakeCell`'s. Those
+            that the planner's outcome and the object's fate are read from are needed
+            (`planner.mode`, `planner.status`, `arm.state_measured` and those that end
+            in `_cheat`); of the others, those that exist are logged and recorded.
         progress: Whether to show a progress bar.
 
     Raises:
-        ScenarioError: If the models do not fit the scenario.
+        ScenarioError: If the models do not fit the scenario, or Drake gives up on it
+            in the middle of the run.
         OSError: If `out` cannot be written.
     """
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
     pick = scenario.task.pick
     # One line about contexts for every planner is no use to anyone.
     logging.getLogger("drake").setLevel(logging.WARNING)
-    artifacts: dict[str, str | None] = dict.fromkeys(
-        ("video", "recording", "log", "timeline")
-    )
-    with contextlib.ExitStack() as recorders:
-        with _bad_settings(name):
+    artifacts: dict[str, str | None] = dict.fromkeys(_FILES)
+    with contextlib.ExitStack() as stack:
+        with scenario_errors(name):
             builder = DiagramBuilder()
             cell = builder.AddNamedSystem("cell", make_cell(scenario))
+            stack.enter_context(_folder(out))
             if out is not None and record:
                 added = AddRecorders(builder, cell, scenario, out)
                 for kind, recorder in added.items():
-                    recorders.enter_context(recorder)
+                    stack.enter_context(recorder)
                     artifacts[kind] = str(recorder.path)
             diagram = builder.Build()
             diagram.set_name("simulation")
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
+        if out is not None:  # what is there afterwards is of this run
+            for file in (*_FILES.values(), "metrics.json"):
+                (out / file).unlink(missing_ok=True)
         log = _Log(scenario, cell)
-        status, times = _run(simulator, cell, scenario, log, progress)
+        status, times = _run(simulator, cell, scenario, name, log, progress)
     arrays = log.arrays()
     if out is not None:
-        artifacts["log"] = str(write_log(out / "log.npz", arrays))
+        artifacts["log"] = str(write_log(out / _FILES["log"], arrays))
         if record:
             timeline = _timeline(f"{name}, seed {scenario.random_seed}", arrays, pick)
-            artifacts["timeline"] = str(draw_timeline(timeline, out / "timeline.png"))
+            artifacts["timeline"] = str(
+                draw_timeline(timeline, out / _FILES["timeline"])
+            )
     metrics = calc_metrics(
         scenario, name, arrays, status, log.touching, times, artifacts
     )
@@ -122,14 +145,31 @@ def Simulate(
 
 
 @contextlib.contextmanager
-def _bad_settings(name: str) -> Iterator[None]:
-    """Drake checks many settings only when it builds; say which scenario has them."""
+def _folder(out: Path | None) -> Iterator[None]:
+    """Make the folder of a run; one that is made for nothing does not stay."""
+    made: list[Path] = []
+    try:
+        if out is not None:
+            made = [path for path in (out, *out.parents) if not path.exists()]
+            out.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for path in made:
+            with contextlib.suppress(OSError):  # of a folder with something in it
+                path.rmdir()
+        raise
+
+
+@contextlib.contextmanager
+def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
+    """Make a ScenarioError, which says when, of what Drake raises in a step."""
     try:
         yield
-    except ScenarioError:
-        raise
-    except (RuntimeError, ValueError) as error:
-        raise ScenarioError(f"{name}: {' '.join(str(error).split())[:300]}") from error
+    except (RuntimeError, SystemExit) as error:
+        time = simulator.get_context().get_time()
+        raise ScenarioError(
+            f"{name}: the simulation failed at t = {time:.3f} s: {one_line(error)}"
+        ) from error
 
 
 def AddRecorders(
@@ -141,40 +181,57 @@ def AddRecorders(
     """
     config = scenario.recording
     recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
-    if config.video_camera:
-        camera = scenario.cameras[config.video_camera]
-        video = VideoRecorder(
-            out / "video.mp4", camera.width, camera.height, frame_rate=config.video_fps
+    with contextlib.ExitStack() as stack:  # forgets the first if the second fails
+        if config.video_camera:
+            camera = scenario.cameras[config.video_camera]
+            video = VideoRecorder(
+                out / _FILES["video"],
+                camera.width,
+                camera.height,
+                frame_rate=config.video_fps,
+            )
+            recorders["video"] = stack.enter_context(video)
+            builder.AddNamedSystem("video_recorder", video)
+            builder.Connect(
+                cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
+                video.GetInputPort("color_image"),
+            )
+            builder.Connect(
+                cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
+            )
+        topics = cell_topics(
+            _arm_joint_names(scenario),
+            [f"{name}_joint" for name in JOINT_NAMES],
+            len(JOINT_NAMES),
+            dict.fromkeys(config.bag_cameras, config.bag_camera_period),
         )
-        builder.AddNamedSystem("video_recorder", video)
-        builder.Connect(
-            cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
-            video.GetInputPort("color_image"),
+        ports = _output_ports(cell)
+        bag = RosbagRecorder(
+            out / _FILES["recording"],
+            [t for t in topics if t.ports.keys() - t.optional <= ports.keys()],
+            period=config.period,
         )
-        builder.Connect(
-            cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
-        )
-        recorders["video"] = video
-    topics = cell_topics(
-        _arm_joint_names(cell),
-        [f"{name}_joint" for name in JOINT_NAMES],
-        len(JOINT_NAMES),
-        dict.fromkeys(config.bag_cameras, config.bag_camera_period),
-    )
-    bag = RosbagRecorder(out / "recording.mcap", topics, period=config.period)
-    builder.AddNamedSystem("rosbag_recorder", bag)
-    for i in range(bag.num_input_ports()):
-        port = bag.get_input_port(i)
-        if cell.HasOutputPort(port.get_name()):
-            builder.Connect(cell.GetOutputPort(port.get_name()), port)
-    recorders["recording"] = bag
+        recorders["recording"] = stack.enter_context(bag)
+        builder.AddNamedSystem("rosbag_recorder", bag)
+        for i in range(bag.num_input_ports()):
+            port = bag.get_input_port(i)
+            if port.get_name() in ports:
+                builder.Connect(ports[port.get_name()], port)
+        stack.pop_all()
     return recorders
 
 
-def _arm_joint_names(cell: Diagram) -> list[str]:
+def _output_ports(cell: Diagram) -> dict[str, OutputPort]:
+    """The output ports of a cell by their names."""
+    ports = map(cell.get_output_port, range(cell.num_output_ports()))
+    return {port.get_name(): port for port in ports}
+
+
+def _arm_joint_names(scenario: Scenario) -> list[str]:
     """Names of the arm's joints, in the order of its state."""
-    station = cell.GetSubsystemByName("station")
-    plant = station.GetSubsystemByName("plant")
+    plant = MultibodyPlant(time_step=0.0)
+    AddDirectives(plant, scenario)
+    plant.Finalize()
     arm = plant.GetModelInstanceByName("arm")
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
     joints = [joint for joint in joints if joint.num_positions() == 1]
@@ -182,16 +239,17 @@ def _arm_joint_names(cell: Diagram) -> list[str]:
 
 
 def _timeline(title: str, log: dict[str, Vector], pick: str) -> Timeline:
-    gripper, arm = log["gripper.state_measured"], log["arm.state_measured"]
+    arm = log["arm.state_measured"]
+    gripper = log.get("gripper.state_measured")
     names = [name.replace("_", " ") for name in JOINT_NAMES]
     poses = log.get(f"object_pose.{pick}")
     return Timeline(
         time=log["time"],
         mode=[MODES[int(i)].value for i in log["mode"]],
-        gripper_position=gripper[:, : len(names)],
+        gripper_position=None if gripper is None else gripper[:, : len(names)],
         gripper_joints=names,
-        closure=log["gripper.closure_commanded"][:, 0],
-        proximity=log["gripper.proximity"],
+        closure=log.get("gripper.closure_commanded"),
+        proximity=log.get("gripper.proximity"),
         sensors=names,
         arm_velocity=arm[:, arm.shape[1] // 2 :],
         object_height=None if poses is None else poses[:, 2],
@@ -203,6 +261,7 @@ def _run(
     simulator: Simulator,
     cell: Diagram,
     scenario: Scenario,
+    name: str,
     log: "_Log",
     progress: bool,
 ) -> tuple[PlannerStatus, RunTimes]:
@@ -215,25 +274,35 @@ def _run(
     limit = start_time + scenario.planner.time_budget + 1.0
     end = limit
     start = wall.perf_counter()
-    simulator.Initialize()
+    with failure_time(name, simulator):
+        simulator.Initialize()
     log.sample(context)
-    with tqdm(
-        total=scenario.planner.time_budget,
-        disable=not progress,
-        file=sys.stderr,
-        bar_format="{n:6.2f} s simulated  {desc} [{elapsed} elapsed]",
-    ) as bar:
-        step = 0
-        while root.get_time() < end - 1e-9:
-            step += 1
-            time = min(start_time + step * scenario.recording.period, end)
-            simulator.AdvanceTo(time)
-            log.sample(context)
-            status: PlannerStatus = status_port.Eval(context)
-            if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
-                end = min(limit, time + _SETTLE)
-            bar.set_description_str(f"{status.mode.value:10}", refresh=False)
-            bar.update(scenario.recording.period)
+    status, step = PlannerStatus(), 0
+    try:
+        with tqdm(
+            total=scenario.planner.time_budget,
+            disable=not progress,
+            file=sys.stderr,
+            bar_format="{n:6.2f} s simulated  {desc} [{elapsed} elapsed]",
+        ) as bar:
+            while root.get_time() < end - 1e-9:
+                step += 1
+                time = min(start_time + step * scenario.recording.period, end)
+                with failure_time(name, simulator):
+                    simulator.AdvanceTo(time)
+                log.sample(context)
+                status = status_port.Eval(context)
+                if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
+                    end = min(limit, time + _SETTLE)
+                bar.set_description_str(f"{status.mode.value:10}", refresh=False)
+                bar.update(scenario.recording.period)
+    except KeyboardInterrupt:
+        status = dc.replace(
+            status,
+            mode=Mode.FAILED,
+            failure=Failure.STOPPED,
+            message="stopped by the user",
+        )
     elapsed = wall.perf_counter() - start
     return status, RunTimes(root.get_time() - start_time, elapsed)
 
@@ -242,23 +311,19 @@ class _Log:
     """Samples of the cell's ports."""
 
     def __init__(self, scenario: Scenario, cell: Diagram) -> None:
-        available = {
-            cell.get_output_port(i).get_name() for i in range(cell.num_output_ports())
-        }
-        self._ports = {
-            name: cell.GetOutputPort(name) for name in _LOGGED if name in available
-        }
+        ports = _output_ports(cell)
+        self._ports = {name: ports[name] for name in _LOGGED if name in ports}
         self._mode = cell.GetOutputPort("planner.mode")
         self._poses = cell.GetOutputPort("object_poses_cheat")
         self._contacts = cell.GetOutputPort("contact_results_cheat")
         self._pick = scenario.task.pick
         self._reader: ContactReader | None = None
         self._present = scenario.objects[self._pick].present
-        self._rows: dict[str, list[Vector]] = {}
+        self._rows: list[dict[str, Vector | float]] = []
         self.touching: set[str] = set()
 
     def sample(self, context: Context) -> None:
-        """Add a row."""
+        """Add a row, whole or, where this is interrupted, not at all."""
         row: dict[str, Vector | float] = {
             "time": context.get_time(),
             "mode": float(MODES.index(self._mode.Eval(context))),
@@ -275,9 +340,10 @@ class _Log:
             forces = self._reader.forces(contacts)
         row["contact_force"] = forces.get("gripper", 0.0)
         self.touching = set(forces)
-        for name, value in row.items():
-            self._rows.setdefault(name, []).append(np.asarray(value))
+        self._rows.append(row)
 
     def arrays(self) -> dict[str, Vector]:
         """Return what was sampled, one array a quantity, one row a sample."""
-        return {name: np.array(rows) for name, rows in self._rows.items()}
+        return {
+            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
+        }

@@ -21,7 +21,7 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
 from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
-from drake_srg.errors import ScenarioError
+from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.gripper.drivers import AddSrgPositionDriver
 from drake_srg.ground_truth import ObjectPoses
 from drake_srg.objects import AddObject, X_WO_start, object_shape
@@ -31,6 +31,7 @@ from drake_srg.scenario import Scenario
 _LID = "package://drake_srg/sdf/lid.sdf"
 
 
+@scenario_errors()
 def MakeStation(scenario: Scenario) -> Diagram:
     """Build the diagram of plant, sensors and drivers of a scenario.
 
@@ -124,6 +125,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
     return diagram
 
 
+@scenario_errors()
 def MakePlant(
     builder: DiagramBuilder, scenario: Scenario
 ) -> tuple[MultibodyPlant, SceneGraph]:

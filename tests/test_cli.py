@@ -38,6 +38,11 @@ ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
             ["run", "kitchen", "--set", "plant_config.contact_model=soft"],
             ["contact_model", "soft"],
         ),
+        (
+            ["run", "kitchen", "--set", "arm.kp=[-1,1,1,1,1,1,1]"],
+            ["arm.kp", "at least"],
+        ),
+        (["bench", "kitchen", "--set", "arm.home=[0]"], ["kitchen: arm.home"]),
         (["diagram", "kitchen", "-o", "kitchen.jpg"], [".svg", ".dot"]),
     ],
 )
@@ -108,6 +113,23 @@ def test_diagram_writes_graphviz(tmp_path, capsys):
     assert text.startswith("digraph")
     for system in ("planner", "localizer", "gripper_driver"):
         assert system in text
+
+
+@pytest.mark.parametrize(
+    ("override", "word"),
+    [
+        ("arm.home=[0]", "kitchen: arm.home"),
+        ("arm=null", "kitchen: a cell also needs arm"),
+        ("object.color_range={lower: [0, 0, 0], upper: [1, 1, -1]}", "ColorRange"),
+        ("plant_config.contact_model=soft", "contact_model"),
+    ],
+)
+def test_bad_settings_of_a_diagram_are_one_line(override, word, tmp_path, capsys):
+    path = tmp_path / "kitchen.dot"
+    assert main(["diagram", "kitchen", "-o", str(path), "--set", override]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert word in line
+    assert not path.exists()
 
 
 def test_drawing_without_graphviz_says_what_to_install(tmp_path, capsys, monkeypatch):

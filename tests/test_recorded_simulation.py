@@ -12,6 +12,8 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate, _Log
 from drake_srg.types import Mode
 
+FILES = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
@@ -42,8 +44,7 @@ def messages(run):
 
 def test_every_artifact_is_where_metrics_say(run):
     result, out = run
-    names = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
-    assert {path.name for path in out.iterdir()} == names
+    assert {path.name for path in out.iterdir()} == FILES
     for path in result.metrics.artifacts.values():
         assert (out / path).stat().st_size > 0
 
@@ -98,28 +99,58 @@ def test_bag_and_log_agree(run, messages):
         )
 
 
-def test_a_run_that_cannot_begin_leaves_no_files(tmp_path):
-    scenario = load_scenario("kitchen", overrides=["plant_config.contact_model=soft"])
-    with pytest.raises(ScenarioError, match="contact_model"):
-        Simulate(scenario, out=tmp_path)
+@pytest.mark.parametrize(
+    "override", ["plant_config.contact_model=soft", "simulator_config.max_step_size=-1"]
+)
+def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, override):
+    scenario = load_scenario("kitchen", overrides=[override])
+    with pytest.raises(ScenarioError):
+        Simulate(scenario, out=tmp_path / "on the way" / "out")
     assert not list(tmp_path.iterdir())
 
 
-def test_what_an_interrupted_run_leaves_can_be_read(tmp_path, monkeypatch):
-    sample, calls = _Log.sample, []
+@pytest.fixture
+def failing(monkeypatch):
+    """Makes the log raise an error at its 21st row."""
 
-    def interrupt(log, context):
-        calls.append(context)
-        if len(calls) > 20:
-            raise KeyboardInterrupt
-        sample(log, context)
+    def fail_with(error):
+        sample, calls = _Log.sample, []
 
-    monkeypatch.setattr(_Log, "sample", interrupt)
-    scenario = load_scenario("kitchen", overrides=["object.present=false"])
-    with pytest.raises(KeyboardInterrupt):
-        Simulate(scenario, out=tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"video.mp4", "recording.mcap"}
+        def sample_or_fail(log, context):
+            calls.append(context)
+            if len(calls) > 20:
+                raise error
+            sample(log, context)
+
+        monkeypatch.setattr(_Log, "sample", sample_or_fail)
+
+    return fail_with
+
+
+def test_a_run_that_is_interrupted_is_judged_and_recorded_up_to_there(
+    tmp_path, failing
+):
+    failing(KeyboardInterrupt)
+    result = Simulate(
+        load_scenario("kitchen", overrides=["planner.time_budget=2"]), out=tmp_path
+    )
+    assert not result.metrics.success
+    assert result.metrics.failure == "stopped"
+    assert result.status.message == "stopped by the user"
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert len(read_log(tmp_path / "log.npz")["time"]) == 20
     with Reader(tmp_path / "recording.mcap") as reader:
         assert reader.message_count > 0
     with av.open(str(tmp_path / "video.mp4")) as container:
         assert list(container.decode(video=0))
+
+
+def test_a_run_that_fails_leaves_nothing_and_nothing_stale(tmp_path, failing):
+    failing(ZeroDivisionError)
+    for name in FILES:
+        (tmp_path / name).write_text("of an earlier run")
+    (tmp_path / "notes.txt").write_text("not ours")
+    scenario = load_scenario("kitchen", overrides=["object.present=false"])
+    with pytest.raises(ZeroDivisionError):
+        Simulate(scenario, out=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

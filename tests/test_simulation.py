@@ -1,5 +1,6 @@
 import dataclasses as dc
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.types import Mode
+from drake_srg.vision.blob_localizer import BlobLocalizer
 
 # Metrics that tell how fast this machine is, or where files went.
 OF_THE_MACHINE = (
@@ -197,6 +199,30 @@ def test_what_only_the_models_tell_to_be_wrong_is_reported_in_one_line(override)
         run(override)
     assert "\n" not in str(error.value)
     assert len(str(error.value)) > 20
+
+
+def test_what_drake_gives_up_on_in_a_step_is_reported_with_the_time(monkeypatch):
+    def give_up(self, context):
+        if context.get_time() > 0.1:
+            sys.exit("abort: Failure: dt > 0")  # as pydrake does
+        return locate(self, context)
+
+    locate = BlobLocalizer._locate
+    monkeypatch.setattr(BlobLocalizer, "_locate", give_up)
+    with pytest.raises(ScenarioError) as error:
+        run("localizer.period=0.05", "object.present=false")
+    assert "kitchen: the simulation failed at t = 0.1" in str(error.value)
+    assert "dt > 0" in str(error.value)
+
+
+def test_metrics_that_are_not_finite_are_written_as_null(golden, tmp_path):
+    metrics = dc.replace(
+        golden.metrics, smoothness=np.nan, placement_error_m=[0.0, np.inf, 1.0]
+    )
+    metrics.write(tmp_path / "metrics.json")
+    written = json.loads((tmp_path / "metrics.json").read_text())
+    assert written["smoothness"] is None
+    assert written["placement_error_m"] == [0.0, None, 1.0]
 
 
 def test_a_folder_that_cannot_be_made_is_reported_before_the_run(tmp_path):

@@ -31,10 +31,14 @@ class ArmPositionDriver:
     """
 
     kp: list[float] = dc.field(
-        default_factory=lambda: [9600.0, 9600.0, 7200.0, 7200.0, 2400.0, 2000.0, 1900.0]
+        default_factory=lambda: [
+            *(9600.0, 9600.0, 7200.0, 7200.0, 2400.0, 2000.0, 1900.0)
+        ],
+        metadata={"ge": 0.0},
     )  # N m / rad
     kd: list[float] = dc.field(
-        default_factory=lambda: [480.0, 480.0, 360.0, 360.0, 120.0, 100.0, 95.0]
+        default_factory=lambda: [480.0, 480.0, 360.0, 360.0, 120.0, 100.0, 95.0],
+        metadata={"ge": 0.0},
     )  # N m s / rad
     # Joint positions at the start of a simulation [rad].
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
