@@ -35,7 +35,7 @@ class IkSolution:
     """Joint angles that meet every requirement."""
 
     q: Vector  # shape (N,) [rad]
-    cost: float  # weighted squared distance from the nominal posture [rad^2]
+    cost: float  # squared distance from the nominal posture [rad^2]
     clearance: Clearance | None  # None where collisions were not asked for
     starts: int  # how many starts it took
 
@@ -64,7 +64,6 @@ def SolveInverseKinematics(
     *,
     q_nominal: Vector,
     q_guess: Vector | None = None,
-    joint_weights: Vector | None = None,
     joint_margin: float = 0.02,
     max_starts: int = 12,
     good_cost: float = np.inf,
@@ -84,7 +83,6 @@ def SolveInverseKinematics(
         target: where the hand shall be.
         q_nominal: the posture that costs nothing, shape (N,) [rad].
         q_guess: the first start, shape (N,) [rad]; default, `q_nominal`.
-        joint_weights: of each joint in the cost, shape (N,); default, ones.
         joint_margin: distance kept from the joint limits [rad].
         max_starts: how many starts to try.
         good_cost: stop at the first solution that costs no more [rad^2]; the default
@@ -98,12 +96,10 @@ def SolveInverseKinematics(
     Raises:
         ValueError: if a vector does not have N entries.
     """
-    weights = np.ones(scene.num_joints) if joint_weights is None else joint_weights
     guess = q_nominal if q_guess is None else q_guess
     for name, vector in (
         ("q_nominal", q_nominal),
         ("q_guess", guess),
-        ("joint_weights", weights),
     ):
         if np.shape(vector) != (scene.num_joints,):
             raise ValueError(
@@ -111,7 +107,7 @@ def SolveInverseKinematics(
                 f"its shape is {np.shape(vector)}."
             )
     limits = (scene.lower + joint_margin, scene.upper - joint_margin)
-    program = _Program(scene, target, limits, weights)
+    program = _Program(scene, target, limits)
     best: IkSolution | None = None
     blocked: list[tuple[Clearance, Vector]] = []
     for count, start in enumerate(
@@ -124,7 +120,7 @@ def SolveInverseKinematics(
         if clearance and clearance.spare < 0.0:
             blocked.append((clearance, q))
             continue
-        cost = float(weights @ (q - q_nominal) ** 2)
+        cost = float(np.sum((q - q_nominal) ** 2))
         if best is None or cost < best.cost:
             best = IkSolution(q, cost, clearance, count)
         if best.cost <= good_cost:
@@ -140,7 +136,7 @@ def SolveInverseKinematics(
             q,
             clearance,
         )
-    return _Diagnose(scene, target, limits, weights, guess)
+    return _Diagnose(scene, target, limits, guess)
 
 
 def _Starts(
@@ -160,7 +156,6 @@ class _Program:
         scene: PlanningScene,
         target: HandTarget,
         limits: tuple[Vector, Vector],
-        weights: Vector,
         *,
         soft_position: bool = False,
         soft_rotation: bool = False,
@@ -173,7 +168,8 @@ class _Program:
         upper = scene.positions(limits[1])  # all but the arm stands still
         self._prog.AddBoundingBoxConstraint(lower, upper, ik.q())
         # A softened program looks for the least violation, whatever the posture.
-        self._weights = np.diag(1e-6 * weights if self._soft else weights)
+        weight = 1e-6 if self._soft else 1.0
+        self._weights = weight * np.eye(scene.num_joints)
 
         tolerance = np.full(3, target.position_tolerance)
         if soft_position:
@@ -211,7 +207,6 @@ def _Diagnose(
     scene: PlanningScene,
     target: HandTarget,
     limits: tuple[Vector, Vector],
-    weights: Vector,
     guess: Vector,
 ) -> IkFailure:
     """Drops one requirement after the other until the rest can be met."""
@@ -219,7 +214,7 @@ def _Diagnose(
     starts = list(_Starts(limits, guess, rng, 4))
     turn = np.full(scene.num_joints, 2.0 * np.pi)
 
-    unlimited = _Program(scene, target, (-turn, turn), weights)
+    unlimited = _Program(scene, target, (-turn, turn))
     for start in starts:
         q, solved = unlimited.Solve(start, start)
         beyond = np.maximum(limits[0] - q, q - limits[1])
@@ -235,7 +230,7 @@ def _Diagnose(
 
     turning = target.R_WG is not None or bool(target.axes)
     if turning:
-        free = _Program(scene, target, limits, weights, soft_rotation=True)
+        free = _Program(scene, target, limits, soft_rotation=True)
         tries = [free.Solve(start, start)[0] for start in starts]
         close = 2.0 * target.position_tolerance  # beyond the corner of the box
         reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
@@ -251,7 +246,7 @@ def _Diagnose(
                 q,
             )
 
-    near = _Program(scene, target, limits, weights, soft_position=True)
+    near = _Program(scene, target, limits, soft_position=True)
     tries = [near.Solve(start, start)[0] for start in starts]
     q = min(tries, key=lambda q: target.distance(scene.X_WG(q)))
     distance = target.distance(scene.X_WG(q))

@@ -38,7 +38,6 @@ class MotionLimits:
     velocity: Vector  # shape (N,) [rad/s]
     acceleration: Vector  # shape (N,) [rad/s^2]
     torque: Vector  # shape (N,) [N m]
-    hand_speed: float = np.inf  # of the hand's origin [m/s]
 
     @staticmethod
     def OfPlant(scene: PlanningScene) -> MotionLimits:
@@ -158,8 +157,6 @@ def _FastestMotion(
     toppra.AddJointVelocityLimit(*_Bounds(scene, limits.velocity))
     toppra.AddJointAccelerationLimit(*_Bounds(scene, limits.acceleration))
     toppra.AddJointTorqueLimit(*_Bounds(scene, limits.torque))
-    if np.isfinite(limits.hand_speed):
-        toppra.AddFrameTranslationalSpeedLimit(scene.hand_frame, limits.hand_speed)
     scaling = toppra.SolvePathParameterization()
     return None if scaling is None else PathParameterizedTrajectory(path, scaling)
 
