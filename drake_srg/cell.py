@@ -79,10 +79,7 @@ def AddLocalizer(
     localizer = builder.AddNamedSystem(
         "localizer",
         BlobLocalizer(
-            [
-                BlobTarget(name, object_shape(name, config), _color_range(config))
-                for name, config in scenario.objects.items()
-            ],
+            _targets(scenario),
             {name: CameraModel.from_sensor(sensor) for name, sensor in sensors.items()},
             min_area=scenario.localizer.min_area,
             period=scenario.localizer.period,
@@ -149,6 +146,20 @@ def ConnectPlanner(
         ("closure_commanded", "gripper.closure_commanded"),
     ):
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
+
+
+def _targets(scenario: Scenario) -> list[BlobTarget]:
+    targets: list[BlobTarget] = []
+    for name, config in scenario.objects.items():
+        shape, colors = object_shape(name, config), _color_range(config)
+        for other in targets:
+            if (other.shape, other.color) == (shape, colors):
+                raise ScenarioError(
+                    f"objects.{name}: cannot be told from {other.name}; "
+                    "give it another shape, color or color_range"
+                )
+        targets.append(BlobTarget(name, shape, colors))
+    return targets
 
 
 def _color_range(config: ObjectConfig) -> ColorRange:

@@ -6,7 +6,7 @@ field may be one of Drake's distributions, drawn from `random_seed`.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,8 @@ class TaskConfig:
 class LocalizerConfig:
     """How objects are found in images."""
 
-    cameras: list[str] = dc.field(default_factory=list)  # names in `cameras`
+    # Names in `cameras`, each once.
+    cameras: list[str] = dc.field(default_factory=list)
     # Smallest blob [pixels].
     min_area: int = dc.field(default=50, metadata={"ge": 1})
     # Time between images [s]; 0 renders only when the blobs are asked for.
@@ -130,7 +131,8 @@ class LocalizerConfig:
 class RecordingConfig:
     """What a run records. Times are simulated."""
 
-    period: float = dc.field(default=0.02, metadata=positive())  # of the log [s]
+    # Of the log [s]. Metrics are computed from the log, so that it must be fine enough.
+    period: float = dc.field(default=0.02, metadata={"ge": 0.001, "le": 0.05})
     # Camera of video.mp4; empty: no video.
     video_camera: str = ""
     video_fps: float = dc.field(default=20.0, metadata=positive())
@@ -258,6 +260,12 @@ def _check(scenario: Scenario, origin: str) -> None:
         value = getattr(scenario.plant_config, name)
         message = f"must be greater than 0.0, is {value}"
         require(value > 0.0, f"plant_config.{name}", message)
+    accuracy = scenario.simulator_config.accuracy
+    message = f"must be greater than 0.0, is {accuracy}"
+    require(accuracy > 0.0, "simulator_config.accuracy", message)
+    start = scenario.simulator_config.start_time
+    message = f"must be 0.0, when every run starts, is {start}"
+    require(start == 0.0, "simulator_config.start_time", message)
     names = ", ".join(scenario.objects) or "none"
     pick = scenario.task.pick
     require(
@@ -300,18 +308,37 @@ def _check(scenario: Scenario, origin: str) -> None:
             "task.region",
             f"must be on the table; allowed: {table.min} .. {table.max}",
         )
-    cameras = ", ".join(scenario.cameras) or "none"
+    _check_cameras(scenario, require)
+
+
+def _check_cameras(
+    scenario: Scenario, require: Callable[[bool, str, str], None]
+) -> None:
+    for name, camera in scenario.cameras.items():
+        for side in ("width", "height"):
+            size = getattr(camera, side)
+            message = f"must be at least 1 pixel, is {size}"
+            require(size >= 1, f"cameras.{name}.{side}", message)
+        if isinstance(camera.focal, CameraConfig.FovDegrees):
+            for axis in ("x", "y"):
+                angle = getattr(camera.focal, axis)
+                require(
+                    angle is None or 0.0 < angle < 180.0,
+                    f"cameras.{name}.focal.{axis}",
+                    f"must be between 0 and 180 degrees, is {angle}",
+                )
+    allowed = ", ".join(scenario.cameras) or "none"
+    video = scenario.recording.video_camera
     for key, used in (
         ("localizer.cameras", scenario.localizer.cameras),
         ("recording.bag_cameras", scenario.recording.bag_cameras),
-        ("recording.video_camera", [scenario.recording.video_camera]),
+        ("recording.video_camera", [video] if video else []),
     ):
         for camera in used:
-            require(
-                camera in ("", *scenario.cameras),
-                key,
-                f"{camera!r} is not among the cameras; allowed: {cameras}",
-            )
+            message = f"{camera!r} is not among the cameras; allowed: {allowed}"
+            require(camera in scenario.cameras, key, message)
+        message = f"must name each camera once, is [{', '.join(used)}]"
+        require(len(set(used)) == len(used), key, message)
 
 
 def _draw_positions(scenario: Scenario, origin: str) -> None:

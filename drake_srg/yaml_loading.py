@@ -68,6 +68,8 @@ def merge(base: Any, override: Any) -> Any:
 def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
     """Merge `value` into `tree` at the dotted `key`, making mappings on the way.
 
+    An empty mapping, into which nothing would be merged, empties what is there.
+
     Raises:
         ScenarioError: If the key leads through something that is not a mapping.
     """
@@ -82,7 +84,7 @@ def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
                 f"--set {key}: {'.'.join(path[: i + 1])} is a value without keys"
             )
         node = child
-    node[last] = merge(node.get(last), value)
+    node[last] = merge(node.get(last), value) if value != {} else value
 
 
 def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:

@@ -3,6 +3,7 @@ from helpers import port_table
 from pydrake.systems.analysis import Simulator
 
 from drake_srg.cell import MakeCell, MakePlanner
+from drake_srg.errors import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Mode
@@ -31,6 +32,14 @@ def test_it_exports_the_stations_ports_and_its_own(cell, scenario):
         "arm.position_commanded": 7,
         "gripper.closure_commanded": 1,
     }
+
+
+def test_objects_that_look_alike_are_refused():
+    ball = "{shape: !Sphere {radius: 0.03}, mass: 0.1, friction: 1, position: "
+    balls = [f"objects.a={ball}[0.5, 0.5]}}", f"objects.b={ball}[0.8, 0.5]}}"]
+    with pytest.raises(ScenarioError, match=r"objects\.b: cannot be told from a;"):
+        MakeCell(load_scenario("kitchen", overrides=balls))
+    MakeCell(load_scenario("kitchen", overrides=[*balls, "objects.b.color=[0, 0, 1]"]))
 
 
 def test_its_parts_have_names(cell):

@@ -264,6 +264,28 @@ def test_a_folder_is_not_a_scenario(tmp_path):
             "localizer.cameras=[sky]",
             "localizer.cameras: 'sky' is not among the cameras",
         ),
+        (
+            "localizer.cameras=[ceiling, '']",
+            "localizer.cameras: '' is not among the cameras; allowed: ceiling, ",
+        ),
+        (
+            "localizer.cameras=[ceiling, ceiling]",
+            "localizer.cameras: must name each camera once, is [ceiling, ceiling]",
+        ),
+        ("recording.bag_cameras=['']", "recording.bag_cameras: '' is not among"),
+        ("cameras={}", "localizer.cameras: 'ceiling' is not among the cameras"),
+        ("objects={}", "task.pick: 'soup_can' is not among the objects"),
+        ("cameras.ceiling.width=0", "cameras.ceiling.width: must be at least 1 pixel"),
+        (
+            "cameras.ceiling.focal=!FovDegrees {x: 180}",
+            "cameras.ceiling.focal.x: must be between 0 and 180 degrees, is 180.0",
+        ),
+        ("recording.period=0.1", "recording.period: must be at most 0.05, is 0.1"),
+        ("recording.period=1e-4", "recording.period: must be at least 0.001"),
+        ("simulator_config.accuracy=0", "simulator_config.accuracy: must be greater"),
+        ("simulator_config.start_time=-1", "simulator_config.start_time: must be 0.0"),
+        ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, is -1.0"),
+        ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, is -1.0"),
         ("recording.video_camera=sky", "allowed: ceiling, overview"),
         (
             "planner.approaches=[below]",

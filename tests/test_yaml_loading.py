@@ -132,6 +132,13 @@ def test_set_key_makes_mappings_on_the_way():
     assert tree == {"a": {"b": 1, "c": {"d": 2}}, "n": {"m": 3}}
 
 
+def test_set_key_to_an_empty_mapping_replaces():
+    tree = {"a": {"b": 1}, "c": {"_tag": "!C", "d": 1}}
+    set_key(tree, "a", {})
+    set_key(tree, "c", {"_tag": "!C"})
+    assert tree == {"a": {}, "c": {"_tag": "!C", "d": 1}}
+
+
 def test_set_key_does_not_lead_through_values():
     with pytest.raises(ScenarioError, match=r"--set a\.b\.c: a\.b is a value"):
         set_key({"a": {"b": 1}}, "a.b.c", 2)
