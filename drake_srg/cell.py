@@ -151,7 +151,9 @@ def ConnectPlanner(
 def _targets(scenario: Scenario) -> list[BlobTarget]:
     targets: list[BlobTarget] = []
     for name, config in scenario.objects.items():
-        shape, colors = object_shape(name, config), _color_range(config)
+        shape = object_shape(name, config)
+        with scenario_errors(f"objects.{name}.color_range"):
+            colors = _color_range(config)
         for other in targets:
             if (other.shape, other.color) == (shape, colors):
                 raise ScenarioError(

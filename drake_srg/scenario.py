@@ -135,7 +135,7 @@ class RecordingConfig:
     period: float = dc.field(default=0.02, metadata={"ge": 0.001, "le": 0.05})
     # Camera of video.mp4; empty: no video.
     video_camera: str = ""
-    video_fps: float = dc.field(default=20.0, metadata=positive())
+    video_fps: float = dc.field(default=20.0, metadata=positive(le=240.0))
     # Cameras whose images go into recording.mcap, and how often [s].
     bag_cameras: list[str] = dc.field(default_factory=list)
     bag_camera_period: float = dc.field(default=0.5, metadata=positive())
@@ -260,9 +260,10 @@ def _check(scenario: Scenario, origin: str) -> None:
         value = getattr(scenario.plant_config, name)
         message = f"must be greater than 0.0, is {value}"
         require(value > 0.0, f"plant_config.{name}", message)
-    accuracy = scenario.simulator_config.accuracy
-    message = f"must be greater than 0.0, is {accuracy}"
-    require(accuracy > 0.0, "simulator_config.accuracy", message)
+    for name in ("accuracy", "max_step_size"):
+        value = getattr(scenario.simulator_config, name)
+        message = f"must be greater than 0.0, is {value}"
+        require(value > 0.0, f"simulator_config.{name}", message)
     start = scenario.simulator_config.start_time
     message = f"must be 0.0, when every run starts, is {start}"
     require(start == 0.0, "simulator_config.start_time", message)

@@ -120,7 +120,10 @@ def test_diagram_writes_graphviz(tmp_path, capsys):
     [
         ("arm.home=[0]", "kitchen: arm.home"),
         ("arm=null", "kitchen: a cell also needs arm"),
-        ("object.color_range={lower: [0, 0, 0], upper: [1, 1, -1]}", "ColorRange"),
+        (
+            "object.color_range={lower: [0, 0, 0], upper: [1, 1, -1]}",
+            "soup_can.color_range",
+        ),
         ("plant_config.contact_model=soft", "contact_model"),
     ],
 )

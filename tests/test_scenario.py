@@ -283,6 +283,8 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ("recording.period=0.1", "recording.period: must be at most 0.05, is 0.1"),
         ("recording.period=1e-4", "recording.period: must be at least 0.001"),
         ("simulator_config.accuracy=0", "simulator_config.accuracy: must be greater"),
+        ("simulator_config.max_step_size=-1", "max_step_size: must be greater than"),
+        ("recording.video_fps=1e9", "recording.video_fps: must be at most 240.0"),
         ("simulator_config.start_time=-1", "simulator_config.start_time: must be 0.0"),
         ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, is -1.0"),
         ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, is -1.0"),
