@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
+import logging
 from collections.abc import Iterable, Iterator
 
 import numpy as np
@@ -114,12 +115,13 @@ class PlanningScene:
         for body in (self._standing, self._obstacle):
             plant.WeldFrames(plant.world_frame(), body.body_frame())
 
-        self._checker = SceneGraphCollisionChecker(
-            model=builder.Build(),
-            robot_model_instances=[arm_model, gripper_model],
-            edge_step_size=self.step,  # required; edges are walked here instead
-            implicit_context_parallelism=Parallelism(1),
-        )
+        with _quiet():  # Drake announces its contexts at every construction
+            self._checker = SceneGraphCollisionChecker(
+                model=builder.Build(),
+                robot_model_instances=[arm_model, gripper_model],
+                edge_step_size=self.step,  # required; edges are walked here instead
+                implicit_context_parallelism=Parallelism(1),
+            )
         self.plant = self._checker.plant()
         self.context = self.plant.CreateDefaultContext()
         self.hand_frame = hand_frame
@@ -286,6 +288,17 @@ class PlanningScene:
             yield
         finally:
             self._checker.RemoveAllAddedCollisionShapes(group)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def _ToDrake(shape: Shape) -> geometry.Shape:
