@@ -3,9 +3,11 @@
 import av
 import numpy as np
 import pytest
+from pydrake.systems.framework import DiagramBuilder
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from drake_srg.cell import MakeCell
 from drake_srg.errors import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
@@ -108,6 +110,28 @@ def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, override):
     with pytest.raises(ScenarioError):
         Simulate(scenario, out=tmp_path / "on the way" / "out")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_cell_of_ones_own_is_recorded_as_far_as_it_has_ports(tmp_path):
+    missing = ("gripper.proximity", "gripper.closure_commanded")
+
+    def make_cell(scenario):
+        builder = DiagramBuilder()
+        inner = builder.AddNamedSystem("inner", MakeCell(scenario))
+        for i in range(inner.num_output_ports()):
+            port = inner.get_output_port(i)
+            if port.get_name() not in missing:
+                builder.ExportOutput(port, port.get_name())
+        return builder.Build()
+
+    overrides = ["object.present=false", "recording.video_camera=''"]
+    scenario = load_scenario("kitchen", overrides=overrides)
+    result = Simulate(scenario, out=tmp_path, make_cell=make_cell)
+    assert not set(missing) & result.log.keys()
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert "/joint_states" in reader.topics
+        assert "/gripper/proximity" not in reader.topics
+    assert (tmp_path / "timeline.png").is_file()
 
 
 @pytest.fixture
