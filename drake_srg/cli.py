@@ -6,6 +6,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -103,7 +104,8 @@ def _run(options: argparse.Namespace) -> int:
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
     # As Ctrl-C does, this ends the run and keeps what there is.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         result = Simulate(
             scenario,

@@ -2,8 +2,8 @@
 
 import contextlib
 import dataclasses as dc
-import logging
 import sys
+import tempfile
 import time as wall
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -106,8 +106,6 @@ def Simulate(
         OSError: If `out` cannot be written.
     """
     pick = scenario.task.pick
-    # One line about contexts for every planner is no use to anyone.
-    logging.getLogger("drake").setLevel(logging.WARNING)
     artifacts: dict[str, str | None] = dict.fromkeys(_FILES)
     with contextlib.ExitStack() as stack:
         with scenario_errors(name):
@@ -152,6 +150,7 @@ def _folder(out: Path | None) -> Iterator[None]:
         if out is not None:
             made = [path for path in (out, *out.parents) if not path.exists()]
             out.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=out).close()  # better now than after the run
         yield
     except BaseException:
         for path in made:
