@@ -9,20 +9,17 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import (
     Context,
     Diagram,
     DiagramBuilder,
-    OutputPort,
 )
 from tqdm import tqdm
 
 from drake_srg.cell import MakeCell
 from drake_srg.contacts import ContactReader
 from drake_srg.errors import ScenarioError, one_line, scenario_errors
-from drake_srg.gripper.drivers import JOINT_NAMES
 from drake_srg.metrics import (
     MODES,
     Metrics,
@@ -30,25 +27,14 @@ from drake_srg.metrics import (
     calc_metrics,
     pose_to_row,
 )
+from drake_srg.recorders import FILES, AddRecorders, output_ports, run_timeline
 from drake_srg.recording.log import write_log
-from drake_srg.recording.ros_topics import cell_topics
-from drake_srg.recording.rosbag import RosbagRecorder
-from drake_srg.recording.timeline import Timeline, draw_timeline
-from drake_srg.recording.video import VideoRecorder
+from drake_srg.recording.timeline import draw_timeline
 from drake_srg.scenario import Scenario
-from drake_srg.station import AddDirectives
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # How long a run goes on after the planner has ended, for things to settle [s].
 _SETTLE = 0.5
-
-# Artifacts of a run: kind to file.
-_FILES = {
-    "video": "video.mp4",
-    "recording": "recording.mcap",
-    "log": "log.npz",
-    "timeline": "timeline.png",
-}
 
 _LOGGED = (
     "arm.state_measured",
@@ -105,8 +91,7 @@ def Simulate(
             in the middle of the run.
         OSError: If `out` cannot be written.
     """
-    pick = scenario.task.pick
-    artifacts: dict[str, str | None] = dict.fromkeys(_FILES)
+    artifacts: dict[str, str | None] = dict.fromkeys(FILES)
     with contextlib.ExitStack() as stack:
         with scenario_errors(name):
             builder = DiagramBuilder()
@@ -122,17 +107,18 @@ def Simulate(
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
         if out is not None:  # what is there afterwards is of this run
-            for file in (*_FILES.values(), "metrics.json"):
+            for file in (*FILES.values(), "metrics.json"):
                 (out / file).unlink(missing_ok=True)
         log = _Log(scenario, cell)
         status, times = _run(simulator, cell, scenario, name, log, progress)
     arrays = log.arrays()
     if out is not None:
-        artifacts["log"] = str(write_log(out / _FILES["log"], arrays))
+        artifacts["log"] = str(write_log(out / FILES["log"], arrays))
         if record:
-            timeline = _timeline(f"{name}, seed {scenario.random_seed}", arrays, pick)
+            title = f"{name}, seed {scenario.random_seed}"
+            timeline = run_timeline(title, arrays, scenario.task.pick)
             artifacts["timeline"] = str(
-                draw_timeline(timeline, out / _FILES["timeline"])
+                draw_timeline(timeline, out / FILES["timeline"])
             )
     metrics = calc_metrics(
         scenario, name, arrays, status, log.touching, times, artifacts
@@ -169,91 +155,6 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
         raise ScenarioError(
             f"{name}: the simulation failed at t = {time:.3f} s: {one_line(error)}"
         ) from error
-
-
-def AddRecorders(
-    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
-) -> dict[str, VideoRecorder | RosbagRecorder]:
-    """Add what records video.mp4 and recording.mcap, connected to the cell.
-
-    Close them after the simulation; they are context managers.
-    """
-    config = scenario.recording
-    recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
-    with contextlib.ExitStack() as stack:  # forgets the first if the second fails
-        if config.video_camera:
-            camera = scenario.cameras[config.video_camera]
-            video = VideoRecorder(
-                out / _FILES["video"],
-                camera.width,
-                camera.height,
-                frame_rate=config.video_fps,
-            )
-            recorders["video"] = stack.enter_context(video)
-            builder.AddNamedSystem("video_recorder", video)
-            builder.Connect(
-                cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
-                video.GetInputPort("color_image"),
-            )
-            builder.Connect(
-                cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
-            )
-        topics = cell_topics(
-            _arm_joint_names(scenario),
-            [f"{name}_joint" for name in JOINT_NAMES],
-            len(JOINT_NAMES),
-            dict.fromkeys(config.bag_cameras, config.bag_camera_period),
-        )
-        ports = _output_ports(cell)
-        bag = RosbagRecorder(
-            out / _FILES["recording"],
-            [t for t in topics if t.ports.keys() - t.optional <= ports.keys()],
-            period=config.period,
-        )
-        recorders["recording"] = stack.enter_context(bag)
-        builder.AddNamedSystem("rosbag_recorder", bag)
-        for i in range(bag.num_input_ports()):
-            port = bag.get_input_port(i)
-            if port.get_name() in ports:
-                builder.Connect(ports[port.get_name()], port)
-        stack.pop_all()
-    return recorders
-
-
-def _output_ports(cell: Diagram) -> dict[str, OutputPort]:
-    """The output ports of a cell by their names."""
-    ports = map(cell.get_output_port, range(cell.num_output_ports()))
-    return {port.get_name(): port for port in ports}
-
-
-def _arm_joint_names(scenario: Scenario) -> list[str]:
-    """Names of the arm's joints, in the order of its state."""
-    plant = MultibodyPlant(time_step=0.0)
-    AddDirectives(plant, scenario)
-    plant.Finalize()
-    arm = plant.GetModelInstanceByName("arm")
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
-    joints = [joint for joint in joints if joint.num_positions() == 1]
-    return [j.name() for j in sorted(joints, key=lambda j: j.position_start())]
-
-
-def _timeline(title: str, log: dict[str, Vector], pick: str) -> Timeline:
-    arm = log["arm.state_measured"]
-    gripper = log.get("gripper.state_measured")
-    names = [name.replace("_", " ") for name in JOINT_NAMES]
-    poses = log.get(f"object_pose.{pick}")
-    return Timeline(
-        time=log["time"],
-        mode=[MODES[int(i)].value for i in log["mode"]],
-        gripper_position=None if gripper is None else gripper[:, : len(names)],
-        gripper_joints=names,
-        closure=log.get("gripper.closure_commanded"),
-        proximity=log.get("gripper.proximity"),
-        sensors=names,
-        arm_velocity=arm[:, arm.shape[1] // 2 :],
-        object_height=None if poses is None else poses[:, 2],
-        title=title,
-    )
 
 
 def _run(
@@ -310,7 +211,7 @@ class _Log:
     """Samples of the cell's ports."""
 
     def __init__(self, scenario: Scenario, cell: Diagram) -> None:
-        ports = _output_ports(cell)
+        ports = output_ports(cell)
         self._ports = {name: ports[name] for name in _LOGGED if name in ports}
         self._mode = cell.GetOutputPort("planner.mode")
         self._poses = cell.GetOutputPort("object_poses_cheat")

@@ -1,0 +1,112 @@
+"""What records a cell's run: video, rosbag and timeline."""
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+
+from drake_srg.gripper.drivers import JOINT_NAMES
+from drake_srg.metrics import MODES
+from drake_srg.recording.ros_topics import cell_topics
+from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.recording.timeline import Timeline
+from drake_srg.recording.video import VideoRecorder
+from drake_srg.scenario import Scenario
+from drake_srg.station import AddDirectives
+from drake_srg.types import Vector
+
+# Artifacts of a run: kind to file.
+FILES = {
+    "video": "video.mp4",
+    "recording": "recording.mcap",
+    "log": "log.npz",
+    "timeline": "timeline.png",
+}
+
+
+def AddRecorders(
+    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
+) -> dict[str, VideoRecorder | RosbagRecorder]:
+    """Add what records video.mp4 and recording.mcap, connected to the cell.
+
+    Close them after the simulation; they are context managers.
+    """
+    config = scenario.recording
+    recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
+    with contextlib.ExitStack() as stack:  # forgets the first if the second fails
+        if config.video_camera:
+            camera = scenario.cameras[config.video_camera]
+            video = VideoRecorder(
+                out / FILES["video"],
+                camera.width,
+                camera.height,
+                frame_rate=config.video_fps,
+            )
+            recorders["video"] = stack.enter_context(video)
+            builder.AddNamedSystem("video_recorder", video)
+            builder.Connect(
+                cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
+                video.GetInputPort("color_image"),
+            )
+            builder.Connect(
+                cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
+            )
+        topics = cell_topics(
+            _arm_joint_names(scenario),
+            [f"{name}_joint" for name in JOINT_NAMES],
+            len(JOINT_NAMES),
+            dict.fromkeys(config.bag_cameras, config.bag_camera_period),
+        )
+        ports = output_ports(cell)
+        bag = RosbagRecorder(
+            out / FILES["recording"],
+            [t for t in topics if t.ports.keys() - t.optional <= ports.keys()],
+            period=config.period,
+        )
+        recorders["recording"] = stack.enter_context(bag)
+        builder.AddNamedSystem("rosbag_recorder", bag)
+        for i in range(bag.num_input_ports()):
+            port = bag.get_input_port(i)
+            if port.get_name() in ports:
+                builder.Connect(ports[port.get_name()], port)
+        stack.pop_all()
+    return recorders
+
+
+def output_ports(cell: Diagram) -> dict[str, OutputPort]:
+    """The output ports of a cell by their names."""
+    ports = map(cell.get_output_port, range(cell.num_output_ports()))
+    return {port.get_name(): port for port in ports}
+
+
+def _arm_joint_names(scenario: Scenario) -> list[str]:
+    """Names of the arm's joints, in the order of its state."""
+    plant = MultibodyPlant(time_step=0.0)
+    AddDirectives(plant, scenario)
+    plant.Finalize()
+    arm = plant.GetModelInstanceByName("arm")
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    return [j.name() for j in sorted(joints, key=lambda j: j.position_start())]
+
+
+def run_timeline(title: str, log: Mapping[str, Vector], pick: str) -> Timeline:
+    """Return what timeline.png shows of a log, see `Simulate`."""
+    arm = log["arm.state_measured"]
+    gripper = log.get("gripper.state_measured")
+    names = [name.replace("_", " ") for name in JOINT_NAMES]
+    poses = log.get(f"object_pose.{pick}")
+    return Timeline(
+        time=log["time"],
+        mode=[MODES[int(i)].value for i in log["mode"]],
+        gripper_position=None if gripper is None else gripper[:, : len(names)],
+        gripper_joints=names,
+        closure=log.get("gripper.closure_commanded"),
+        proximity=log.get("gripper.proximity"),
+        sensors=names,
+        arm_velocity=arm[:, arm.shape[1] // 2 :],
+        object_height=None if poses is None else poses[:, 2],
+        title=title,
+    )
