@@ -5,9 +5,13 @@ from __future__ import annotations
 import importlib
 import tempfile
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, TracebackType
+from typing import TypeVar
 
 from drake_srg.installing import pip_install, this_package
+from drake_srg.lifetime import LeafSystem
+
+_Self = TypeVar("_Self", bound="Recorder")
 
 
 def require(module: str) -> ModuleType:
@@ -63,3 +67,33 @@ class OutputFile:
     def discard(self) -> None:
         """Forget what was written."""
         self._folder.cleanup()
+
+
+class Recorder(LeafSystem):
+    """A system that writes a file until it is closed, as a context manager.
+
+    What ends without an error or is interrupted by the user is kept, complete; what
+    fails is discarded.
+    """
+
+    def close(self) -> None:
+        """Finish the file and put it in its place."""
+        raise NotImplementedError
+
+    def discard(self) -> None:
+        """Stop and forget the file; where it is closed, this does nothing."""
+        raise NotImplementedError
+
+    def __enter__(self: _Self) -> _Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None or issubclass(kind, KeyboardInterrupt):
+            self.close()
+        else:
+            self.discard()

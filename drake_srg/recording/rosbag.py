@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from pydrake.systems.framework import Context
 
-from drake_srg.lifetime import LeafSystem, weak
-from drake_srg.recording.output import OutputFile, require
+from drake_srg.lifetime import weak
+from drake_srg.recording.output import OutputFile, Recorder, require
 from drake_srg.recording.ros_topics import Topic
 
 
-class RosbagRecorder(LeafSystem):
+class RosbagRecorder(Recorder):
     """Writes topics into one rosbag2 file of the MCAP format.
 
     .. pydrake_system::
@@ -103,20 +102,6 @@ class RosbagRecorder(LeafSystem):
             self._writer.close()
             self._writer = None
             self._output.discard()
-
-    def __enter__(self) -> RosbagRecorder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None or issubclass(kind, KeyboardInterrupt):
-            self.close()
-        else:
-            self.discard()
 
     def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:
         for port, model in topic.ports.items():

@@ -5,7 +5,6 @@ from __future__ import annotations
 import enum
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import cv2
@@ -15,11 +14,10 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageRgba8U
 
-from drake_srg.lifetime import LeafSystem
-from drake_srg.recording.output import OutputFile, require
+from drake_srg.recording.output import OutputFile, Recorder, require
 
 
-class VideoRecorder(LeafSystem):
+class VideoRecorder(Recorder):
     """Writes the images of a camera into an MP4 file that plays in any browser.
 
     .. pydrake_system::
@@ -127,20 +125,6 @@ class VideoRecorder(LeafSystem):
             self._container.close()
             self._container = self._stream = None
             self._output.discard()
-
-    def __enter__(self) -> VideoRecorder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        if kind is None or issubclass(kind, KeyboardInterrupt):
-            self.close()
-        else:
-            self.discard()
 
     def _record(self, context: Context) -> None:
         if self._container is None:
