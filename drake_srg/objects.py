@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.parsing import PackageMap, Parser
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, UnitInertia
 
@@ -111,11 +111,11 @@ def AddObject(
 def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
     key = f"objects.{name}.model"
     try:
-        packages = PackageMap()
-        parser = Parser(MultibodyPlant(0.0))
+        plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
+        parser = Parser(plant)
         ConfigureParser(parser)
-        packages = parser.package_map()
-        text = Path(packages.ResolveUrl(str(config.model))).read_text(encoding="utf-8")
+        path = parser.package_map().ResolveUrl(str(config.model))
+        text = Path(path).read_text(encoding="utf-8")
         for _, (prefix, uri) in ET.iterparse(io.StringIO(text), events=["start-ns"]):
             ET.register_namespace(prefix, uri)  # keeps `drake:` spelled so
         root = ET.fromstring(text)

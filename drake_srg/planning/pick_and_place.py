@@ -68,7 +68,7 @@ class _Memory:
     q_rest: Vector = dc.field(default_factory=lambda: np.zeros(0))
     closure: float = 0.0
     failure: Failure | None = None  # what went wrong last
-    localization: Blob | None = None  # the last one that led to a plan
+    localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
     message: str = ""
     planning_wall: float = 0.0  # s

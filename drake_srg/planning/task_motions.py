@@ -203,8 +203,7 @@ class TaskPlanner:
         p_WO_goal: Vector,
         candidate: _Candidate,
     ) -> dict[Mode, Trajectory]:
-        scene, config, grasp = self.scene, self.config, candidate.grasp
-        lift = config.lift_height * _UP
+        scene, grasp = self.scene, candidate.grasp
         motions: dict[Mode, Trajectory] = {}
 
         self._open_fingers(grasp)
@@ -219,7 +218,7 @@ class TaskPlanner:
         self._close_fingers(grasp)
         with scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
             q_pick = candidate.q_grasp
-            up = self._straight(q_pick, HandTarget.Pose(scene.X_WG(q_pick)), lift)
+            up = self._straight(q_pick, self._above(q_pick))
             motions[Mode.LIFT] = self._timed(up, self._holding, straight=True)
             q_place, down, across = self._transfer(up[-1], p_WO_goal, candidate)
             motions[Mode.TRANSFER] = self._timed(across, self._holding)
@@ -251,19 +250,19 @@ class TaskPlanner:
             if not isinstance(down, PathFailure):
                 return down[-1], down, across
         q_place = candidate.q_place
-        up = self._straight(q_place, HandTarget.Pose(scene.X_WG(q_place)), lift)
+        up = self._straight(q_place, self._above(q_place))
         return q_place, up[::-1], self._joint_path(q_lifted, up[-1])
+
+    def _above(self, q: Vector) -> HandTarget:
+        lift = self.config.lift_height * _UP
+        return HandTarget.Pose(self.scene.X_WG(q)).Shifted(lift)
 
     def _behind(self, q: Vector) -> HandTarget:
         X_WG = self.scene.X_WG(q)
         back = -self.config.approach_distance * X_WG.rotation().col(0)
         return HandTarget.Pose(X_WG).Shifted(back)
 
-    def _straight(
-        self, q: Vector, target: HandTarget, shift: Vector | None = None
-    ) -> Vector:
-        if shift is not None:
-            target = target.Shifted(shift)
+    def _straight(self, q: Vector, target: HandTarget) -> Vector:
         path = PlanCartesianPath(self.scene, q, target)
         if isinstance(path, PathFailure):
             raise _NoPathError(path.failure, path.message)

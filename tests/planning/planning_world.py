@@ -16,7 +16,7 @@ from drake_srg.types import Blob, Cylinder, Mode
 
 CAN, CUP = Cylinder(0.034, 0.1), Cylinder(0.04, 0.09)
 START, GOAL = np.array([0.6, 0.1, 0.05]), np.array([0.5, -0.4, 0.05])
-_MOVING = [
+MOVING = [
     Mode.PRE_GRASP,
     Mode.GRASP,
     Mode.LIFT,
@@ -51,10 +51,10 @@ class FakeTaskPlanner:
         self.obstacles = obstacles
         if self.result is not None:
             return self.result
-        n = len(_MOVING)
+        n = len(MOVING)
         q = [q_start + np.array([min(i, n - i), 0.0]) for i in range(n)] + [self.q_home]
         return TaskMotions(
-            self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(_MOVING)}
+            self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(MOVING)}
         )
 
     def plan_escape(self, q, obstacles=()):
