@@ -23,10 +23,10 @@ class PlannerConfig:
         default_factory=lambda: ["above", "side"],
         metadata={"among": ("above", "side")},
     )
-    # For grasps from the side, how far the hand points down [rad]: none, 5 and 10
+    # For grasps from the side, how far the hand points down [rad]: none, 3, 5 and 10
     # degrees. A tilt keeps the wrist off the table, but tilts the object in the hand.
     tilts: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0873, 0.1745],
+        default_factory=lambda: [0.0, 0.05, 0.0873, 0.1745],
         metadata={"ge": 0.0, "le": 0.7},
     )
     # What the closed command asks for beyond the contact, base + tip [rad]; 0.4 rad
