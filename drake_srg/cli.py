@@ -77,6 +77,20 @@ def _parser() -> argparse.ArgumentParser:
     _add_scenario(bench)
     bench.set_defaults(run=_bench)
 
+    experiment = commands.add_parser(
+        "experiment", help="measure what models and drivers do, beside what is claimed"
+    )
+    which = experiment.add_mutually_exclusive_group(required=True)
+    which.add_argument("name", nargs="?", metavar="NAME", help="what to measure")
+    which.add_argument("--list", action="store_true", help="list the experiments")
+    experiment.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="result.json, tables and a figure (default: out/experiments/NAME)",
+    )
+    experiment.set_defaults(run=_experiment)
+
     check = commands.add_parser("doctor", help="say what works on this machine")
     check.set_defaults(run=_doctor)
     return parser
@@ -103,9 +117,7 @@ def _run(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
-    # As Ctrl-C does, this ends the run and keeps what there is.
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    _end_on_sigterm()
     try:
         result = Simulate(
             scenario,
@@ -183,6 +195,26 @@ def _bench(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
+def _experiment(options: argparse.Namespace) -> int:
+    from drake_srg.experiments.registry import list_experiments, run_experiment
+
+    if options.list:
+        for name, description in list_experiments().items():
+            print(f"{name:24} {description}")
+        return SUCCESS
+    out: Path = options.out or Path("out") / "experiments" / options.name
+    _end_on_sigterm()
+    try:
+        result = run_experiment(options.name, out, progress=sys.stderr.isatty())
+    except OSError as error:
+        return _complain(f"--out {out}: cannot be written: {error.strerror or error}")
+    print(result.table())
+    print()
+    for path in result.paths(options.name, out):
+        print(path)
+    return SUCCESS if result.passed else TASK_FAILED
+
+
 def _doctor(options: argparse.Namespace) -> int:
     checks = doctor.Checks()
     for check in checks:
@@ -191,6 +223,12 @@ def _doctor(options: argparse.Namespace) -> int:
         if not check.ok:
             print(f"     {'':10} {check.fix}")
     return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED
+
+
+def _end_on_sigterm() -> None:
+    """Let a request to terminate end what runs as Ctrl-C does."""
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _complain(message: str) -> int:

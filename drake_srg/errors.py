@@ -6,7 +6,8 @@ Nothing of Drake is imported here: the command needs this where Drake fails.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import difflib
+from collections.abc import Iterable, Iterator
 
 
 class ScenarioError(ValueError):
@@ -30,6 +31,14 @@ def scenario_errors(name: str = "") -> Iterator[None]:
             raise
         message = one_line(error)
         raise ScenarioError(f"{name}: {message}" if name else message) from error
+
+
+def suggest(name: str, allowed: Iterable[str]) -> str:
+    """Return what somebody who wrote `name` may have meant, and all that is allowed."""
+    allowed = sorted(allowed)
+    close = difflib.get_close_matches(name, allowed, n=1)
+    hint = f"did you mean {close[0]!r}? " if close else ""
+    return f"{hint}allowed: {', '.join(allowed)}"
 
 
 def one_line(error: BaseException) -> str:

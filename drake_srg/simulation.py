@@ -3,7 +3,6 @@
 import contextlib
 import dataclasses as dc
 import sys
-import tempfile
 import time as wall
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -29,6 +28,7 @@ from drake_srg.metrics import (
 )
 from drake_srg.recorders import FILES, AddRecorders, output_ports, run_timeline
 from drake_srg.recording.log import write_log
+from drake_srg.recording.output import output_folder
 from drake_srg.recording.timeline import draw_timeline
 from drake_srg.scenario import Scenario
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
@@ -96,7 +96,8 @@ def Simulate(
         with scenario_errors(name):
             builder = DiagramBuilder()
             cell = builder.AddNamedSystem("cell", make_cell(scenario))
-            stack.enter_context(_folder(out))
+            # Better now than after the run.
+            stack.enter_context(output_folder(out))
             if out is not None and record:
                 added = AddRecorders(builder, cell, scenario, out)
                 for kind, recorder in added.items():
@@ -126,23 +127,6 @@ def Simulate(
     if out is not None:
         metrics.write(out / "metrics.json")
     return Result(metrics, arrays, status)
-
-
-@contextlib.contextmanager
-def _folder(out: Path | None) -> Iterator[None]:
-    """Make the folder of a run; one that is made for nothing does not stay."""
-    made: list[Path] = []
-    try:
-        if out is not None:
-            made = [path for path in (out, *out.parents) if not path.exists()]
-            out.mkdir(parents=True, exist_ok=True)
-            tempfile.TemporaryFile(dir=out).close()  # better now than after the run
-        yield
-    except BaseException:
-        for path in made:
-            with contextlib.suppress(OSError):  # of a folder with something in it
-                path.rmdir()
-        raise
 
 
 @contextlib.contextmanager

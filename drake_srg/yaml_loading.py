@@ -7,7 +7,6 @@ wrong and lets mistyped tags pass, so `check_tree` looks at everything first.
 from __future__ import annotations
 
 import dataclasses as dc
-import difflib
 import math
 import operator
 import types
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
-from drake_srg.errors import ScenarioError
+from drake_srg.errors import ScenarioError, suggest
 
 # Where a number is expected, one of these may stand; see `distributions.py`.
 DISTRIBUTION_TAGS = (
@@ -182,7 +181,7 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
         if field == "_tag":
             continue
         if field not in fields:
-            fail(origin, key, f"unknown key {field!r}; {_suggest(field, fields)}")
+            fail(origin, key, f"unknown key {field!r}; {suggest(field, fields)}")
         field_type, bounds = fields[field]
         result[field] = check_tree(item, field_type, origin, join(key, field))
         if ours:
@@ -199,7 +198,7 @@ def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
         *DISTRIBUTION_TAGS,
     ):
         wrong(
-            f"unknown tag {value['_tag']}; {_suggest(value['_tag'], DISTRIBUTION_TAGS)}"
+            f"unknown tag {value['_tag']}; {suggest(value['_tag'], DISTRIBUTION_TAGS)}"
         )
     if schema is str:
         if not isinstance(value, str):
@@ -242,7 +241,7 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
     tag = value.get("_tag") if isinstance(value, Mapping) else None
     if tag is not None:
         if tag not in tags:
-            fail(origin, key, f"unknown tag {tag}; {_suggest(tag, tags)}")
+            fail(origin, key, f"unknown tag {tag}; {suggest(tag, tags)}")
         checked = check_tree(value, tags[tag], origin, key)
         return {**checked, "_tag": tag}
     untagged = [option for option in options if _fields(option) is None]
@@ -298,9 +297,3 @@ def _describe(value: Any) -> str:
 def names(names: Iterable[str]) -> str:
     """Return names in their order, for a message."""
     return ", ".join(sorted(names))
-
-
-def _suggest(name: str, allowed: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(allowed), n=1)
-    hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}allowed: {names(allowed)}"

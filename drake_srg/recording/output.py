@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import TypeVar
@@ -28,6 +30,30 @@ def require(module: str) -> ModuleType:
             f"Recording needs {package!r}, which is not installed. "
             f"Run: {pip_install(*this_package('recording'))}"
         ) from error
+
+
+@contextlib.contextmanager
+def output_folder(out: Path | None) -> Iterator[None]:
+    """Make a folder for results; one that is made for nothing does not stay.
+
+    Args:
+        out: The folder; None makes none.
+
+    Raises:
+        OSError: At the start, if nothing can be written there.
+    """
+    made: list[Path] = []
+    try:
+        if out is not None:
+            made = [path for path in (out, *out.parents) if not path.exists()]
+            out.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=out).close()
+        yield
+    except BaseException:
+        for path in made:
+            with contextlib.suppress(OSError):  # of a folder with something in it
+                path.rmdir()
+        raise
 
 
 class OutputFile:

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.recording.output import OutputFile, require
+from drake_srg.recording.figure import make_figure, save_png, style_axes
 from drake_srg.types import Vector
 
-_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
 _BANDS = ("#eef2f6", "#dbe4ed")
 
 
@@ -59,11 +58,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
         ValueError: If a series has another length than `time`, or there is none.
     """
     panels = _panels(timeline)
-    figure_module = require("matplotlib.figure")
-    require("matplotlib.backends.backend_agg")
-    figure = figure_module.Figure(
-        figsize=(11, 0.9 + 1.55 * len(panels)), dpi=110, layout="constrained"
-    )
+    figure = make_figure(11, 0.9 + 1.55 * len(panels), timeline.title)
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (label, values, names) in zip(all_axes, panels, strict=True):
         _draw_panel(axes, timeline.time, label, values, names)
@@ -72,12 +67,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     all_axes[-1].set_xlabel("simulated time [s]")
     if len(timeline.time) > 1:
         all_axes[-1].set_xlim(timeline.time[0], timeline.time[-1])
-    if timeline.title:
-        figure.suptitle(timeline.title, x=0.01, ha="left", weight="bold")
-    output = OutputFile(path)
-    # Without the version of matplotlib in it the file tells nothing but the data.
-    figure.savefig(output.path, format="png", metadata={"Software": None})
-    return output.commit()
+    return save_png(figure, path)
 
 
 def _panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
@@ -121,16 +111,12 @@ def _draw_panel(
     values: Vector,
     names: Sequence[str],
 ) -> None:
+    style_axes(axes, ylabel=label)
     shown = np.where(np.isfinite(values), values, np.nan)
-    colors = itertools.cycle(_COLORS)
-    for i, color in zip(range(values.shape[1]), colors, strict=False):
+    for i in range(values.shape[1]):
         name = names[i] if i < len(names) else None
-        axes.plot(time, shown[:, i], color=color, lw=1.2, label=name)
-    axes.set_ylabel(label, fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.grid(axis="y", color="#c8ced6", lw=0.5)
+        axes.plot(time, shown[:, i], lw=1.2, label=name)
     axes.margins(y=0.12)
-    axes.spines[["top", "right"]].set_visible(False)
     if names:
         axes.legend(
             loc="upper left",

@@ -1,0 +1,1 @@
+"""Experiments: what the models and drivers do, measured; one file each."""

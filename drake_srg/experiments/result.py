@@ -1,0 +1,198 @@
+"""What an experiment hands back: rows that are judged, tables and a figure."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import dataclasses as dc
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.recording.figure import save_png
+from drake_srg.recording.output import OutputFile
+
+
+@dc.dataclass(frozen=True)
+class Row:
+    """One quantity, what was expected of it and what was measured.
+
+    Make rows by the class methods: they compute `passed`. What is measured passes only
+    where it is finite.
+
+    Attributes:
+        name: What was measured on: an object, a driver, a setting.
+        quantity: What was measured.
+        expected: The criterion in words, `<= 3`.
+        measured: The number.
+        unit: Of the number and of the criterion.
+        passed: Whether the number meets the criterion.
+    """
+
+    name: str
+    quantity: str
+    expected: str
+    measured: float
+    unit: str
+    passed: bool
+
+    @classmethod
+    def at_most(
+        cls, name: str, quantity: str, limit: float, measured: float, unit: str
+    ) -> Row:
+        """Expect no more than `limit`."""
+        text = f"<= {limit:.4g}"
+        return cls._judged(name, quantity, text, measured, unit, measured <= limit)
+
+    @classmethod
+    def at_least(
+        cls, name: str, quantity: str, limit: float, measured: float, unit: str
+    ) -> Row:
+        """Expect no less than `limit`."""
+        text = f">= {limit:.4g}"
+        return cls._judged(name, quantity, text, measured, unit, measured >= limit)
+
+    @classmethod
+    def within(
+        cls,
+        name: str,
+        quantity: str,
+        expected: float,
+        measured: float,
+        unit: str,
+        *,
+        relative: float = 0.0,
+        absolute: float = 0.0,
+    ) -> Row:
+        """Expect `expected` up to a share of itself and an absolute deviation.
+
+        Where both are given, the larger one counts.
+        """
+        allowed = max(relative * abs(expected), absolute)
+        text = f"{expected:.4g} +- {allowed:.2g}"
+        passed = abs(measured - expected) <= allowed
+        return cls._judged(name, quantity, text, measured, unit, passed)
+
+    @classmethod
+    def info(cls, name: str, quantity: str, measured: float, unit: str) -> Row:
+        """Expect a number, whichever: what is told beside the rows that judge."""
+        return cls._judged(name, quantity, "a number", measured, unit, True)
+
+    @classmethod
+    def _judged(
+        cls,
+        name: str,
+        quantity: str,
+        expected: str,
+        measured: float,
+        unit: str,
+        passed: bool,
+    ) -> Row:
+        passed = bool(passed) and math.isfinite(measured)
+        return cls(name, quantity, expected, float(measured), unit, passed)
+
+    def as_dict(self) -> dict[str, str | float | bool | None]:
+        """Return the row as in result.json; what is not finite becomes None."""
+        return {
+            "name": self.name,
+            "quantity": self.quantity,
+            "expected": self.expected,
+            "measured": self.measured if math.isfinite(self.measured) else None,
+            "unit": self.unit,
+            "pass": self.passed,
+        }
+
+
+@dc.dataclass(frozen=True)
+class ExperimentResult:
+    """What came of an experiment.
+
+    Attributes:
+        rows: What is judged; at least one.
+        tables: Name of a CSV file to its columns, name (with the unit) to values,
+            equally long. The data behind the figure.
+        figure: A figure of `recording.figure.make_figure`.
+
+    Raises:
+        ValueError: If there are no rows, or columns of a table differ in length.
+    """
+
+    rows: Sequence[Row]
+    tables: Mapping[str, Mapping[str, npt.ArrayLike]]
+    figure: Any
+
+    def __post_init__(self) -> None:
+        if not self.rows:
+            raise ValueError("an experiment without rows shows nothing")
+        for table, columns in self.tables.items():
+            shapes = {name: np.shape(values) for name, values in columns.items()}
+            if len(set(shapes.values())) != 1 or {1} != set(map(len, shapes.values())):
+                raise ValueError(f"table {table!r}: columns must match, are {shapes}")
+
+    @property
+    def passed(self) -> bool:
+        """Whether all rows pass."""
+        return all(row.passed for row in self.rows)
+
+    def table(self) -> str:
+        """Return the rows as text."""
+        lines = [("", "name", "quantity", "measured", "unit", "expected")]
+        for row in self.rows:
+            word = "ok" if row.passed else "FAIL"
+            measured = f"{row.measured:.4g}"
+            lines.append(
+                (word, row.name, row.quantity, measured, row.unit, row.expected)
+            )
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        return "\n".join(
+            "  ".join(map(str.ljust, line, widths)).rstrip() for line in lines
+        )
+
+    def paths(self, name: str, out: Path) -> list[Path]:
+        """Return the files that `write` writes."""
+        tables = (f"{table}.csv" for table in self.tables)
+        return [out / file for file in ("result.json", *tables, f"{name}.png")]
+
+    def write(self, name: str, out: Path) -> list[Path]:
+        """Write result.json, the tables and NAME.png, all of them or none.
+
+        The same result gives the same bytes.
+
+        Returns:
+            As `paths` does.
+
+        Raises:
+            OSError: If they cannot be written.
+        """
+        with contextlib.ExitStack() as stack:
+            outputs = [OutputFile(path) for path in self.paths(name, out)]
+            for output in outputs:
+                stack.callback(output.discard)
+            report, *tables, picture = outputs
+            text = json.dumps([row.as_dict() for row in self.rows], indent=2)
+            report.path.write_text(text + "\n", encoding="utf-8")
+            for table, columns in zip(tables, self.tables.values(), strict=True):
+                _write_csv(table.path, columns)
+            save_png(self.figure, picture.path)
+            return [output.commit() for output in outputs]
+
+
+def _write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
+    """Write numbers with 9 digits, text as it is, and nothing for a NaN."""
+
+    def show(value: Any) -> str:
+        if isinstance(value, float):
+            return "" if math.isnan(value) else f"{value:.9g}"
+        return str(value)
+
+    lists = [np.asarray(values).tolist() for values in columns.values()]
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for row in zip(*lists, strict=True):
+            writer.writerow([show(value) for value in row])

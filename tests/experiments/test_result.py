@@ -1,0 +1,136 @@
+import csv
+import json
+import math
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.recording.figure import make_figure, style_axes
+
+numbers = st.floats(-1e6, 1e6)
+
+
+def make_result(rows=None, **columns):
+    figure = make_figure(3, 2, "a figure")
+    axes = figure.subplots()
+    style_axes(axes, xlabel="time [s]", ylabel="q [rad]")
+    axes.plot([0, 1], [0, 1])
+    columns = columns or {"time [s]": [0.0, 0.1], "q [rad]": np.array([1 / 3, 2.0])}
+    rows = rows or [Row.at_most("base", "drift", 3.0, 1.5, "um/s")]
+    return ExperimentResult(rows, {"motion": columns}, figure)
+
+
+@given(limit=numbers, measured=numbers)
+def test_bounds_are_inclusive(limit, measured):
+    assert Row.at_most("", "", limit, measured, "").passed == (measured <= limit)
+    assert Row.at_least("", "", limit, measured, "").passed == (measured >= limit)
+    assert Row.at_most("", "", limit, limit, "").passed
+    assert Row.at_least("", "", limit, limit, "").passed
+
+
+@given(expected=numbers, share=st.floats(0, 2), inside=st.floats(0, 0.999))
+def test_a_deviation_is_a_share_of_the_expected(expected, share, inside):
+    deviation = share * abs(expected)
+    near, far = expected + inside * deviation, expected + 1.01 * deviation + 1e-6
+    assert Row.within("", "", expected, near, "", relative=share, absolute=1e-9).passed
+    assert not Row.within("", "", expected, far, "", relative=share).passed
+
+
+def test_the_larger_deviation_counts():
+    for measured, passed in ((2.4, True), (2.6, False)):
+        row = Row.within("", "", 2.0, measured, "", relative=0.1, absolute=0.5)
+        assert row.passed == passed
+
+
+@pytest.mark.parametrize("measured", [math.nan, math.inf, -math.inf])
+def test_what_is_not_finite_fails_and_is_null(measured):
+    rows = [
+        Row.at_most("", "", 1.0, measured, ""),
+        Row.at_least("", "", 1.0, measured, ""),
+        Row.within("", "", 1.0, measured, "", relative=math.inf),
+        Row.info("", "", measured, ""),
+    ]
+    for row in rows:
+        assert not row.passed
+        assert row.as_dict()["measured"] is None
+
+
+def test_criteria_can_be_read():
+    assert Row.at_most("", "", 3.0, 1.0, "").expected == "<= 3"
+    assert Row.at_least("", "", 0.145, 1.0, "").expected == ">= 0.145"
+    assert Row.within("", "", 2.0, 1.0, "", relative=0.03).expected == "2 +- 0.06"
+
+
+def test_files_hold_what_was_measured(tmp_path):
+    result = make_result(**{"time [s]": [0.0, 0.1], "word": ["a", "b, c"]})
+    paths = result.write("fake", tmp_path / "out")
+    names = ["result.json", "motion.csv", "fake.png"]
+    assert paths == result.paths("fake", tmp_path / "out")
+    assert [path.name for path in paths] == names
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(names)
+    assert json.loads(paths[0].read_text()) == [
+        {
+            "name": "base",
+            "quantity": "drift",
+            "expected": "<= 3",
+            "measured": 1.5,
+            "unit": "um/s",
+            "pass": True,
+        }
+    ]
+    with paths[1].open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows == [
+        {"time [s]": "0", "word": "a"},
+        {"time [s]": "0.1", "word": "b, c"},
+    ]
+    assert cv2.imread(str(paths[2])).shape == (220, 330, 3)
+
+
+def test_numbers_survive_the_csv(tmp_path):
+    values = np.random.default_rng(0).normal(size=20)
+    values[3] = np.nan
+    path = make_result(x=values).write("fake", tmp_path)[1]
+    read = np.genfromtxt(path, skip_header=1, delimiter=",")
+    np.testing.assert_allclose(read, values, rtol=1e-8)
+
+
+def test_equal_results_give_equal_bytes(tmp_path):
+    one, two = (make_result().write("fake", tmp_path / name) for name in "ab")
+    for a, b in zip(one, two, strict=True):
+        assert a.read_bytes() == b.read_bytes()
+
+
+def test_what_cannot_be_written_whole_is_not_written(tmp_path):
+    result = make_result()
+    result.figure.savefig = None  # drawing comes last, and fails
+    with pytest.raises(TypeError):
+        result.write("fake", tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_failing_row_fails_the_experiment():
+    good = Row.at_most("a", "b", 1.0, 0.5, "m")
+    bad = Row.at_most("a", "b", 1.0, 1.5, "m")
+    assert make_result([good, good]).passed
+    assert not make_result([good, bad]).passed
+    assert [line.split()[0] for line in make_result([good, bad]).table().split("\n")][
+        1:
+    ] == ["ok", "FAIL"]
+
+
+@pytest.mark.parametrize(
+    "columns", [{"a": [1, 2], "b": [1]}, {"a": [[1], [2]]}, {"a": 1.0}]
+)
+def test_a_table_has_one_value_a_row_in_every_column(columns):
+    with pytest.raises(ValueError, match="'motion': columns must match"):
+        make_result(**columns)
+
+
+def test_an_experiment_without_rows_shows_nothing():
+    with pytest.raises(ValueError, match="without rows"):
+        ExperimentResult([], {}, make_figure(3, 2))
