@@ -5,15 +5,22 @@ from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.errors import ScenarioError, scenario_errors
-from drake_srg.objects import object_shape
+from drake_srg.objects import known_shape, object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.scripted import ScriptedPlanner
 from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.scenario import ObjectConfig, Scenario
 from drake_srg.station import AddDirectives, MakeStation
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
+
+# What a planner commands, and what that is called at the station.
+_COMMANDS = (
+    ("position_commanded", "arm.position_commanded"),
+    ("closure_commanded", "gripper.closure_commanded"),
+)
 
 
 @scenario_errors()
@@ -34,6 +41,8 @@ def MakeCell(scenario: Scenario) -> Diagram:
     The subsystems are named `station`, `localizer` and `planner`. To replace one, build
     the diagram with your own in its place: this function is short for that reason.
 
+    Where the scenario has a `script`, the planner plays it, and there is no localizer.
+
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
@@ -41,28 +50,36 @@ def MakeCell(scenario: Scenario) -> Diagram:
         "arm": scenario.arm,
         "gripper": scenario.gripper,
         "task.pick": scenario.task.pick,
-        "localizer.cameras": scenario.localizer.cameras,
+        "localizer.cameras": scenario.localizer.cameras or scenario.script,
     }
     missing = [key for key, value in needed.items() if not value]
     if missing:
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
     builder = DiagramBuilder()
     station = builder.AddNamedSystem("station", MakeStation(scenario))
-    localizer = AddLocalizer(builder, scenario, station)
-    planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
-    ConnectPlanner(builder, station, localizer, planner)
+    planner: System
+    if scenario.script:
+        planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
+        ConnectCommands(builder, station, planner)
+        if any(step.force_limit is not None for step in scenario.script):
+            builder.Connect(
+                planner.GetOutputPort("force_limit"),
+                station.GetInputPort("gripper.force_limit"),
+            )
+    else:
+        localizer = AddLocalizer(builder, scenario, station)
+        planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
+        ConnectPlanner(builder, station, localizer, planner)
+        builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
     for i in range(station.num_output_ports()):
         port = station.get_output_port(i)
         builder.ExportOutput(port, port.get_name())
-    builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
-    builder.ExportOutput(planner.GetOutputPort("mode"), "planner.mode")
-    builder.ExportOutput(planner.GetOutputPort("status"), "planner.status")
-    builder.ExportOutput(
-        planner.GetOutputPort("position_commanded"), "arm.position_commanded"
-    )
-    builder.ExportOutput(
-        planner.GetOutputPort("closure_commanded"), "gripper.closure_commanded"
-    )
+    for name, exported in (
+        ("mode", "planner.mode"),
+        ("status", "planner.status"),
+        *_COMMANDS,
+    ):
+        builder.ExportOutput(planner.GetOutputPort(name), exported)
     diagram = builder.Build()
     diagram.set_name("cell")
     return diagram
@@ -106,12 +123,18 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
         np.array(goal),
         place.tolerance,
         obstacles={
-            other: object_shape(other, config)
+            other: known
             for other, config in scenario.objects.items()
-            if other != name
+            if other != name and (known := known_shape(other, config)) is not None
         },
         config=scenario.planner,
     )
+
+
+def MakeScriptedPlanner(scenario: Scenario) -> ScriptedPlanner:
+    """Make what plays a scenario's script."""
+    assert scenario.arm is not None
+    return ScriptedPlanner(np.array(scenario.arm.home), scenario.script)
 
 
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
@@ -141,17 +164,21 @@ def ConnectPlanner(
         ("gripper.proximity", "proximity"),
     ):
         builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
-    for source, target in (
-        ("position_commanded", "arm.position_commanded"),
-        ("closure_commanded", "gripper.closure_commanded"),
-    ):
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+    """Connect what a planner commands to a station."""
+    for source, target in _COMMANDS:
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
 
 
 def _targets(scenario: Scenario) -> list[BlobTarget]:
     targets: list[BlobTarget] = []
     for name, config in scenario.objects.items():
-        shape = object_shape(name, config)
+        shape = known_shape(name, config)
+        if shape is None:
+            continue  # nothing looks for it
         with scenario_errors(f"objects.{name}.color_range"):
             colors = _color_range(config)
         for other in targets:

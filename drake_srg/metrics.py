@@ -11,7 +11,7 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.objects import object_shape
+from drake_srg.objects import known_shape
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
 from drake_srg.station import AddDirectives
@@ -125,13 +125,14 @@ def calc_metrics(
     localization = shift = drift = peak = cycle = None
     if poses is not None:
         final = _transform(poses[-1])
-        shape = object_shape(pick, scenario.objects[pick])
+        # It shall stand, or lie, at its goal as it did at the start.
+        start = _transform(poses[0])
         place = scenario.task.place
-        goal = [*place.position, scenario.table.height + 0.5 * shape.height]
-        error = final.translation() - goal
-        if not isinstance(shape, Sphere):
-            z = final.rotation().col(2)
-            tilt = float(np.arctan2(np.hypot(z[0], z[1]), z[2]))
+        error = final.translation() - [*place.position, start.translation()[2]]
+        if not isinstance(known_shape(pick, scenario.objects[pick]), Sphere):
+            z, upright = final.rotation().col(2), start.rotation().col(2)
+            sine = np.linalg.norm(np.cross(upright, z))
+            tilt = float(np.arctan2(sine, upright @ z))
         placed = bool(
             np.linalg.norm(error) <= place.tolerance
             and (tilt is None or tilt <= _MAX_TILT)

@@ -50,33 +50,56 @@ def object_shape(name: str, config: ObjectConfig) -> Shape:
     Raises:
         ScenarioError: If a model cannot be read or has not just one simple geometry.
     """
+    shape = known_shape(name, config)
+    if shape is None:
+        raise ScenarioError(
+            f"objects.{name}.model: {config.model} must have one collision geometry, "
+            "a cylinder, box or sphere, to be localized and planned with"
+        )
+    return shape
+
+
+def known_shape(name: str, config: ObjectConfig) -> Shape | None:
+    """Return the shape of an object, None where it is not a single simple one.
+
+    Raises:
+        ScenarioError: If a model cannot be read.
+    """
     if config.shape is not None:
         return config.shape
-    geometries = _model_tree(name, config).findall(".//collision/geometry/*")
-    if len(geometries) == 1:
-        values = {child.tag: child.text or "" for child in geometries[0]}
-        match geometries[0].tag:
-            case "cylinder":
-                return Cylinder(float(values["radius"]), float(values["length"]))
-            case "sphere":
-                return Sphere(float(values["radius"]))
-            case "box":
-                return Box([float(x) for x in values["size"].split()])
-    raise ScenarioError(
-        f"objects.{name}.model: {config.model} must have one collision geometry, "
-        "a cylinder, box or sphere"
-    )
+    collisions = _model_tree(name, config).findall(".//collision")
+    geometries = [g for c in collisions for g in c.findall("geometry/*")]
+    if len(geometries) != 1:
+        return None
+    values = {child.tag: child.text or "" for child in geometries[0]}
+    match geometries[0].tag:
+        case "cylinder":
+            return Cylinder(float(values["radius"]), float(values["length"]))
+        case "sphere":
+            return Sphere(float(values["radius"]))
+        case "box":
+            return Box([float(x) for x in values["size"].split()])
+    return None
 
 
-def X_WO_start(
-    config: ObjectConfig, shape: Shape, table_height: float
+def X_FO_start(
+    config: ObjectConfig, shape: Shape | None, table_height: float
 ) -> RigidTransform:
-    """Pose of an object that stands where its configuration says."""
+    """Pose of an object at the start, in world or in its pose's `base_frame`.
+
+    Args:
+        config: Its configuration, the position drawn.
+        shape: Its shape, whose middle is its origin; None: its origin is under it.
+        table_height: Height in world of the table on which it stands [m].
+    """
+    if config.pose is not None:
+        return config.pose.GetDeterministicValue()
     if config.position is None:
         raise ValueError("The object's position has not been drawn.")
+    half_height = 0.5 * shape.height if shape is not None else 0.0
     return RigidTransform(
         RollPitchYaw(0.0, 0.0, config.yaw),
-        [*config.position, table_height + 0.5 * shape.height],
+        [*config.position, table_height + half_height],
     )
 
 

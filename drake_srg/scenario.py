@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from pydrake.common import RandomGenerator
-from pydrake.common.schema import UniformVectorX
+from pydrake.common.schema import Transform, UniformVectorX
 from pydrake.geometry import SceneGraphConfig
 from pydrake.multibody.parsing import ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
@@ -24,6 +24,7 @@ from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.scripted import ScriptStep
 from drake_srg.types import Box, Cylinder, Sphere, positive
 from drake_srg.yaml_loading import load_typed, merge, parse_yaml, set_key
 
@@ -47,10 +48,12 @@ class ColorRangeConfig:
 
 @dc.dataclass(kw_only=True)
 class ObjectConfig:
-    """An object that can be moved, upright on the table at the start."""
+    """An object that can be moved; at the start it stands upright on the table."""
 
-    # Model with one link and one collision geometry, whose shape the localizer and the
-    # planner know; or else `shape`.
+    # Model with one link, or else `shape`. Where the link has one collision geometry, a
+    # cylinder, box or ball around its origin, the localizer and the planner know that
+    # shape. Any other object is one that they neither see nor pick; its origin is under
+    # it, on the table.
     model: str | None = None
     shape: Cylinder | Box | Sphere | None = None
     # kg; with a model, null keeps the model's.
@@ -68,6 +71,10 @@ class ObjectConfig:
     # [x, y] of the centre on the table, in world [m]; null draws it in `task.region`.
     position: list[float] | None = dc.field(default=None, metadata={"length": 2})
     yaw: float = 0.0  # rad, about the vertical
+    # Where the object is at the start, in world or in the frame `base_frame` of a model
+    # among the directives, instead of `position` and `yaw`: lying, on something, in the
+    # hand.
+    pose: Transform | None = None
     present: bool = True  # false leaves the object out
     covered: bool = False  # true puts a lid over it that hides it from the cameras
 
@@ -162,6 +169,8 @@ class Scenario:
     task: TaskConfig = dc.field(default_factory=TaskConfig)
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
+    # What arm and gripper do, step by step, instead of what localizer and planner find.
+    script: list[ScriptStep] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
 
 
@@ -286,6 +295,16 @@ def _check(scenario: Scenario, origin: str) -> None:
             key,
             "an object with a shape needs mass and friction",
         )
+        require(
+            obj.pose is None or (obj.position is None and obj.yaw == 0.0),
+            key,
+            "needs either a pose or position and yaw",
+        )
+        require(
+            obj.pose is None or obj.pose.IsDeterministic(),
+            f"{key}.pose",
+            "must not be random as a whole; its numbers may be",
+        )
         if obj.position is not None:
             low, high = scenario.table.min, scenario.table.max
             require(
@@ -296,7 +315,9 @@ def _check(scenario: Scenario, origin: str) -> None:
                 f"{obj.position} is not on the table; "
                 f"allowed: x {low[0]} .. {high[0]}, y {low[1]} .. {high[1]}",
             )
-    if any(obj.position is None for obj in scenario.objects.values()):
+    if any(
+        obj.position is None and obj.pose is None for obj in scenario.objects.values()
+    ):
         region, table = scenario.task.region, scenario.table
         require(
             all(a <= b for a, b in zip(region.min, region.max, strict=True)),
@@ -308,6 +329,17 @@ def _check(scenario: Scenario, origin: str) -> None:
             and all(a <= b for a, b in zip(region.max, table.max, strict=True)),
             "task.region",
             f"must be on the table; allowed: {table.min} .. {table.max}",
+        )
+    duration = sum(step.duration for step in scenario.script)
+    budget = scenario.planner.time_budget
+    message = f"takes {duration:g} s; allowed: planner.time_budget, {budget:g} s"
+    require(duration <= budget, "script", message)
+    for i, step in enumerate(scenario.script):
+        n = len(scenario.arm.home) if scenario.arm else 0
+        require(
+            step.arm is None or len(step.arm) == n,
+            f"script[{i}].arm",
+            f"must have an entry a joint of the arm, {n}, has {len(step.arm or [])}",
         )
     _check_cameras(scenario, require)
 
@@ -352,7 +384,7 @@ def _draw_positions(scenario: Scenario, origin: str) -> None:
         scenario.objects.items(), key=lambda item: item[0] != scenario.task.pick
     )
     for name, obj in objects:
-        if obj.position is not None:
+        if obj.position is not None or obj.pose is not None:
             continue
         generator: RandomGenerator = key_generator(
             scenario.random_seed, f"objects.{name}.position"

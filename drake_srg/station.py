@@ -10,6 +10,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
+    GetScopedFrameByName,
     ModelDirective,
     ModelDirectives,
     Parser,
@@ -21,10 +22,10 @@ from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
 from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
-from drake_srg.errors import ScenarioError, scenario_errors
+from drake_srg.errors import ScenarioError, one_line, scenario_errors
 from drake_srg.gripper.drivers import AddSrgPositionDriver
 from drake_srg.ground_truth import ObjectPoses
-from drake_srg.objects import AddObject, X_WO_start, object_shape
+from drake_srg.objects import AddObject, X_FO_start, known_shape
 from drake_srg.parsing import ConfigureParser
 from drake_srg.scenario import Scenario
 
@@ -212,10 +213,16 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
 
 
 def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Add the objects, upright on the table, and the marker of the goal."""
+    """Add the objects where they are at the start, and the marker of the goal.
+
+    Raises:
+        ScenarioError: If an object cannot be made or its base frame is unknown.
+    """
     height = scenario.table.height
     for name, config in scenario.objects.items():
-        X_WO = X_WO_start(config, object_shape(name, config), height)
+        X_WO = X_FO_start(config, known_shape(name, config), height)
+        if config.pose is not None and config.pose.base_frame not in (None, "world"):
+            X_WO = _X_WF_start(scenario, name, config.pose.base_frame) @ X_WO
         if config.present:
             model = AddObject(plant, name, config)
             (body,) = plant.GetBodyIndices(model)
@@ -230,6 +237,23 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
             scenario.task.place.marker,
             [*scenario.task.place.position, height],
         )
+
+
+def _X_WF_start(scenario: Scenario, name: str, frame: str) -> RigidTransform:
+    """Pose in world, at the start, of a frame of a model among the directives."""
+    plant = MultibodyPlant(time_step=0.0)
+    AddDirectives(plant, scenario)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    if scenario.arm is not None:
+        arm = plant.GetModelInstanceByName("arm")
+        plant.SetPositions(context, arm, scenario.arm.home)
+    try:
+        return GetScopedFrameByName(plant, frame).CalcPoseInWorld(context)
+    except RuntimeError as error:
+        raise ScenarioError(
+            f"objects.{name}.pose.base_frame: {one_line(error)}"
+        ) from None
 
 
 def AddFixture(

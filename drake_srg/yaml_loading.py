@@ -67,23 +67,38 @@ def merge(base: Any, override: Any) -> Any:
 def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
     """Merge `value` into `tree` at the dotted `key`, making mappings on the way.
 
-    An empty mapping, into which nothing would be merged, empties what is there.
+    Entries of a list are named by their index: `directives.0.add_model.file`. An empty
+    mapping, into which nothing would be merged, empties what is there.
 
     Raises:
-        ScenarioError: If the key leads through something that is not a mapping.
+        ScenarioError: If the key leads through something that is neither a mapping nor
+            a list, or to an entry that a list does not have.
     """
-    *path, last = key.split(".")
     node: Any = tree
+    path = key.split(".")
     for i, name in enumerate(path):
-        child = node.setdefault(name, {})
-        if child is None:
-            child = node[name] = {}
-        if not isinstance(child, dict):
-            raise ScenarioError(
-                f"--set {key}: {'.'.join(path[: i + 1])} is a value without keys"
-            )
-        node = child
-    node[last] = merge(node.get(last), value) if value != {} else value
+        above = ".".join(path[:i])
+        entry: str | int = name
+        if isinstance(node, list):
+            entry = _list_index(node, name, f"--set {key}: {above}")
+        elif not isinstance(node, dict):
+            raise ScenarioError(f"--set {key}: {above} is a value without keys")
+        elif node.get(name) is None and i < len(path) - 1:
+            node[name] = {}
+        if i < len(path) - 1:
+            node = node[entry]
+            continue
+        old = node[entry] if isinstance(entry, int) else node.get(entry)
+        node[entry] = merge(old, value) if value != {} else value
+
+
+def _list_index(items: list[Any], name: str, where: str) -> int:
+    if not (name.isdecimal() and int(name) < len(items)):
+        allowed = f"0 .. {len(items) - 1}" if items else "none, it is empty"
+        raise ScenarioError(
+            f"{where} is a list, {name!r} is not an index of it; allowed: {allowed}"
+        )
+    return int(name)
 
 
 def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:

@@ -4,7 +4,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.errors import ScenarioError
-from drake_srg.objects import AddObject, X_WO_start, object_shape
+from drake_srg.objects import AddObject, X_FO_start, object_shape
 from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Box, Cylinder, Sphere
 
@@ -140,7 +140,7 @@ def test_what_is_not_a_model_is_refused(tmp_path, content):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_an_object_stands_upright_on_its_table(shape):
-    X = X_WO_start(ObjectConfig(position=[0.3, -0.2], yaw=0.5), shape, 0.1)
+    X = X_FO_start(ObjectConfig(position=[0.3, -0.2], yaw=0.5), shape, 0.1)
     height = {"Cylinder": 0.1, "Box": 0.06, "Sphere": 0.07}[type(shape).__name__]
     np.testing.assert_allclose(X.translation(), [0.3, -0.2, 0.1 + height / 2])
     np.testing.assert_allclose(X.rotation().col(2), [0, 0, 1], atol=1e-12)
@@ -151,4 +151,4 @@ def test_an_object_stands_upright_on_its_table(shape):
 
 def test_a_position_must_have_been_drawn():
     with pytest.raises(ValueError, match="has not been drawn"):
-        X_WO_start(ObjectConfig(), SHAPES[0], 0.0)
+        X_FO_start(ObjectConfig(), SHAPES[0], 0.0)

@@ -177,11 +177,12 @@ class Model:
         axis: Sequence[float],
         limits: Mapping[str, float],
         damping: float,
-        rotor_inertia: float,
-        gear_ratio: float,
+        rotor_inertia: float = 0.0,
+        gear_ratio: float = 1.0,
+        kind: str = "revolute",
     ) -> None:
-        """Adds a revolute, actuated joint at the child's origin."""
-        joint = Sub(self.root, "joint", name=name, type="revolute")
+        """Adds an actuated joint, revolute or prismatic, at the child's origin."""
+        joint = Sub(self.root, "joint", name=name, type=kind)
         Sub(joint, "parent", parent)
         Sub(joint, "child", child)
         node = Sub(joint, "axis")
@@ -190,8 +191,9 @@ class Model:
         for key, value in limits.items():
             Sub(limit, key, value)
         Sub(Sub(node, "dynamics"), "damping", damping)
-        Sub(joint, "drake:rotor_inertia", f"{rotor_inertia:.6g}")
-        Sub(joint, "drake:gear_ratio", f"{gear_ratio:.6g}")
+        if rotor_inertia:
+            Sub(joint, "drake:rotor_inertia", f"{rotor_inertia:.6g}")
+            Sub(joint, "drake:gear_ratio", f"{gear_ratio:.6g}")
 
     def AddFrame(
         self, name: str, attached_to: str, xyz: Sequence[float] = (0, 0, 0)
