@@ -7,7 +7,7 @@ from pathlib import Path
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
-from drake_srg.gripper.drivers import JOINT_NAMES
+from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.metrics import MODES
 from drake_srg.recording.ros_topics import cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder

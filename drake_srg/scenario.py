@@ -22,7 +22,7 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.errors import ScenarioError
-from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.scripted import ScriptStep
 from drake_srg.types import Box, Cylinder, Sphere, positive
@@ -161,7 +161,7 @@ class Scenario:
     # All models that are not `objects`. The driven ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
     arm: ArmPositionDriver | None = None
-    gripper: SrgPositionDriver | None = None
+    gripper: SrgPositionDriver | SrgTendonDriver | None = None
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # The top on which objects stand, of a table among the directives.
     table: TableConfig = dc.field(default_factory=TableConfig)

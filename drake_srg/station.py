@@ -23,13 +23,25 @@ from pydrake.systems.sensors import ApplyCameraConfig
 
 from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
 from drake_srg.errors import ScenarioError, one_line, scenario_errors
-from drake_srg.gripper.drivers import AddSrgPositionDriver
+from drake_srg.gripper.drivers import (
+    AddSrgDriver,
+    SetTendonDynamics,
+    SrgTendonDriver,
+)
 from drake_srg.ground_truth import ObjectPoses
 from drake_srg.objects import AddObject, X_FO_start, known_shape
 from drake_srg.parsing import ConfigureParser
 from drake_srg.scenario import Scenario
 
 _LID = "package://drake_srg/sdf/lid.sdf"
+# Those of them that the driver has become the station's.
+_GRIPPER_INPUTS = (
+    *("closure_commanded", "joint_position_commanded", "hold", "force_limit"),
+)
+_GRIPPER_OUTPUTS = (
+    *("state_measured", "pwm", "proximity", "contact_force", "contact_wrench"),
+    *("grasped", "motor_state", "wire_force"),
+)
 
 
 @scenario_errors()
@@ -42,7 +54,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         input_ports:
         - arm.position_commanded
         - gripper.closure_commanded
-        - gripper.joint_position_commanded (optional)
+        - gripper.joint_position_commanded (optional, SrgPositionDriver)
         - gripper.hold (optional)
         - gripper.force_limit (optional)
         output_ports:
@@ -51,7 +63,11 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.state_measured
         - gripper.pwm
         - gripper.proximity
+        - gripper.contact_force
+        - gripper.contact_wrench
         - gripper.grasped
+        - gripper.motor_state (SrgTendonDriver)
+        - gripper.wire_force (SrgTendonDriver)
         - camera_NAME.color_image
         - camera_NAME.depth_image
         - camera_NAME.body_pose_in_world
@@ -59,9 +75,10 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - contact_results_cheat
 
     Ports of the arm, the gripper and cameras exist where the scenario has these. What
-    they carry stands at `AddArmPositionDriver`, `AddSrgPositionDriver` and Drake's
-    RgbdSensor. The subsystems are named `plant`, `scene_graph`, `arm_driver`,
-    `gripper_driver`, `rgbd_sensor_NAME` and `object_poses`.
+    they carry stands at `AddArmPositionDriver`, `AddSrgPositionDriver`,
+    `AddSrgTendonDriver` and Drake's RgbdSensor. The subsystems are named `plant`,
+    `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME` and
+    `object_poses`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -73,19 +90,16 @@ def MakeStation(scenario: Scenario) -> Diagram:
     arm = gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
-        driver = AddSrgPositionDriver(builder, plant, gripper, scenario.gripper)
+        driver = AddSrgDriver(builder, plant, gripper, scenario.gripper)
         builder.Connect(
             scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
         )
-        for name in (
-            "closure_commanded",
-            "joint_position_commanded",
-            "hold",
-            "force_limit",
-        ):
-            builder.ExportInput(driver.GetInputPort(name), f"gripper.{name}")
-        for name in ("state_measured", "pwm", "proximity", "grasped"):
-            builder.ExportOutput(driver.GetOutputPort(name), f"gripper.{name}")
+        for name in _GRIPPER_INPUTS:
+            if driver.HasInputPort(name):
+                builder.ExportInput(driver.GetInputPort(name), f"gripper.{name}")
+        for name in _GRIPPER_OUTPUTS:
+            if driver.HasOutputPort(name):
+                builder.ExportOutput(driver.GetOutputPort(name), f"gripper.{name}")
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
         control_plant = MultibodyPlant(time_step=0.0)
@@ -145,6 +159,9 @@ def MakePlant(
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
         SetArmGains(plant, arm, scenario.arm)
+    if isinstance(scenario.gripper, SrgTendonDriver):
+        gripper = plant.GetModelInstanceByName("gripper")
+        SetTendonDynamics(plant, gripper, scenario.gripper.drive)
     plant.Finalize()
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)

@@ -247,7 +247,7 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ),
         (
             "gripper=!SrgPositonDriver {}",
-            "gripper: has the tag !SrgPositonDriver; allow",
+            "gripper: unknown tag !SrgPositonDriver; did",
         ),
         (
             "arm=!Sphere {}",

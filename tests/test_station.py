@@ -43,6 +43,8 @@ def test_the_ports_are_those_of_the_table(station):
             "gripper.state_measured": 8,
             "gripper.pwm": 4,
             "gripper.proximity": 4,
+            "gripper.contact_force": 4,
+            "gripper.contact_wrench": 24,
             "gripper.grasped": 1,
             "arm.state_measured": 14,
             "arm.torque_measured": 7,

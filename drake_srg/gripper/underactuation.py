@@ -9,8 +9,9 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
-# Order of joints and sensors, here and at every port: left base, right base, left
-# tip, right tip. A finger is a (base, tip) pair of indices into it.
+# Order of joints and sensors, here and at every port. A finger is a (base, tip) pair
+# of indices into it.
+JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
 FINGERS = ((0, 2), (1, 3))
 
 

@@ -11,10 +11,13 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.gripper.drivers import (
-    JOINT_NAMES,
-    AddSrgPositionDriver,
+    AddSrgDriver,
+    AddSrgTendonDriver,
+    SetTendonDynamics,
     SrgPositionDriver,
+    SrgTendonDriver,
 )
+from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.parsing import ConfigureParser
 
 # A cylinder across the hand, as far from the palm as a wrapped grasp has it.
@@ -30,7 +33,7 @@ CYLINDER = f"""
 class Hand:
     """An SRG with its palm fixed, x up; optionally with a post in the hand."""
 
-    def __init__(self, *, post=False, config=None):
+    def __init__(self, *, post=False, config=None, post_at=0.0791 + RADIUS + 0.006):
         builder = DiagramBuilder()
         plant_config = MultibodyPlantConfig(
             time_step=0.002, discrete_contact_approximation="lagged"
@@ -43,10 +46,13 @@ class Hand:
         self.plant.WeldFrames(world, palm)
         if post:
             parser.AddModelsFromString(CYLINDER, "sdf")
-            X_WP = RigidTransform([0.0791 + RADIUS + 0.006, 0.0, 0.0])
+            X_WP = RigidTransform([post_at, 0.0, 0.0])
             self.plant.WeldFrames(world, self.plant.GetFrameByName("post"), X_WP)
+        config = config or SrgPositionDriver()
+        if isinstance(config, SrgTendonDriver):
+            SetTendonDynamics(self.plant, self.model, config.drive)
         self.plant.Finalize()
-        self.driver = AddSrgPositionDriver(builder, self.plant, self.model, config)
+        self.driver = AddSrgDriver(builder, self.plant, self.model, config)
         builder.Connect(
             scene_graph.get_query_output_port(),
             self.driver.GetInputPort("query_object"),
@@ -83,6 +89,8 @@ def test_ports():
         {
             "plant_state": 8,
             "query_object": None,
+            "contact_results": None,
+            "body_poses": None,
             "closure_commanded": 1,
             "joint_position_commanded": 4,
             "hold": 1,
@@ -93,6 +101,8 @@ def test_ports():
             "state_measured": 8,
             "pwm": 4,
             "proximity": 4,
+            "contact_force": 4,
+            "contact_wrench": 24,
             "grasped": 1,
         },
     )
@@ -221,3 +231,82 @@ def test_the_driver_tells_the_order_of_joints_and_sensors():
         "right_tip_joint",
     )
     assert driver.sensor_names == JOINT_NAMES
+
+
+def test_touch_can_trigger_algorithm_1():
+    hand = Hand(post=True, config=SrgPositionDriver(trigger="touch"))
+    hand.command(closure_commanded=1.0, force_limit=0.3)
+    hand.advance(1.0)
+    # Blind to what is near, the bases press on the post before the tips close.
+    force = hand.read("contact_force")
+    assert np.all(force[:2] > 0.5)
+    assert np.all(hand.q[2:] > 0.5)
+    assert hand.read("grasped") == [1.0]
+
+
+TENDON = SrgTendonDriver()
+
+
+@pytest.fixture(scope="module")
+def tendon_wrapped():
+    hand = Hand(post=True, config=TENDON)
+    hand.command(closure_commanded=1.0)
+    hand.advance(3.5)
+    return hand
+
+
+def test_the_tendon_driver_has_a_motors_ports():
+    ports = port_table(Hand(config=TENDON).driver)
+    assert ports[0]["force_limit"] == 1
+    assert "joint_position_commanded" not in ports[0]
+    assert [ports[1][n] for n in ("pwm", "motor_state", "wire_force")] == [1, 2, 2]
+
+
+def test_wires_close_the_bases_first(tendon_wrapped):
+    q, proximity = (np.array(tendon_wrapped.log[n]) for n in ("q", "proximity"))
+    for base, tip in ((0, 2), (1, 3)):
+        touched = np.flatnonzero(proximity[:, base] < 0.0)[0]
+        # Held by its spring, the tip does not leave its stop before.
+        assert np.max(q[:touched, tip]) < 0.01
+        assert q[-1, tip] > 0.5
+
+
+def test_wires_pull_with_the_force_limit(tendon_wrapped):
+    expected = TENDON.servo.force_limit * TENDON.drive.full_wire_force
+    force = tendon_wrapped.read("wire_force")
+    # Two seconds after the fingers close, seven times the wires' and motor's 0.3 s.
+    assert force == pytest.approx([expected] * 2, rel=0.01)
+
+
+def test_wires_let_go(tendon_wrapped):
+    tendon_wrapped.command(closure_commanded=0.0)
+    tendon_wrapped.advance(4.0)
+    assert tendon_wrapped.q == pytest.approx([0.0] * 4, abs=0.02)
+    assert tendon_wrapped.read("wire_force") == pytest.approx([0.0, 0.0], abs=0.1)
+
+
+def test_wires_close_an_empty_hand_as_position_control_does():
+    # Level: x along the palm is horizontal, and gravity along the hinges.
+    for config in (TENDON, SrgPositionDriver()):
+        hand = Hand(config=config)
+        hand.command(closure_commanded=0.4)
+        hand.advance(1.5)
+        assert hand.q == pytest.approx([1.2, 1.2, 0.0, 0.0], abs=0.02)
+
+
+def test_a_spool_on_hold_stays():
+    hand = Hand(config=TENDON)
+    hand.command(closure_commanded=0.5)
+    hand.advance(0.4)
+    hand.command(hold=1.0)
+    hand.advance(0.3)
+    held = hand.read("motor_state")[0]
+    hand.advance(0.3)
+    assert hand.read("motor_state")[0] == pytest.approx(held, abs=1e-3)
+    assert 0.1 < held < 2.5
+
+
+def test_a_motor_at_each_joint_and_one_at_the_wires_is_one_too_many():
+    hand = Hand()
+    with pytest.raises(ValueError, match="SetTendonDynamics"):
+        AddSrgTendonDriver(DiagramBuilder(), hand.plant, hand.model)

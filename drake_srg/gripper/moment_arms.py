@@ -1,0 +1,45 @@
+"""The moment arms of an SRG finger's wire, as functions of the joint angles.
+
+Polynomials fitted by tools/fit_moment_arms.py to the arms of SAKE's public MuJoCo model
+(drake_srg/experiments/data/tendon_moment_arms.csv): within 0.02 % (base, up to 2.007
+rad) and 0.05 % (tip, up to 1.745 rad). They are separable: the base's arm depends on
+the base angle alone, the tip's on the tip angle.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+# Coefficients, lowest power first [m, m/rad, ...].
+_BASE = (
+    *(6.482929e-3, 7.294326e-3, -3.261617e-4, -2.293250e-3),
+    *(3.144639e-3, -2.975419e-3, 1.379180e-3, -2.771902e-4),
+)
+_TIP = (4.628336e-3, -2.780686e-5, -5.128206e-4, -1.948426e-4, 3.614142e-5)
+_BASE_TRAVEL = (0.0, *(c / (i + 1) for i, c in enumerate(_BASE)))
+_TIP_TRAVEL = (0.0, *(c / (i + 1) for i, c in enumerate(_TIP)))
+
+
+def base_moment_arm(base: Any) -> Any:
+    """Arm of the wire about the base hinge at a base angle [rad] [m]."""
+    return _polynomial(_BASE, base)
+
+
+def tip_moment_arm(tip: Any) -> Any:
+    """Arm of the wire about the tip hinge at a tip angle [rad] [m]."""
+    return _polynomial(_TIP, tip)
+
+
+def wire_travel(base: Any, tip: Any) -> Any:
+    """Wire that a finger takes in from open and straight to these angles [rad] [m].
+
+    The integral of the moment arms, so that the wire's work is the joints' work.
+    """
+    return _polynomial(_BASE_TRAVEL, base) + _polynomial(_TIP_TRAVEL, tip)
+
+
+def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
+    value = coefficients[-1]
+    for c in coefficients[-2::-1]:
+        value = value * x + c
+    return value

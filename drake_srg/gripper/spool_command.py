@@ -1,0 +1,91 @@
+"""What closure asks of the spool."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from drake_srg.gripper.moment_arms import wire_travel
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
+
+
+@dc.dataclass(kw_only=True)
+class SpoolCommandConfig:
+    """From closure to spool angle."""
+
+    # Sum of base and tip angle that closure 1 asks of an empty hand [rad], and the
+    # base's limit, from where on the tip closes; as in UnderactuationConfig.
+    full_scale: float = dc.field(default=3.0, metadata=positive())
+    base_limit: float = dc.field(default=1.94, metadata=positive())
+    period: float = dc.field(default=0.01, metadata=positive())  # s
+
+
+def spool_angle(
+    closure: float, spool_radius: float, config: SpoolCommandConfig
+) -> float:
+    """Spool angle at which an empty hand is closed as closure asks [rad].
+
+    A wire that closes a finger on nothing moves the base to its limit and then the tip,
+    as Algorithm 1 does: with this, closure means the same for both drivers.
+    """
+    total = config.full_scale * min(max(closure, 0.0), 1.0)
+    base = min(total, config.base_limit)
+    return float(wire_travel(base, total - base)) / spool_radius
+
+
+class SpoolCommand(LeafSystem):
+    """Turns closure into a target of the spool.
+
+    .. pydrake_system::
+
+        name: SpoolCommand
+        input_ports:
+        - closure_commanded
+        - motor_state
+        - triggered
+        - hold (optional)
+        output_ports:
+        - angle_desired
+
+    `closure_commanded` (1) is 0 open .. 1 closed, clipped, a NaN ignored. While `hold`
+    (1) is nonzero, the target (and so the grip) is kept if one of the sensors,
+    `triggered` (4), fired when the hold began; else the spool stays where it was then:
+    the angle in `motor_state` (2). `angle_desired` (1) [rad] is updated every
+    `config.period`.
+    """
+
+    def __init__(
+        self, spool_radius: float, config: SpoolCommandConfig | None = None
+    ) -> None:
+        super().__init__()
+        self.config = config or SpoolCommandConfig()
+        self._spool_radius = spool_radius
+        state = self.DeclareDiscreteState(2)  # target [rad], holding
+        self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
+        self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
+        self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
+        self._hold = self.DeclareVectorInputPort(name="hold", size=1)
+        self.DeclareVectorOutputPort(
+            name="angle_desired",
+            size=1,
+            calc=self._calc_angle_desired,
+            prerequisites_of_calc={self.discrete_state_ticket(state)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _calc_angle_desired(self, context: Context, output: BasicVector) -> None:
+        output[0] = context.get_discrete_state(0)[0]
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        target, was_holding = context.get_discrete_state(0).value()
+        holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
+        closure = self._closure.Eval(context)[0]
+        if holding:
+            if not was_holding and not self._triggered.Eval(context).any():
+                target = self._motor.Eval(context)[0]
+        elif np.isfinite(closure):
+            target = spool_angle(closure, self._spool_radius, self.config)
+        discrete_state.set_value([target, float(holding)])

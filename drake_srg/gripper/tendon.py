@@ -1,0 +1,211 @@
+"""The SRG's drive: one servo motor winds one wire per finger, springs pull back."""
+
+import dataclasses as dc
+from typing import Any
+
+from pydrake.math import max as max_
+from pydrake.systems.framework import LeafSystem_
+from pydrake.systems.scalar_conversion import TemplateSystem
+
+from drake_srg.errors import ScenarioError
+from drake_srg.gripper.moment_arms import (
+    base_moment_arm,
+    tip_moment_arm,
+    wire_travel,
+)
+from drake_srg.gripper.underactuation import FINGERS
+from drake_srg.lifetime import collectable, weak
+from drake_srg.types import positive
+
+
+@dc.dataclass(kw_only=True)
+class TorsionSpringConfig:
+    """A spring in a hinge that opens the finger."""
+
+    # Torque at 0 rad, where the finger is open and straight [N m].
+    preload: float = dc.field(metadata={"ge": 0.0})
+    stiffness: float = dc.field(metadata={"ge": 0.0})  # N m / rad
+
+
+@dc.dataclass(kw_only=True)
+class TendonDriveConfig:
+    """Motor, wires and springs; defaults are the SRG's with a Dynamixel MX-64."""
+
+    # MX-64 at 12 V, data sheet: torque at rest [N m] and speed without load [rad/s].
+    stall_torque: float = dc.field(default=6.0, metadata=positive())
+    no_load_speed: float = dc.field(default=6.6, metadata=positive())
+    # Share of these that full PWM gives: SAKE's driver libezgripper uses 800 of 1023.
+    full_scale: float = dc.field(default=800 / 1023, metadata=positive(le=1.0))
+    # At the spool [kg m²]: 200² times the rotor's. That is not published; a coreless
+    # motor of the size (21 mm) has about 2.5e-7 kg m².
+    reflected_inertia: float = dc.field(default=0.01, metadata=positive())
+    # 29.1 mm of wire in 2500 of 4096 encoder counts a turn [m].
+    spool_radius: float = dc.field(default=0.0076, metadata=positive())
+    # Braided polyethylene line of 0.8 mm, 0.2 m of it at 10 GPa [N/m], and its loss
+    # [N s/m]: a tenth of what would be critical for the finger that it pulls (1.2 kg
+    # seen from the wire).
+    wire_stiffness: float = dc.field(default=2.5e4, metadata=positive())
+    wire_damping: float = dc.field(default=35.0, metadata={"ge": 0.0})
+    # SAKE's public MuJoCo model, "from actual spring specs" of 2026: stiffness, and
+    # preload by a reference of -2.09 rad, where open is -pi/2 (base) and 0 (tip).
+    base_spring: TorsionSpringConfig = dc.field(
+        default_factory=lambda: TorsionSpringConfig(preload=0.00308, stiffness=0.00593)
+    )
+    tip_spring: TorsionSpringConfig = dc.field(
+        default_factory=lambda: TorsionSpringConfig(preload=0.01611, stiffness=0.00771)
+    )
+    # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so
+    # that it opens as fast as it can without ringing.
+    joint_damping: float = dc.field(default=0.0022, metadata={"ge": 0.0})
+
+    @property
+    def full_torque(self) -> float:
+        """Motor torque at full PWM at rest [N m]."""
+        return self.full_scale * self.stall_torque
+
+    @property
+    def motor_damping(self) -> float:
+        """Torque that the motor loses with its speed, back-EMF [N m s/rad]."""
+        return self.stall_torque / self.no_load_speed
+
+    @property
+    def full_wire_force(self) -> float:
+        """Force of each wire when both balance the motor at rest at full PWM [N]."""
+        return self.full_torque / (2.0 * self.spool_radius)
+
+    def force_limit_of(self, wire_force: float) -> float:
+        """Return the servo's `force_limit` that pulls each wire with this force [N].
+
+        Raises:
+            ScenarioError: If the servo cannot pull as hard, or the force is negative.
+        """
+        if not 0.0 <= wire_force <= self.full_wire_force:
+            raise ScenarioError(
+                f"wire force {wire_force:g} N: the servo gives 0 .. "
+                f"{self.full_wire_force:.0f} N at each wire"
+            )
+        return wire_force / self.full_wire_force
+
+
+@TemplateSystem.define("TendonDrive_")
+def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
+    class Impl(LeafSystem_[T]):
+        """Motor, spool, wires and springs of an SRG: PWM to four joint torques.
+
+        .. pydrake_system::
+
+            name: TendonDrive
+            input_ports:
+            - pwm
+            - state_measured
+            output_ports:
+            - joint_torque
+            - motor_state
+            - wire_force
+
+        `pwm` (1) is a fraction of full scale; `state_measured` (8) is [q; v] of the
+        finger joints in rad, rad/s, ordered left base, right base, left tip, right tip
+        as is `joint_torque` (4) [N m]. `motor_state` (2) is the spool's [angle; speed]
+        in rad, rad/s, 0 where the wires are taut with the fingers open. `wire_force`
+        (2) [N] is that of the left and the right wire.
+
+        A DC motor; the servo's limit of the PWM is one of the torque at rest:
+
+            J w' = tau_stall (scale pwm - w / w_0) - r_spool (F_left + F_right)
+
+        A wire only pulls, stretched by x = r_spool angle - (travel of the finger):
+
+            F = max(0, k x + c x')
+
+        and each joint gets F times its moment arm less its spring's torque. Nothing
+        here decides which joint of a finger moves first: springs, arms and contact do.
+
+        The motor's state is updated every `period` [s] (the plant's step), implicitly
+        in the back-EMF, which is faster than some steps (J w_0 / tau_stall is 11 ms).
+        """
+
+        def _construct(
+            self,
+            config: TendonDriveConfig,
+            period: float,
+            converter: Any = None,
+        ) -> None:
+            LeafSystem_[T].__init__(self, converter)
+            collectable(self)
+            self.config = config
+            self._period = period
+            state = self.DeclareDiscreteState(2)  # spool angle, speed
+            self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
+            self._fingers = self.DeclareVectorInputPort(name="state_measured", size=8)
+            motor, fingers = self.discrete_state_ticket(state), self._fingers.ticket()
+            for name, size, calc, prerequisites in (
+                ("joint_torque", 4, self._calc_joint_torque, {motor, fingers}),
+                ("motor_state", 2, self._calc_motor_state, {motor}),
+                ("wire_force", 2, self._calc_wire_force, {motor, fingers}),
+            ):
+                self.DeclareVectorOutputPort(
+                    name=name,
+                    size=size,
+                    calc=weak(calc),
+                    prerequisites_of_calc=prerequisites,
+                )
+            self.DeclarePeriodicDiscreteUpdateEvent(
+                period_sec=period, offset_sec=0.0, update=self._update
+            )
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            Impl._construct(self, other.config, other._period, converter=converter)
+
+        def _wire_forces(self, context: Any, state: list[Any]) -> list[Any]:
+            config = self.config
+            angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
+            forces = []
+            for base, tip in FINGERS:
+                q, v = (state[base], state[tip]), (state[4 + base], state[4 + tip])
+                stretch = config.spool_radius * angle - wire_travel(*q)
+                rate = (
+                    config.spool_radius * speed
+                    - base_moment_arm(q[0]) * v[0]
+                    - tip_moment_arm(q[1]) * v[1]
+                )
+                pull = config.wire_stiffness * stretch + config.wire_damping * rate
+                forces.append(max_(pull, 0.0))
+            return forces
+
+        def _calc_joint_torque(self, context: Any, output: Any) -> None:
+            config = self.config
+            state = self._fingers.Eval(context).tolist()
+            torques: list[Any] = [0.0] * 4
+            for (base, tip), force in zip(
+                FINGERS, self._wire_forces(context, state), strict=True
+            ):
+                for joint, arm, spring in (
+                    (base, base_moment_arm, config.base_spring),
+                    (tip, tip_moment_arm, config.tip_spring),
+                ):
+                    q = state[joint]
+                    back = spring.preload + spring.stiffness * q
+                    torques[joint] = force * arm(q) - back
+            output.SetFromVector(torques)
+
+        def _calc_motor_state(self, context: Any, output: Any) -> None:
+            output.SetFromVector(context.get_discrete_state(0).CopyToVector())
+
+        def _calc_wire_force(self, context: Any, output: Any) -> None:
+            state = self._fingers.Eval(context).tolist()
+            output.SetFromVector(self._wire_forces(context, state))
+
+        def _update(self, context: Any, discrete_state: Any) -> None:
+            config, dt = self.config, self._period
+            angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
+            state = self._fingers.Eval(context).tolist()
+            load = config.spool_radius * sum(self._wire_forces(context, state))
+            drive = config.full_torque * self._pwm.Eval(context)[0]
+            inertia, damping = config.reflected_inertia, config.motor_damping
+            speed = (inertia * speed + dt * (drive - load)) / (inertia + dt * damping)
+            discrete_state.set_value([angle + dt * speed, speed])
+
+    return Impl
+
+
+TendonDrive = TendonDrive_[None]

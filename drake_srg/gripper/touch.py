@@ -1,0 +1,156 @@
+"""Force sensors in the finger links, read from contact."""
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import GeometryId
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector, positive
+
+
+@dc.dataclass(kw_only=True)
+class TouchConfig:
+    """When a touch counts."""
+
+    # A sensor fires from this force on [N]: thin-film force sensors begin to read at
+    # 0.1 to 0.5 N.
+    trigger_force: float = dc.field(default=0.5, metadata=positive())
+
+
+class ContactForceSensors(LeafSystem):
+    """What contact does to each finger link.
+
+    .. pydrake_system::
+
+        name: ContactForceSensors
+        input_ports:
+        - contact_results
+        - body_poses
+        output_ports:
+        - contact_force
+        - contact_wrench
+        - triggered
+
+    `contact_results` and `body_poses` are the plant's. The outputs have an entry a
+    sensor and are computed when read:
+
+    * `contact_force` (m) [N]: pressure on the closing side, as a force sensor under the
+      pad reads it, the sum of all contact forces along the link's -y, at least 0;
+    * `contact_wrench` (6m) [N m, N]: for each link [torque; force] of all contacts, at
+      the link's origin, in the link's frame;
+    * `triggered` (m): 1 where the force is `config.trigger_force` or more, else 0.
+
+    Args:
+        links: Name of each sensor, the index of its body and the body's collision
+            geometries.
+        config: When a touch counts.
+    """
+
+    def __init__(
+        self,
+        links: Mapping[str, tuple[BodyIndex, Sequence[GeometryId]]],
+        config: TouchConfig | None = None,
+    ) -> None:
+        super().__init__()
+        self.config = config or TouchConfig()
+        self.sensor_names = list(links)
+        # Numbers, not ids: see ProximitySensors.
+        self._bodies = [int(body) for body, _ in links.values()]
+        self._sensor_of_body = {body: i for i, body in enumerate(self._bodies)}
+        self._sensor_of_geometry = {
+            g.get_value(): i for i, (_, gs) in enumerate(links.values()) for g in gs
+        }
+        self._contacts = self.DeclareAbstractInputPort(
+            name="contact_results", model_value=AbstractValue.Make(ContactResults())
+        )
+        self._poses = self.DeclareAbstractInputPort(
+            name="body_poses", model_value=AbstractValue.Make([RigidTransform()])
+        )
+        for name, size, calc in (
+            ("contact_force", 1, self._calc_contact_force),
+            ("contact_wrench", 6, self._calc_contact_wrench),
+            ("triggered", 1, self._calc_triggered),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name,
+                size=size * len(links),
+                calc=calc,
+                prerequisites_of_calc={self._contacts.ticket(), self._poses.ticket()},
+            )
+
+    def _wrenches(self, context: Context) -> Vector:
+        """[torque; force] on each link at its origin, in its frame, (m, 6)."""
+        contacts: ContactResults = self._contacts.Eval(context)
+        wrenches = np.zeros((len(self._bodies), 6))
+        applied: list[tuple[int, Vector, Vector, Vector]] = []
+        for k in range(contacts.num_hydroelastic_contacts()):
+            info = contacts.hydroelastic_contact_info(k)
+            surface = info.contact_surface()
+            sides = [
+                (self._sensor_of_geometry.get(surface.id_M().get_value()), 1.0),
+                (self._sensor_of_geometry.get(surface.id_N().get_value()), -1.0),
+            ]
+            if all(sensor is None for sensor, _ in sides):
+                continue
+            F_Ac_W = info.F_Ac_W()
+            torque, force = F_Ac_W.rotational(), F_Ac_W.translational()
+            for sensor, sign in sides:
+                if sensor is not None:
+                    applied.append(
+                        (sensor, surface.centroid(), sign * torque, sign * force)
+                    )
+        for k in range(contacts.num_point_pair_contacts()):
+            pair = contacts.point_pair_contact_info(k)
+            for body, sign in ((pair.bodyA_index(), -1.0), (pair.bodyB_index(), 1.0)):
+                sensor = self._sensor_of_body.get(int(body))
+                if sensor is not None:
+                    force = sign * pair.contact_force()
+                    applied.append((sensor, pair.contact_point(), np.zeros(3), force))
+        if applied:
+            poses = self._poses.Eval(context)
+            for sensor, p_WC, torque, force in applied:
+                X_WL = poses[self._bodies[sensor]]
+                R_LW = X_WL.rotation().matrix().T
+                moment = torque + np.cross(p_WC - X_WL.translation(), force)
+                wrenches[sensor] += np.concatenate([R_LW @ moment, R_LW @ force])
+        return wrenches
+
+    def _forces(self, context: Context) -> Vector:
+        # y points inwards, to the closing side: what presses there pushes along -y.
+        return np.maximum(-self._wrenches(context)[:, 4], 0.0)
+
+    def _calc_contact_force(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._forces(context))
+
+    def _calc_contact_wrench(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._wrenches(context).flatten())
+
+    def _calc_triggered(self, context: Context, output: BasicVector) -> None:
+        fired = self._forces(context) >= self.config.trigger_force
+        output.SetFromVector(fired.astype(float))
+
+
+def AddSrgContactForceSensors(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    gripper: ModelInstanceIndex,
+    config: TouchConfig | None = None,
+) -> ContactForceSensors:
+    """Add four sensors, two a finger, to an SRG in a diagram with a finalized plant.
+
+    Order: left base, right base, left tip, right tip. The caller connects the inputs.
+    """
+    links = {}
+    for name in ("left_base", "right_base", "left_tip", "right_tip"):
+        body = plant.GetBodyByName(f"{name}_link", gripper)
+        links[name] = (body.index(), plant.GetCollisionGeometriesForBody(body))
+    return builder.AddNamedSystem(
+        "contact_force_sensors", ContactForceSensors(links, config)
+    )

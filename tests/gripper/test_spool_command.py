@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from helpers import fix, port_table, read, update
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.gripper.moment_arms import wire_travel
+from drake_srg.gripper.spool_command import (
+    SpoolCommand,
+    SpoolCommandConfig,
+    spool_angle,
+)
+
+RADIUS = 0.0076
+
+
+def make(*, closure=0.0, motor=(0.0, 0.0), triggered=(0, 0, 0, 0), **optional):
+    command = SpoolCommand(RADIUS)
+    context = command.CreateDefaultContext()
+    inputs = {"closure_commanded": closure, "motor_state": motor}
+    fix(command, context, **inputs, triggered=triggered, **optional)
+    return command, context
+
+
+def target(command, context, **inputs):
+    fix(command, context, **inputs)
+    update(command, context)
+    return read(command, context, "angle_desired")[0]
+
+
+def test_ports():
+    assert port_table(SpoolCommand(RADIUS)) == (
+        {"closure_commanded": 1, "motor_state": 2, "triggered": 4, "hold": 1},
+        {"angle_desired": 1},
+    )
+
+
+def test_closure_means_the_joint_angles_that_algorithm_1_would_ask_for():
+    config = SpoolCommandConfig()
+    for closure, base, tip in ((0.0, 0, 0), (0.5, 1.5, 0.0), (1.0, 1.94, 1.06)):
+        expected = wire_travel(base, tip) / RADIUS
+        assert spool_angle(closure, RADIUS, config) == pytest.approx(expected)
+
+
+@given(st.floats(0, 1), st.floats(0, 1))
+def test_more_closure_winds_more(a, b):
+    config = SpoolCommandConfig()
+    low, high = sorted((a, b))
+    assert spool_angle(low, RADIUS, config) <= spool_angle(high, RADIUS, config)
+
+
+@given(st.floats(allow_nan=True, allow_infinity=True))
+def test_any_closure_gives_a_target_within_the_range(closure):
+    largest = spool_angle(1.0, RADIUS, SpoolCommandConfig())
+    assert 0.0 <= target(*make(closure=closure)) <= largest
+
+
+def test_a_nan_keeps_the_target():
+    command, context = make(closure=0.4)
+    before = target(command, context)
+    assert target(command, context, closure_commanded=np.nan) == before > 0.0
+
+
+def test_hold_stays_where_the_spool_is():
+    command, context = make(closure=0.8, motor=(1.2, 0.5))
+    target(command, context)
+    assert target(command, context, hold=1.0) == 1.2
+    # and goes on holding, wherever the spool drifts and whatever is commanded.
+    assert target(command, context, motor_state=[1.3, 0], closure_commanded=0) == 1.2
+    assert target(command, context, hold=0.0) == 0.0
+
+
+def test_hold_keeps_a_grip():
+    command, context = make(closure=0.8, motor=(1.2, 0.0), triggered=(0, 0, 1, 0))
+    before = target(command, context)
+    assert target(command, context, hold=1.0) == before > 1.2

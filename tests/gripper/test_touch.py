@@ -1,0 +1,127 @@
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from helpers import fix, port_table, read
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    ContactResults,
+    MultibodyPlantConfig,
+)
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.gripper.touch import (
+    AddSrgContactForceSensors,
+    ContactForceSensors,
+    TouchConfig,
+)
+from drake_srg.parsing import ConfigureParser
+
+MASS, G = 0.1, 9.81
+BALL = f"""
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="ball">
+<link name="ball"><inertial><mass>{MASS}</mass><inertia><ixx>1e-5</ixx><iyy>1e-5</iyy>
+<izz>1e-5</izz></inertia></inertial><collision name="c"><geometry><sphere>
+<radius>0.01</radius></sphere></geometry><drake:proximity_properties>
+<drake:rigid_hydroelastic/><drake:mesh_resolution_hint>0.002</drake:mesh_resolution_hint>
+</drake:proximity_properties></collision></link></model></sdf>"""
+# Where the ball rests on the left tip's pad: its middle, from the tip's origin [m].
+PAD = np.array([0.0338, 0.0092, 0.0])
+
+
+def rest_on_the_left_pad(contact_model="hydroelastic_with_fallback"):
+    """A small ball at rest on the left tip's pad, which faces up."""
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.002, contact_model=contact_model)
+    plant, _ = AddMultibodyPlant(config, builder)
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    (model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+    parser.AddModelsFromString(BALL, "sdf")
+    # Open, the left finger's y (its closing side) is the palm's x: that goes up.
+    X_WP = RigidTransform(RollPitchYaw(0.0, -np.pi / 2, 0.0), [0.0, 0.0, 0.0])
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"), X_WP)
+    for name in ("left_base", "right_base", "left_tip", "right_tip"):
+        plant.GetJointByName(f"{name}_joint").set_position_limits([0.0], [0.0])
+    plant.Finalize()
+    sensors = AddSrgContactForceSensors(builder, plant, model)
+    for source, name in (
+        (plant.get_contact_results_output_port(), "contact_results"),
+        (plant.get_body_poses_output_port(), "body_poses"),
+    ):
+        builder.Connect(source, sensors.GetInputPort(name))
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    for name in ("left_base", "right_base", "left_tip", "right_tip"):
+        plant.GetJointByName(f"{name}_joint").Lock(context)
+    tip = plant.GetBodyByName("left_tip_link")
+    X_WT = plant.EvalBodyPoseInWorld(context, tip)
+    ball = plant.GetBodyByName("ball")
+    above = RigidTransform(X_WT.rotation(), X_WT @ (PAD + np.array([0.0, 0.0101, 0.0])))
+    plant.SetFreeBodyPose(context, ball, above)
+    simulator.AdvanceTo(0.5)
+    return sensors, sensors.GetMyContextFromRoot(simulator.get_context())
+
+
+@pytest.fixture(scope="module", params=["hydroelastic_with_fallback", "point"])
+def resting(request):
+    return rest_on_the_left_pad(request.param)
+
+
+def test_the_pad_feels_the_weight(resting):
+    # Left base, right base, left tip, right tip.
+    expected = [0.0, 0.0, MASS * G, 0.0]
+    assert read(*resting, "contact_force") == pytest.approx(expected, rel=1e-3, abs=0)
+
+
+def test_the_wrench_is_that_of_the_weight(resting):
+    wrench = read(*resting, "contact_wrench").reshape(4, 6)
+    force = np.array([0.0, -MASS * G, 0.0])
+    assert wrench[2, 3:] == pytest.approx(force, abs=1e-3)
+    # The weight's moment about the tip's hinge.
+    assert wrench[2, :3] == pytest.approx(np.cross(PAD, force), abs=1e-4)
+    assert not wrench[[0, 1, 3]].any()
+
+
+def test_a_touch_fires(resting):
+    assert list(read(*resting, "triggered")) == [0.0, 0.0, 1.0, 0.0]
+
+
+def make(config=None):
+    sensors = ContactForceSensors({"pad": (0, [])}, config)
+    context = sensors.CreateDefaultContext()
+    fix(
+        sensors,
+        context,
+        contact_results=AbstractValue.Make(ContactResults()),
+        body_poses=AbstractValue.Make([RigidTransform()]),
+    )
+    return sensors, context
+
+
+def test_ports():
+    assert port_table(make()[0]) == (
+        {"contact_results": None, "body_poses": None},
+        {"contact_force": 1, "contact_wrench": 6, "triggered": 1},
+    )
+
+
+def test_without_contact_there_is_no_force():
+    sensors, context = make(TouchConfig(trigger_force=1e-9))
+    for name in ("contact_force", "contact_wrench", "triggered"):
+        assert not read(sensors, context, name).any()
+
+
+def test_it_is_freed():
+    sensors, context = make()
+    read(sensors, context, "contact_force")
+    watch = weakref.ref(sensors)
+    del sensors, context
+    gc.collect()
+    assert watch() is None
