@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from models import gantry, iiwa14, props, srg
+from models import gantry, household, iiwa14, props, srg
 
 ROOT = Path(__file__).resolve().parent.parent / "models"
 
@@ -18,7 +18,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare, do not write")
     check = parser.parse_args().check
-    builders = (srg, iiwa14, gantry, props)
+    builders = (srg, iiwa14, gantry, props, household)
     files = {k: v for module in builders for k, v in module.Build().items()}
     present = {
         path.relative_to(ROOT).as_posix()
