@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.schema import Rotation
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
@@ -295,8 +295,8 @@ def bench_scenario(
     """Load a bench scenario with another object or with the hand turned.
 
     Args:
-        thing: The object in place of the scenario's, as `objects.thing`; it stands in
-            the middle unless it says where.
+        thing: The object in place of the scenario's own, as `objects.thing`; unless it
+            says where, it stands where that did, on the bench under the hand.
         gripper_rpy: Roll, pitch and yaw [degrees] of the palm in the flange's frame,
             which on the gantry is parallel to world: [0, 90, 0] points down,
             [0, 0, 0] to the front.
@@ -312,13 +312,13 @@ def bench_scenario(
     if thing is not None:
         thing = copy.deepcopy(thing)
         if thing.position is None and thing.pose is None:
-            thing.position = list(bench.task.place.position)
+            thing.position = bench.objects[bench.task.pick].position
         bench.objects = {"thing": thing}
         bench.task.pick = "thing"
     if gripper_rpy is not None:
         welds = [d.add_weld for d in bench.directives if d.add_weld is not None]
         (weld,) = [weld for weld in welds if weld.child == "gripper::palm"]
-        weld.X_PC.rotation = Rotation(Rotation.Rpy(deg=np.asarray(gripper_rpy, float)))
+        weld.X_PC.rotation = Rotation(RollPitchYaw(np.deg2rad(gripper_rpy)))
     if home is not None:
         if bench.arm is None:
             raise ScenarioError(f"{scenario}: home: there is no arm")
