@@ -109,10 +109,17 @@ def AddObject(
     """Add an object to a plant that is not finalized, as model instance `name`.
 
     Mass (its inertia scaled with it) and friction replace the model's where given.
+
+    Raises:
+        ScenarioError: If a model cannot be read or has not just one link.
     """
     root = (
         _shape_tree(config) if config.shape is not None else _model_tree(name, config)
     )
+    if (links := len(root.findall("model/link"))) != 1:
+        raise ScenarioError(
+            f"objects.{name}.model: {config.model} must have one link, has {links}"
+        )
     if config.mass is not None:
         masses = root.findall(".//inertial/mass")
         scale = config.mass / sum(float(m.text or 0.0) for m in masses)

@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
+from pydrake.common.schema import Transform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.errors import ScenarioError
-from drake_srg.objects import AddObject, X_FO_start, object_shape
+from drake_srg.objects import AddObject, X_FO_start, known_shape, object_shape
 from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Box, Cylinder, Sphere
 
@@ -128,6 +130,7 @@ def test_a_model_needs_one_simple_collision(tmp_path, geometry, count):
     config = ObjectConfig(model=sdf(tmp_path / "m.sdf", geometry, count))
     with pytest.raises(ScenarioError, match=r"^objects\.thing\.model: .*must have one"):
         object_shape("thing", config)
+    assert known_shape("thing", config) is None
 
 
 @pytest.mark.parametrize("content", ["<sdf", "<sdf version='1.9'/>", "hello"])
@@ -147,6 +150,25 @@ def test_an_object_stands_upright_on_its_table(shape):
     np.testing.assert_allclose(
         X.rotation().col(0), [np.cos(0.5), np.sin(0.5), 0], atol=1e-12
     )
+
+
+def test_an_object_without_a_known_shape_has_its_origin_on_the_table():
+    X = X_FO_start(ObjectConfig(position=[0.3, -0.2]), None, 0.1)
+    np.testing.assert_array_equal(X.translation(), [0.3, -0.2, 0.1])
+
+
+def test_a_pose_is_taken_as_it_is():
+    X_FO = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [1.0, 2.0, 3.0])
+    config = ObjectConfig(pose=Transform(X_FO))
+    for shape in (None, *SHAPES):
+        assert X_FO_start(config, shape, 0.1).IsNearlyEqualTo(X_FO, 1e-12)
+
+
+def test_an_object_has_one_link(tmp_path):
+    path = tmp_path / "m.sdf"
+    path.write_text("<sdf version='1.9'><model name='m'/></sdf>")
+    with pytest.raises(ScenarioError, match=r"^objects\.thing.* one link, has 0"):
+        add(ObjectConfig(model=path.as_uri()))
 
 
 def test_a_position_must_have_been_drawn():

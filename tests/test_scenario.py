@@ -46,7 +46,7 @@ def test_every_shipped_scenario_loads(name, seed):
     scenario = load_scenario(name, seed=seed)
     assert scenario.random_seed == seed
     for obj in scenario.objects.values():
-        assert obj.position is not None
+        assert obj.position is not None or obj.pose is not None
 
 
 @given(st.integers(0, 2**31))
@@ -150,6 +150,21 @@ def test_object_is_the_picked_object():
     assert scenario.objects["ball"].mass == 0.2
     assert scenario.objects["ball"].shape == Sphere(0.03)
     assert scenario.objects["soup_can"].mass != 0.2
+
+
+def test_set_reaches_into_lists():
+    turned = "directives.5.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 90]}"
+    scenario = load_scenario("gripper_bench", overrides=[turned, "script.0.duration=2"])
+    X_PC = scenario.directives[5].add_weld.X_PC.GetDeterministicValue()
+    np.testing.assert_allclose(X_PC.rotation().col(0), [0, 1, 0], atol=1e-12)
+    assert scenario.script[0].duration == 2.0
+
+
+def test_an_object_with_a_pose_gets_no_position():
+    pose = "object.pose={translation: [0.5, 0, !Uniform {min: 0.2, max: 0.3}]}"
+    can = load_scenario("kitchen", overrides=[pose]).objects["soup_can"]
+    assert can.position is None
+    assert 0.2 <= can.pose.translation[2] <= 0.3
 
 
 # Bases.
@@ -305,6 +320,25 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ("arm.period=0", "arm.period: must be greater than 0.0"),
         ("plant_config.time_step=0", "plant_config.time_step: must be greater than 0"),
         ("directives=[3]", "directives[0]: must be a mapping, is 3"),
+        ("directives.99.x=3", "directives is a list, '99' is not an index of it; allo"),
+        (
+            "directives.0.add_modl.file=x",
+            "directives[0]: unknown key 'add_modl'; did you mean 'add_model'",
+        ),
+        (
+            "objects.soup_can={position: [0.5, 0], pose: {}}",
+            "objects.soup_can: needs either a pose or position and yaw",
+        ),
+        ("object={yaw: 1, pose: {}}", "needs either a pose or position and yaw"),
+        (
+            "object.pose={rotation: !Uniform {limit_angle_deg: 30}}",
+            "objects.soup_can.pose: must not be random as a whole",
+        ),
+        ("script=[{mode: fly}]", "script[0].mode: must be one of close, grasp, home"),
+        ("script=[{duration: 0}]", "script[0].duration: must be greater than 0.0"),
+        ("script=[{closure: 2}]", "script[0].closure: must be at most 1.0, is 2.0"),
+        ("script=[{arm: [1]}]", "script[0].arm: must have an entry a joint of the arm"),
+        ("script=[{duration: 50}]", "script: takes 50 s; allowed: planner.time_budget"),
         ("cameras.ceiling.X_PB.translation=[1, 2]", "cameras: does not fit: "),
     ],
 )

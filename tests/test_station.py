@@ -126,6 +126,55 @@ def test_an_idle_camera_costs_nothing(station):
     assert simulation < 5 * image
 
 
+def start_pose(name, *overrides):
+    """Pose in world of the picked object of a scenario at the start."""
+    scenario = load_scenario(name, overrides=overrides)
+    scenario.cameras.clear()
+    station = MakeStation(scenario)
+    context = station.CreateDefaultContext()
+    poses = station.GetOutputPort("object_poses_cheat").Eval(context)
+    return poses[scenario.task.pick]
+
+
+def test_an_object_may_start_anywhere():
+    X_WO = start_pose(
+        "gripper_bench",
+        "object.position=null",
+        "object.pose={translation: [0.4, 0.1, 0.3], rotation: !Rpy {deg: [90, 0, 0]}}",
+    )
+    np.testing.assert_allclose(X_WO.translation(), [0.4, 0.1, 0.3])
+    np.testing.assert_allclose(X_WO.rotation().col(2), [0, -1, 0], atol=1e-12)
+
+
+def test_an_object_may_start_in_the_hand():
+    X_WO = start_pose(
+        "gripper_bench",
+        "object.position=null",
+        "object.pose={base_frame: 'gripper::palm', translation: [0.12, 0, 0]}",
+    )
+    # The palm is 0.4 m above the table at (0.5, 0) and points down.
+    np.testing.assert_allclose(X_WO.translation(), [0.5, 0, 0.28], atol=1e-12)
+    np.testing.assert_allclose(X_WO.rotation().col(0), [0, 0, -1], atol=1e-12)
+
+
+def test_a_base_frame_must_exist():
+    with pytest.raises(
+        ScenarioError, match=r"objects\.soup_can\.pose\.base_frame: .*foo"
+    ):
+        start_pose(
+            "gripper_bench",
+            "object.position=null",
+            "object.pose={base_frame: 'gripper::foo'}",
+        )
+
+
+def test_an_object_of_several_pieces_stands_on_the_table():
+    mug = "object.model=package://drake_srg/sdf/mug.sdf"
+    np.testing.assert_allclose(
+        start_pose("gripper_bench", mug, "object.yaw=1.5").translation(), [0.5, 0, 0]
+    )
+
+
 def test_an_absent_object_is_absent():
     scenario = load_scenario("kitchen", overrides=["object.present=false"])
     scenario.cameras.clear()
@@ -141,7 +190,7 @@ def test_an_absent_object_is_absent():
             "directives=[{add_model: {name: x, file: package://no/x.sdf}}]",
             "directives: ",
         ),
-        ("object.model=package://drake_srg/sdf/srg.sdf", "must have one collision"),
+        ("object.model=package://drake_srg/sdf/srg.sdf", "must have one link, has 5"),
         ("object.model=package://drake_srg/sdf/no.sdf", "objects.soup_can.model: "),
     ],
 )

@@ -144,6 +144,39 @@ def test_set_key_does_not_lead_through_values():
         set_key({"a": {"b": 1}}, "a.b.c", 2)
 
 
+def test_set_key_leads_through_lists_by_index():
+    tree = {"a": [{"b": 1}, {"c": [3, 4]}]}
+    set_key(tree, "a.0.b", 2)
+    set_key(tree, "a.0.d.e", 5)
+    set_key(tree, "a.1.c.1", 6)
+    assert tree == {"a": [{"b": 2, "d": {"e": 5}}, {"c": [3, 6]}]}
+
+
+@pytest.mark.parametrize("index", ["2", "-1", "x", "1.5", "", "²"])
+@pytest.mark.parametrize("rest", ["", ".b"])
+def test_set_key_needs_an_index_that_a_list_has(index, rest):
+    with pytest.raises(ScenarioError) as error:
+        set_key({"a": [{"b": 1}, 2]}, f"a.{index}{rest}", 3)
+    if index != "1.5":  # whose 1 is an index, of a value
+        assert "a is a list" in str(error.value)
+        assert "is not an index of it; allowed: 0 .. 1" in str(error.value)
+
+
+def test_set_key_finds_no_entry_in_an_empty_list():
+    with pytest.raises(
+        ScenarioError, match=r"'0' is not an index .* none, it is empty"
+    ):
+        set_key({"a": []}, "a.0", 1)
+
+
+@given(st.lists(st.integers(), min_size=1, max_size=4), st.data())
+def test_set_key_changes_one_entry_of_a_list(values, data):
+    i = data.draw(st.integers(0, len(values) - 1))
+    tree = {"a": list(values)}
+    set_key(tree, f"a.{i}", "new")
+    assert tree == {"a": [*values[:i], "new", *values[i + 1 :]]}
+
+
 # Checks. The messages name file, key, and what is allowed.
 
 
