@@ -22,6 +22,9 @@ from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 # on hard household objects.
 _MODULUS = 5.0e7
 _DISSIPATION = 5.0
+# Edges of the facets of what is round, over its radius: a circle gets 22 sides, within
+# 1 % of the radius; see the soup can's model.
+_RESOLUTION = 0.3
 
 _TEMPLATE = """<?xml version="1.0"?>
 <sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="object">
@@ -108,7 +111,8 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Mass (its inertia scaled with it) and friction replace the model's where given.
+    Mass (its inertia scaled with it), friction and resolution replace the model's where
+    given.
 
     Raises:
         ScenarioError: If a model cannot be read or has not just one link.
@@ -125,6 +129,10 @@ def AddObject(
         scale = config.mass / sum(float(m.text or 0.0) for m in masses)
         for element in (*masses, *root.findall(".//inertial/inertia/*")):
             element.text = repr(float(element.text or 0.0) * scale)
+    if config.resolution is not None:
+        for element in root.iter():
+            if element.tag.endswith("}mesh_resolution_hint"):
+                element.text = repr(config.resolution)
     if config.friction is not None:
         for element in root.iter():
             if element.tag.endswith(("}mu_dynamic", "}mu_static")):
@@ -184,14 +192,7 @@ def _shape_tree(config: ObjectConfig) -> ET.Element:
             color=" ".join(map(str, config.color)),
             modulus=_MODULUS,
             dissipation=_DISSIPATION,
-            resolution=0.5 * float(_smallest_extent(config.shape)),
+            # Drake cuts a box the same at any resolution.
+            resolution=_RESOLUTION * getattr(config.shape, "radius", 1.0),
         )
     )
-
-
-def _smallest_extent(shape: Shape) -> float:
-    match shape:
-        case Box(size):
-            return min(size)
-        case _:
-            return shape.radius

@@ -60,6 +60,9 @@ class ObjectConfig:
     mass: float | None = dc.field(default=None, metadata=positive())
     # Coulomb friction coefficient; with a model, null keeps the model's.
     friction: float | None = dc.field(default=None, metadata={"ge": 0.0})
+    # Edge length of the facets that stand for round geometry in contact [m]; null keeps
+    # the model's, or takes 0.3 of a shape's radius.
+    resolution: float | None = dc.field(default=None, metadata=positive())
     # Red, green, blue 0 .. 1: what a `shape` is painted with and what the localizer
     # looks for.
     color: list[float] = dc.field(
@@ -299,11 +302,6 @@ def _check(scenario: Scenario, origin: str) -> None:
             obj.pose is None or (obj.position is None and obj.yaw == 0.0),
             key,
             "needs either a pose or position and yaw",
-        )
-        require(
-            obj.pose is None or obj.pose.IsDeterministic(),
-            f"{key}.pose",
-            "must not be random as a whole; its numbers may be",
         )
         if obj.position is not None:
             low, high = scenario.table.min, scenario.table.max

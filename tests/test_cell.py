@@ -1,9 +1,12 @@
+import dataclasses as dc
+
 import pytest
 from helpers import port_table
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.cell import MakeCell, MakePlanner
+from drake_srg.cell import MakeCell, MakePlanner, _targets
 from drake_srg.errors import ScenarioError
+from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Mode
@@ -87,6 +90,63 @@ def test_images_are_searched_only_when_the_planner_looks(scenario, monkeypatch):
     simulator = Simulator(cell)
     simulator.AdvanceTo(0.3)
     assert searched == [0.0]
+
+
+# With a script.
+
+
+@pytest.fixture(scope="module")
+def scripted():
+    bench = load_scenario("gripper_bench")
+    bench.cameras.clear()
+    return bench
+
+
+def test_a_scripted_cell_has_the_same_ports_but_no_localizer(scripted):
+    cell = MakeCell(scripted)
+    inputs, outputs = port_table(cell)
+    assert inputs == {}
+    _, of_station = port_table(MakeStation(scripted))
+    assert outputs == {
+        **of_station,
+        "planner.mode": None,
+        "planner.status": None,
+        "arm.position_commanded": 3,
+        "gripper.closure_commanded": 1,
+    }
+    assert not cell.HasSubsystemNamed("localizer")
+
+
+def test_a_script_drives_the_station(scripted):
+    cell = MakeCell(scripted)
+    simulator = Simulator(cell)
+    context = simulator.get_mutable_context()
+    simulator.AdvanceTo(0.5)  # half of the first step, from 0.4 m down to 0.22 m
+    q = cell.GetOutputPort("arm.state_measured").Eval(context)[:3]
+    assert q == pytest.approx([0.0, 0.0, 0.31], abs=2e-3)
+    assert cell.GetOutputPort("planner.mode").Eval(context) is Mode.GRASP
+
+
+@pytest.mark.parametrize("limit", [None, 0.3])
+def test_a_script_limits_the_force_only_where_it_says_so(scripted, limit):
+    script = [ScriptStep(closure=1.0, force_limit=limit)]
+    cell = MakeCell(dc.replace(scripted, script=script))
+    port = cell.GetSubsystemByName("station").GetInputPort("gripper.force_limit")
+    station_context = cell.GetSubsystemByName("station").GetMyContextFromRoot(
+        cell.CreateDefaultContext()
+    )
+    assert port.HasValue(station_context) == (limit is not None)
+
+
+def test_objects_that_nobody_knows_the_shape_of_are_not_looked_for(scenario):
+    mug = "objects.mug={model: package://drake_srg/sdf/mug.sdf, position: [0.9, 0.5]}"
+    busy = load_scenario("kitchen", seed=1, overrides=[mug])
+    assert [target.name for target in _targets(busy)] == ["soup_can"]
+    assert MakePlanner(busy)._obstacles == {}
+    with pytest.raises(ScenarioError, match=r"objects\.mug\.model: .* must have one"):
+        MakeCell(
+            load_scenario("kitchen", overrides=[mug, "task.pick=mug"]),
+        )
 
 
 def test_cells_are_freed(leaked, scenario):

@@ -80,6 +80,16 @@ def test_mass_and_friction_override_the_models():
     assert friction.static_friction() == friction.dynamic_friction() == 0.0
 
 
+@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
+def test_resolution_overrides_what_round_geometry_has(config):
+    for resolution in (None, 0.007):
+        _, _, properties, *_ = add(
+            ObjectConfig(**config, mass=0.3, friction=0.5, resolution=resolution)
+        )
+        hint = properties.GetProperty("hydroelastic", "resolution_hint")
+        assert hint == pytest.approx(resolution or 0.01, abs=1.1e-3)
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_given_shape_is_the_known_one(shape):
     assert object_shape("thing", ObjectConfig(shape=shape)) is shape

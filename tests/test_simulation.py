@@ -134,6 +134,27 @@ def test_the_files_hold_the_result(again, folder):
     }
 
 
+def test_the_bench_plays_its_script():
+    bench = load_scenario("gripper_bench")
+    result = Simulate(bench, name="gripper_bench", record=False)
+    metrics = result.metrics
+    assert (metrics.success, metrics.failure, metrics.attempts) == (True, None, 1)
+    assert metrics.cycle_time_s == pytest.approx(
+        sum(step.duration for step in bench.script), abs=0.02
+    )
+    assert metrics.localization_error_m is None
+    assert np.linalg.norm(metrics.placement_error_m) < 2e-3
+    z = result.log["object_pose.soup_can"][:, 2]
+    assert np.max(z) > z[0] + 0.15  # it was lifted
+    assert result.log["arm.state_measured"].shape[1] == 6
+
+
+def test_a_script_that_loses_its_object_is_told_so():
+    bench = load_scenario("gripper_bench", overrides=["object.friction=0"])
+    metrics = Simulate(bench, record=False).metrics
+    assert (metrics.success, metrics.failure) == (False, "misplaced")
+
+
 @pytest.mark.parametrize("why", ["present=false", "covered=true"])
 def test_an_object_that_is_not_there_is_not_seen(why):
     result = run(f"object.{why}")
