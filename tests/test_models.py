@@ -31,9 +31,11 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.parsing import ConfigureParser, ModelsPath
 
 CAN = "005_tomato_soup_can"
-MODELS = ("srg", "iiwa14", "table", "floor", "marker", "lid", CAN)
+NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
+ROBOTS = ("srg", "iiwa14", "gantry")
+MODELS = (*ROBOTS, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
-BASES = {"srg": "palm", "iiwa14": "link_0"}
+BASES = {"srg": "palm", "iiwa14": "link_0", "gantry": "stand"}
 SRG_JOINTS = (
     "left_base_joint",
     "right_base_joint",
@@ -117,7 +119,7 @@ def test_total_mass(name, mass):
     assert total == pytest.approx(mass)
 
 
-@pytest.mark.parametrize("name", ("srg", "lid", "marker", CAN))
+@pytest.mark.parametrize("name", ("srg", "lid", "marker", CAN, *NOT_CONVEX))
 def test_inertias_fit_inside_the_body(name):
     built = build(name)
     for body in built.bodies():
@@ -206,7 +208,8 @@ class Distances:
 
 @pytest.mark.parametrize(
     ("name", "tolerance"),
-    [("srg", 0.002), ("iiwa14", 0.002), ("table", 0.002), ("lid", 0.002), (CAN, 3e-4)],
+    [("srg", 0.002), ("iiwa14", 0.002), ("table", 0.002), ("lid", 0.002), (CAN, 3e-4)]
+    + [(name, 0.002) for name in NOT_CONVEX],
 )
 def test_what_is_seen_is_what_is_touched(name, tolerance):
     built = build(name)
@@ -233,7 +236,7 @@ def test_touched_shapes_are_convex_or_primitive(name):
     built = build(name)
     for body in built.bodies():
         shapes = built.shapes(body, Role.kProximity)
-        assert bool(shapes) == (name != "marker")
+        assert bool(shapes) == (name not in ("marker", "gantry"))
         for label, shape, _ in shapes:
             assert isinstance(shape, Box | Cylinder | Convex), label
 
@@ -458,6 +461,56 @@ def test_arm_does_not_touch_itself_in_working_poses():
         assert not built.touching(), q
 
 
+# ---- the gantry
+
+
+def test_gantry_moves_its_flange_along_the_axes():
+    built = build("gantry")
+    flange = built.plant.GetFrameByName("flange")
+    for q in ([0.0, 0.0, 0.0], [0.4, -0.3, 0.8]):
+        built.plant.SetPositions(built.plant_context, q)
+        X_WF = flange.CalcPoseInWorld(built.plant_context)
+        assert X_WF.IsNearlyEqualTo(RigidTransform(q), 1e-12)
+    assert [
+        built.plant.get_joint_actuator(a).name()
+        for a in built.plant.GetJointActuatorIndices()
+    ] == ["gantry_x", "gantry_y", "gantry_z"]
+
+
+def test_gantry_can_shake_5_kg_at_1_g():
+    plant = build("gantry").plant
+    amplitude = 9.81 / (2 * np.pi * 2.0) ** 2  # m, at 2 Hz
+    assert np.all(plant.GetPositionUpperLimits() > amplitude)
+    assert np.all(plant.GetVelocityUpperLimits() > 2 * np.pi * 2.0 * amplitude)
+    assert np.all(plant.GetAccelerationUpperLimits() > 9.81)
+    stand = plant.GetBodyByName("stand").default_mass()
+    total = plant.CalcTotalMass(plant.CreateDefaultContext())
+    moved = total - stand + 0.4 + 5.0  # with gripper and payload
+    assert np.all(plant.GetEffortUpperLimits() > moved * 2 * 9.81)
+
+
+# Around a hand at the flange [m]: the fingers sweep 0.15 to each side, reach 0.19.
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [
+        ((-0.1, -0.3, -0.5), (0.3, 0.3, -0.03)),  # points down
+        ((0.05, -0.3, -0.3), (0.3, 0.3, 0.3)),  # to the front
+        ((-0.1, -0.3, 0.03), (0.3, 0.3, 0.3)),  # up
+        ((-0.14, 0.05, -0.3), (0.3, 0.3, 0.3)),  # to the side
+    ],
+)
+def test_gantry_keeps_out_of_the_hands_way(low, high):
+    built = Built("gantry")
+    for q in ([0, 0, 0.3], [-0.4, 0.4, 0.6], [0.4, -0.4, 0.6]):
+        built.plant.SetPositions(built.plant_context, q)
+        for body in built.bodies():
+            X_WB = built.plant.EvalBodyPoseInWorld(built.plant_context, body)
+            for label, shape, X_BG in built.shapes(body, Role.kIllustration):
+                p = ((X_WB @ X_BG) @ mesh_points(shape).T).T - q
+                inside = np.all((p > low) & (p < high), axis=1)
+                assert not np.any(inside), (label, q)
+
+
 # ---- the props
 
 
@@ -491,6 +544,31 @@ def test_lid_covers_a_can():
     for angle in np.linspace(0, 2 * np.pi, 50):
         p = np.array([0.0339 * np.cos(angle), 0.0339 * np.sin(angle), 0.1018])
         assert min(distances.at(p).values()) > 0.02
+
+
+@pytest.mark.parametrize("name", NOT_CONVEX)
+def test_household_models_are_not_convex(name):
+    """Somewhere between two points that are touched there is nothing."""
+    built = build(name)
+    (body,) = built.bodies()
+    shapes = built.shapes(body, Role.kProximity)
+    assert len(shapes) > 1
+    distances = Distances(shapes)
+    corners = np.vstack([(X @ mesh_points(shape).T).T for _, shape, X in shapes])
+    rng = np.random.default_rng(SEED)
+    middles = 0.5 * (rng.permutation(corners)[:200] + rng.permutation(corners)[:200])
+    assert max(min(distances.at(p).values()) for p in middles) > 2e-3
+
+
+@pytest.mark.parametrize("name", NOT_CONVEX)
+def test_household_models_rest_on_their_origins_plane(name):
+    built = build(name)
+    (body,) = built.bodies()
+    low, high = extent(built, body)
+    assert low[2] == pytest.approx(0.0, abs=1e-6)
+    assert np.all(high - low < 0.21)
+    mass = built.plant.CalcTotalMass(built.plant_context, [built.model])
+    assert 0.15 < mass < 0.65  # of ordinary weight
 
 
 # ---- the files
