@@ -1,0 +1,162 @@
+"""Fully closed on nothing: whether finger on finger chatters.
+
+Both fingers press on each other with what their driver gives, for 10 s as the payloads
+are held, at several time steps. Pointing down the fingers' weight presses evenly; with
+one finger above the other it moves both, slowly, until the drive balances it.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.response import rms
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.rig import Rig, bench_scenario
+from drake_srg.gripper.touch import TouchConfig
+from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.types import Vector
+
+DRIVERS = ("SrgPositionDriver", "SrgTendonDriver")
+# Roll, pitch and yaw of the palm [degrees].
+HANDS = {"pointing down": (0, 90, 0), "finger above finger": (90, 0, 0)}
+TIME_STEPS = (0.001, 0.002, 0.005)  # s
+DURATION = 10.0  # s, of which the last second is judged
+# One count of the servo's encoder (12 bits a turn) a second: nobody could measure it.
+SPEED_LIMIT = 2.0 * np.pi / 4096.0  # rad/s
+# Of the mean force, what thin-film force sensors resolve.
+FORCE_SHARE = 0.01
+_WINDOW = 0.05  # s; the tables have a row for each
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """Which hand closes on nothing."""
+
+    driver: str
+    hand: str
+    time_step: float
+
+    def __str__(self) -> str:
+        return f"{self.driver}, {self.hand}, {1e3 * self.time_step:g} ms"
+
+
+@dc.dataclass(frozen=True)
+class Closed:
+    """What a closed hand does, sampled every time step.
+
+    Attributes:
+        time: Shape (K,) [s].
+        speeds: Of the four finger joints, shape (K, 4) [rad/s].
+        force: What the left fingertip's sensor reads, shape (K,) [N].
+    """
+
+    time: Vector
+    speeds: Vector
+    force: Vector
+
+
+def close(case: Case, duration: float = DURATION) -> Closed:
+    """Close a hand on nothing, from open."""
+    overrides = [
+        f"gripper=!{case.driver} {{}}",
+        f"plant_config.time_step={case.time_step}",
+    ]
+    scenario = bench_scenario(gripper_rpy=HANDS[case.hand], overrides=overrides)
+    scenario.objects, scenario.task.pick = {}, ""
+    with Rig(
+        scenario,
+        name="idle_contact",
+        period=case.time_step,
+        log_period=case.time_step,
+    ) as rig:
+        rig.advance(duration, closure=1.0)
+        log = rig.log()
+    force = log["gripper.contact_force"][:, 2]  # left base, right base, left tip, ...
+    return Closed(log["time"], log["gripper.state_measured"][:, 4:], force)
+
+
+def run(track: Track) -> ExperimentResult:
+    """Close every hand with every driver at every time step."""
+    cases = [Case(d, h, dt) for d in DRIVERS for h in HANDS for dt in TIME_STEPS]
+    closed = {case: close(case) for case in track(cases)}
+    rows = [row for case, response in closed.items() for row in judge(case, response)]
+    tables: dict[str, dict[str, Vector]] = {}
+    for case, response in closed.items():
+        name = f"{case.driver}, {case.hand}".replace(", ", "_").replace(" ", "_")
+        table = tables.setdefault(name, {})
+        time, speed, low, high = _windows(case, response)
+        step = f"{1e3 * case.time_step:g} ms"
+        table["time [s]"] = time
+        table[f"{step}: joint speed, RMS [rad/s]"] = speed
+        table[f"{step}: least force [N]"] = low
+        table[f"{step}: largest force [N]"] = high
+    return ExperimentResult(rows, tables, draw(closed))
+
+
+def judge(case: Case, response: Closed) -> Sequence[Row]:
+    """Judge the last second of a response."""
+    last = response.time > response.time[-1] - 1.0
+    force = response.force[last]
+    mean = float(np.mean(force))
+    speed = max(rms(v) for v in response.speeds[last].T)
+    touch = TouchConfig().trigger_force
+    name = str(case)
+    return (
+        Row.at_least(name, "contact force, mean", touch, mean, "N"),
+        Row.at_most(name, "fastest joint's speed, RMS", SPEED_LIMIT, speed, "rad/s"),
+        Row.at_most(
+            name,
+            "contact force, peak to peak",
+            FORCE_SHARE * mean,
+            float(np.ptp(force)),
+            "N",
+        ),
+    )
+
+
+def _windows(case: Case, response: Closed) -> tuple[Vector, ...]:
+    """End, largest RMS speed, least and largest force of each window of `_WINDOW`."""
+    n = round(_WINDOW / case.time_step)
+    count = (len(response.time) - 1) // n
+    speeds = response.speeds[1 : 1 + n * count].reshape(count, n, -1)
+    force = response.force[1 : 1 + n * count].reshape(count, n)
+    speed = np.max(np.sqrt(np.mean(speeds**2, axis=1)), axis=1)
+    ends: Vector = response.time[n :: n][:count]
+    return ends, speed, np.min(force, axis=1), np.max(force, axis=1)
+
+
+def draw(closed: dict[Case, Closed]) -> Any:
+    """Draw joint speed over contact force, a column for each driver and hand."""
+    columns = list(dict.fromkeys((case.driver, case.hand) for case in closed))
+    figure = make_figure(11.0, 5.0, "Closed on nothing")
+    shape = (2, len(columns))
+    all_axes = figure.subplots(*shape, sharex=True, sharey="row", squeeze=False)
+    for speed_axes, force_axes in all_axes.T:
+        style_axes(speed_axes)
+        style_axes(force_axes, xlabel="time [s]")
+    for case, response in closed.items():
+        speed_axes, force_axes = all_axes[:, columns.index((case.driver, case.hand))]
+        time, speed, low, high = _windows(case, response)
+        label = f"{1e3 * case.time_step:g} ms"
+        (line,) = speed_axes.semilogy(time, speed, lw=1.2, label=label)
+        force_axes.plot(time, low, time, high, color=line.get_color(), lw=1.2)
+    for (driver, hand), axes in zip(columns, all_axes[0], strict=True):
+        axes.set_title(f"{driver}\n{hand}", fontsize=9, loc="left")
+        axes.axhline(SPEED_LIMIT, color="#333333", ls="--", lw=0.8)
+    all_axes[0, 0].set_ylabel("joint speed, RMS\n[rad/s]", fontsize=9)
+    all_axes[1, 0].set_ylabel("fingertip force,\nleast and largest [N]", fontsize=9)
+    all_axes[0, 0].annotate(
+        "one encoder count a second",
+        (DURATION, SPEED_LIMIT),
+        xytext=(0, 3),
+        textcoords="offset points",
+        ha="right",
+        fontsize=7,
+    )
+    all_axes[0, -1].legend(fontsize=8, frameon=False, title="time step")
+    return figure
