@@ -1,15 +1,14 @@
 """A station driven by hand, step by step: what experiments are written with.
 
-scenario = bench_scenario(household_objects()["tennis_ball"])
+scenario = bench_scenario(household_objects()["056_tennis_ball"])
 with Rig(scenario) as rig:
-    rig.move([0.0, 0.0, 0.2], 1.0)            # lower the hand over the object
-    rig.advance(1.0, closure=1.0, force_limit=0.2)
+    rig.move([0.0, 0.0, 0.2], 1.0)  # lower the hand over the object
+    rig.advance(1.5, closure=1.0, force_limit=0.3)
     rig.move([0.0, 0.0, 0.4], 1.0)
-    amplitude = 9.81 / (4.0 * np.pi) ** 2     # 1 g at 2 Hz
-    shake = lambda t: [0.0, amplitude * np.sin(4.0 * np.pi * t), 0.4]
-    rig.advance(5.0, arm=shake)
+    rig.advance(3.0, arm=shake([0.0, 0.0, 0.4], [0.0, 9.81, 0.0], 2.0, 3.0))
     held = rig.X_WO().translation()[2] > 0.1
-    log = rig.log()                           # log["gripper.contact_force"], ...
+    log = rig.log()
+largest_force = log["gripper.contact_force"].max()
 """
 
 import contextlib
@@ -17,6 +16,7 @@ import copy
 import dataclasses as dc
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -136,9 +136,11 @@ class Rig:
             "gripper.closure_commanded": closure,
             "gripper.force_limit": force_limit,
         }
-        functions = {k: f for k, f in given.items() if callable(f)}
+        functions: dict[str, Callable[[float], npt.ArrayLike]] = {}
         for name, value in given.items():
-            if value is not None and name not in functions:
+            if callable(value):
+                functions[name] = value
+            elif value is not None:
                 self.fix(name, value)
         for i in range(round(duration / self._period)):
             for name, function in functions.items():
@@ -261,9 +263,14 @@ class Rig:
     def __enter__(self) -> "Rig":
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
         if self._video is not None:
-            self._video.__exit__(kind, *_)
+            self._video.__exit__(kind, error, traceback)
 
 
 def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoRecorder:
@@ -281,6 +288,32 @@ def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoReco
     image = rig.station.GetOutputPort(f"camera_{name}.color_image")
     builder.Connect(image, recorder.GetInputPort("color_image"))
     return recorder
+
+
+def shake(
+    q: npt.ArrayLike, acceleration: npt.ArrayLike, frequency: float, duration: float
+) -> Callable[[float], Vector]:
+    """Return a shaking motion about an arm position, as a function of time [s].
+
+    It swells and fades within two cycles each, so that it starts and ends at rest.
+
+    Args:
+        q: Joint positions (N) [rad or m].
+        acceleration: Of each joint at its turning points (N) [rad/s² or m/s²].
+        frequency: Of the sine [Hz].
+        duration: From rest to rest [s].
+    """
+    omega = 2.0 * np.pi * frequency
+    middle, amplitude = np.asarray(q, float), np.asarray(acceleration, float) / omega**2
+    swell = 2.0 / frequency
+
+    def position(t: float) -> Vector:
+        envelope = minimum_jerk_blend(t / swell)
+        envelope *= minimum_jerk_blend((duration - t) / swell)
+        value: Vector = middle + envelope * np.sin(omega * t) * amplitude
+        return value
+
+    return position
 
 
 def bench_scenario(

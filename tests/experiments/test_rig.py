@@ -1,9 +1,13 @@
+import textwrap
+
 import av
 import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
 from drake_srg.errors import ScenarioError
+from drake_srg.experiments import rig as rig_module
+from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Sphere
@@ -143,7 +147,28 @@ def test_a_rig_is_freed(leaked):
     assert leaked() == []
 
 
-# Scenarios.
+# Motions and scenarios.
+
+
+@pytest.mark.parametrize("duration", [2.5, 6.0])
+def test_shaking_goes_from_rest_to_rest_with_the_acceleration_asked_for(duration):
+    motion = rig_module.shake([0.1, 0.2], [9.81, 0.0], 2.0, duration)
+    t = np.linspace(0.0, duration, 5001)
+    q = np.array([motion(x) for x in t])
+    np.testing.assert_array_equal(q[:, 1], 0.2)
+    v = np.gradient(q[:, 0], t)
+    a = np.gradient(v, t)
+    np.testing.assert_allclose(q[[0, -1], 0], 0.1, atol=1e-12)
+    np.testing.assert_allclose(v[[0, -1]], 0.0, atol=1e-6)
+    assert np.max(np.abs(a)) == pytest.approx(9.81, rel=0.02)
+
+
+def test_the_example_runs():
+    example = textwrap.dedent(rig_module.__doc__.partition("\n\n")[2])
+    names = {**vars(rig_module), "household_objects": household_objects}
+    exec(example, names)
+    assert names["held"]
+    assert names["largest_force"] > 1.0
 
 
 @pytest.mark.parametrize("rpy", [(0, 0, 0), (0, 90, 0), (90, 0, 0), (0, -90, 30)])
