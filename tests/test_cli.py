@@ -146,5 +146,5 @@ def test_help_names_every_command(capsys):
         main(["--help"])
     assert stopped.value.code == 0
     text = capsys.readouterr().out
-    for command in ("run", "list", "diagram", "bench", "doctor"):
+    for command in ("run", "list", "diagram", "bench", "experiment", "doctor"):
         assert command in text

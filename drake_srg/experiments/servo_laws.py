@@ -290,10 +290,13 @@ def draw(responses: Mapping[str, Mapping[str, Response]]) -> Any:
         angle.tick_params(labelbottom=False)
         angle.set_title(title, fontsize=9, loc="left")
         for law, response in responses[motion].items():
-            width = 1.6 if law == "pid" else 1.0
-            angle.plot(response.time, response.q, lw=width, label=law)
-            pwm.plot(response.time, response.pwm, lw=width)
+            # At rest both printed laws are the same.
+            line = {"lw": 1.6 if law == "pid" else 1.0, "label": law}
+            line["ls"] = (0, (3, 3)) if law == "printed, K_I = 0" else "-"
+            angle.plot(response.time, response.q, **line)
+            pwm.plot(response.time, response.pwm, **line)
         angle.plot(response.time, response.reference, "k--", lw=0.8, label="reference")
+    figure.align_ylabels(all_axes[:, 0])
     handles, labels = all_axes[0, 0].get_legend_handles_labels()
     figure.legend(
         handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False

@@ -1,0 +1,71 @@
+"""docs/experiments.md shows every experiment."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from drake_srg.experiments.registry import list_experiments
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "experiments.md").read_text()
+ROWS = [
+    {
+        "name": "base",
+        "quantity": "drift",
+        "expected": "<= 3",
+        "measured": measured,
+        "unit": "um/s",
+        "pass": passed,
+    }
+    for measured, passed in ((1.23456, True), (None, False))
+]
+
+
+@pytest.fixture
+def tool(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import update_experiment_docs
+
+    yield update_experiment_docs
+    del sys.modules["update_experiment_docs"]
+
+
+@pytest.mark.parametrize("name", list_experiments())
+def test_every_experiment_is_shown_with_its_rows(name):
+    assert f"\n## {name}\n" in PAGE
+    assert f"(experiments/{name}.png)" in PAGE
+    (rows,) = re.findall(rf"<!-- {name}: generated -->(.*?)<!-- end -->", PAGE, re.S)
+    assert "rows pass" in rows
+
+
+def test_figures_are_there_and_small():
+    figures = re.findall(r"\((experiments/[^)]+)\)", PAGE)
+    assert figures
+    for figure in figures:
+        assert (ROOT / "docs" / figure).stat().st_size < 100_000, figure
+
+
+def test_rows_replace_those_that_were_there(tool):
+    page = (
+        "# Page\n\n## fake\n\nWords.\n\n<!-- fake: generated -->\nold\n<!-- end -->\n"
+    )
+    updated = tool.update(page, "fake", "Fake.", ROWS)
+    assert "old" not in updated
+    assert "Words." in updated
+    assert "1 of 2 rows pass" in updated
+    assert "| base | drift | 1.235 | um/s | <= 3 | yes |" in updated
+    assert "| base | drift | - | um/s | <= 3 | **no** |" in updated
+    assert tool.update(updated, "fake", "Fake.", ROWS) == updated
+
+
+def test_a_new_experiment_gets_a_section(tool):
+    page = tool.update("# Page\n", "fake", "Fake.", ROWS)
+    assert "\n## fake\n\nFake.\n\n![Fake.](experiments/fake.png)\n" in page
+    assert tool.update(page, "fake", "Fake.", ROWS) == page
+
+
+def test_a_lost_marker_is_named(tool):
+    with pytest.raises(SystemExit, match="fake: one pair of markers"):
+        tool.update("# Page\n\n## fake\n\n", "fake", "Fake.", ROWS)

@@ -1,0 +1,82 @@
+"""Runs experiments and puts their figures and rows into docs/experiments.md.
+
+Run as `python tools/update_experiment_docs.py [NAME]...`, for all experiments without a
+name. With `--keep`, results that are in out/experiments are taken as they are. A
+section that the page does not have yet is added at its end.
+"""
+
+import argparse
+import json
+import re
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+from drake_srg.experiments.registry import list_experiments, run_experiment
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "experiments.md"
+FIGURES = ROOT / "docs" / "experiments"
+RESULTS = ROOT / "out" / "experiments"
+# Lines and labels in few colours: this keeps a figure well below 100 kB.
+COLORS = 64
+
+
+def update(page: str, name: str, description: str, rows: list[dict]) -> str:
+    """Return the page with the rows of an experiment in place of those it had."""
+    if f"\n## {name}\n" not in page:
+        page += (
+            f"\n## {name}\n\n{description}\n"
+            f"\n![{description}](experiments/{name}.png)\n"
+            f"\n<!-- {name}: generated -->\n<!-- end -->\n"
+        )
+    marked = rf"(<!-- {name}: generated -->\n).*?(<!-- end -->)"
+    page, count = re.subn(
+        marked,
+        lambda match: match[1] + table(rows) + match[2],
+        page,
+        flags=re.DOTALL,
+    )
+    if count != 1:
+        sys.exit(f"{PAGE.name}: {name}: one pair of markers is needed, found {count}")
+    return page
+
+
+def table(rows: list[dict]) -> str:
+    """Return the rows in Markdown, folded, below a line that sums them up."""
+    failed = [row for row in rows if not row["pass"]]
+    count = f"{len(rows) - len(failed)} of {len(rows)} rows pass"
+    cells = ["name", "quantity", "measured", "unit", "expected", "pass"]
+    lines = [" | ".join(cells), " | ".join(["---"] * len(cells))]
+    for row in rows:
+        measured = "-" if row["measured"] is None else f"{row['measured']:.4g}"
+        word = "yes" if row["pass"] else "**no**"
+        shown = {**row, "measured": measured, "pass": word}
+        lines.append(" | ".join(shown[cell] for cell in cells))
+    text = "\n".join(f"| {line} |" for line in lines)
+    unfolded = " open" if failed else ""
+    return f"<details{unfolded}><summary>{count}</summary>\n\n{text}\n\n</details>\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    parser.add_argument("--keep", action="store_true", help="do not run what has run")
+    options = parser.parse_args()
+    descriptions = list_experiments()
+    for name in options.names or descriptions:
+        out = RESULTS / name
+        if not (options.keep and (out / "result.json").exists()):
+            run_experiment(name, out, progress=sys.stderr.isatty())
+        rows = json.loads((out / "result.json").read_text())
+        page = update(PAGE.read_text(), name, descriptions[name], rows)
+        PAGE.write_text(page)
+        FIGURES.mkdir(exist_ok=True)
+        with Image.open(out / f"{name}.png") as figure:
+            small = figure.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
+            small.save(FIGURES / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main()
