@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from drake_srg.gripper.underactuation import JOINT_NAMES
@@ -54,7 +55,7 @@ def AddRecorders(
                 cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
             )
         topics = cell_topics(
-            _arm_joint_names(scenario),
+            [joint.name() for joint in _arm_joints(scenario)],
             [f"{name}_joint" for name in JOINT_NAMES],
             len(JOINT_NAMES),
             dict.fromkeys(config.bag_cameras, config.bag_camera_period),
@@ -81,23 +82,23 @@ def output_ports(cell: Diagram) -> dict[str, OutputPort]:
     return {port.get_name(): port for port in ports}
 
 
-def _arm_joint_names(scenario: Scenario) -> list[str]:
-    """Names of the arm's joints, in the order of its state."""
+def _arm_joints(scenario: Scenario) -> list[Joint]:
+    """The arm's joints, in the order of its state."""
     plant = MultibodyPlant(time_step=0.0)
     AddDirectives(plant, scenario)
     plant.Finalize()
     arm = plant.GetModelInstanceByName("arm")
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
     joints = [joint for joint in joints if joint.num_positions() == 1]
-    return [j.name() for j in sorted(joints, key=lambda j: j.position_start())]
+    return sorted(joints, key=lambda joint: joint.position_start())
 
 
-def run_timeline(title: str, log: Mapping[str, Vector], pick: str) -> Timeline:
+def run_timeline(title: str, log: Mapping[str, Vector], scenario: Scenario) -> Timeline:
     """Return what timeline.png shows of a log, see `Simulate`."""
     arm = log["arm.state_measured"]
     gripper = log.get("gripper.state_measured")
     names = [name.replace("_", " ") for name in JOINT_NAMES]
-    poses = log.get(f"object_pose.{pick}")
+    poses = log.get(f"object_pose.{scenario.task.pick}")
     return Timeline(
         time=log["time"],
         mode=[MODES[int(i)].value for i in log["mode"]],
@@ -107,6 +108,7 @@ def run_timeline(title: str, log: Mapping[str, Vector], pick: str) -> Timeline:
         proximity=log.get("gripper.proximity"),
         sensors=names,
         arm_velocity=arm[:, arm.shape[1] // 2 :],
+        arm_slides=_arm_joints(scenario)[0].type_name() == PrismaticJoint.kTypeName,
         object_height=None if poses is None else poses[:, 2],
         title=title,
     )

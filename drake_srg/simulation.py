@@ -117,7 +117,7 @@ def Simulate(
         artifacts["log"] = str(write_log(out / FILES["log"], arrays))
         if record:
             title = f"{name}, seed {scenario.random_seed}"
-            timeline = run_timeline(title, arrays, scenario.task.pick)
+            timeline = run_timeline(title, arrays, scenario)
             artifacts["timeline"] = str(
                 draw_timeline(timeline, out / FILES["timeline"])
             )

@@ -134,6 +134,25 @@ def test_a_cell_of_ones_own_is_recorded_as_far_as_it_has_ports(tmp_path):
     assert (tmp_path / "timeline.png").is_file()
 
 
+def test_a_scripted_cell_is_recorded_too(tmp_path):
+    overrides = ["cameras.overview.width=320", "cameras.overview.height=180"]
+    scenario = load_scenario(
+        "gripper_bench", overrides=[*overrides, "script=[{duration: 0.2}]"]
+    )
+    Simulate(scenario, name="gripper_bench", out=tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert set(reader.topics) >= {"/joint_states", "/planner/mode"}
+        _, _, data = next(
+            message
+            for message in reader.messages()
+            if message[0].topic == "/joint_states"
+        )
+    message = store.deserialize_cdr(data, "sensor_msgs/msg/JointState")
+    assert message.name[:3] == ["gantry_x", "gantry_y", "gantry_z"]
+
+
 @pytest.fixture
 def failing(monkeypatch):
     """Makes the log raise an error at its 21st row."""

@@ -30,6 +30,7 @@ class Timeline:
         proximity: Finger sensors' distances [m], shape (K, m); inf sees nothing.
         sensors: Their m names.
         arm_velocity: Joint speeds [rad/s], shape (K, N).
+        arm_slides: Whether these joints are prismatic, their speeds in m/s.
         object_height: Height of the picked object's centre [m], shape (K,).
         title: Written above.
     """
@@ -42,6 +43,7 @@ class Timeline:
     proximity: Vector | None = None
     sensors: Sequence[str] = ()
     arm_velocity: Vector | None = None
+    arm_slides: bool = False
     object_height: Vector | None = None
     title: str = ""
 
@@ -83,7 +85,9 @@ def _panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
         ),
         ("closure\ncommanded", timeline.closure, 1.0, ()),
         ("proximity [mm]", timeline.proximity, 1e3, timeline.sensors),
-        ("arm speed\n[deg/s]", arm, 180 / np.pi, arm_names),
+        ("arm speed\n[mm/s]", arm, 1e3, arm_names)
+        if timeline.arm_slides
+        else ("arm speed\n[deg/s]", arm, 180 / np.pi, arm_names),
         ("object height\n[mm]", timeline.object_height, 1e3, ()),
     ]
     count = len(timeline.time)

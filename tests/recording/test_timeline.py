@@ -38,6 +38,13 @@ def test_every_series_is_in_the_picture(tmp_path, field):
     assert full.shape != other.shape or not np.array_equal(full, other)
 
 
+def test_an_arm_that_slides_has_another_unit(tmp_path):
+    turns, slides = (
+        draw(tmp_path / f"{i}.png", **FULL, arm_slides=bool(i)) for i in (0, 1)
+    )
+    assert turns.shape != slides.shape or not np.array_equal(turns, slides)
+
+
 def test_equal_values_give_equal_bytes(tmp_path):
     for name in "ab":
         draw(tmp_path / f"{name}.png", **FULL)
