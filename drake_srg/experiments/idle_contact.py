@@ -126,7 +126,7 @@ def _windows(case: Case, response: Closed) -> tuple[Vector, ...]:
     speeds = response.speeds[1 : 1 + n * count].reshape(count, n, -1)
     force = response.force[1 : 1 + n * count].reshape(count, n)
     speed = np.max(np.sqrt(np.mean(speeds**2, axis=1)), axis=1)
-    ends: Vector = response.time[n :: n][:count]
+    ends: Vector = response.time[n::n][:count]
     return ends, speed, np.min(force, axis=1), np.max(force, axis=1)
 
 
