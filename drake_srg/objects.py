@@ -128,15 +128,15 @@ def AddObject(
         masses = root.findall(".//inertial/mass")
         scale = config.mass / sum(float(m.text or 0.0) for m in masses)
         for element in (*masses, *root.findall(".//inertial/inertia/*")):
-            element.text = repr(float(element.text or 0.0) * scale)
+            element.text = repr(float(float(element.text or 0.0) * scale))
     if config.resolution is not None:
         for element in root.iter():
             if element.tag.endswith("}mesh_resolution_hint"):
-                element.text = repr(config.resolution)
+                element.text = repr(float(config.resolution))
     if config.friction is not None:
         for element in root.iter():
             if element.tag.endswith(("}mu_dynamic", "}mu_static")):
-                element.text = repr(config.friction)
+                element.text = repr(float(config.friction))
     parser = Parser(plant, model_name_prefix="")
     ConfigureParser(parser)
     root_model = root.find("model")

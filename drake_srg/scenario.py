@@ -6,7 +6,7 @@ field may be one of Drake's distributions, drawn from `random_seed`.
 """
 
 import dataclasses as dc
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.scripted import ScriptStep
+from drake_srg.scenario_checks import check_scenario
 from drake_srg.types import Box, Cylinder, Sphere, positive
 from drake_srg.yaml_loading import load_typed, merge, parse_yaml, set_key
 
@@ -221,7 +222,7 @@ def load_scenario(
     scenario: Scenario = load_typed(
         Scenario, draw_distributions(tree, int(seed or 0), origin), origin
     )
-    _check(scenario, origin)
+    check_scenario(scenario, origin)
     _draw_positions(scenario, origin)
     return scenario
 
@@ -258,118 +259,6 @@ def _load_tree(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
     merged: dict[str, Any] = merge(_load_tree(base_path, (*seen, path)), tree)
     return merged
-
-
-def _check(scenario: Scenario, origin: str) -> None:
-    """Check what one field alone cannot tell."""
-
-    def require(condition: bool, key: str, message: str) -> None:
-        if not condition:
-            raise ScenarioError(f"{origin}: {key}: {message}")
-
-    # Of these Drake makes a program's end.
-    for name in ("time_step", "penetration_allowance", "stiction_tolerance"):
-        value = getattr(scenario.plant_config, name)
-        message = f"must be greater than 0.0, is {value}"
-        require(value > 0.0, f"plant_config.{name}", message)
-    for name in ("accuracy", "max_step_size"):
-        value = getattr(scenario.simulator_config, name)
-        message = f"must be greater than 0.0, is {value}"
-        require(value > 0.0, f"simulator_config.{name}", message)
-    start = scenario.simulator_config.start_time
-    message = f"must be 0.0, when every run starts, is {start}"
-    require(start == 0.0, "simulator_config.start_time", message)
-    names = ", ".join(scenario.objects) or "none"
-    pick = scenario.task.pick
-    require(
-        pick in ("", *scenario.objects),
-        "task.pick",
-        f"{pick!r} is not among the objects; allowed: {names}",
-    )
-    for name, obj in scenario.objects.items():
-        key = f"objects.{name}"
-        require(
-            (obj.model is None) != (obj.shape is None),
-            key,
-            "needs either a model or a shape",
-        )
-        require(
-            obj.model is not None or None not in (obj.mass, obj.friction),
-            key,
-            "an object with a shape needs mass and friction",
-        )
-        require(
-            obj.pose is None or (obj.position is None and obj.yaw == 0.0),
-            key,
-            "needs either a pose or position and yaw",
-        )
-        if obj.position is not None:
-            low, high = scenario.table.min, scenario.table.max
-            require(
-                all(
-                    a <= x <= b for x, a, b in zip(obj.position, low, high, strict=True)
-                ),
-                f"{key}.position",
-                f"{obj.position} is not on the table; "
-                f"allowed: x {low[0]} .. {high[0]}, y {low[1]} .. {high[1]}",
-            )
-    if any(
-        obj.position is None and obj.pose is None for obj in scenario.objects.values()
-    ):
-        region, table = scenario.task.region, scenario.table
-        require(
-            all(a <= b for a, b in zip(region.min, region.max, strict=True)),
-            "task.region",
-            f"min must not be above max, is {region.min} .. {region.max}",
-        )
-        require(
-            all(a <= b for a, b in zip(table.min, region.min, strict=True))
-            and all(a <= b for a, b in zip(region.max, table.max, strict=True)),
-            "task.region",
-            f"must be on the table; allowed: {table.min} .. {table.max}",
-        )
-    duration = sum(step.duration for step in scenario.script)
-    budget = scenario.planner.time_budget
-    message = f"takes {duration:g} s; allowed: planner.time_budget, {budget:g} s"
-    require(duration <= budget, "script", message)
-    for i, step in enumerate(scenario.script):
-        n = len(scenario.arm.home) if scenario.arm else 0
-        require(
-            step.arm is None or len(step.arm) == n,
-            f"script[{i}].arm",
-            f"must have an entry a joint of the arm, {n}, has {len(step.arm or [])}",
-        )
-    _check_cameras(scenario, require)
-
-
-def _check_cameras(
-    scenario: Scenario, require: Callable[[bool, str, str], None]
-) -> None:
-    for name, camera in scenario.cameras.items():
-        for side in ("width", "height"):
-            size = getattr(camera, side)
-            message = f"must be at least 1 pixel, is {size}"
-            require(size >= 1, f"cameras.{name}.{side}", message)
-        if isinstance(camera.focal, CameraConfig.FovDegrees):
-            for axis in ("x", "y"):
-                angle = getattr(camera.focal, axis)
-                require(
-                    angle is None or 0.0 < angle < 180.0,
-                    f"cameras.{name}.focal.{axis}",
-                    f"must be between 0 and 180 degrees, is {angle}",
-                )
-    allowed = ", ".join(scenario.cameras) or "none"
-    video = scenario.recording.video_camera
-    for key, used in (
-        ("localizer.cameras", scenario.localizer.cameras),
-        ("recording.bag_cameras", scenario.recording.bag_cameras),
-        ("recording.video_camera", [video] if video else []),
-    ):
-        for camera in used:
-            message = f"{camera!r} is not among the cameras; allowed: {allowed}"
-            require(camera in scenario.cameras, key, message)
-        message = f"must name each camera once, is [{', '.join(used)}]"
-        require(len(set(used)) == len(used), key, message)
 
 
 def _draw_positions(scenario: Scenario, origin: str) -> None:

@@ -102,6 +102,22 @@ def test_the_tilt_counts(degrees):
     assert metrics.placement_tilt_rad == pytest.approx(np.deg2rad(degrees))
 
 
+@pytest.mark.parametrize("turned", [0.0, 0.2])
+def test_what_lay_at_first_shall_lie_again(turned):
+    lying = RotationMatrix.MakeXRotation(np.pi / 2)
+    log = with_pose(make_log(), slice(0, 100), RigidTransform(lying, [0.6, 0.1, 0.3]))
+    end = RotationMatrix.MakeYRotation(turned) @ lying
+    goal = RigidTransform(end, [*GOAL[:2], 0.3])
+    metrics = judge(with_pose(log, slice(100, None), goal))
+    # Turned about the axis of the lying can, it rolled; about the other, it tilts.
+    assert metrics.placement_tilt_rad == pytest.approx(0.0, abs=1e-9)
+    assert metrics.placement_error_m == pytest.approx([0, 0, 0], abs=1e-9)
+    assert metrics.success
+    stood = judge(with_pose(log, slice(100, None), RigidTransform([*GOAL[:2], 0.3])))
+    assert stood.placement_tilt_rad == pytest.approx(np.pi / 2)
+    assert not stood.success
+
+
 def test_turning_about_the_vertical_is_no_tilt():
     X = RigidTransform(RotationMatrix.MakeZRotation(2.0), GOAL)
     metrics = judge(with_pose(make_log(), slice(100, None), X))

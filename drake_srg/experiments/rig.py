@@ -74,12 +74,10 @@ class Rig:
         self._name = name
         self._period = period or (scenario.arm.period if scenario.arm else 0.005)
         self._rows_every = round(log_period / self._period)
-        if self._period <= 0.0 or (
-            abs(self._rows_every * self._period - log_period) > 1e-9
-            or self._rows_every < 1
-        ):
+        off = abs(self._rows_every * self._period - log_period)
+        if self._rows_every < 1 or off > 1e-9:
             raise ValueError(
-                f"log_period must be a positive multiple of period, "
+                "log_period must be a positive multiple of period, "
                 f"{self._period} s, is {log_period} s"
             )
         self._video: VideoRecorder | None = None
@@ -88,7 +86,9 @@ class Rig:
         with scenario_errors(name), contextlib.ExitStack() as stack:
             builder = DiagramBuilder()
             self.station = builder.AddNamedSystem("station", MakeStation(scenario))
-            self._export_inputs(builder)
+            for i in range(self.station.num_input_ports()):
+                port = self.station.get_input_port(i)
+                builder.ExportInput(port, port.get_name())
             if video is not None:
                 self._video = stack.enter_context(_add_video(builder, self, video))
             self.diagram = builder.Build()
@@ -229,13 +229,11 @@ class Rig:
     def log(self) -> dict[str, Vector]:
         """Return what was sampled, one row (K) every `log_period`.
 
-        `time` (K); the station's vector inputs that were set and all its vector
-        outputs, by their names (K, n), those without a value before they were set NaN;
-        `object_pose.NAME` (K, 7) [x, y, z, qw, qx, qy, qz] in world.
+        `time` (K); the station's vector inputs that were set, as they were just before
+        the row, NaN before they were set the first time, and all its vector outputs, by
+        their names (K, n); `object_pose.NAME` (K, 7) [x, y, z, qw, qx, qy, qz].
         """
-        if not self._rows:
-            return {}
-        last = self._rows[-1]
+        last = self._rows[-1] if self._rows else {}
         return {
             name: np.array(
                 [row.get(name, np.full_like(x, np.nan)) for row in self._rows]
@@ -252,13 +250,6 @@ class Rig:
         for name, X_WO in poses.items():
             row[f"object_pose.{name}"] = pose_to_row(X_WO)
         self._rows.append(row)
-
-    # Building and closing.
-
-    def _export_inputs(self, builder: DiagramBuilder) -> None:
-        for i in range(self.station.num_input_ports()):
-            port = self.station.get_input_port(i)
-            builder.ExportInput(port, port.get_name())
 
     def __enter__(self) -> "Rig":
         return self
@@ -348,6 +339,7 @@ def bench_scenario(
             thing.position = bench.objects[bench.task.pick].position
         bench.objects = {"thing": thing}
         bench.task.pick = "thing"
+        bench.task.place.marker = ""  # of a goal that nobody has for it
     if gripper_rpy is not None:
         welds = [d.add_weld for d in bench.directives if d.add_weld is not None]
         (weld,) = [weld for weld in welds if weld.child == "gripper::palm"]
