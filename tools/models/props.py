@@ -98,6 +98,22 @@ def Lid() -> Files:
     return model.Finish("sdf/lid.sdf")
 
 
+def Cradle() -> Files:
+    """Returns four posts on which a cylinder of 40 to 90 mm lies along x.
+
+    Two pairs 0.12 m apart leave room for a hand around the cylinder, from above and
+    from below; the origin is in the middle, on the table.
+    """
+    model = Model("cradle", {"posts": (0.45, 0.46, 0.48)}, "Holds a cylinder up.")
+    pieces = []
+    for x, end in ((-0.06, "rear"), (0.06, "front")):
+        for y, side in ((-0.03, "right"), (0.03, "left")):
+            low, high = (x - 0.01, y - 0.01, 0), (x + 0.01, y + 0.01, 0.15)
+            pieces.append(_Box(f"post_{end}_{side}", "posts", low, high, 0.001, WOOD))
+    model.AddLink("cradle", pieces, None)
+    return model.Finish("sdf/cradle.sdf")
+
+
 def Can() -> Files:
     """Returns the soup can: red from above and below, a cream band on its side."""
     name = "005_tomato_soup_can"
@@ -122,4 +138,4 @@ def Can() -> Files:
 
 def Build() -> Files:
     """Returns the files of all props."""
-    return {**Table(), **Floor(), **Marker(), **Lid(), **Can()}
+    return {**Table(), **Floor(), **Marker(), **Lid(), **Can(), **Cradle()}

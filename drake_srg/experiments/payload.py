@@ -1,0 +1,239 @@
+"""What a grip holds: the payload experiments' common part."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from pydrake.common.schema import Rotation, Transform
+from pydrake.math import RollPitchYaw
+from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
+
+from drake_srg.errors import ScenarioError
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.rig import Rig, bench_scenario
+from drake_srg.gripper.drivers import SrgTendonDriver
+from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.scenario import ObjectConfig, Scenario
+from drake_srg.types import Cylinder, Vector
+
+# The cylinder of the vendor's claims: 68 mm; long enough to lie on the cradle. Painted
+# metal on rubber, as the soup can.
+RADIUS, LENGTH, FRICTION = 0.034, 0.16, 0.8
+# x of the cylinder's middle in the palm frame by grip and direction [m]. Wrapped: 2 mm
+# from the palm. Pinched: standing, along the pads, between their middles (the model's
+# frame `grasp_center`); across the pads, it is held where the tips stay on their stops,
+# and rolls into the hand from further in (below 0.151) as from under a stronger pull.
+_X = {
+    ("wrap", "down"): 0.074 + RADIUS,
+    ("wrap", "side"): 0.074 + RADIUS,
+    ("pinch", "down"): 0.1631,
+    ("pinch", "side"): 0.155,
+}
+_MIDDLE = 0.5  # x of the bench's middle in world [m]
+_POST_HEIGHT, _POST_Y = 0.15, 0.02  # of the cradle: the inner edges on which it lies
+_CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
+# Times: the fingers close and the wires' force settles (7 times 0.3 s); then the arm
+# lifts the object off its support, and holds it [s].
+_CLOSE, _LIFT, HOLD = 3.5, 1.0, 10.0
+_LIFT_HEIGHT = 0.06  # m
+# Held is what moved less than this in the hand over the hold [m], not counting what it
+# slipped while the load came on.
+_MOST_CREEP = 0.005
+
+# Largest masses are found to this share.
+_RESOLUTION = 0.03
+
+DIRECTIONS = ("down", "side")
+
+
+@dc.dataclass(frozen=True)
+class Load:
+    """What a payload experiment asks of the gripper."""
+
+    grip: str  # wrap: the fingers envelop the cylinder; pinch: between the pads
+    direction: str  # where the palm points: down or to the side
+    mass: float  # kg
+    wire_force: float  # N, each wire
+
+    @property
+    def name(self) -> str:
+        """A few words for people."""
+        return f"{self.direction}, {self.mass:.2f} kg, {self.wire_force:.0f} N"
+
+
+@dc.dataclass(frozen=True)
+class Held:
+    """What came of it."""
+
+    held_for: float  # [s], at most HOLD
+    slip: float  # motion in the hand while the load came on [m]
+    creep: float  # motion in the hand during the hold [m]
+    wire_force: float  # largest of both wires over the whole [N]
+    time: Vector  # since the lift began, shape (K,) [s]
+    moved: Vector  # distance in the hand from where it was then, shape (K,) [m]
+
+    @property
+    def held(self) -> bool:
+        """Whether it was held to the end."""
+        return self.held_for >= HOLD
+
+
+def load_scenario_of(
+    load: Load, scenario: str = "gripper_bench", **changes: Any
+) -> Scenario:
+    """The bench with a cylinder in the open hand, on the table or on the cradle.
+
+    Wrapped with the palm down, the cylinder lies across the hand; otherwise it stands.
+    """
+    thing = ObjectConfig(
+        shape=Cylinder(RADIUS, LENGTH), mass=load.mass, friction=FRICTION
+    )
+    x = _X[load.grip, load.direction]
+    lying = (load.grip, load.direction) == ("wrap", "down")
+    if lying:
+        thing.pose = Transform()
+        thing.pose.translation = np.array([_MIDDLE, 0.0, _CRADLE_Z])
+        thing.pose.rotation = Rotation(RollPitchYaw(0.0, np.pi / 2, 0.0))
+    # Standing and taken from above, its upper half is between the pads.
+    height = _CRADLE_Z if lying else 0.5 * LENGTH
+    down = load.direction == "down"
+    if down and not lying:
+        height = 0.7 * LENGTH
+    bench = bench_scenario(
+        thing,
+        gripper_rpy=[0.0, 90.0, 0.0] if down else [0.0, 0.0, 0.0],
+        home=[0.0, 0.0, height + x] if down else [-x, 0.0, height],
+        scenario=scenario,
+        **changes,
+    )
+    if lying:
+        bench.directives.extend(_cradle())
+    return bench
+
+
+def _cradle() -> list[ModelDirective]:
+    add = AddModel()
+    add.name, add.file = "cradle", "package://drake_srg/sdf/cradle.sdf"
+    weld = AddWeld()
+    weld.parent, weld.child = "world", "cradle::cradle"
+    weld.X_PC = Transform()
+    weld.X_PC.translation = np.array([_MIDDLE, 0.0, 0.0])
+    directives = [ModelDirective(), ModelDirective()]
+    directives[0].add_model, directives[1].add_weld = add, weld
+    return directives
+
+
+def hold(load: Load, scenario: str = "gripper_bench", **changes: Any) -> Held:
+    """Close on the cylinder, lift it off its support and hold it.
+
+    Raises:
+        ScenarioError: If the servo cannot pull the wires as hard, or the scenario's
+            gripper has no wires.
+    """
+    bench = load_scenario_of(load, scenario, **changes)
+    if not isinstance(bench.gripper, SrgTendonDriver):
+        raise ScenarioError(f"{scenario}: gripper: a payload needs !SrgTendonDriver")
+    limit = bench.gripper.drive.force_limit_of(load.wire_force)
+    with Rig(bench, name="payload") as rig:
+        rig.advance(_CLOSE, closure=1.0, force_limit=limit)
+        home = rig.commanded("arm.position_commanded")
+        rig.move(home + np.array([0.0, 0.0, _LIFT_HEIGHT]), _LIFT)
+        free = set(rig.contact_forces()) == {"gripper"}
+        rig.advance(HOLD)
+        log = rig.log()
+    # The gantry does not turn the hand: what the object moves more than it, it slips.
+    p_GO = log["object_pose.thing"][:, :3] - log["arm.state_measured"][:, :3]
+    time = log["time"] - _CLOSE
+    closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, _LIFT))
+    crept = np.linalg.norm(p_GO[lifted:] - p_GO[lifted], axis=1)
+    lost = np.flatnonzero(crept > _MOST_CREEP)
+    held_for = float(time[lifted + lost[0]] - _LIFT) if len(lost) else HOLD
+    return Held(
+        held_for=held_for if free else 0.0,
+        slip=float(np.linalg.norm(p_GO[lifted] - p_GO[closed])),
+        creep=float(crept[-1]),
+        wire_force=float(np.max(log["gripper.wire_force"])),
+        time=time[closed:],
+        moved=np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),
+    )
+
+
+def largest_mass(
+    load: Load, scenario: str = "gripper_bench"
+) -> Iterator[tuple[Load, Held]]:
+    """Bisect for the largest mass that is held, from the load's own on.
+
+    Yields:
+        What was tried and what came of it, the load first; the heaviest that was held
+        is within `_RESOLUTION` of the lightest that was not.
+    """
+    held, lost = 0.0, np.inf
+    mass = load.mass
+    while lost > held * (1.0 + _RESOLUTION):
+        attempt = dc.replace(load, mass=mass)
+        result = hold(attempt, scenario)
+        yield attempt, result
+        if result.held:
+            held = mass
+        else:
+            lost = mass
+        # By halves and doubles until there is a bracket, then its geometric mean.
+        if lost == np.inf:
+            mass = 2.0 * held
+        else:
+            mass = float(np.sqrt(max(held, lost / 4.0) * lost))
+
+
+def payload_experiment(
+    name: str, grip: str, mass: float, wire_force: float, track: Track
+) -> ExperimentResult:
+    """Hold the claimed mass in both directions, and find how much more would do."""
+    rows: list[Row] = []
+    columns: dict[str, list[Any]] = {k: [] for k in _COLUMNS}
+    curves: dict[str, Held] = {}
+    for direction in track(DIRECTIONS):
+        claim = Load(grip, direction, mass, wire_force)
+        tried = list(largest_mass(claim))
+        for load, held in tried:
+            values = (direction, load.mass, held.held_for, held.slip, held.creep)
+            for column, value in zip(columns.values(), values, strict=True):
+                column.append(value)
+        first = curves[direction] = tried[0][1]
+        full = TendonDriveConfig().full_wire_force
+        most = max((load.mass for load, held in tried if held.held), default=0.0)
+        case = f"{grip}, {direction}"
+        rows += [
+            Row.at_least(case, f"{mass:g} kg held for", HOLD, first.held_for, "s"),
+            Row.at_most(case, "wire force", full, first.wire_force, "N"),
+            Row.info(case, "slip while the load comes on", first.slip * 1e3, "mm"),
+            Row.info(case, "creep while held", first.creep / HOLD * 1e6, "um/s"),
+            Row.at_least(case, "largest mass held", mass, most, "kg"),
+        ]
+    return ExperimentResult(rows, {"masses": columns}, _draw(name, columns, curves))
+
+
+_COLUMNS = ("direction", "mass_kg", "held_for_s", "slip_m", "creep_m")
+
+
+def _draw(title: str, columns: dict[str, list[Any]], curves: dict[str, Held]) -> Any:
+    figure = make_figure(9.0, 3.4, title)
+    left, right = figure.subplots(1, 2)
+    style_axes(left, xlabel="time since the lift began [s]", ylabel="moved [mm]")
+    for direction, held in curves.items():
+        left.plot(held.time, held.moved * 1e3, label=direction)
+    left.legend(fontsize=8, frameon=False)
+    style_axes(right, xlabel="mass [kg]", ylabel="held for [s]")
+    for direction, marker in zip(curves, "os", strict=True):
+        points = [
+            (mass, held_for)
+            for name, mass, held_for, *_ in zip(*columns.values(), strict=True)
+            if name == direction
+        ]
+        right.plot(*zip(*points, strict=True), marker, label=direction)
+    right.legend(fontsize=8, frameon=False)
+    return figure
