@@ -10,11 +10,17 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, UnitInertia
+from pydrake.multibody.tree import (
+    BodyIndex,
+    DeformableBody,
+    ModelInstanceIndex,
+    UnitInertia,
+)
 
 from drake_srg.errors import ScenarioError
 from drake_srg.parsing import ConfigureParser
 from drake_srg.scenario import ObjectConfig
+from drake_srg.soft_objects import AddSoftObject
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
@@ -51,8 +57,14 @@ def object_shape(name: str, config: ObjectConfig) -> Shape:
     """Return the shape that the localizer and the planner know.
 
     Raises:
-        ScenarioError: If a model cannot be read or has not just one simple geometry.
+        ScenarioError: If a model cannot be read or has not just one simple geometry, or
+            the object is soft.
     """
+    if config.soft is not None:
+        raise ScenarioError(
+            f"objects.{name}.soft: a soft object cannot be localized and planned with; "
+            "pick it by a script"
+        )
     shape = known_shape(name, config)
     if shape is None:
         raise ScenarioError(
@@ -115,8 +127,11 @@ def AddObject(
     given.
 
     Raises:
-        ScenarioError: If a model cannot be read or has not just one link.
+        ScenarioError: If a model cannot be read or has not just one link, or a soft
+            object cannot be simulated by such a plant.
     """
+    if config.soft is not None:
+        return AddSoftObject(plant, name, config)
     root = (
         _shape_tree(config) if config.shape is not None else _model_tree(name, config)
     )
@@ -144,6 +159,27 @@ def AddObject(
     root_model.set("name", name)
     (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
     return model
+
+
+def SetDefaultObjectPose(
+    plant: MultibodyPlant, model: ModelInstanceIndex, X_WO: RigidTransform
+) -> None:
+    """Set where an object of `AddObject` is at the start, before `Finalize`."""
+    body = object_body(plant, model)
+    if isinstance(body, BodyIndex):
+        plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
+    else:
+        body.set_default_pose(X_WO)
+
+
+def object_body(
+    plant: MultibodyPlant, model: ModelInstanceIndex
+) -> BodyIndex | DeformableBody:
+    """Return the one body of an object: a rigid one's index, or the soft one."""
+    deformables = plant.deformable_model()
+    soft = [deformables.GetBody(i) for i in deformables.GetBodyIds(model)]
+    (body,) = soft or plant.GetBodyIndices(model)
+    return body
 
 
 def _model_tree(name: str, config: ObjectConfig) -> ET.Element:

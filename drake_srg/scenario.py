@@ -48,6 +48,22 @@ class ColorRangeConfig:
 
 
 @dc.dataclass(kw_only=True)
+class SoftConfig:
+    """What a soft object is made of: an elastic, isotropic solid.
+
+    The defaults are those of a dry kitchen sponge of flexible polyurethane foam, 30
+    kg/m³ (Gibson and Ashby, Cellular Solids, 2nd ed., ch. 5, for open cells): modulus
+    (30 / 1200)² of the solid's 45 MPa, Poisson's ratio a third.
+    """
+
+    youngs_modulus: float = dc.field(default=28.0e3, metadata=positive())  # Pa
+    # Linear tetrahedra lock as this comes near 0.5.
+    poissons_ratio: float = dc.field(default=0.33, metadata={"ge": 0.0, "le": 0.45})
+    # Viscosity over stiffness [s]: loss factor over angular frequency.
+    damping: float = dc.field(default=0.01, metadata={"ge": 0.0})
+
+
+@dc.dataclass(kw_only=True)
 class ObjectConfig:
     """An object that can be moved; at the start it stands upright on the table."""
 
@@ -57,12 +73,16 @@ class ObjectConfig:
     # it, on the table.
     model: str | None = None
     shape: Cylinder | Box | Sphere | None = None
+    # Makes a `shape`, a box, of finite elements; a script can pick it, the planner not.
+    # The plant must have the contact approximation `sap` and steps of up to 5 ms.
+    soft: SoftConfig | None = None
     # kg; with a model, null keeps the model's.
     mass: float | None = dc.field(default=None, metadata=positive())
     # Coulomb friction coefficient; with a model, null keeps the model's.
     friction: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Edge length of the facets that stand for round geometry in contact [m]; null keeps
-    # the model's, or takes 0.3 of a shape's radius.
+    # the model's, or takes 0.3 of a shape's radius. For a soft object, longest edge of
+    # the cells that are cut into elements; null takes a quarter of its least extent.
     resolution: float | None = dc.field(default=None, metadata=positive())
     # Red, green, blue 0 .. 1: what a `shape` is painted with and what the localizer
     # looks for.

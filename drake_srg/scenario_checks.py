@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.errors import ScenarioError
+from drake_srg.types import Box
 
 if TYPE_CHECKING:
     from drake_srg.scenario import Scenario
@@ -58,6 +59,11 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
             obj.model is not None or None not in (obj.mass, obj.friction),
             key,
             "an object with a shape needs mass and friction",
+        )
+        require(
+            obj.soft is None or isinstance(obj.shape, Box),
+            f"{key}.soft",
+            "needs a shape; allowed: !Box",
         )
         require(
             obj.pose is None or (obj.position is None and obj.yaw == 0.0),

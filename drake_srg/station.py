@@ -29,7 +29,13 @@ from drake_srg.gripper.drivers import (
     SrgTendonDriver,
 )
 from drake_srg.ground_truth import ObjectPoses
-from drake_srg.objects import AddObject, X_FO_start, known_shape
+from drake_srg.objects import (
+    AddObject,
+    SetDefaultObjectPose,
+    X_FO_start,
+    known_shape,
+    object_body,
+)
 from drake_srg.parsing import ConfigureParser
 from drake_srg.scenario import Scenario
 
@@ -117,20 +123,25 @@ def MakeStation(scenario: Scenario) -> Diagram:
         )
 
     if scenario.cameras:
-        AddCameras(builder, plant, scenario)
+        AddCameras(builder, plant, scene_graph, scenario)
 
     # Ground truth.
     poses = builder.AddNamedSystem(
         "object_poses",
         ObjectPoses(
             {
-                name: plant.GetBodyIndices(plant.GetModelInstanceByName(name))[0]
+                name: object_body(plant, plant.GetModelInstanceByName(name))
                 for name, config in scenario.objects.items()
                 if config.present
             }
         ),
     )
-    builder.Connect(plant.get_body_poses_output_port(), poses.get_input_port())
+    builder.Connect(plant.get_body_poses_output_port(), poses.get_input_port(0))
+    if poses.num_input_ports() > 1:
+        builder.Connect(
+            plant.get_deformable_body_configuration_output_port(),
+            poses.get_input_port(1),
+        )
     builder.ExportOutput(poses.get_output_port(), "object_poses_cheat")
     builder.ExportOutput(
         plant.get_contact_results_output_port(), "contact_results_cheat"
@@ -169,14 +180,44 @@ def MakePlant(
 
 
 def AddCameras(
-    builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
 ) -> None:
     """Add the cameras of a scenario, and export their ports.
 
     They see a scene graph of their own. In the plant's, the renderers would follow
     every step of the simulation, which costs as much as the bare plant; this one takes
-    the plant's state when somebody asks for an image.
+    the plant's state when somebody asks for an image. What is soft is in the plant's
+    alone, and costs more than the renderers do: with soft objects, cameras see that.
     """
+    if not any(config.soft for config in scenario.objects.values()):
+        plant, scene_graph = _AddRenderScene(builder, plant, scenario)
+    for name, camera_config in scenario.cameras.items():
+        config = copy.copy(camera_config)
+        config.name = name
+        ApplyCameraConfig(
+            config=config,
+            builder=builder,
+            plant=plant,
+            scene_graph=scene_graph,
+            lcm=DrakeLcm("memq://null"),  # stands for no publishing
+        )
+        sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
+        # Not by GetOutputPort: that, of a system that Drake made, keeps its builder
+        # alive where the garbage collector cannot see it (Drake 1.51.1).
+        for port, exported in (
+            (sensor.color_image_output_port(), "color_image"),
+            (sensor.depth_image_32F_output_port(), "depth_image"),
+            (sensor.body_pose_in_world_output_port(), "body_pose_in_world"),
+        ):
+            builder.ExportOutput(port, f"camera_{name}.{exported}")
+
+
+def _AddRenderScene(
+    builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario
+) -> tuple[MultibodyPlant, SceneGraph]:
     scene = builder.AddNamedSystem("render_scene_graph", SceneGraph())
     render_plant = MultibodyPlant(time_step=0.0)
     render_plant.RegisterAsSourceForSceneGraph(scene)
@@ -192,25 +233,7 @@ def AddCameras(
         poses.get_output_port(),
         scene.get_source_pose_port(render_plant.get_source_id()),
     )
-    for name, camera_config in scenario.cameras.items():
-        config = copy.copy(camera_config)
-        config.name = name
-        ApplyCameraConfig(
-            config=config,
-            builder=builder,
-            plant=render_plant,
-            scene_graph=scene,
-            lcm=DrakeLcm("memq://null"),  # stands for no publishing
-        )
-        sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
-        # Not by GetOutputPort: that, of a system that Drake made, keeps its builder
-        # alive where the garbage collector cannot see it (Drake 1.51.1).
-        for port, exported in (
-            (sensor.color_image_output_port(), "color_image"),
-            (sensor.depth_image_32F_output_port(), "depth_image"),
-            (sensor.body_pose_in_world_output_port(), "body_pose_in_world"),
-        ):
-            builder.ExportOutput(port, f"camera_{name}.{exported}")
+    return render_plant, scene
 
 
 def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
@@ -242,8 +265,7 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
             X_WO = _X_WF_start(scenario, name, config.pose.base_frame) @ X_WO
         if config.present:
             model = AddObject(plant, name, config)
-            (body,) = plant.GetBodyIndices(model)
-            plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
+            SetDefaultObjectPose(plant, model, X_WO)
         if config.covered:
             x, y = X_WO.translation()[:2]
             AddFixture(plant, f"lid_of_{name}", _LID, [x, y, height])

@@ -1,13 +1,18 @@
 """Force sensors in the finger links, read from contact."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.geometry import GeometryId
+from pydrake.geometry import ContactSurface, GeometryId, PolygonSurfaceMesh
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import ContactResults, MultibodyPlant
+from pydrake.multibody.plant import (
+    ContactResults,
+    DeformableContactInfo,
+    HydroelasticContactInfo,
+    MultibodyPlant,
+)
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
@@ -90,12 +95,10 @@ class ContactForceSensors(LeafSystem):
         contacts: ContactResults = self._contacts.Eval(context)
         wrenches = np.zeros((len(self._bodies), 6))
         applied: list[tuple[int, Vector, Vector, Vector]] = []
-        for k in range(contacts.num_hydroelastic_contacts()):
-            info = contacts.hydroelastic_contact_info(k)
-            surface = info.contact_surface()
+        for surface, a, b, info in _surface_contacts(contacts):
             sides = [
-                (self._sensor_of_geometry.get(surface.id_M().get_value()), 1.0),
-                (self._sensor_of_geometry.get(surface.id_N().get_value()), -1.0),
+                (self._sensor_of_geometry.get(a.get_value()), 1.0),
+                (self._sensor_of_geometry.get(b.get_value()), -1.0),
             ]
             if all(sensor is None for sensor, _ in sides):
                 continue
@@ -135,6 +138,26 @@ class ContactForceSensors(LeafSystem):
     def _calc_triggered(self, context: Context, output: BasicVector) -> None:
         fired = self._forces(context) >= self.config.trigger_force
         output.SetFromVector(fired.astype(float))
+
+
+def _surface_contacts(
+    contacts: ContactResults,
+) -> Iterator[
+    tuple[
+        ContactSurface | PolygonSurfaceMesh,
+        GeometryId,
+        GeometryId,
+        HydroelasticContactInfo | DeformableContactInfo,
+    ]
+]:
+    """Surface, geometries A and B, and information of each contact over a surface."""
+    for k in range(contacts.num_hydroelastic_contacts()):
+        info = contacts.hydroelastic_contact_info(k)
+        surface = info.contact_surface()
+        yield surface, surface.id_M(), surface.id_N(), info
+    for k in range(contacts.num_deformable_contacts()):
+        soft = contacts.deformable_contact_info(k)
+        yield soft.contact_mesh(), soft.id_A(), soft.id_B(), soft
 
 
 def AddSrgContactForceSensors(
