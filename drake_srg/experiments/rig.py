@@ -53,6 +53,7 @@ class Rig:
         period: Time between samples of commands that are functions [s]; None takes the
             arm driver's, below which nothing is read.
         log_period: Time between rows of the log [s], a multiple of `period`.
+        images: Whether the scenario's cameras are there, for `image`.
         video: An .mp4 file for what `recording.video_camera` sees, complete when the
             rig is closed; use the rig with `with`.
 
@@ -68,6 +69,7 @@ class Rig:
         name: str = "rig",
         period: float | None = None,
         log_period: float = 0.01,
+        images: bool = False,
         video: Path | str | None = None,
     ) -> None:
         self.scenario = scenario
@@ -81,7 +83,7 @@ class Rig:
                 f"{self._period} s, is {log_period} s"
             )
         self._video: VideoRecorder | None = None
-        if video is None:  # nobody looks: cameras would only take time to make
+        if video is None and not images:  # cameras would only take time to make
             scenario = dc.replace(scenario, cameras={}, localizer=LocalizerConfig())
         with scenario_errors(name), contextlib.ExitStack() as stack:
             builder = DiagramBuilder()
@@ -201,6 +203,11 @@ class Rig:
     def measured(self, name: str) -> Vector:
         """Return the value of a vector output port of the station now."""
         return np.array(self._ports[name].Eval(self._station_context))
+
+    def image(self, camera: str) -> npt.NDArray[np.uint8]:
+        """Return what a camera sees now, RGB (height, width, 3); see `images`."""
+        port = self._ports[f"camera_{camera}.color_image"]
+        return np.array(port.Eval(self._station_context).data[:, :, :3])
 
     def X_WO(self, name: str | None = None) -> RigidTransform:
         """Pose of an object in world; without a name, of the picked one."""

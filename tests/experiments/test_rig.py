@@ -131,6 +131,14 @@ def test_a_video_shows_the_run(tmp_path):
     assert frames[0].std() > 20.0
 
 
+def test_an_image_shows_what_is_there():
+    overrides = ["cameras.overview.width=160", "cameras.overview.height=128"]
+    with Rig(bench_scenario(BALL, overrides=overrides), images=True) as rig:
+        image = rig.image("overview")
+    assert image.shape == (128, 160, 3)
+    assert image.std() > 20.0
+
+
 def test_a_video_needs_a_camera(tmp_path):
     bench = bench_scenario(BALL, overrides=["recording.video_camera=''"])
     with pytest.raises(

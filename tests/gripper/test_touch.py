@@ -20,7 +20,10 @@ from drake_srg.gripper.touch import (
     ContactForceSensors,
     TouchConfig,
 )
+from drake_srg.objects import AddObject, object_body
 from drake_srg.parsing import ConfigureParser
+from drake_srg.scenario import ObjectConfig, SoftConfig
+from drake_srg.types import Box
 
 MASS, G = 0.1, 9.81
 BALL = f"""
@@ -30,19 +33,33 @@ BALL = f"""
 <radius>0.01</radius></sphere></geometry><drake:proximity_properties>
 <drake:rigid_hydroelastic/><drake:mesh_resolution_hint>0.002</drake:mesh_resolution_hint>
 </drake:proximity_properties></collision></link></model></sdf>"""
+CUBE = ObjectConfig(
+    shape=Box([0.02, 0.02, 0.02]),
+    soft=SoftConfig(youngs_modulus=1.0e5),
+    mass=MASS,
+    friction=1.0,
+    resolution=0.01,
+)
 # Where the ball rests on the left tip's pad: its middle, from the tip's origin [m].
 PAD = np.array([0.0338, 0.0092, 0.0])
 
 
-def rest_on_the_left_pad(contact_model="hydroelastic_with_fallback"):
-    """A small ball at rest on the left tip's pad, which faces up."""
+def rest_on_the_left_pad(thing):
+    """A small ball, or a soft cube, at rest on the left tip's pad, which faces up."""
     builder = DiagramBuilder()
-    config = MultibodyPlantConfig(time_step=0.002, contact_model=contact_model)
+    config = MultibodyPlantConfig(
+        time_step=0.002,
+        contact_model="point" if thing == "point" else "hydroelastic_with_fallback",
+        discrete_contact_approximation="sap",
+    )
     plant, _ = AddMultibodyPlant(config, builder)
     parser = Parser(plant)
     ConfigureParser(parser)
     (model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
-    parser.AddModelsFromString(BALL, "sdf")
+    if thing == "soft":
+        cube = AddObject(plant, "cube", CUBE)
+    else:
+        parser.AddModelsFromString(BALL, "sdf")
     # Open, the left finger's y (its closing side) is the palm's x: that goes up.
     X_WP = RigidTransform(RollPitchYaw(0.0, -np.pi / 2, 0.0), [0.0, 0.0, 0.0])
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"), X_WP)
@@ -62,14 +79,17 @@ def rest_on_the_left_pad(contact_model="hydroelastic_with_fallback"):
         plant.GetJointByName(f"{name}_joint").Lock(context)
     tip = plant.GetBodyByName("left_tip_link")
     X_WT = plant.EvalBodyPoseInWorld(context, tip)
-    ball = plant.GetBodyByName("ball")
     above = RigidTransform(X_WT.rotation(), X_WT @ (PAD + np.array([0.0, 0.0101, 0.0])))
-    plant.SetFreeBodyPose(context, ball, above)
+    if thing == "soft":
+        body = object_body(plant, cube)
+        body.SetPositions(context, above @ body.GetPositions(context))
+    else:
+        plant.SetFreeBodyPose(context, plant.GetBodyByName("ball"), above)
     simulator.AdvanceTo(0.5)
     return sensors, sensors.GetMyContextFromRoot(simulator.get_context())
 
 
-@pytest.fixture(scope="module", params=["hydroelastic_with_fallback", "point"])
+@pytest.fixture(scope="module", params=["hydroelastic", "point", "soft"])
 def resting(request):
     return rest_on_the_left_pad(request.param)
 
