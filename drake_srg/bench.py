@@ -98,7 +98,8 @@ def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomi
         cell = MakeCell(scenario)
         simulator = Simulator(cell)
         ApplySimulatorConfig(scenario.simulator_config, simulator)
-    station = cell.GetSubsystemByName("station")
+    nested = cell.HasSubsystemNamed("station")
+    station = cell.GetSubsystemByName("station") if nested else cell
     times: list[float] = []
     rows: list[list[Vector]] = [[] for _ in _PLANT_INPUTS]
     ports = [

@@ -10,8 +10,9 @@ from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.scripted import ScriptedPlanner
 from drake_srg.planning.task_motions import TaskPlanner
-from drake_srg.scenario import ObjectConfig, Scenario
-from drake_srg.station import AddDirectives, MakeStation
+from drake_srg.ports import Ports, output_ports
+from drake_srg.scenario import ObjectConfig, Scenario, is_continuous
+from drake_srg.station import AddDirectives, AddStation, MakeStation
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
@@ -42,6 +43,20 @@ def MakeCell(scenario: Scenario) -> Diagram:
     the diagram with your own in its place: this function is short for that reason.
 
     Where the scenario has a `script`, the planner plays it, and there is no localizer.
+    Where its plant is continuous, what is in the station is in the cell itself.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    AddCell(builder, scenario).Export(builder)
+    diagram = builder.Build()
+    diagram.set_name("cell")
+    return diagram
+
+
+def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
+    """Add what `MakeCell` makes a diagram of to a diagram, and return its ports.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -55,8 +70,13 @@ def MakeCell(scenario: Scenario) -> Diagram:
     missing = [key for key, value in needed.items() if not value]
     if missing:
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
-    builder = DiagramBuilder()
-    station = builder.AddNamedSystem("station", MakeStation(scenario))
+    station: Diagram | Ports
+    if is_continuous(scenario):
+        # Drake's CENIC integrator looks for the plant among the root's own subsystems.
+        station = AddStation(builder, scenario)
+    else:
+        station = builder.AddNamedSystem("station", MakeStation(scenario))
+    ports = Ports()
     planner: System
     if scenario.script:
         planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
@@ -70,27 +90,24 @@ def MakeCell(scenario: Scenario) -> Diagram:
         localizer = AddLocalizer(builder, scenario, station)
         planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
-        builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
-    for i in range(station.num_output_ports()):
-        port = station.get_output_port(i)
-        builder.ExportOutput(port, port.get_name())
+        ports.outputs["localizer.blobs"] = localizer.GetOutputPort("blobs")
+    ports.outputs |= output_ports(station)
     for name, exported in (
         ("mode", "planner.mode"),
         ("status", "planner.status"),
         *_COMMANDS,
     ):
-        builder.ExportOutput(planner.GetOutputPort(name), exported)
-    diagram = builder.Build()
-    diagram.set_name("cell")
-    return diagram
+        ports.outputs[exported] = planner.GetOutputPort(name)
+    return ports
 
 
 def AddLocalizer(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
 ) -> BlobLocalizer:
     """Add the localizer of a scenario, connected to the station's cameras."""
+    around = builder if isinstance(station, Ports) else station
     sensors = {
-        name: station.GetSubsystemByName(f"rgbd_sensor_{name}")
+        name: around.GetSubsystemByName(f"rgbd_sensor_{name}")
         for name in scenario.localizer.cameras
     }
     localizer = builder.AddNamedSystem(
@@ -153,7 +170,10 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
 
 
 def ConnectPlanner(
-    builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
+    builder: DiagramBuilder,
+    station: Diagram | Ports,
+    localizer: System,
+    planner: System,
 ) -> None:
     """Connect a planner with our ports to a station and a localizer."""
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
@@ -167,7 +187,9 @@ def ConnectPlanner(
     ConnectCommands(builder, station, planner)
 
 
-def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+def ConnectCommands(
+    builder: DiagramBuilder, station: Diagram | Ports, planner: System
+) -> None:
     """Connect what a planner commands to a station."""
     for source, target in _COMMANDS:
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.metrics import MODES
+from drake_srg.ports import Ports, output_ports
 from drake_srg.recording.ros_topics import cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.timeline import Timeline
@@ -28,7 +29,7 @@ FILES = {
 
 
 def AddRecorders(
-    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
+    builder: DiagramBuilder, cell: Diagram | Ports, scenario: Scenario, out: Path
 ) -> dict[str, VideoRecorder | RosbagRecorder]:
     """Add what records video.mp4 and recording.mcap, connected to the cell.
 
@@ -74,12 +75,6 @@ def AddRecorders(
                 builder.Connect(ports[port.get_name()], port)
         stack.pop_all()
     return recorders
-
-
-def output_ports(cell: Diagram) -> dict[str, OutputPort]:
-    """The output ports of a cell by their names."""
-    ports = map(cell.get_output_port, range(cell.num_output_ports()))
-    return {port.get_name(): port for port in ports}
 
 
 def _arm_joints(scenario: Scenario) -> list[Joint]:

@@ -198,6 +198,11 @@ class Scenario:
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
 
 
+def is_continuous(scenario: Scenario) -> bool:
+    """Whether the plant is one that Drake's CENIC integrator advances."""
+    return bool(scenario.plant_config.time_step == 0.0)
+
+
 def list_scenarios() -> list[str]:
     """Return the names of the scenarios that come with the package."""
     return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))

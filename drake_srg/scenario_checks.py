@@ -13,6 +13,9 @@ from drake_srg.types import Box
 if TYPE_CHECKING:
     from drake_srg.scenario import Scenario
 
+# Drake's name of the only integrator that takes stiff contact and PD actuators.
+_CENIC = "cenic"
+
 
 def check_scenario(scenario: Scenario, origin: str) -> None:
     """Check what one field alone cannot tell.
@@ -30,10 +33,11 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
             raise ScenarioError(f"{origin}: {key}: {message}")
 
     # Of these Drake makes a program's end.
-    for name in ("time_step", "penetration_allowance", "stiction_tolerance"):
+    for name in ("penetration_allowance", "stiction_tolerance"):
         value = getattr(scenario.plant_config, name)
         message = f"must be greater than 0.0, is {value}"
         require(value > 0.0, f"plant_config.{name}", message)
+    _check_steps(scenario, require)
     for name in ("accuracy", "max_step_size"):
         value = getattr(scenario.simulator_config, name)
         message = f"must be greater than 0.0, is {value}"
@@ -107,6 +111,22 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
             f"must have an entry a joint of the arm, {n}, has {len(step.arm or [])}",
         )
     _check_cameras(scenario, require)
+
+
+def _check_steps(
+    scenario: Scenario, require: Callable[[bool, str, str], None]
+) -> None:
+    step = scenario.plant_config.time_step
+    scheme = scenario.simulator_config.integration_scheme
+    message = f"must be greater than 0.0, or 0.0 for integrator {_CENIC}, is {step}"
+    fits = step > 0.0 or (step == 0.0 and scheme == _CENIC)
+    require(fits, "plant_config.time_step", message)
+    message = f"{_CENIC} needs plant_config.time_step 0.0, which is {step}"
+    key = "simulator_config.integration_scheme"
+    require(step == 0.0 or scheme != _CENIC, key, message)
+    for name, config in scenario.objects.items():
+        message = f"cannot be soft with integrator {_CENIC}"
+        require(step > 0.0 or not config.soft, f"objects.{name}", message)
 
 
 def _check_cameras(

@@ -16,7 +16,7 @@ from pydrake.systems.framework import (
 )
 from tqdm import tqdm
 
-from drake_srg.cell import MakeCell
+from drake_srg.cell import AddCell, MakeCell
 from drake_srg.contacts import ContactReader
 from drake_srg.errors import ScenarioError, one_line, scenario_errors
 from drake_srg.metrics import (
@@ -26,11 +26,12 @@ from drake_srg.metrics import (
     calc_metrics,
     pose_to_row,
 )
-from drake_srg.recorders import FILES, AddRecorders, output_ports, run_timeline
+from drake_srg.ports import Ports, output_ports
+from drake_srg.recorders import FILES, AddRecorders, run_timeline
 from drake_srg.recording.log import write_log
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.timeline import draw_timeline
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # How long a run goes on after the planner has ended, for things to settle [s].
@@ -95,7 +96,16 @@ def Simulate(
     with contextlib.ExitStack() as stack:
         with scenario_errors(name):
             builder = DiagramBuilder()
-            cell = builder.AddNamedSystem("cell", make_cell(scenario))
+            cell: Diagram | Ports
+            if is_continuous(scenario):
+                if make_cell is not MakeCell:
+                    raise ScenarioError(
+                        "plant_config.time_step: a cell of one's own needs discrete "
+                        "steps, greater than 0.0"
+                    )
+                cell = AddCell(builder, scenario)
+            else:
+                cell = builder.AddNamedSystem("cell", make_cell(scenario))
             # Better now than after the run.
             stack.enter_context(output_folder(out))
             if out is not None and record:
@@ -103,8 +113,12 @@ def Simulate(
                 for kind, recorder in added.items():
                     stack.enter_context(recorder)
                     artifacts[kind] = str(recorder.path)
+            if isinstance(cell, Ports):
+                cell.Export(builder)
             diagram = builder.Build()
             diagram.set_name("simulation")
+            if isinstance(cell, Ports):
+                cell = diagram
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
         if out is not None:  # what is there afterwards is of this run

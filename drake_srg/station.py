@@ -17,7 +17,7 @@ from pydrake.multibody.parsing import (
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
@@ -37,6 +37,7 @@ from drake_srg.objects import (
     object_body,
 )
 from drake_srg.parsing import ConfigureParser
+from drake_srg.ports import Ports
 from drake_srg.scenario import Scenario
 
 _LID = "package://drake_srg/sdf/lid.sdf"
@@ -90,6 +91,19 @@ def MakeStation(scenario: Scenario) -> Diagram:
         ScenarioError: If the models do not fit the scenario.
     """
     builder = DiagramBuilder()
+    AddStation(builder, scenario).Export(builder)
+    diagram = builder.Build()
+    diagram.set_name("station")
+    return diagram
+
+
+def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
+    """Add what `MakeStation` makes a diagram of to a diagram, and return its ports.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    ports = Ports()
     plant, scene_graph = MakePlant(builder, scenario)
 
     # Drivers.
@@ -102,10 +116,10 @@ def MakeStation(scenario: Scenario) -> Diagram:
         )
         for name in _GRIPPER_INPUTS:
             if driver.HasInputPort(name):
-                builder.ExportInput(driver.GetInputPort(name), f"gripper.{name}")
+                ports.inputs[f"gripper.{name}"] = driver.GetInputPort(name)
         for name in _GRIPPER_OUTPUTS:
             if driver.HasOutputPort(name):
-                builder.ExportOutput(driver.GetOutputPort(name), f"gripper.{name}")
+                ports.outputs[f"gripper.{name}"] = driver.GetOutputPort(name)
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
         control_plant = MultibodyPlant(time_step=0.0)
@@ -114,16 +128,14 @@ def MakeStation(scenario: Scenario) -> Diagram:
         driver = AddArmPositionDriver(
             builder, plant, arm, gripper, control_plant, scenario.arm
         )
-        builder.ExportInput(
-            driver.GetInputPort("position_commanded"), "arm.position_commanded"
+        ports.inputs["arm.position_commanded"] = driver.GetInputPort(
+            "position_commanded"
         )
-        builder.ExportOutput(plant.get_state_output_port(arm), "arm.state_measured")
-        builder.ExportOutput(
-            plant.get_net_actuation_output_port(arm), "arm.torque_measured"
-        )
+        ports.outputs["arm.state_measured"] = plant.get_state_output_port(arm)
+        ports.outputs["arm.torque_measured"] = plant.get_net_actuation_output_port(arm)
 
     if scenario.cameras:
-        AddCameras(builder, plant, scene_graph, scenario)
+        ports.outputs |= AddCameras(builder, plant, scene_graph, scenario)
 
     # Ground truth.
     poses = builder.AddNamedSystem(
@@ -142,13 +154,9 @@ def MakeStation(scenario: Scenario) -> Diagram:
             plant.get_deformable_body_configuration_output_port(),
             poses.get_input_port(1),
         )
-    builder.ExportOutput(poses.get_output_port(), "object_poses_cheat")
-    builder.ExportOutput(
-        plant.get_contact_results_output_port(), "contact_results_cheat"
-    )
-    diagram = builder.Build()
-    diagram.set_name("station")
-    return diagram
+    ports.outputs["object_poses_cheat"] = poses.get_output_port()
+    ports.outputs["contact_results_cheat"] = plant.get_contact_results_output_port()
+    return ports
 
 
 @scenario_errors()
@@ -184,8 +192,8 @@ def AddCameras(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     scenario: Scenario,
-) -> None:
-    """Add the cameras of a scenario, and export their ports.
+) -> dict[str, OutputPort]:
+    """Add the cameras of a scenario, and return their ports by name.
 
     They see a scene graph of their own. In the plant's, the renderers would follow
     every step of the simulation, which costs as much as the bare plant; this one takes
@@ -194,6 +202,7 @@ def AddCameras(
     """
     if not any(config.soft for config in scenario.objects.values()):
         plant, scene_graph = _AddRenderScene(builder, plant, scenario)
+    ports: dict[str, OutputPort] = {}
     for name, camera_config in scenario.cameras.items():
         config = copy.copy(camera_config)
         config.name = name
@@ -212,7 +221,8 @@ def AddCameras(
             (sensor.depth_image_32F_output_port(), "depth_image"),
             (sensor.body_pose_in_world_output_port(), "body_pose_in_world"),
         ):
-            builder.ExportOutput(port, f"camera_{name}.{exported}")
+            ports[f"camera_{name}.{exported}"] = port
+    return ports
 
 
 def _AddRenderScene(
