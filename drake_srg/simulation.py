@@ -124,6 +124,7 @@ def Simulate(
         if out is not None:  # what is there afterwards is of this run
             for file in (*FILES.values(), "metrics.json"):
                 (out / file).unlink(missing_ok=True)
+        _warm_up(cell)
         log = _Log(scenario, cell)
         status, times = _run(simulator, cell, scenario, name, log, progress)
     arrays = log.arrays()
@@ -153,6 +154,15 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
         raise ScenarioError(
             f"{name}: the simulation failed at t = {time:.3f} s: {one_line(error)}"
         ) from error
+
+
+def _warm_up(cell: Diagram) -> None:
+    """Let cameras and localizer prepare themselves, as they do when switched on.
+
+    In a context of its own: what is seen in it is forgotten.
+    """
+    if cell.HasOutputPort("localizer.blobs"):
+        cell.GetOutputPort("localizer.blobs").Eval(cell.CreateDefaultContext())
 
 
 def _run(

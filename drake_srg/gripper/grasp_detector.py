@@ -65,9 +65,9 @@ class GraspDetector(LeafSystem):
         )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        fired = self._triggered.Eval(context) != 0.0
+        fired = self._triggered.Eval(context).tolist()
         since = context.get_discrete_state(0)[0]
-        if all(fired[finger].any() for finger in self._fingers):
+        if all(any(fired[i] for i in finger) for finger in self._fingers):
             since = min(since, context.get_time())
         else:
             since = np.inf

@@ -3,7 +3,6 @@
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
-import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId, QueryObject
 from pydrake.multibody.plant import MultibodyPlant
@@ -93,7 +92,7 @@ class ProximitySensors(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         query: QueryObject = self.get_input_port(0).Eval(context)
-        distances = np.full(len(self.sensor_names), self.config.range)
+        distances = [self.config.range] * len(self.sensor_names)
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
             a, b = pair.id_A.get_value(), pair.id_B.get_value()
             for own, other in ((a, b), (b, a)):
@@ -106,8 +105,9 @@ class ProximitySensors(LeafSystem):
         output.SetFromVector(context.get_discrete_state(0).value())
 
     def _calc_triggered(self, context: Context, output: BasicVector) -> None:
-        distances = context.get_discrete_state(0).value()
-        output.SetFromVector((distances < self.config.trigger_distance).astype(float))
+        distances = context.get_discrete_state(0).value().tolist()
+        trigger = self.config.trigger_distance
+        output.SetFromVector([float(distance < trigger) for distance in distances])
 
 
 def AddSrgProximitySensors(

@@ -125,7 +125,10 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 guard = config.printed_law_min_speed**2
                 pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
             kappa = self._kappa(context)
-            saturated = np.array([min_(max_(u, -kappa), kappa) for u in pwm])
+            if T is float:
+                saturated = np.minimum(np.maximum(pwm, -kappa), kappa)
+            else:
+                saturated = np.array([min_(max_(u, -kappa), kappa) for u in pwm])
             rate = ki * error + (saturated - pwm) / config.tracking_time
             new_integral = integral + config.period * rate * (ki > 0)
             discrete_state.set_value(np.concatenate([new_integral, saturated]))

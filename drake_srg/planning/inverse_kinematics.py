@@ -7,6 +7,7 @@ import enum
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.random import Generator, default_rng
 from pydrake.math import RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.solvers import SnoptSolver, SolverOptions
@@ -111,7 +112,7 @@ def SolveInverseKinematics(
     best: IkSolution | None = None
     blocked: list[tuple[Clearance, Vector]] = []
     for count, start in enumerate(
-        _Starts(limits, guess, np.random.default_rng(seed), max_starts), 1
+        _Starts(limits, guess, default_rng(seed), max_starts), 1
     ):
         q, solved = program.Solve(start, q_nominal if count == 1 else start)
         if not solved:
@@ -140,7 +141,7 @@ def SolveInverseKinematics(
 
 
 def _Starts(
-    limits: tuple[Vector, Vector], guess: Vector, rng: np.random.Generator, count: int
+    limits: tuple[Vector, Vector], guess: Vector, rng: Generator, count: int
 ) -> Iterator[Vector]:
     """The guess, then random postures further and further away from it."""
     guess = np.clip(guess, *limits)
@@ -210,7 +211,7 @@ def _Diagnose(
     guess: Vector,
 ) -> IkFailure:
     """Drops one requirement after the other until the rest can be met."""
-    rng = np.random.default_rng(0)
+    rng = default_rng(0)
     starts = list(_Starts(limits, guess, rng, 4))
     turn = np.full(scene.num_joints, 2.0 * np.pi)
 

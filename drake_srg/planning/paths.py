@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
+from numpy.random import default_rng
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 
@@ -56,7 +57,7 @@ def PlanJointPath(
             return PathFailure(f"the {name} is not free: {hit}", clearance=hit)
     if scene.is_edge_free(q_start, q_goal):
         return np.array([q_start, q_goal])
-    rng = np.random.default_rng(seed)
+    rng = default_rng(seed)
     path = ConnectTrees(
         q_start,
         q_goal,

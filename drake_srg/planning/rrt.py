@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from numpy.random import Generator
 
 from drake_srg.types import Vector
 
@@ -54,7 +55,7 @@ def ConnectTrees(
     is_edge_free: EdgeTest,
     step: float,
     max_iterations: int,
-    rng: np.random.Generator,
+    rng: Generator,
 ) -> Vector | None:
     """Searches a free polyline from `q_start` to `q_goal`, both free themselves.
 
@@ -84,7 +85,7 @@ def ConnectTrees(
 
 
 def Shortcut(
-    path: Vector, *, is_edge_free: EdgeTest, attempts: int, rng: np.random.Generator
+    path: Vector, *, is_edge_free: EdgeTest, attempts: int, rng: Generator
 ) -> Vector:
     """Replaces stretches of a free polyline by straight lines where those are free.
 

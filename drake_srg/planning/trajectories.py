@@ -140,7 +140,7 @@ def _RoundedPath(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, floa
     averages = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
     control = Polyline(averages)
     path = BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
-    s = np.union1d(breaks, knots)
+    s = np.concatenate([breaks, knots])
     deviation = np.linalg.norm(path.vector_values(s).T - Polyline(s), axis=1)
     return path, float(np.max(deviation))
 
