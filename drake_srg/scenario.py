@@ -182,6 +182,10 @@ class Scenario:
     plant_config: MultibodyPlantConfig = dc.field(default_factory=MultibodyPlantConfig)
     simulator_config: SimulatorConfig = dc.field(default_factory=SimulatorConfig)
     scene_graph_config: SceneGraphConfig = dc.field(default_factory=SceneGraphConfig)
+    # Pairs of names of collision geometry, MODEL::GEOMETRY with wildcards * and ?, that
+    # the simulation lets pass through each other: it need not look at them then. The
+    # planner keeps them apart all the same.
+    ignored_contacts: list[list[str]] = dc.field(default_factory=list)
     # All models that are not `objects`. The driven ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
     arm: ArmPositionDriver | None = None

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses as dc
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 from pydrake.systems.sensors import CameraConfig
@@ -99,6 +100,9 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
             "task.region",
             f"must be on the table; allowed: {table.min} .. {table.max}",
         )
+    for i, pair in enumerate(scenario.ignored_contacts):
+        message = f"must be a pair of names, has {len(pair)} entries"
+        require(len(pair) == 2, f"ignored_contacts[{i}]", message)
     duration = sum(step.duration for step in scenario.script)
     budget = scenario.planner.time_budget
     message = f"takes {duration:g} s; allowed: planner.time_budget, {budget:g} s"
@@ -121,12 +125,36 @@ def _check_steps(
     message = f"must be greater than 0.0, or 0.0 for integrator {_CENIC}, is {step}"
     fits = step > 0.0 or (step == 0.0 and scheme == _CENIC)
     require(fits, "plant_config.time_step", message)
+    if step == 0.0:
+        for key, period in _periods(scenario):
+            # 1024 periods of 10 ms are not 10.24 s, but a rounding error beside it.
+            message = f"must be a multiple of 1/1024 s with {_CENIC}, is {period}"
+            require((1024.0 * period).is_integer(), key, message)
     message = f"{_CENIC} needs plant_config.time_step 0.0, which is {step}"
     key = "simulator_config.integration_scheme"
     require(step == 0.0 or scheme != _CENIC, key, message)
     for name, config in scenario.objects.items():
         message = f"cannot be soft with integrator {_CENIC}"
         require(step > 0.0 or not config.soft, f"objects.{name}", message)
+
+
+def _periods(scenario: Scenario) -> Iterator[tuple[str, float]]:
+    """Keys and periods [s] of all events."""
+    yield "recording.period", scenario.recording.period
+    yield "recording.bag_camera_period", scenario.recording.bag_camera_period
+    yield "recording.video_fps", 1.0 / scenario.recording.video_fps
+    for key in ("arm", "gripper", "planner", "localizer"):
+        yield from _periods_of(key, getattr(scenario, key))
+
+
+def _periods_of(key: str, config: object) -> Iterator[tuple[str, float]]:
+    if dc.is_dataclass(config):
+        for field in dc.fields(config):
+            value = getattr(config, field.name)
+            if field.name == "period":
+                yield f"{key}.period", value
+            else:
+                yield from _periods_of(f"{key}.{field.name}", value)
 
 
 def _check_cameras(

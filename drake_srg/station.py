@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
+from fnmatch import fnmatchcase
 
 import numpy as np
-from pydrake.geometry import SceneGraph
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    Role,
+    SceneGraph,
+)
 from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
@@ -184,7 +190,31 @@ def MakePlant(
     plant.Finalize()
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)
+    IgnoreContacts(scene_graph, scenario.ignored_contacts)
     return plant, scene_graph
+
+
+def IgnoreContacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> None:
+    """Filter the contact between geometry that a scenario names in pairs.
+
+    Raises:
+        ScenarioError: If a name fits no collision geometry.
+    """
+    inspector = scene_graph.model_inspector()
+    geometries = inspector.GetAllGeometryIds(Role.kProximity)
+
+    def named(pattern: str) -> GeometrySet:
+        found = [g for g in geometries if fnmatchcase(inspector.GetName(g), pattern)]
+        if not found:
+            raise ScenarioError(
+                f"ignored_contacts: {pattern!r} is the name of no collision geometry"
+            )
+        return GeometrySet(found)
+
+    for first, second in pairs:
+        scene_graph.collision_filter_manager().Apply(
+            CollisionFilterDeclaration().ExcludeBetween(named(first), named(second))
+        )
 
 
 def AddCameras(

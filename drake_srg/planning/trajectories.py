@@ -152,7 +152,7 @@ def _FastestMotion(
     control = [scene.positions(point[:, 0])[:, None] for point in path.control_points()]
     path = BsplineTrajectory(path.basis(), control)
     spans = path.num_control_points() - 3
-    grid = np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 50, 200)) + 1)
+    grid = np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 30, 200)) + 1)
     toppra = Toppra(path, scene.plant, grid)
     toppra.AddJointVelocityLimit(*_Bounds(scene, limits.velocity))
     toppra.AddJointAccelerationLimit(*_Bounds(scene, limits.acceleration))
