@@ -2,7 +2,7 @@
 
 import dataclasses as dc
 import time as wall
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
@@ -12,7 +12,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.cell import MakeCell
 from drake_srg.errors import scenario_errors
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, list_scenarios
 from drake_srg.simulation import Simulate, failure_time
 from drake_srg.station import MakePlant
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
@@ -30,6 +30,8 @@ _PLANT_INPUTS = (
 class Bench:
     """Wall-clock times of one run [s], and of the bare plant on the same inputs."""
 
+    result: str  # success, or the failure's name
+    placement_error: list[float] | None  # final position minus goal [m]
     simulated: float
     total: float
     plant: float
@@ -41,28 +43,51 @@ class Bench:
         """What is left: our systems in Python, and logging."""
         return self.total - self.plant - self.planning - self.rendering
 
-    def table(self) -> str:
-        """Return the figures as text."""
-        rows = [
-            ("simulated", self.simulated, ""),
-            (
-                "wall clock",
-                self.total,
-                f"{self.simulated / self.total:.2f} x real time",
+    def rows(self) -> dict[str, str]:
+        """Return the figures as text, by what they are called."""
+        error = self.placement_error
+
+        def share(time: float) -> str:
+            return f"{time:.2f} s, {time / self.total:.0%}"
+
+        return {
+            "result": self.result,
+            "placement error x, y": (
+                f"{1e3 * error[0]:.2f}, {1e3 * error[1]:.2f} mm" if error else "-"
             ),
-            (
-                "bare plant",
-                self.plant,
-                f"{self.simulated / self.plant:.2f} x real time; "
-                f"ours runs at {self.plant / self.total:.2f} of it",
-            ),
-            ("planning", self.planning, f"{self.planning / self.total:.0%}"),
-            ("rendering", self.rendering, f"{self.rendering / self.total:.0%}"),
-            ("our systems", self.other, f"{self.other / self.total:.0%}"),
-        ]
-        return "\n".join(
-            f"{name:12} {time:7.2f} s  {note}" for name, time, note in rows
-        )
+            "simulated": f"{self.simulated:.2f} s",
+            "wall clock": f"{self.total:.2f} s",
+            "speed": f"{self.simulated / self.total:.2f} x real time",
+            "bare plant": f"{self.simulated / self.plant:.2f} x real time",
+            "speed : bare plant": f"{self.plant / self.total:.2f}",
+            "plant": share(self.plant),
+            "planning": share(self.planning),
+            "rendering": share(self.rendering),
+            "our systems": share(self.other),
+        }
+
+
+def bench_table(benches: Mapping[str, Bench]) -> str:
+    """Return the figures of several scenarios side by side, as text."""
+    columns = [bench.rows() for bench in benches.values()]
+    width = max(26, *(len(name) + 2 for name in benches))
+    lines = [("", *benches)]
+    lines += [(key, *(column[key] for column in columns)) for key in columns[0]]
+    return "\n".join(
+        f"{key:22}" + "".join(f"{cell:{width}}" for cell in cells).rstrip()
+        for key, *cells in lines
+    )
+
+
+def scenarios_with_a_twin() -> list[str]:
+    """Return the package's scenarios with a fast variant, each followed by that."""
+    names = list_scenarios()
+    return [
+        name
+        for base in names
+        if f"{base}_fast" in names
+        for name in (base, f"{base}_fast")
+    ]
 
 
 def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
@@ -84,6 +109,8 @@ def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
         raise KeyboardInterrupt
     times = result.metrics
     return Bench(
+        result=times.failure or "success",
+        placement_error=times.placement_error_m,
         simulated=times.sim_time_s,
         total=times.wall_time_s,
         plant=_replay(scenario, inputs, times.sim_time_s),
@@ -148,13 +175,15 @@ def _replay(
 def _look_time(scenario: Scenario, looks: int) -> float:
     """Wall-clock time of that many looks at the blobs [s].
 
-    The first one costs more: the renderer prepares itself.
+    The first one costs more: each context has a renderer of its own, which prepares
+    itself. What every first renderer of a process costs, a run has behind it.
     """
     if looks == 0:
         return 0.0
     cell: Diagram = MakeCell(scenario)
-    context = cell.CreateDefaultContext()
     port = cell.GetOutputPort("localizer.blobs")
+    port.Eval(cell.CreateDefaultContext())
+    context = cell.CreateDefaultContext()
     times = []
     for i in range(4):
         context.SetTime(float(i))  # what was rendered before counts no more

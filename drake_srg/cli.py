@@ -74,7 +74,12 @@ def _parser() -> argparse.ArgumentParser:
     bench = commands.add_parser(
         "bench", help="measure the speed of a scenario, and where the time goes"
     )
-    _add_scenario(bench)
+    _add_scenario(
+        bench,
+        nargs="*",
+        help="names of `drake-srg list`, or .yaml files (default: each scenario with "
+        "a fast variant, and that)",
+    )
     bench.set_defaults(run=_bench)
 
     experiment = commands.add_parser(
@@ -96,8 +101,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _add_scenario(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("scenario", help="a name of `drake-srg list`, or a .yaml file")
+def _add_scenario(
+    parser: argparse.ArgumentParser,
+    nargs: str | None = None,
+    help: str = "a name of `drake-srg list`, or a .yaml file",
+) -> None:
+    parser.add_argument("scenario", nargs=nargs, help=help)
     parser.add_argument(
         "--seed", type=int, help="replaces the scenario's random_seed", metavar="N"
     )
@@ -187,11 +196,19 @@ def _diagram(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from drake_srg.bench import run_bench
+    from drake_srg.bench import bench_table, run_bench, scenarios_with_a_twin
     from drake_srg.scenario import load_scenario
 
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    print(run_bench(scenario, Path(options.scenario).stem).table())
+    # All are loaded before the first one is run: a mistake shows at once.
+    scenarios = {
+        name: load_scenario(name, seed=options.seed, overrides=options.set)
+        for name in options.scenario or scenarios_with_a_twin()
+    }
+    benches = {
+        Path(name).stem: run_bench(scenario, Path(name).stem)
+        for name, scenario in scenarios.items()
+    }
+    print(bench_table(benches))
     return SUCCESS
 
 

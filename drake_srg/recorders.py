@@ -10,7 +10,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.metrics import MODES
-from drake_srg.ports import Ports, output_ports
+from drake_srg.ports import Ports
+from drake_srg.ports import output_ports as output_ports
 from drake_srg.recording.ros_topics import cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.timeline import Timeline

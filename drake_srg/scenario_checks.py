@@ -117,9 +117,7 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
     _check_cameras(scenario, require)
 
 
-def _check_steps(
-    scenario: Scenario, require: Callable[[bool, str, str], None]
-) -> None:
+def _check_steps(scenario: Scenario, require: Callable[[bool, str, str], None]) -> None:
     step = scenario.plant_config.time_step
     scheme = scenario.simulator_config.integration_scheme
     message = f"must be greater than 0.0, or 0.0 for integrator {_CENIC}, is {step}"

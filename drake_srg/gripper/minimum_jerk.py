@@ -131,7 +131,7 @@ class MinimumJerkReference(LeafSystem):
     def _evaluate(self, rows: Vector, time: float) -> Vector:
         """Return q, v, a, shape (3, n)."""
         # Joint by joint: for so few, numbers are faster than arrays.
-        return np.array([_evaluate_joint(*row, time) for row in rows.tolist()]).T
+        return np.array([_evaluate_joint(row, time) for row in rows.tolist()]).T
 
     def _calc_reference(self, context: Context, output: BasicVector) -> None:
         reference = self._evaluate(self._rows(context), context.get_time())
@@ -160,19 +160,9 @@ class MinimumJerkReference(LeafSystem):
         discrete_state.set_value(np.where(changed[:, None], new, rows).flatten())
 
 
-def _evaluate_joint(
-    start: float,
-    duration: float,
-    _: float,
-    c0: float,
-    c1: float,
-    c2: float,
-    c3: float,
-    c4: float,
-    c5: float,
-    time: float,
-) -> tuple[float, float, float]:
+def _evaluate_joint(row: list[float], time: float) -> tuple[float, float, float]:
     """Return q, v, a of a row of the state."""
+    start, duration, _, c0, c1, c2, c3, c4, c5 = row
     s = min(max((time - start) / duration, 0.0), 1.0)
     q = c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))
     v = c1 + s * (2 * c2 + s * (3 * c3 + s * (4 * c4 + s * 5 * c5)))
