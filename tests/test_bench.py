@@ -1,15 +1,45 @@
 import pytest
 
-from drake_srg.bench import Bench, run_bench
-from drake_srg.scenario import load_scenario
+from drake_srg.bench import Bench, bench_table, run_bench, scenarios_with_a_twin
+from drake_srg.scenario import list_scenarios, load_scenario
+
+
+def some_bench(total=4.0):
+    return Bench(
+        result="success",
+        placement_error=[0.001, -0.0005, 0.0],
+        simulated=8.0,
+        total=total,
+        plant=2.0,
+        planning=0.5,
+        rendering=0.25,
+    )
 
 
 def test_the_rest_is_what_our_systems_take():
-    bench = Bench(simulated=8.0, total=4.0, plant=2.0, planning=0.5, rendering=0.25)
+    bench = some_bench()
     assert bench.other == pytest.approx(1.25)
-    table = bench.table()
-    for words in ("2.00 x real time", "4.00 x real time", "ours runs at 0.50 of it"):
-        assert words in table
+    rows = bench.rows()
+    assert rows["speed"] == "2.00 x real time"
+    assert rows["bare plant"] == "4.00 x real time"
+    assert rows["speed : bare plant"] == "0.50"
+    assert rows["placement error x, y"] == "1.00, -0.50 mm"
+    assert rows["our systems"] == "1.25 s, 31%"
+
+
+def test_a_table_has_a_column_a_scenario():
+    table = bench_table({"kitchen": some_bench(), "other": some_bench(total=8.0)})
+    first, *_ = table.splitlines()
+    assert first.split() == ["kitchen", "other"]
+    (speed,) = [line for line in table.splitlines() if line.startswith("speed  ")]
+    assert " ".join(speed.split()) == "speed 2.00 x real time 1.00 x real time"
+
+
+def test_twins_stand_side_by_side():
+    names = scenarios_with_a_twin()
+    assert names[names.index("kitchen") + 1] == "kitchen_fast"
+    assert all(name in list_scenarios() for name in names)
+    assert len(names) % 2 == 0
 
 
 @pytest.fixture(scope="module")
