@@ -1,0 +1,217 @@
+"""One grasp from beginning to end: present, close, lift, shake, judge."""
+
+import copy
+import dataclasses as dc
+from typing import Any
+
+import numpy as np
+from pydrake.common.schema import Rotation, Transform
+from pydrake.math import RollPitchYaw, RotationMatrix
+
+from drake_srg.errors import ScenarioError
+from drake_srg.experiments.rig import Rig, bench_scenario, shake
+from drake_srg.gripper.drivers import SrgTendonDriver
+from drake_srg.objects import known_shape
+from drake_srg.scenario import ObjectConfig, Scenario
+from drake_srg.types import Box, Cylinder, Sphere, Vector
+
+MIDDLE = np.array([0.5, 0.0, 0.0])  # what the gantry's joint positions count from [m]
+# Times [s]: the hand arrives; the fingers close (up to 2.5 s with a loose wire) and the
+# wires' force settles (0.3 s time constant); the arm lifts. Each shake is two cycles
+# that swell, two that fade and one at full strength;
+# after the last one everything comes to rest.
+_ARRIVE, _CLOSE, _LIFT, SHAKE, _REST = 1.0, 3.5, 0.8, 2.5, 0.3
+LIFT_HEIGHT = 0.1  # m
+ACCELERATION, FREQUENCY = 9.81, 2.0  # m/s², Hz
+HELD = 3.0 * SHAKE  # from the end of the lift to the end of the last shake [s]
+# Heavy enough for no hand to push it about; steel [kg/m³].
+_SUPPORT_DENSITY, _SUPPORT_COLOR = 7850.0, [0.45, 0.46, 0.48]
+_PADS_X = 0.158  # of the pads' middle with straight fingers ahead, in the palm [m]
+# Lost is what moved in the hand by more than a pad is wide [m].
+_PAD_WIDTH = 0.03
+
+
+@dc.dataclass(kw_only=True)
+class Support:
+    """A steel block on the bench."""
+
+    # x, y, z [m].
+    size: list[float] = dc.field(
+        default_factory=lambda: [0.1, 0.1, 0.1], metadata={"length": 3}
+    )
+    # Of its middle, from the middle of the bench [m].
+    at: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+
+
+@dc.dataclass(kw_only=True)
+class GraspConfig:
+    """How an object is presented and how the hand takes it."""
+
+    # Roll, pitch, yaw of the palm [degrees]: [0, 0, 0] points to the front and closes
+    # horizontally, [0, 90, 0] points down, [90, 0, 0] closes vertically.
+    hand: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
+    )
+    # The object's origin in the palm frame when the fingers close [m].
+    grip: list[float] = dc.field(
+        default_factory=lambda: [0.15, 0.0, 0.0], metadata={"length": 3}
+    )
+    why: str = ""  # there, and so
+    # Roll, pitch, yaw of the object [degrees].
+    object: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
+    )
+    # Height of what the object rests on [m].
+    height: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    supports: list[Support] = dc.field(default_factory=list)
+    # Where the hand comes from, in the palm frame, relative to the grasp [m].
+    retreat: list[float] = dc.field(
+        default_factory=lambda: [-0.12, 0.0, 0.0], metadata={"length": 3}
+    )
+    wire_force: float = dc.field(default=80.0, metadata={"ge": 0.0})  # each [N]
+
+    @property
+    def R_WG(self) -> RotationMatrix:
+        """Orientation of the palm in world."""
+        return RollPitchYaw(np.deg2rad(self.hand)).ToRotationMatrix()
+
+
+@dc.dataclass(frozen=True)
+class Outcome:
+    """What came of a grasp."""
+
+    # Held by nothing but the gripper, from the end of the lift on [s], at most HELD.
+    held_for: float
+    lifted: float  # how far the object rose with the hand [m]
+    settled: float  # motion in the hand while it was lifted [m]
+    sway: float  # largest motion in the hand while it was shaken [m]
+    slip: float  # what was left of it afterwards [m]
+    turn: float  # and the turn that was left [rad]
+    grip_force: float  # sum of all finger links' normal forces after the lift [N]
+    wire_force: float  # largest of both wires over the whole [N]
+    q: Vector  # the plant's positions at the end
+    p_WL: Vector  # the middle between the pads then, in world, shape (3,) [m]
+
+
+def _reach(thing: ObjectConfig, u_O: Vector) -> float:
+    """Return how far a shape reaches from its middle along a unit vector [m].
+
+    NaN of a model that is not a single shape.
+    """
+    match known_shape("thing", thing):
+        case Box(size):
+            return float(0.5 * np.abs(u_O) @ np.asarray(size))
+        case Cylinder(radius, length):
+            across = np.hypot(u_O[0], u_O[1])
+            return float(radius * across + 0.5 * length * np.abs(u_O[2]))
+        case Sphere(radius):
+            return float(radius)
+    return np.nan
+
+
+def rest_height(thing: ObjectConfig, R_WO: RotationMatrix) -> float:
+    """Return how high the origin of an object is above what it rests on [m].
+
+    Raises:
+        ValueError: If a model, which stands on its x-y plane, is tilted.
+    """
+    z_O = R_WO.matrix()[2]
+    reach = _reach(thing, z_O)
+    if np.isfinite(reach):
+        return reach
+    if not np.isclose(z_O[2], 1.0):
+        raise ValueError("a model can stand upright only")
+    return 0.0
+
+
+def width_between_pads(thing: ObjectConfig, grasp: GraspConfig) -> float:
+    """Extent of an object along the palm's y [m]; NaN of a model that is no shape."""
+    R_WO = RollPitchYaw(np.deg2rad(grasp.object)).ToRotationMatrix()
+    return 2.0 * _reach(thing, R_WO.matrix().T @ grasp.R_WG.matrix()[:, 1])
+
+
+def present(
+    thing: ObjectConfig, grasp: GraspConfig, scenario: str = "gripper_bench"
+) -> Scenario:
+    """The bench with an object where it is to be grasped and the hand before it."""
+    thing = copy.deepcopy(thing)
+    rotation = RollPitchYaw(np.deg2rad(grasp.object))
+    R_WO = rotation.ToRotationMatrix()
+    p_WO = MIDDLE + np.array([0.0, 0.0, grasp.height + rest_height(thing, R_WO)])
+    thing.pose = Transform()
+    thing.pose.translation, thing.pose.rotation = p_WO, Rotation(rotation)
+    p_WG = p_WO - grasp.R_WG @ np.array(grasp.grip) - MIDDLE
+    bench = bench_scenario(
+        thing,
+        gripper_rpy=grasp.hand,
+        home=list(p_WG + grasp.R_WG @ np.array(grasp.retreat)),
+        scenario=scenario,
+    )
+    for i, support in enumerate(grasp.supports):
+        bench.objects[f"support_{i}"] = ObjectConfig(
+            shape=Box(support.size),
+            mass=_SUPPORT_DENSITY * float(np.prod(support.size)),
+            friction=0.6,
+            color=_SUPPORT_COLOR,
+            position=[MIDDLE[0] + support.at[0], support.at[1]],
+        )
+    return bench
+
+
+def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outcome:
+    """Take what `present` presents, lift it, and shake it along x, y and z.
+
+    Raises:
+        ScenarioError: If the servo cannot pull the wires as hard, or the scenario's
+            gripper has no wires.
+    """
+    if not isinstance(scenario.gripper, SrgTendonDriver):
+        raise ScenarioError("gripper: a grasp experiment needs !SrgTendonDriver")
+    limit = scenario.gripper.drive.force_limit_of(grasp.wire_force)
+    with Rig(scenario, name="grasp", **rig_options) as rig:
+        start = rig.commanded("arm.position_commanded")
+        there = start - grasp.R_WG @ np.array(grasp.retreat)
+        rig.move(there, _ARRIVE)
+        rig.advance(_CLOSE, closure=1.0, force_limit=limit)
+        closed = len(rig.log()["time"]) - 1
+        above = there + np.array([0.0, 0.0, LIFT_HEIGHT])
+        rig.move(above, _LIFT)
+        lifted = len(rig.log()["time"]) - 1
+        free = [_is_free(rig)]
+        for axis in np.eye(3):
+            rig.advance(SHAKE, arm=shake(above, ACCELERATION * axis, FREQUENCY, SHAKE))
+            free.append(_is_free(rig))
+        rig.advance(_REST)
+        log, X_WG = rig.log(), rig.X_WG()
+        q = rig.plant.GetPositions(rig.plant_context)
+    # The gantry does not turn the hand.
+    pose = log["object_pose.thing"]
+    p_GO = pose[:, :3] - log["arm.state_measured"][:, :3]
+    moved = np.linalg.norm(p_GO[lifted:] - p_GO[lifted], axis=1)
+    turn = 2.0 * np.arccos(np.clip(np.abs(pose[lifted:, 3:] @ pose[lifted, 3:]), 0, 1))
+    lost = np.flatnonzero(moved > _PAD_WIDTH)
+    if not free[0]:
+        held_for = 0.0
+    elif len(lost):
+        held_for = float(log["time"][lifted + lost[0]] - log["time"][lifted])
+    else:
+        held_for = SHAKE * free.index(False) if False in free else HELD
+    return Outcome(
+        held_for=held_for,
+        lifted=float(pose[lifted, 2] - pose[closed, 2]),
+        settled=float(np.linalg.norm(p_GO[lifted] - p_GO[closed])),
+        sway=float(np.max(moved)),
+        slip=float(moved[-1]),
+        turn=float(turn[-1]),
+        grip_force=float(np.sum(log["gripper.contact_force"][lifted])),
+        wire_force=float(np.max(log["gripper.wire_force"])),
+        q=q,
+        p_WL=X_WG @ np.array([_PADS_X, 0.0, 0.0]),
+    )
+
+
+def _is_free(rig: Rig) -> bool:
+    """Whether nothing but the gripper touches the object."""
+    return set(rig.contact_forces()) == {"gripper"}

@@ -1,0 +1,62 @@
+"""A picture of a state that an experiment has come to."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses as dc
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.schema import Transform
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.errors import ScenarioError
+from drake_srg.scenario import LocalizerConfig, Scenario
+from drake_srg.station import MakeStation
+from drake_srg.types import Vector
+
+# To the camera from what it looks at: from the front, from the hand's right and from
+# above, as far away as shows 0.26 m [m].
+_EYE = np.array([0.26, -0.24, 0.15])
+
+
+def picture(
+    scenario: Scenario, q: Vector, p_WL: Vector, size: int
+) -> npt.NDArray[np.uint8]:
+    """Return an image of a scenario's station, shape (size, size, 3).
+
+    It is what the scenario's `recording.video_camera` would see from nearby.
+
+    Args:
+        scenario: Of the station.
+        q: Positions of its plant.
+        p_WL: What to look at, in world, shape (3,) [m].
+        size: Width and height [pixels].
+
+    Raises:
+        ScenarioError: If the scenario has no such camera.
+    """
+    name = scenario.recording.video_camera
+    if name not in scenario.cameras:
+        raise ScenarioError("recording.video_camera: names no camera for a picture")
+    camera = copy.deepcopy(scenario.cameras[name])
+    camera.width = camera.height = size
+    X_WC = _look_at(p_WL + _EYE, p_WL)
+    camera.X_PB = Transform(X_WC)
+    camera.X_PB.base_frame = "world"
+    station = MakeStation(
+        dc.replace(scenario, cameras={name: camera}, localizer=LocalizerConfig())
+    )
+    context = station.CreateDefaultContext()
+    plant = station.GetSubsystemByName("plant")
+    plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q)
+    image = station.GetOutputPort(f"camera_{name}.color_image").Eval(context)
+    return image.data[:, :, :3].copy()
+
+
+def _look_at(p_WC: Vector, p_WL: Vector) -> RigidTransform:
+    """Pose of a camera (z ahead, y down) that looks at a point, upright."""
+    z = (p_WL - p_WC) / np.linalg.norm(p_WL - p_WC)
+    x = np.cross(z, [0.0, 0.0, 1.0])
+    x /= np.linalg.norm(x)
+    return RigidTransform(RotationMatrix(np.column_stack([x, np.cross(z, x), z])), p_WC)
