@@ -52,8 +52,24 @@ def parse_yaml(text: str, origin: str) -> Any:
 def merge(base: Any, override: Any) -> Any:
     """Return `base` with `override` laid over it, mapping by mapping.
 
-    A mapping whose tag differs from the base's replaces it as a whole.
+    A mapping whose tag differs from the base's replaces it as a whole. A mapping over a
+    list, its keys the indices ("4", quoted), is laid over those entries.
+
+    Raises:
+        ScenarioError: If the list has no such entry.
     """
+    if isinstance(base, list) and isinstance(override, Mapping) and override:
+        if not all(str(key).isdigit() for key in override):
+            return override
+        for key in override:
+            if int(key) >= len(base):
+                raise ScenarioError(
+                    f"a list of {len(base)} has no entry {key} to lay something over"
+                )
+        return [
+            merge(entry, override[str(i)]) if str(i) in override else entry
+            for i, entry in enumerate(base)
+        ]
     if not (isinstance(base, Mapping) and isinstance(override, Mapping)):
         return override
     if override.get("_tag", base.get("_tag")) != base.get("_tag"):

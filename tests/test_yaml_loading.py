@@ -276,3 +276,13 @@ def test_checking_is_idempotent(tree):
     except ScenarioError:
         return
     assert check_tree(checked, Outer, "f") == checked
+
+
+def test_a_mapping_of_indices_is_laid_over_a_list():
+    base = {"a": [{"b": 1, "c": 2}, 3, 4]}
+    override = {"a": {"0": {"c": 5}, "2": 6}}
+    assert merge(base, override) == {"a": [{"b": 1, "c": 5}, 3, 6]}
+    # Without mercy for entries that are not there; other mappings replace the list.
+    with pytest.raises(ScenarioError, match="a list of 3 has no entry 3"):
+        merge(base, {"a": {"3": 1}})
+    assert merge(base, {"a": {"b": 1}}) == {"a": {"b": 1}}

@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from drake_srg.soft_mesh import box_mesh, vtk_text
+
 from .shapes import MassProperties, Number, Obj, Points, Solid
 
 Color = tuple[float, float, float]
@@ -22,6 +24,18 @@ class Primitive:
     size: tuple[float, ...]
     xyz: tuple[float, float, float] = (0, 0, 0)
     rpy: tuple[float, float, float] = (0, 0, 0)
+
+
+@dc.dataclass(frozen=True)
+class VolumeMesh:
+    """A box (x, y, z), centred at xyz, cut into tetrahedra.
+
+    Drake then meshes contact with it more finely than with the box itself.
+    """
+
+    size: tuple[float, float, float]
+    xyz: tuple[float, float, float]
+    resolution: float
 
 
 @dc.dataclass(frozen=True)
@@ -46,7 +60,7 @@ class Piece:
     name: str
     look: str | None
     solid: Solid
-    collision: Primitive | Solid | None = None
+    collision: Primitive | VolumeMesh | Solid | None = None
     proximity: Proximity = Proximity()
 
 
@@ -161,6 +175,12 @@ class Model:
             AddPrimitive(Sub(collision, "geometry"), shape)
             if shape.kind != "box":  # only round primitives are cut into facets
                 resolution = piece.proximity.resolution
+        elif isinstance(shape, VolumeMesh):
+            Pose(collision, shape.xyz)
+            path = f"meshes/{self._name}_{piece.name}_collision.vtk"
+            self.files[path] = vtk_text(*box_mesh(shape.size, shape.resolution))
+            mesh = Sub(Sub(collision, "geometry"), "mesh")
+            Sub(mesh, "uri", f"package://drake_srg/{path}")
         else:
             path = f"meshes/{self._name}_{piece.name}_collision.obj"
             self.files[path] = Obj([shape], crease=0)

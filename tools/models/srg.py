@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity
+from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, VolumeMesh
 from .shapes import Block, Disc, Hull2d, Prism, Revolve, RotX, RotY, UnionProperties
 
 # SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper).
@@ -189,8 +189,11 @@ def BasePieces() -> list[Piece]:
     return pieces
 
 
-def TipPieces() -> list[Piece]:
-    """Returns a tip link: lug and spine, the pad's carrier, the rubber pad."""
+def TipPieces(pad_resolution: float | None = None) -> list[Piece]:
+    """Returns a tip link: lug and spine, the pad's carrier, the rubber pad.
+
+    A resolution [m] makes the pad a mesh of tetrahedra instead of a box.
+    """
     far = KNUCKLE_TO_TIP - BASE_LENGTH
     near = far - PAD_LENGTH
     pad_back = PAD_FACE - PAD_THICKNESS
@@ -210,11 +213,11 @@ def TipPieces() -> list[Piece]:
         ]
     )
     half = PAD_WIDTH / 2
-    pad = Primitive(
-        "box",
-        (PAD_LENGTH, PAD_THICKNESS, PAD_WIDTH),
-        ((near + far) / 2, PAD_FACE - PAD_THICKNESS / 2, 0),
-    )
+    size = (PAD_LENGTH, PAD_THICKNESS, PAD_WIDTH)
+    middle = ((near + far) / 2, PAD_FACE - PAD_THICKNESS / 2, 0.0)
+    pad: Primitive | VolumeMesh = Primitive("box", size, middle)
+    if pad_resolution is not None:
+        pad = VolumeMesh(size, middle, pad_resolution)
     # Treads of 0.8 mm across the pad; what is touched is the box around them.
     groove = PAD_FACE - 0.0008
     body = Block((near, pad_back, -half), (far, groove, half), 0.0014)
@@ -244,9 +247,14 @@ def _Screws() -> list[Piece]:
 
 
 def Build() -> Files:
-    """Returns the gripper's files."""
+    """Returns the gripper's files, and those of one with finely meshed pads."""
+    # Two layers: half the pad's thickness.
+    return {**_Build("srg"), **_Build("srg_fine_pads", PAD_THICKNESS / 2)}
+
+
+def _Build(name: str, pad_resolution: float | None = None) -> Files:
     model = Model("srg", LOOKS, "The SAKE Robotics gripper; see tools/models/srg.py.")
-    palm, base, tip = PalmPieces(), BasePieces(), TipPieces()
+    palm, base, tip = PalmPieces(), BasePieces(), TipPieces(pad_resolution)
 
     def Uniform(mass: float, pieces: list[Piece]) -> Inertial:
         touched = [p.solid for p in pieces if p.look is not None]
@@ -304,4 +312,4 @@ def Build() -> Files:
     for side in poses:
         members = ["palm", f"{side}_base_link", f"{side}_tip_link"]
         model.AddFilter(f"{side}_finger", members)
-    return model.Finish("sdf/srg.sdf")
+    return model.Finish(f"sdf/{name}.sdf")
