@@ -6,6 +6,7 @@ section that the page does not have yet is added at its end.
 """
 
 import argparse
+import io
 import json
 import re
 import sys
@@ -19,8 +20,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "experiments.md"
 FIGURES = ROOT / "docs" / "experiments"
 RESULTS = ROOT / "out" / "experiments"
-# Lines and labels in few colours: this keeps a figure well below 100 kB.
-COLORS = 64
+LARGEST = 100_000  # of a figure on the page [bytes]
 
 
 def update(page: str, name: str, description: str, rows: list[dict]) -> str:
@@ -59,6 +59,17 @@ def table(rows: list[dict]) -> str:
     return f"<details{unfolded}><summary>{count}</summary>\n\n{text}\n\n</details>\n"
 
 
+def shrink(figure: Image.Image) -> bytes:
+    """Return a figure as PNG, with as many colours as stay below `LARGEST`."""
+    for colors in (256, 128, 64):
+        file = io.BytesIO()
+        few = figure.convert("RGB").quantize(colors, dither=Image.Dither.NONE)
+        few.save(file, "PNG", optimize=True)
+        if file.tell() < LARGEST:
+            break
+    return file.getvalue()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME")
@@ -74,8 +85,7 @@ def main() -> None:
         PAGE.write_text(page)
         FIGURES.mkdir(exist_ok=True)
         with Image.open(out / f"{name}.png") as figure:
-            small = figure.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE)
-            small.save(FIGURES / f"{name}.png", optimize=True)
+            (FIGURES / f"{name}.png").write_bytes(shrink(figure))
 
 
 if __name__ == "__main__":
