@@ -32,8 +32,8 @@ from drake_srg.scenario import ObjectConfig
 from drake_srg.soft_mesh import box_mesh, vtk_text
 from drake_srg.types import Box, Vector
 
-# Measured: at 10 ms a soft cube slips out of a hand that holds it at 5 ms, and with
-# another approximation than SAP its vertices fly apart without an error.
+# Measured: at 10 ms a soft cube slipped out of a hand that holds it at 5 ms, and with
+# `lagged` a sponge jumps about on its table, untouched and without an error.
 _LARGEST_STEP = 0.005  # s
 _APPROXIMATION = DiscreteContactApproximation.kSap
 
@@ -60,7 +60,7 @@ def AddSoftObject(
     if plant.get_discrete_contact_approximation() != _APPROXIMATION:
         raise ScenarioError(
             f"{key}: needs plant_config.discrete_contact_approximation: sap; with the "
-            "others soft bodies diverge"
+            "others, soft objects move by themselves"
         )
     size = config.shape.size
     resolution = config.resolution or 0.25 * min(size)
