@@ -1,0 +1,285 @@
+"""The widest box that the hand closes on, and the thinnest sheets and rods it holds.
+
+The hand comes from above over what stands on the table, closes, lifts it and shakes it
+gently. Held is what at the end touches nothing but the gripper and has not moved in it.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from drake_srg.experiments.objects import household_objects
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.rig import Rig, bench_scenario, shake
+from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.scenario import ObjectConfig
+from drake_srg.types import Box, Cylinder, Vector
+
+CLAIM = 0.145  # m, the SRG thesis's figure
+WIDTHS = (0.05, 0.07, 0.09, 0.11, 0.13, 0.145, 0.16, 0.17, 0.18, 0.19)  # m
+# A box of cardboard, as heavy as the sugar box; tall enough for the pads [m], [kg].
+_DEPTH, _HEIGHT, _MASS, _FRICTION = 0.06, 0.12, 0.5, 0.6
+# The hand's geometry, from SAKE's public URDF; see tools/models/srg.py [m].
+_HINGE_X, _HINGE_Y, _BASE_LENGTH, _REACH = 0.072569, 0.03, 0.052, 0.1108
+_PAD_FACE, _PAD_LENGTH = 0.0092, 0.05  # the face inwards of the line through the hinges
+# How far the palm frame is above a box's top, 3 mm below the open fingers' pads, and
+# above the middle of the pads of straight fingers that meet [m].
+_ABOVE_BOX, _ABOVE_PADS = _HINGE_X + _PAD_FACE + 0.003, 0.158
+# Gap between the pads where they are parallel with the bases fully open.
+PARALLEL_GAP = 2.0 * (_HINGE_Y + _BASE_LENGTH - _PAD_FACE)
+# Of the table's card and pencil; thinner ones keep outline, density and friction [m].
+SHEETS, RODS = (0.00076, 0.0003), (0.0072, 0.003, 0.001)
+_CLOSE, _LIFT, _HOLD = 2.5, 0.8, 3.0  # s; the wires' force is up within the first
+_LIFT_HEIGHT = 0.1  # m; wide boxes sink in the hand while they are lifted
+# Up and down and along the pads, half of g at its turning points [m/s²]; 2 Hz.
+_SHAKE, _FREQUENCY = np.array([4.9, 0.0, 4.9]), 2.0
+_MOST_SLIP = 0.005  # while shaken and held [m]
+
+
+@dc.dataclass(frozen=True)
+class Thing:
+    """What is grasped, and where the hand is when it closes.
+
+    Attributes:
+        name: For people.
+        size: The width of a box, the thickness of a sheet or rod [m].
+        config: The object; it stands on the table.
+        z: Height of the palm frame above the table [m].
+    """
+
+    name: str
+    size: float
+    config: ObjectConfig
+    z: float
+
+
+@dc.dataclass(frozen=True)
+class Grasp:
+    """What came of it.
+
+    Attributes:
+        free: Whether nothing but the gripper touches the object at the end.
+        raised: Height of the object over the table at the end [m].
+        slip: Motion in the hand while it is shaken [m].
+        closed: Left base and tip angle before the lift, shape (2,) [rad].
+        lifted: The same at the end.
+        top: Of the object, in the palm frame, before the lift and at the end [m].
+    """
+
+    free: bool
+    raised: float
+    slip: float
+    closed: Vector
+    lifted: Vector
+    top: tuple[float, float]
+
+    @property
+    def moved(self) -> float:
+        """How far the object came out of the hand, from the palm [m]."""
+        return self.top[1] - self.top[0]
+
+    @property
+    def held(self) -> bool:
+        """Whether it was held to the end."""
+        return self.free and self.slip <= _MOST_SLIP
+
+
+def box(width: float) -> Thing:
+    """A box that stands between the fingers."""
+    size = [_DEPTH, width, _HEIGHT]
+    config = ObjectConfig(shape=Box(size), mass=_MASS, friction=_FRICTION)
+    return Thing(f"box, {1e3 * width:.0f} mm", width, config, _HEIGHT + _ABOVE_BOX)
+
+
+def sheet(thickness: float) -> Thing:
+    """A card that stands on its short edge, the pads across its upper part."""
+    card = household_objects()["thin_card"]
+    assert isinstance(card.shape, Box)
+    length, width, original = card.shape.size
+    card.mass = (card.mass or 0.0) * thickness / original
+    card.shape = Box([width, thickness, length])
+    name = f"sheet, {1e3 * thickness:.2g} mm"
+    return Thing(name, thickness, card, 0.7 * length + _ABOVE_PADS)
+
+
+def rod(diameter: float) -> Thing:
+    """A pencil that stands on its end, the pads along its upper part."""
+    pencil = household_objects()["pencil"]
+    assert isinstance(pencil.shape, Cylinder)
+    radius, length = pencil.shape.radius, pencil.shape.length
+    pencil.mass = (pencil.mass or 0.0) * (0.5 * diameter / radius) ** 2
+    pencil.shape = Cylinder(0.5 * diameter, length)
+    name = f"rod, {1e3 * diameter:.2g} mm"
+    return Thing(name, diameter, pencil, 0.7 * length + _ABOVE_PADS)
+
+
+def grasp(thing: Thing) -> Grasp:
+    """Close on what stands on the table, lift it and shake it."""
+    home = np.array([0.0, 0.0, thing.z])
+    up = home + np.array([0.0, 0.0, _LIFT_HEIGHT])
+    with Rig(bench_scenario(thing.config, home=list(home)), name="grasp_width") as rig:
+        start = rig.X_WO().translation()
+        rig.advance(_CLOSE, closure=1.0)
+        closed, X_GO_closed = rig.measured("gripper.state_measured"), rig.X_GO()
+        rig.move(up, _LIFT)
+        X_GO_lifted = rig.X_GO()
+        rig.advance(_HOLD, arm=shake(up, _SHAKE, _FREQUENCY, _HOLD))
+        lifted, X_GO = rig.measured("gripper.state_measured"), rig.X_GO()
+        free = set(rig.contact_forces()) == {"gripper"}
+        raised = float((rig.X_WO().translation() - start)[2])
+    slip = float(np.linalg.norm(X_GO.translation() - X_GO_lifted.translation()))
+    tops = [float(X.translation()[0]) - float(start[2]) for X in (X_GO_closed, X_GO)]
+    return Grasp(
+        free=free,
+        raised=raised,
+        slip=slip,
+        closed=closed[[0, 2]],
+        lifted=lifted[[0, 2]],
+        top=(tops[0], tops[1]),
+    )
+
+
+def run(track: Track) -> ExperimentResult:
+    """Grasp boxes from narrow to wide, then thin things."""
+    things = [*map(box, WIDTHS), *map(sheet, SHEETS), *map(rod, RODS)]
+    passing = track(things, label=lambda t: t.name)
+    return make_result({t.name: (t.size, grasp(t)) for t in passing})
+
+
+def make_result(grasps: Mapping[str, tuple[float, Grasp]]) -> ExperimentResult:
+    """Judge grasps, by name with the object's size [m]; boxes from narrow to wide."""
+    columns: dict[str, list[Any]] = {
+        "object": list(grasps),
+        "size [m]": [size for size, _ in grasps.values()],
+        "held": [int(g.held) for _, g in grasps.values()],
+        "raised [m]": [g.raised for _, g in grasps.values()],
+        "slip [m]": [g.slip for _, g in grasps.values()],
+    }
+    for word in ("closed", "lifted"):
+        for i, joint in enumerate(("base", "tip")):
+            columns[f"{joint}, {word} [rad]"] = [
+                float(getattr(g, word)[i]) for _, g in grasps.values()
+            ]
+    return ExperimentResult(judge(grasps), {"grasps": columns}, draw(grasps))
+
+
+def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
+    """Judge the widest box, and every thin thing."""
+    widest = 0.0
+    boxes = {name: g for name, g in grasps.items() if name.startswith("box")}
+    for width, result in boxes.values():
+        if not result.held:
+            break
+        widest = width
+    rows = [
+        Row.at_least("boxes", "widest of those held", 1e3 * CLAIM, 1e3 * widest, "mm"),
+        Row.within(
+            "hand",
+            "gap between parallel pads, bases open",
+            1e3 * CLAIM,
+            1e3 * PARALLEL_GAP,
+            "mm",
+            relative=0.01,
+        ),
+    ]
+    for name, (size, result) in grasps.items():
+        if name not in boxes or size <= CLAIM:
+            slip = 1e3 * result.slip
+            rows += [
+                Row.at_least(name, "free of its support", 1.0, float(result.free), ""),
+                Row.at_most(name, "slip while shaken", 1e3 * _MOST_SLIP, slip, "mm"),
+            ]
+        if name in boxes:
+            moved = 1e3 * result.moved
+            rows.append(Row.info(name, "comes out of the hand by", moved, "mm"))
+    return rows
+
+
+def draw(grasps: Mapping[str, tuple[float, Grasp]]) -> Any:
+    """Draw the hand on two boxes, how far boxes come out, and thin things' slip."""
+    boxes = {n: g for n, g in grasps.items() if n.startswith("box")}
+    thin = {n: g for n, g in grasps.items() if n not in boxes}
+    figure = make_figure(11.0, 7.0, "The widest and the thinnest")
+    (first, second), (moved, slips) = figure.subplots(2, 2, height_ratios=[1.3, 1])
+    claimed = min(boxes, key=lambda name: abs(boxes[name][0] - CLAIM))
+    held = [name for name in boxes if boxes[name][1].held]
+    for axes, name in ((first, claimed), (second, held[-1] if held else claimed)):
+        _sketch(axes, *boxes[name])
+        axes.set_title(f"{name}: closed, and lifted", fontsize=9, loc="left")
+    style_axes(moved, xlabel="width of the box [mm]", ylabel="out of the hand by [mm]")
+    for word, color, marker in (("held", COLORS[2], "o"), ("lost", COLORS[1], "x")):
+        points = [
+            (1e3 * width, 1e3 * g.moved)
+            for width, g in boxes.values()
+            if g.held == (word == "held")
+        ]
+        if points:
+            moved.plot(*zip(*points, strict=True), marker, color=color, label=word)
+    moved.axvline(1e3 * CLAIM, color=COLORS[-1], lw=0.8, ls=":", label="claim")
+    moved.set_title("Boxes, while they are lifted", fontsize=9, loc="left")
+    moved.legend(fontsize=8, frameon=False)
+    style_axes(slips, xlabel="slip while shaken [mm]")
+    slips.grid(False)
+    colors = [COLORS[2] if g.held else COLORS[1] for _, g in thin.values()]
+    slips.barh(list(thin), [1e3 * g.slip for _, g in thin.values()], color=colors)
+    slips.axvline(1e3 * _MOST_SLIP, color=COLORS[-1], lw=0.8, ls="--")
+    slips.set_xscale("log")
+    slips.set_title("Thin things; dashed: the limit", fontsize=9, loc="left")
+    return figure
+
+
+def _sketch(axes: Any, width: float, result: Grasp) -> None:
+    """Draw the hand in its plane, pointing down, and a box: closed and lifted."""
+    for k, (angles, top, color) in enumerate(
+        zip(
+            (result.closed, result.lifted),
+            result.top,
+            (COLORS[5], COLORS[0]),
+            strict=True,
+        )
+    ):
+        dashed = (0, (3, 2)) if k == 0 else "-"
+        y, bottom = 0.5 * width, top + _HEIGHT
+        corners = np.array([(-y, bottom), (-y, top), (y, top), (y, bottom)])
+        axes.plot(*(1e3 * corners.T), color=COLORS[4], ls=dashed, lw=1.2)
+        base, tip = angles
+        hinge = np.array([_HINGE_Y, _HINGE_X])
+        tip_hinge = hinge + _BASE_LENGTH * _direction(base)
+        end = _REACH - _BASE_LENGTH
+        along, inwards = _direction(base + tip), _direction(base + tip + np.pi / 2)
+        pad = tip_hinge + np.array(
+            [
+                distance * along + depth * inwards
+                for distance, depth in (
+                    (end - _PAD_LENGTH, 0.0),
+                    (end - _PAD_LENGTH, _PAD_FACE),
+                    (end, _PAD_FACE),
+                    (end, 0.0),
+                )
+            ]
+        )
+        links = np.array([hinge, tip_hinge, tip_hinge + end * along])
+        for side in (1.0, -1.0):
+            mirror = 1e3 * np.array([side, 1.0])
+            axes.plot(
+                *(links * mirror).T, marker="o", color=color, ls=dashed, lw=2.0, ms=3
+            )
+            axes.fill(*(pad * mirror).T, color=color, alpha=0.35, lw=0.0)
+    palm = 1e3 * np.array(
+        [(-0.033, 0.04), (-0.033, 0.072), (0.033, 0.072), (0.033, 0.04)]
+    )
+    axes.plot(*palm.T, color=COLORS[-1], lw=1.2)
+    axes.set_aspect("equal")
+    axes.set_ylim(205.0, 40.0)
+    axes.set_xlim(-150.0, 150.0)
+    axes.set_axis_off()
+
+
+def _direction(angle: float) -> Vector:
+    """Unit vector (y, x): open fingers point to the side, closing turns them down."""
+    return np.array([np.cos(angle), np.sin(angle)])

@@ -1,0 +1,97 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from drake_srg.experiments import grasp_width
+from drake_srg.experiments.grasp_width import (
+    CLAIM,
+    Grasp,
+    box,
+    grasp,
+    judge,
+    make_result,
+    rod,
+    sheet,
+)
+from drake_srg.experiments.registry import quiet
+
+HELD = Grasp(
+    free=True,
+    raised=0.08,
+    slip=1e-4,
+    closed=np.array([0.1, 1.5]),
+    lifted=np.array([0.5, 0.8]),
+    top=(0.085, 0.105),
+)
+LOST = dc.replace(HELD, free=False, raised=0.0)
+
+
+def of_widths(widest, **thin):
+    grasps = {
+        f"box, {1e3 * w:.0f} mm": (w, HELD if w <= widest else LOST)
+        for w in (0.1, CLAIM, 0.17, 0.2)
+    }
+    return grasps | {name: (0.001, g) for name, g in thin.items()}
+
+
+def failed(rows):
+    return {(row.name, row.quantity) for row in rows if not row.passed}
+
+
+def test_only_the_claim_must_be_held():
+    assert failed(judge(of_widths(CLAIM, sheet=HELD))) == set()
+    assert failed(judge(of_widths(0.1))) == {
+        ("boxes", "widest of those held"),
+        ("box, 145 mm", "free of its support"),
+    }
+
+
+def test_a_wider_box_does_not_make_up_for_a_lost_one():
+    grasps = of_widths(0.2)
+    grasps["box, 145 mm"] = (CLAIM, LOST)
+    assert ("boxes", "widest of those held") in failed(judge(grasps))
+
+
+@pytest.mark.parametrize(
+    ("result", "quantity"),
+    [
+        (LOST, "free of its support"),
+        (dc.replace(HELD, slip=0.006), "slip while shaken"),
+    ],
+)
+def test_a_lost_sheet_fails(result, quantity):
+    assert failed(judge(of_widths(CLAIM, sheet=result))) == {("sheet", quantity)}
+
+
+@pytest.mark.parametrize("make", [sheet, rod])
+def test_thinner_things_are_lighter(make):
+    thick, thin = make(0.002).config, make(0.001).config
+    assert thin.mass == pytest.approx(thick.mass * {sheet: 0.5, rod: 0.25}[make])
+
+
+@pytest.mark.parametrize("thing", [box(0.07), sheet(0.00076)], ids=lambda t: t.name)
+def test_the_hand_holds(thing, monkeypatch):
+    monkeypatch.setattr(grasp_width, "_CLOSE", 1.5)
+    monkeypatch.setattr(grasp_width, "_HOLD", 2.0)
+    result = grasp(thing)
+    assert result.held
+    assert 0.05 < result.raised < 0.101
+
+
+def test_a_box_wider_than_the_open_hand_is_not_lifted(monkeypatch):
+    monkeypatch.setattr(grasp_width, "_CLOSE", 0.5)
+    monkeypatch.setattr(grasp_width, "_HOLD", 2.0)
+    result = grasp(box(0.3))
+    assert not result.free
+    assert result.raised < 0.1 * grasp_width._LIFT_HEIGHT
+
+
+@pytest.mark.parametrize("result", [HELD, LOST], ids=["held", "lost"])
+def test_it_runs(monkeypatch, result):
+    monkeypatch.setattr(grasp_width, "grasp", lambda thing: result)
+    outcome = grasp_width.run(quiet)
+    assert outcome.passed == result.held
+    assert len(outcome.figure.axes) == 4
+    (table,) = make_result(of_widths(CLAIM)).tables.values()
+    assert table["held"] == [1, 1, 0, 0]
