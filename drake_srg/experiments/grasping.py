@@ -85,6 +85,8 @@ class Outcome:
     # Held by nothing but the gripper, from the end of the lift on [s], at most HELD.
     held_for: float
     lifted: float  # how far the object rose with the hand [m]
+    # The hand's greatest while it was shaken, of the axis where that is least [m/s²].
+    acceleration: float
     settled: float  # motion in the hand while it was lifted [m]
     sway: float  # largest motion in the hand while it was shaken [m]
     slip: float  # what was left of it afterwards [m]
@@ -189,6 +191,8 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outc
     # The gantry does not turn the hand.
     pose = log["object_pose.thing"]
     p_GO = pose[:, :3] - log["arm.state_measured"][:, :3]
+    v_WG = log["arm.state_measured"][lifted:, 3:]
+    acceleration = np.gradient(v_WG, log["time"][lifted:], axis=0)
     moved = np.linalg.norm(p_GO[lifted:] - p_GO[lifted], axis=1)
     turn = 2.0 * np.arccos(np.clip(np.abs(pose[lifted:, 3:] @ pose[lifted, 3:]), 0, 1))
     lost = np.flatnonzero(moved > _PAD_WIDTH)
@@ -201,6 +205,7 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outc
     return Outcome(
         held_for=held_for,
         lifted=float(pose[lifted, 2] - pose[closed, 2]),
+        acceleration=float(np.min(np.max(np.abs(acceleration), axis=0))),
         settled=float(np.linalg.norm(p_GO[lifted] - p_GO[closed])),
         sway=float(np.max(moved)),
         slip=float(moved[-1]),

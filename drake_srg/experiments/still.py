@@ -16,11 +16,11 @@ from drake_srg.station import MakeStation
 from drake_srg.types import Vector
 
 # To the camera from what it looks at: from the front, from the hand's right and from
-# above, as far away as shows 0.26 m [m].
-_EYE = np.array([0.26, -0.24, 0.15])
+# above, as far away as shows 0.3 m [m].
+_EYE = np.array([0.30, -0.28, 0.17])
 
 
-def picture(
+def take_picture(
     scenario: Scenario, q: Vector, p_WL: Vector, size: int
 ) -> npt.NDArray[np.uint8]:
     """Return an image of a scenario's station, shape (size, size, 3).
