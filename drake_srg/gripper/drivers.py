@@ -182,11 +182,13 @@ def SetTendonDynamics(
 ) -> None:
     """Prepare an SRG's joints for `AddSrgTendonDriver`, before the plant is finalized.
 
-    The model's joints carry a share of the motor's inertia and friction, for drivers
-    without a motor of their own; with wires, the motor is on their other side.
+    The model's joints carry a share of the motor's inertia, friction and torque limit,
+    for drivers without a motor of their own; with wires, the motor is on their other
+    side.
     """
     for actuator in _actuators(plant, gripper):
         actuator.set_default_rotor_inertia(0.0)
+        actuator.set_effort_limit(np.inf)
         actuator.joint().set_default_damping(config.joint_damping)
 
 

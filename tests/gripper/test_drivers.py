@@ -271,6 +271,19 @@ def test_wires_close_the_bases_first(tendon_wrapped):
         assert q[-1, tip] > 0.5
 
 
+def test_the_plant_takes_all_that_the_wires_give():
+    # The model's effort limits are those of motors at the joints: not of wires, whose
+    # moment arm at the base doubles as the finger closes.
+    hand = Hand(post=True, config=TENDON)
+    hand.command(closure_commanded=1.0, force_limit=1.0)
+    hand.advance(2.0)
+    net = hand.plant.get_net_actuation_output_port(hand.model)
+    applied = net.Eval(hand.plant.GetMyContextFromRoot(hand.root))
+    # Sampled a step apart; the force still rises.
+    assert applied == pytest.approx(hand.read("actuation"), rel=0.01)
+    assert np.max(applied) > 2.1
+
+
 def test_wires_pull_with_the_force_limit(tendon_wrapped):
     expected = TENDON.servo.force_limit * TENDON.drive.full_wire_force
     force = tendon_wrapped.read("wire_force")
