@@ -177,8 +177,9 @@ class Model:
                 resolution = piece.proximity.resolution
         elif isinstance(shape, VolumeMesh):
             Pose(collision, shape.xyz)
-            path = f"meshes/{self._name}_{piece.name}_collision.vtk"
-            self.files[path] = vtk_text(*box_mesh(shape.size, shape.resolution))
+            vertices, tetrahedra = box_mesh(shape.size, shape.resolution)
+            path = f"meshes/{self._name}_{piece.name}_{len(tetrahedra)}.vtk"
+            self.files[path] = vtk_text(np.round(vertices, 9), tetrahedra)
             mesh = Sub(Sub(collision, "geometry"), "mesh")
             Sub(mesh, "uri", f"package://drake_srg/{path}")
         else:

@@ -247,9 +247,12 @@ def _Screws() -> list[Piece]:
 
 
 def Build() -> Files:
-    """Returns the gripper's files, and those of one with finely meshed pads."""
-    # Two layers: half the pad's thickness.
-    return {**_Build("srg"), **_Build("srg_fine_pads", PAD_THICKNESS / 2)}
+    """Returns the gripper's files, and those with pads of two and four fine layers."""
+    return {
+        **_Build("srg"),
+        **_Build("srg_fine_pads", PAD_THICKNESS / 2),
+        **_Build("srg_finest_pads", PAD_THICKNESS / 4),
+    }
 
 
 def _Build(name: str, pad_resolution: float | None = None) -> Files:
