@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+
+from drake_srg.experiments import convergence
+from drake_srg.experiments.convergence import (
+    ACCURATE,
+    FINEST,
+    GRIPS,
+    VARIANTS,
+    Grip,
+    difference,
+    grasp,
+    run,
+)
+from drake_srg.experiments.registry import quiet
+
+GRIP = Grip(True, np.array([1.0, 1.0, 0.2, 0.2]), np.array([0.0, 0.0, 18.0, 18.0]))
+
+
+def test_the_bench_holds_its_can():
+    grip = grasp("pinched", *VARIANTS["step 4 ms"])
+    assert grip.held
+    assert np.all(grip.forces[2:] > 5.0)
+
+
+def test_differences_are_those_of_what_touches():
+    other = Grip(True, np.array([1, 1, 0.2, 0.25]), np.array([0, 0, 20.0, 18.0]))
+    assert difference(GRIP, other) == pytest.approx((0.05, 0.1))
+
+
+@pytest.mark.parametrize("variant", [None, *FINEST])
+def test_a_variant_that_differs_fails(monkeypatch, variant):
+    def pretend(grip, scenario, changes):
+        off = (scenario, changes) == VARIANTS.get(variant)
+        return Grip(GRIP.held, GRIP.angles + 0.03 * off, GRIP.forces * (1 + 0.2 * off))
+
+    monkeypatch.setattr(convergence, "grasp", pretend)
+    failed = [row.name for row in run(quiet).rows if not row.passed]
+    expected = [f"{grip}, {ACCURATE} against {variant}" for grip in GRIPS]
+    assert sorted(set(failed)) == (sorted(expected) if variant else [])
