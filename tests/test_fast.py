@@ -1,4 +1,4 @@
-"""Scenarios with a continuous plant, which Drake's CENIC integrator advances."""
+"""The fast scenarios, and continuous plants, which CENIC advances."""
 
 import numpy as np
 import pytest
@@ -33,6 +33,12 @@ def test_the_fast_kitchen_places_its_can_within_2_mm(run):
 def test_it_is_recorded(run):
     files = {path.name for path in run[1].iterdir()}
     assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
+
+
+def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
+    metrics = Simulate(load_scenario("gripper_bench_fast")).metrics
+    assert metrics.success
+    assert metrics.hold_drift_m_per_s < 30e-6
 
 
 def test_without_friction_the_can_is_lost():

@@ -39,7 +39,7 @@ def wire_travel(base: Any, tip: Any) -> Any:
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
-    value = coefficients[-1]
-    for c in coefficients[-2::-1]:
+    value: Any = 0.0
+    for c in reversed(coefficients):
         value = value * x + c
     return value

@@ -57,6 +57,9 @@ class TendonDriveConfig:
     # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so
     # that it opens as fast as it can without ringing.
     joint_damping: float = dc.field(default=0.0022, metadata={"ge": 0.0})
+    # Time between updates of the motor with a continuous plant [s]; with another one
+    # it is updated as often as the plant.
+    period: float = dc.field(default=1.0 / 1024.0, metadata=positive())
 
     @property
     def full_torque(self) -> float:
@@ -156,36 +159,43 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.config, other._period, converter=converter)
 
-        def _wire_forces(self, context: Any, state: list[Any]) -> list[Any]:
+        def _wires(self, context: Any, state: list[Any]) -> list[tuple[Any, Any, Any]]:
+            """Force of each wire, and its moment arms at base and tip."""
             config = self.config
             angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
-            forces = []
+            wires = []
             for base, tip in FINGERS:
-                q, v = (state[base], state[tip]), (state[4 + base], state[4 + tip])
-                stretch = config.spool_radius * angle - wire_travel(*q)
+                base_arm = base_moment_arm(state[base])
+                tip_arm = tip_moment_arm(state[tip])
+                stretch = config.spool_radius * angle - wire_travel(
+                    state[base], state[tip]
+                )
                 rate = (
                     config.spool_radius * speed
-                    - base_moment_arm(q[0]) * v[0]
-                    - tip_moment_arm(q[1]) * v[1]
+                    - base_arm * state[4 + base]
+                    - tip_arm * state[4 + tip]
                 )
                 pull = config.wire_stiffness * stretch + config.wire_damping * rate
-                forces.append(max_(pull, 0.0))
-            return forces
+                force = max(pull, 0.0) if T is float else max_(pull, 0.0)
+                wires.append((force, base_arm, tip_arm))
+            return wires
+
+        def _wire_forces(self, context: Any, state: list[Any]) -> list[Any]:
+            return [force for force, *_ in self._wires(context, state)]
 
         def _calc_joint_torque(self, context: Any, output: Any) -> None:
             config = self.config
             state = self._fingers.Eval(context).tolist()
             torques: list[Any] = [0.0] * 4
-            for (base, tip), force in zip(
-                FINGERS, self._wire_forces(context, state), strict=True
+            for (base, tip), (force, base_arm, tip_arm) in zip(
+                FINGERS, self._wires(context, state), strict=True
             ):
                 for joint, arm, spring in (
-                    (base, base_moment_arm, config.base_spring),
-                    (tip, tip_moment_arm, config.tip_spring),
+                    (base, base_arm, config.base_spring),
+                    (tip, tip_arm, config.tip_spring),
                 ):
-                    q = state[joint]
-                    back = spring.preload + spring.stiffness * q
-                    torques[joint] = force * arm(q) - back
+                    back = spring.preload + spring.stiffness * state[joint]
+                    torques[joint] = force * arm - back
             output.SetFromVector(torques)
 
         def _calc_motor_state(self, context: Any, output: Any) -> None:
