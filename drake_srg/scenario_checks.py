@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.errors import ScenarioError
+from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.types import Box
 
 if TYPE_CHECKING:
@@ -131,6 +132,10 @@ def _check_steps(scenario: Scenario, require: Callable[[bool, str, str], None]) 
     message = f"{_CENIC} needs plant_config.time_step 0.0, which is {step}"
     key = "simulator_config.integration_scheme"
     require(step == 0.0 or scheme != _CENIC, key, message)
+    # It is updated as often as the plant, and what it holds creeps (docs/speed.md).
+    discrete = isinstance(scenario.gripper, SrgTendonDriver)
+    message = f"!SrgTendonDriver cannot be used with integrator {_CENIC}"
+    require(step > 0.0 or not discrete, "gripper", message)
     for name, config in scenario.objects.items():
         message = f"cannot be soft with integrator {_CENIC}"
         require(step > 0.0 or not config.soft, f"objects.{name}", message)

@@ -87,6 +87,7 @@ def test_a_cell_of_ones_own_is_refused():
         ("kitchen_fast", ["gripper.servo.period=0.01"], "gripper.servo.period: must"),
         ("kitchen_fast", ["recording.video_fps=20"], "recording.video_fps: must be a"),
         ("kitchen_fast", ["recording.period=0.05"], "recording.period: must be a"),
+        ("kitchen_fast", ["gripper=!SrgTendonDriver {}"], "gripper: !SrgTendonDriver"),
         ("kitchen", ["ignored_contacts=[[a]]"], r"ignored_contacts\[0\]: must be a"),
     ],
 )

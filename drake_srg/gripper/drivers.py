@@ -246,7 +246,7 @@ def AddSrgTendonDriver(
     )
     servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
     # The wires are a spring of the fingers' own time scale: as often as the plant.
-    period = plant.time_step() or config.drive.period
+    period = plant.time_step() or 0.001
     drive = inner.AddNamedSystem("tendon_drive", TendonDrive(config.drive, period))
     joints = inner.AddNamedSystem(
         "joints", MatrixGain(_joint_to_actuator(plant, gripper))

@@ -57,9 +57,6 @@ class TendonDriveConfig:
     # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so
     # that it opens as fast as it can without ringing.
     joint_damping: float = dc.field(default=0.0022, metadata={"ge": 0.0})
-    # Time between updates of the motor with a continuous plant [s]; with another one
-    # it is updated as often as the plant.
-    period: float = dc.field(default=1.0 / 1024.0, metadata=positive())
 
     @property
     def full_torque(self) -> float:
