@@ -124,6 +124,10 @@ def _check_steps(scenario: Scenario, require: Callable[[bool, str, str], None]) 
     message = f"must be greater than 0.0, or 0.0 for integrator {_CENIC}, is {step}"
     fits = step > 0.0 or (step == 0.0 and scheme == _CENIC)
     require(fits, "plant_config.time_step", message)
+    # It is updated as often as the plant, and what it holds creeps (docs/speed.md).
+    discrete = isinstance(scenario.gripper, SrgTendonDriver)
+    message = f"!SrgTendonDriver cannot be used with integrator {_CENIC}"
+    require(step > 0.0 or not discrete, "gripper", message)
     if step == 0.0:
         for key, period in _periods(scenario):
             # 1024 periods of 10 ms are not 10.24 s, but a rounding error beside it.
@@ -132,10 +136,6 @@ def _check_steps(scenario: Scenario, require: Callable[[bool, str, str], None]) 
     message = f"{_CENIC} needs plant_config.time_step 0.0, which is {step}"
     key = "simulator_config.integration_scheme"
     require(step == 0.0 or scheme != _CENIC, key, message)
-    # It is updated as often as the plant, and what it holds creeps (docs/speed.md).
-    discrete = isinstance(scenario.gripper, SrgTendonDriver)
-    message = f"!SrgTendonDriver cannot be used with integrator {_CENIC}"
-    require(step > 0.0 or not discrete, "gripper", message)
     for name, config in scenario.objects.items():
         message = f"cannot be soft with integrator {_CENIC}"
         require(step > 0.0 or not config.soft, f"objects.{name}", message)
