@@ -75,8 +75,10 @@ class Sequence:
 
 def close(driver: str, duration: float = DURATION) -> Sequence:
     """Close a hand that the can stands in."""
+    can = household_objects()[CAN]
+    can.resolution = 0.005  # as in gripper_bench: what base links press depends on it
     scenario = bench_scenario(
-        household_objects()[CAN],
+        can,
         gripper_rpy=[0.0, 0.0, 0.0],
         home=[-_X, 0.0, _HEIGHT],
         overrides=[f"gripper={driver}"],
