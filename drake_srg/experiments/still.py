@@ -23,7 +23,7 @@ _EYE = np.array([0.30, -0.28, 0.17])
 def take_picture(
     scenario: Scenario, q: Vector, p_WL: Vector, size: int
 ) -> npt.NDArray[np.uint8]:
-    """Return an image of a scenario's station, shape (size, size, 3).
+    """Return an image of gripper and objects on white, shape (size, size, 3).
 
     It is what the scenario's `recording.video_camera` would see from nearby.
 
@@ -50,8 +50,15 @@ def take_picture(
     context = station.CreateDefaultContext()
     plant = station.GetSubsystemByName("plant")
     plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q)
-    image = station.GetOutputPort(f"camera_{name}.color_image").Eval(context)
-    return image.data[:, :, :3].copy()
+    sensor = station.GetSubsystemByName(f"rgbd_sensor_{name}")
+    sensor_context = sensor.GetMyContextFromRoot(context)
+    color = sensor.color_image_output_port().Eval(sensor_context).data[:, :, :3].copy()
+    # A pixel's label is the index of the body that it shows.
+    label = sensor.label_image_output_port().Eval(sensor_context).data[:, :, 0]
+    models = map(plant.GetModelInstanceByName, ("gripper", *scenario.objects))
+    shown = [int(body) for model in models for body in plant.GetBodyIndices(model)]
+    color[~np.isin(label, shown)] = 255
+    return color
 
 
 def _look_at(p_WC: Vector, p_WL: Vector) -> RigidTransform:
