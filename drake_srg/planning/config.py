@@ -52,6 +52,8 @@ class PlannerConfig:
     payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
     # An arm that is this late is stopped by something [s].
     arrival_timeout: float = dc.field(default=1.0, metadata=positive())
+    # Until then after a command, fingers at rest may just not have begun to move [s].
+    gripper_reaction: float = dc.field(default=0.2, metadata={"ge": 0.0})
     # How long the fingers may take to close or open [s].
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
     # The grasp is checked for this long before and after lifting [s].

@@ -31,7 +31,10 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     Mode.PRE_GRASP: [(lambda o, t, c: o.arrived, Mode.GRASP)],
     Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
     Mode.CLOSE: [
-        (lambda o, t, c: o.holding and o.still, Mode.VERIFY),
+        (
+            lambda o, t, c: t >= c.gripper_reaction and o.holding and o.still,
+            Mode.VERIFY,
+        ),
         (lambda o, t, c: t >= c.gripper_timeout, Mode.VERIFY),
     ],
     Mode.VERIFY: [
@@ -71,7 +74,7 @@ def transition(
         mode: The mode now.
         observation: What is known now.
         t: Time since the mode began [s].
-        config: Its `verify_time` and `gripper_timeout` count here.
+        config: Its `verify_time`, `gripper_reaction` and `gripper_timeout` count here.
     """
     if observation.failure in (Failure.TIME_BUDGET, Failure.STOPPED):
         return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED

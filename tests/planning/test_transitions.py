@@ -35,7 +35,9 @@ modes = st.sampled_from(Mode)
         (Mode.GRASP, {"arrived": True}, 0, Mode.CLOSE),
         (Mode.CLOSE, {"still": True}, 1.4, Mode.CLOSE),
         (Mode.CLOSE, {"holding": True}, 1.4, Mode.CLOSE),
-        (Mode.CLOSE, {"holding": True, "still": True}, 0, Mode.VERIFY),
+        # Open fingers beside an object, before they begin to move.
+        (Mode.CLOSE, {"holding": True, "still": True}, 0.1, Mode.CLOSE),
+        (Mode.CLOSE, {"holding": True, "still": True}, 0.2, Mode.VERIFY),
         (Mode.CLOSE, {}, 1.5, Mode.VERIFY),
         (Mode.VERIFY, {"holding": True}, 0.05, Mode.VERIFY),
         (Mode.VERIFY, {"holding": True}, 0.1, Mode.LIFT),
