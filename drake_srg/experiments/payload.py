@@ -38,8 +38,9 @@ _MIDDLE = 0.5  # x of the bench's middle in world [m]
 _POST_HEIGHT, _POST_Y = 0.15, 0.02  # of the cradle: the inner edges on which it lies
 _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
 # Times: the fingers close and the wires' force settles (7 times 0.3 s); then the arm
-# lifts the object off its support, and holds it [s].
-_CLOSE, _LIFT, HOLD = 3.5, 1.0, 10.0
+# lifts the object off its support, slowly, so that its momentum does not count when it
+# slips, and holds it [s].
+_CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
 _LIFT_HEIGHT = 0.06  # m
 # Held is what moved less than this in the hand over the hold [m], not counting what it
 # slipped while the load came on.
