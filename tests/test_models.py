@@ -35,7 +35,7 @@ NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
 ROBOTS = ("srg", "iiwa14", "gantry")
 MODELS = (*ROBOTS, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
-BASES = {"srg": "palm", "iiwa14": "link_0", "gantry": "stand"}
+BASES = {"srg": "palm", "srg_fast": "palm", "iiwa14": "link_0", "gantry": "stand"}
 SRG_JOINTS = (
     "left_base_joint",
     "right_base_joint",
@@ -208,7 +208,14 @@ class Distances:
 
 @pytest.mark.parametrize(
     ("name", "tolerance"),
-    [("srg", 0.002), ("iiwa14", 0.002), ("table", 0.002), ("lid", 0.002), (CAN, 3e-4)]
+    [
+        ("srg", 0.002),
+        ("srg_fast", 0.009),
+        ("iiwa14", 0.002),
+        ("table", 0.002),
+        ("lid", 0.002),
+        (CAN, 3e-4),
+    ]
     + [(name, 0.002) for name in NOT_CONVEX],
 )
 def test_what_is_seen_is_what_is_touched(name, tolerance):
@@ -383,6 +390,38 @@ def test_only_the_pads_are_soft():
                 "hydroelastic", "hydroelastic_modulus", np.inf
             )
             assert modulus == (2e6 if name.endswith("_pad") else np.inf), name
+
+
+def test_srg_fast_is_touched_where_srg_holds_an_object():
+    """From inside, at the base link's face, the palm's face and the noses."""
+    built, fast = build("srg"), build("srg_fast")
+    for name, points in {
+        "left_base_link": [(x, 0.0092, z) for x in (0.007, 0.037) for z in (0, 0.014)],
+        "palm": [(0.072, y, z) for y in (0.0, 0.018) for z in (0, 0.015)],
+        "left_tip_link": [(0.0, 0.0086, z) for z in (-0.008, 0.0, 0.008)],
+    }.items():
+        for model in (built, fast):
+            body = model.plant.GetBodyByName(name)
+            distances = Distances(model.shapes(body, Role.kProximity))
+            for p in points:
+                distance = min(distances.at(np.array(p)).values())
+                assert abs(distance) < 4e-4, (name, p)
+
+
+def test_srg_fast_differs_from_srg_in_what_is_touched_alone():
+    built, fast = build("srg"), build("srg_fast")
+    for body in built.bodies():
+        other = fast.plant.GetBodyByName(body.name())
+        one, two = (
+            b.CalcSpatialInertiaInBodyFrame(m.plant_context).CopyToFullMatrix6()
+            for m, b in ((built, body), (fast, other))
+        )
+        np.testing.assert_array_equal(one, two)
+        seen = [
+            [path_of(shape).name for _, shape, _ in m.shapes(b, Role.kIllustration)]
+            for m, b in ((built, body), (fast, other))
+        ]
+        assert seen[0] == seen[1]
 
 
 # ---- the arm

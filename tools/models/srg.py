@@ -6,6 +6,8 @@ along its hinge, so that both fingers share their meshes. Lengths in metres.
 
 from __future__ import annotations
 
+import dataclasses as dc
+
 import numpy as np
 
 from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, VolumeMesh
@@ -246,18 +248,82 @@ def _Screws() -> list[Piece]:
     return screws
 
 
+# What is touched in the fast model besides the pads, as lower and upper corners. The
+# faces that hold an object, of the base link and of the palm, are within 0.4 mm of the
+# other model's; of the noses, which it touches beside them, the innermost line is. All
+# else is within 9 mm: half of the slot between the cheeks, which the tip's lug fills.
+_PALM_BOXES = {
+    "palm_mount": ((0.0, -0.0265, -0.0265), (0.008, 0.0265, 0.0265)),
+    "palm_body": ((0.008, -0.036, -_PLATE_OUT), (0.060, 0.036, _PLATE_OUT)),
+    "palm_face": ((0.060, -0.0188, -_PLATE_IN), (0.072, 0.0188, _PLATE_IN)),
+    **{
+        f"palm_{side}_{hand}_ear": ((0.060, y, z), (0.0775, y + 0.0177, z + 0.005))
+        for side, z in (("upper", _PLATE_IN), ("lower", -_PLATE_OUT))
+        for hand, y in (("left", 0.0188), ("right", -0.0365))
+    },
+    "palm_servo": ((0.0095, -0.0201, -PALM_HEIGHT / 2), (0.0555, 0.0201, -_PLATE_OUT)),
+    "palm_spool_cover": ((0.020, -0.014, _PLATE_OUT), (0.048, 0.014, PALM_HEIGHT / 2)),
+}
+_BASE_BACK, _PAD_BACK = PAD_FACE - BASE_THICKNESS, PAD_FACE - PAD_THICKNESS
+_BASE_HALF, _TIP_HALF = BASE_WIDTH / 2, TIP_WIDTH / 2
+_TIP_FAR = KNUCKLE_TO_TIP - BASE_LENGTH
+_NOSE_HALF = 0.0022  # reaches 0.3 mm beyond the nose's circle
+_BASE_BOXES = {
+    "base_body": ((-0.006, _BASE_BACK, -_BASE_HALF), (0.0375, PAD_FACE, _BASE_HALF)),
+    "base_cheeks": (
+        (0.0375, _BASE_BACK + 0.003, -_BASE_HALF),
+        (BASE_LENGTH + 0.007, 0.0046, _BASE_HALF),
+    ),
+    "base_upper_nose": (
+        (BASE_LENGTH - _NOSE_HALF, -_NOSE, _TIP_HALF + 0.0005),
+        (BASE_LENGTH + _NOSE_HALF, _NOSE, _BASE_HALF),
+    ),
+    "base_lower_nose": (
+        (BASE_LENGTH - _NOSE_HALF, -_NOSE, -_BASE_HALF),
+        (BASE_LENGTH + _NOSE_HALF, _NOSE, -_TIP_HALF - 0.0005),
+    ),
+}
+_TIP_BOXES = {
+    "tip_nose": ((-_NOSE_HALF, -_NOSE, -_TIP_HALF), (_NOSE_HALF, _NOSE, _TIP_HALF)),
+    "tip_spine": ((-0.007, _PAD_BACK - 0.006, -_TIP_HALF), (0.024, 0.004, _TIP_HALF)),
+    "tip_carrier": (
+        (_TIP_FAR - PAD_LENGTH, _PAD_BACK - 0.003, -PAD_WIDTH / 2),
+        (_TIP_FAR, _PAD_BACK, PAD_WIDTH / 2),
+    ),
+}
+
+
+def _InBoxes(pieces: list[Piece], boxes: dict[str, tuple[tuple, tuple]]) -> list[Piece]:
+    """Returns pieces that look the same, and of which but the pad boxes are touched."""
+    seen = [p if p.name == "pad" else dc.replace(p, collision=None) for p in pieces]
+    return seen + [
+        dc.replace(_Box(name, "shell", low, high, 0.0), look=None)
+        for name, (low, high) in boxes.items()
+    ]
+
+
 def Build() -> Files:
-    """Returns the gripper's files, and those with pads of two and four fine layers."""
+    """Returns the gripper's files.
+
+    Besides `srg`: touched as few boxes, for speed; with pads of two and of four fine
+    layers.
+    """
     return {
         **_Build("srg"),
+        **_Build("srg_fast", in_boxes=True),
         **_Build("srg_fine_pads", PAD_THICKNESS / 2),
         **_Build("srg_finest_pads", PAD_THICKNESS / 4),
     }
 
 
-def _Build(name: str, pad_resolution: float | None = None) -> Files:
+def _Build(
+    name: str, pad_resolution: float | None = None, in_boxes: bool = False
+) -> Files:
     model = Model("srg", LOOKS, "The SAKE Robotics gripper; see tools/models/srg.py.")
     palm, base, tip = PalmPieces(), BasePieces(), TipPieces(pad_resolution)
+    if in_boxes:
+        palm, base = _InBoxes(palm, _PALM_BOXES), _InBoxes(base, _BASE_BOXES)
+        tip = _InBoxes(tip, _TIP_BOXES)
 
     def Uniform(mass: float, pieces: list[Piece]) -> Inertial:
         touched = [p.solid for p in pieces if p.look is not None]
