@@ -80,10 +80,14 @@ def grasp(grip: str, scenario: str, changes: dict[str, object]) -> Grip:
 
 
 def difference(a: Grip, b: Grip) -> tuple[float, float]:
-    """Largest difference of an angle [rad], and of a force as a share of b's."""
-    touching = b.forces > 0.0
-    forces = np.abs(a.forces[touching] / b.forces[touching] - 1.0)
-    return float(np.max(np.abs(a.angles - b.angles))), float(np.max(forces))
+    """Largest difference of an angle [rad], and of a force as a share of b's largest.
+
+    Where b touches nothing, that share is infinite.
+    """
+    largest = float(np.max(b.forces))
+    force = float(np.max(np.abs(a.forces - b.forces)))
+    angle = float(np.max(np.abs(a.angles - b.angles)))
+    return angle, force / largest if largest > 0.0 else np.inf
 
 
 def run(track: Track) -> ExperimentResult:

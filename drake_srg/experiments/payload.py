@@ -17,6 +17,7 @@ from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import ObjectConfig, Scenario
 from drake_srg.types import Cylinder, Vector
@@ -42,9 +43,11 @@ _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
 # slips, and holds it [s].
 _CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
 _LIFT_HEIGHT = 0.06  # m
-# Held is what moved less than this in the hand over the hold [m], not counting what it
-# slipped while the load came on.
-_MOST_CREEP = 0.005
+# Held is what moved less than this in the hand [m]: pinched, since the load came on;
+# wrapped, since it rests on the tips, which have to reach around it, base and tip angle
+# above 90 degrees. (Wrapped and palm down, even 2 kg settle from the base links onto
+# the tips by 10 mm.)
+_MOST_MOTION = 0.005
 
 # To this share largest masses are found, and to this those of both scenarios agree.
 _RESOLUTION, _AGREEMENT = 0.02, 0.05
@@ -75,6 +78,7 @@ class Held:
     held_for: float  # [s], at most HOLD
     slip: float  # motion in the hand while the load came on [m]
     creep: float  # motion in the hand during the hold [m]
+    angle: float  # base + tip, the smaller of both fingers in the end [rad]
     wire_force: float  # largest of both wires over the whole [N]
     time: Vector  # since the lift began, shape (K,) [s]
     moved: Vector  # distance in the hand from where it was then, shape (K,) [m]
@@ -150,13 +154,20 @@ def hold(load: Load, scenario: str = _BENCH, **changes: Any) -> Held:
     p_GO = log["object_pose.thing"][:, :3] - log["arm.state_measured"][:, :3]
     time = log["time"] - _CLOSE
     closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, _LIFT))
-    crept = np.linalg.norm(p_GO[lifted:] - p_GO[lifted], axis=1)
-    lost = np.flatnonzero(crept > _MOST_CREEP)
-    held_for = float(time[lifted + lost[0]] - _LIFT) if len(lost) else HOLD
+    q = log["gripper.state_measured"][:, :4]
+    angle = np.min([q[:, base] + q[:, tip] for base, tip in FINGERS], axis=0)
+    since = closed if load.grip == "pinch" else lifted
+    lost = np.linalg.norm(p_GO - p_GO[since], axis=1)[lifted:] > _MOST_MOTION
+    if load.grip == "wrap":
+        lost |= angle[lifted:] < 0.5 * np.pi
+    held_for = HOLD
+    if lost.any():
+        held_for = float(time[lifted + np.argmax(lost)] - _LIFT)
     return Held(
         held_for=held_for if free else 0.0,
         slip=float(np.linalg.norm(p_GO[lifted] - p_GO[closed])),
-        creep=float(crept[-1]),
+        creep=float(np.linalg.norm(p_GO[-1] - p_GO[lifted])),
+        angle=float(angle[-1]),
         wire_force=float(np.max(log["gripper.wire_force"])),
         time=time[closed:],
         moved=np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),
@@ -168,11 +179,12 @@ def largest_mass(load: Load, scenario: str = _BENCH) -> Iterator[tuple[Load, Hel
 
     Yields:
         What was tried and what came of it, the load first; the heaviest that was held
-        is within `_RESOLUTION` of the lightest that was not.
+        is within `_RESOLUTION` of the lightest that was not. Where a hundredth of the
+        load is not held, nothing is.
     """
     held, lost = 0.0, np.inf
     mass = load.mass
-    while lost > held * (1.0 + _RESOLUTION):
+    while lost > max(held * (1.0 + _RESOLUTION), 0.01 * load.mass):
         attempt = dc.replace(load, mass=mass)
         result = hold(attempt, scenario)
         yield attempt, result

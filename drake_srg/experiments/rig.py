@@ -31,7 +31,13 @@ from drake_srg.metrics import pose_to_row
 from drake_srg.planning.scripted import minimum_jerk_blend
 from drake_srg.recorders import output_ports
 from drake_srg.recording.video import VideoRecorder
-from drake_srg.scenario import LocalizerConfig, ObjectConfig, Scenario, load_scenario
+from drake_srg.scenario import (
+    LocalizerConfig,
+    ObjectConfig,
+    Scenario,
+    is_continuous,
+    load_scenario,
+)
 from drake_srg.simulation import failure_time
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
@@ -72,6 +78,8 @@ class Rig:
         images: bool = False,
         video: Path | str | None = None,
     ) -> None:
+        if is_continuous(scenario):
+            raise ScenarioError(f"{name}: needs a plant_config.time_step above 0")
         self.scenario = scenario
         self._name = name
         self._period = period or (scenario.arm.period if scenario.arm else 0.005)

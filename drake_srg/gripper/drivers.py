@@ -228,7 +228,7 @@ def AddSrgTendonDriver(
     before the plant is finalized.
 
     Raises:
-        ValueError: If that was not done.
+        ValueError: If that was not done, or the plant is continuous.
     """
     config = config or SrgTendonDriver()
     if any(a.default_rotor_inertia() != 0.0 for a in _actuators(plant, gripper)):
@@ -246,7 +246,9 @@ def AddSrgTendonDriver(
     )
     servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
     # The wires are a spring of the fingers' own time scale: as often as the plant.
-    period = plant.time_step() or 0.001
+    period = plant.time_step()
+    if period == 0.0:
+        raise ValueError("wires need a discrete plant, this one is continuous")
     drive = inner.AddNamedSystem("tendon_drive", TendonDrive(config.drive, period))
     joints = inner.AddNamedSystem(
         "joints", MatrixGain(_joint_to_actuator(plant, gripper))

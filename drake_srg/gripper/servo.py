@@ -58,7 +58,8 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
 
             PWM = clip(K_FF1 q' + K_FF2 q'' + feedback, -kappa, kappa)
 
-        kappa is `force_limit` (1), clipped to 0 .. 1, or `config.force_limit`.
+        kappa is `force_limit` (1), clipped to 0 .. 1, or `config.force_limit` where
+        that is not connected or NaN.
 
         * law `pid`: feedback = K_P e + K_I integral(e) + K_D (v - v_measured), e the
           reference minus the measured position. The integral follows the saturation
@@ -136,7 +137,10 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
         def _kappa(self, context: Any) -> Any:
             if not self._force_limit.HasValue(context):
                 return self.config.force_limit
-            return min_(max_(self._force_limit.Eval(context)[0], 0.0), 1.0)
+            limit = self._force_limit.Eval(context)[0]
+            if T is float and np.isnan(limit):
+                return self.config.force_limit
+            return min_(max_(limit, 0.0), 1.0)
 
     return Impl
 

@@ -29,7 +29,8 @@ class ScriptStep:
     arm: list[float] | None = None
     # Of the gripper, from the step's begin on, 0 open .. 1 closed; null: as before.
     closure: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
-    # Fraction of full PWM, from the step's begin on; null: as before, at first 1.
+    # Fraction of full PWM, from the step's begin on; null: as before, at first
+    # what the driver has for its own.
     force_limit: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
 
 
@@ -60,7 +61,8 @@ class ScriptedPlanner(LeafSystem):
 
     `position_commanded` (N) [rad or m] moves from rest to rest with minimum jerk, every
     step from where the one before it ended, the first from `home` at time 0.
-    `closure_commanded` (1) and `force_limit` (1) change at once where a step begins.
+    `closure_commanded` (1) and `force_limit` (1) change at once where a step begins;
+    `force_limit` is NaN, the driver's own, until a step names it.
     `mode` (Mode) is the step's, and DONE after the last; `status` (PlannerStatus) says
     no more than that.
 
@@ -89,7 +91,7 @@ class ScriptedPlanner(LeafSystem):
             np.asarray(home, dtype=float), [step.arm for step in script]
         )
         self._closures = _filled(0.0, [step.closure for step in script])[1:]
-        self._force_limits = _filled(1.0, [step.force_limit for step in script])[1:]
+        self._force_limits = _filled(np.nan, [step.force_limit for step in script])[1:]
 
         time = {self.time_ticket()}
         for name, size, calc in (

@@ -23,9 +23,14 @@ def test_the_bench_holds_its_can():
     assert np.all(grip.forces[2:] > 5.0)
 
 
-def test_differences_are_those_of_what_touches():
+def test_differences_are_largest_ones():
     other = Grip(True, np.array([1, 1, 0.2, 0.25]), np.array([0, 0, 20.0, 18.0]))
     assert difference(GRIP, other) == pytest.approx((0.05, 0.1))
+    # What touches in one only counts, and nothing at all is no agreement.
+    other = Grip(True, GRIP.angles, np.array([9.0, 0.0, 18.0, 18.0]))
+    assert difference(GRIP, other) == pytest.approx((0.0, 0.5))
+    nothing = Grip(False, GRIP.angles, np.zeros(4))
+    assert difference(GRIP, nothing) == (0.0, np.inf)
 
 
 @pytest.mark.parametrize("variant", [None, *FINEST])

@@ -215,3 +215,10 @@ def test_it_is_freed_with_its_diagram():
     watches = watch_one()
     gc.collect()
     assert [watch() for watch in watches] == [None, None]
+
+
+def test_a_limit_that_is_no_number_is_the_configured_one():
+    far = np.array([9.0, 9.0, 0.0, 0.0, 0.0, 0.0])
+    servo, context = make(reference=far, force_limit=0.3)
+    fix(servo, context, force_limit=np.nan)
+    assert pwm(servo, context) == pytest.approx([0.3, 0.3])

@@ -101,6 +101,17 @@ def test_wires_give_the_fingers_what_they_take_from_the_spool(q, v, speed):
     assert pulled @ v == pytest.approx(force @ rate, abs=1e-9)
 
 
+@given(st.tuples(*[ANGLES] * 4), SPEED)
+def test_wires_brake_the_spool(q, speed):
+    drive, context = make(angle=4.5, speed=speed, q=q)
+    load = CONFIG.spool_radius * np.sum(read(drive, context, "wire_force"))
+    update(drive, context)
+    after = read(drive, context, "motor_state")[1]
+    torque = -CONFIG.motor_damping * after - load
+    expected = speed + PERIOD * torque / CONFIG.reflected_inertia
+    assert after == pytest.approx(expected, abs=1e-9)
+
+
 def test_slack_fingers_are_left_to_their_springs():
     drive, context = make(angle=-0.1)
     expected = [-CONFIG.base_spring.preload] * 2 + [-CONFIG.tip_spring.preload] * 2
