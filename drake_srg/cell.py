@@ -65,7 +65,7 @@ def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         "arm": scenario.arm,
         "gripper": scenario.gripper,
         "task.pick": scenario.task.pick,
-        "localizer.cameras": scenario.localizer.cameras or scenario.script,
+        "localizer.cameras (or script)": scenario.localizer.cameras or scenario.script,
     }
     missing = [key for key, value in needed.items() if not value]
     if missing:

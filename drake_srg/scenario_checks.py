@@ -40,6 +40,13 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
         message = f"must be greater than 0.0, is {value}"
         require(value > 0.0, f"plant_config.{name}", message)
     _check_steps(scenario, require)
+    if scenario.gripper is not None:
+        wires = isinstance(scenario.gripper, SrgTendonDriver)
+        motors = 1 if wires else len(scenario.gripper.joint_names)
+        for gain in ("kp", "ki", "kd", "kff1", "kff2"):
+            values = getattr(scenario.gripper.servo, gain)
+            message = f"must have an entry a motor, {motors}, has {len(values)}"
+            require(len(values) == motors, f"gripper.servo.{gain}", message)
     for name in ("accuracy", "max_step_size"):
         value = getattr(scenario.simulator_config, name)
         message = f"must be greater than 0.0, is {value}"

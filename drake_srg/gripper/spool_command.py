@@ -17,7 +17,8 @@ class SpoolCommandConfig:
     # Sum of base and tip angle that closure 1 asks of an empty hand [rad], and the
     # base's limit, from where on the tip closes; as in UnderactuationConfig.
     full_scale: float = dc.field(default=3.0, metadata=positive())
-    base_limit: float = dc.field(default=1.94, metadata=positive())
+    # (The fitted moment arms end at 2.007 rad.)
+    base_limit: float = dc.field(default=1.94, metadata=positive(le=2.007))
     period: float = dc.field(default=0.01, metadata=positive())  # s
 
 
