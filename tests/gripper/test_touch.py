@@ -40,12 +40,12 @@ CUBE = ObjectConfig(
     friction=1.0,
     resolution=0.01,
 )
-# Where the ball rests on the left tip's pad: its middle, from the tip's origin [m].
+# Where the ball rests on the tip's pad: its middle, from the tip's origin [m].
 PAD = np.array([0.0338, 0.0092, 0.0])
 
 
-def rest_on_the_left_pad(thing):
-    """A small ball, or a soft cube, at rest on the left tip's pad, which faces up."""
+def rest_on_a_pad(thing, side):
+    """A small ball, or a soft cube, at rest on a tip's pad, which faces up."""
     builder = DiagramBuilder()
     config = MultibodyPlantConfig(
         time_step=0.002,
@@ -60,7 +60,7 @@ def rest_on_the_left_pad(thing):
         cube = AddObject(plant, "cube", CUBE)
     else:
         parser.AddModelsFromString(BALL, "sdf")
-    # Open, the left finger's y (its closing side) is the palm's x: that goes up.
+    # Open, a finger's y (its closing side) is the palm's x: that goes up.
     X_WP = RigidTransform(RollPitchYaw(0.0, -np.pi / 2, 0.0), [0.0, 0.0, 0.0])
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"), X_WP)
     for name in ("left_base", "right_base", "left_tip", "right_tip"):
@@ -77,7 +77,7 @@ def rest_on_the_left_pad(thing):
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     for name in ("left_base", "right_base", "left_tip", "right_tip"):
         plant.GetJointByName(f"{name}_joint").Lock(context)
-    tip = plant.GetBodyByName("left_tip_link")
+    tip = plant.GetBodyByName(f"{side}_tip_link")
     X_WT = plant.EvalBodyPoseInWorld(context, tip)
     above = RigidTransform(X_WT.rotation(), X_WT @ (PAD + np.array([0.0, 0.0101, 0.0])))
     if thing == "soft":
@@ -89,28 +89,38 @@ def rest_on_the_left_pad(thing):
     return sensors, sensors.GetMyContextFromRoot(simulator.get_context())
 
 
-@pytest.fixture(scope="module", params=["hydroelastic", "point", "soft"])
+CASES = [("hydroelastic", "left"), ("hydroelastic", "right")]
+CASES += [("point", "left"), ("soft", "left")]
+
+
+@pytest.fixture(scope="module", params=CASES, ids="-".join)
 def resting(request):
-    return rest_on_the_left_pad(request.param)
+    return rest_on_a_pad(*request.param)
 
 
-def test_the_pad_feels_the_weight(resting):
-    # Left base, right base, left tip, right tip.
-    expected = [0.0, 0.0, MASS * G, 0.0]
+@pytest.fixture
+def tip(request):
+    """Which entry is the tip's: of left base, right base, left tip, right tip."""
+    return 3 if "right" in request.node.callspec.id else 2
+
+
+def test_the_pad_feels_the_weight(resting, tip):
+    expected = np.zeros(4)
+    expected[tip] = MASS * G
     assert read(*resting, "contact_force") == pytest.approx(expected, rel=1e-3, abs=0)
 
 
-def test_the_wrench_is_that_of_the_weight(resting):
+def test_the_wrench_is_that_of_the_weight(resting, tip):
     wrench = read(*resting, "contact_wrench").reshape(4, 6)
     force = np.array([0.0, -MASS * G, 0.0])
-    assert wrench[2, 3:] == pytest.approx(force, abs=1e-3)
+    assert wrench[tip, 3:] == pytest.approx(force, abs=1e-3)
     # The weight's moment about the tip's hinge.
-    assert wrench[2, :3] == pytest.approx(np.cross(PAD, force), abs=1e-4)
-    assert not wrench[[0, 1, 3]].any()
+    assert wrench[tip, :3] == pytest.approx(np.cross(PAD, force), abs=1e-4)
+    assert not np.delete(wrench, tip, axis=0).any()
 
 
-def test_a_touch_fires(resting):
-    assert list(read(*resting, "triggered")) == [0.0, 0.0, 1.0, 0.0]
+def test_a_touch_fires(resting, tip):
+    assert list(np.flatnonzero(read(*resting, "triggered"))) == [tip]
 
 
 def make(config=None):
