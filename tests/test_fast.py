@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers import port_table
 
 from drake_srg.cell import MakeCell
 from drake_srg.errors import ScenarioError
 from drake_srg.scenario import is_continuous, load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
-from tests.helpers import port_table
 
 CENIC = "simulator_config.integration_scheme=cenic"
 
