@@ -143,7 +143,7 @@ def AddObject(
         masses = root.findall(".//inertial/mass")
         scale = config.mass / sum(float(m.text or 0.0) for m in masses)
         for element in (*masses, *root.findall(".//inertial/inertia/*")):
-            element.text = repr(float(float(element.text or 0.0) * scale))
+            element.text = repr(float(element.text or 0.0) * float(scale))
     if config.resolution is not None:
         for element in root.iter():
             if element.tag.endswith("}mesh_resolution_hint"):

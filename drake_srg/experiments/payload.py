@@ -22,13 +22,13 @@ from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import ObjectConfig, Scenario
 from drake_srg.types import Cylinder, Vector
 
-# The cylinder of the vendor's claims: 68 mm; long enough to lie on the cradle. Painted
+# A cylinder of 68 mm, wide as the soup can; long enough to lie on the cradle. Painted
 # metal on rubber, as the soup can.
 RADIUS, LENGTH, FRICTION = 0.034, 0.16, 0.8
 # x of the cylinder's middle in the palm frame by grip and direction [m]. Wrapped: 2 mm
 # from the palm. Pinched: standing, along the pads, between their middles (the model's
-# frame `grasp_center`); across the pads, it is held where the tips stay on their stops,
-# and rolls into the hand from further in (below 0.151) as from under a stronger pull.
+# frame `grasp_center`); across the pads, where the tips stay on their stops: further in
+# the wires curl them.
 _X = {
     ("wrap", "down"): 0.074 + RADIUS,
     ("wrap", "side"): 0.074 + RADIUS,
@@ -65,11 +65,6 @@ class Load:
     mass: float  # kg
     wire_force: float  # N, each wire
 
-    @property
-    def name(self) -> str:
-        """A few words for people."""
-        return f"{self.direction}, {self.mass:.2f} kg, {self.wire_force:.0f} N"
-
 
 @dc.dataclass(frozen=True)
 class Held:
@@ -78,7 +73,6 @@ class Held:
     held_for: float  # [s], at most HOLD
     slip: float  # motion in the hand while the load came on [m]
     creep: float  # motion in the hand during the hold [m]
-    angle: float  # base + tip, the smaller of both fingers in the end [rad]
     wire_force: float  # largest of both wires over the whole [N]
     time: Vector  # since the lift began, shape (K,) [s]
     moved: Vector  # distance in the hand from where it was then, shape (K,) [m]
@@ -167,7 +161,6 @@ def hold(load: Load, scenario: str = _BENCH, **changes: Any) -> Held:
         held_for=held_for if free else 0.0,
         slip=float(np.linalg.norm(p_GO[lifted] - p_GO[closed])),
         creep=float(np.linalg.norm(p_GO[-1] - p_GO[lifted])),
-        angle=float(angle[-1]),
         wire_force=float(np.max(log["gripper.wire_force"])),
         time=time[closed:],
         moved=np.linalg.norm(p_GO[closed:] - p_GO[closed], axis=1),

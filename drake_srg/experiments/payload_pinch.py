@@ -5,9 +5,7 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 
 CLAIM = 2.5  # kg, the SRG thesis's figure for an object between the fingertips
-# Two fifths of what the servo gives; a stronger pull rolls a round object, held across
-# the pads, into the hand [N].
-WIRE_FORCE = 125.0
+WIRE_FORCE = 125.0  # N, two fifths of what the servo gives
 
 
 def run(track: Track) -> ExperimentResult:

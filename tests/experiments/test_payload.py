@@ -34,7 +34,7 @@ def test_a_gripper_without_wires_is_refused():
 def test_the_largest_mass_is_bracketed(monkeypatch, limit):
     def pretend(load, scenario):
         held_for = HOLD if load.mass <= limit else 1.0
-        return Held(held_for, 0.0, 0.0, 2.0, 100.0, np.zeros(1), np.zeros(1))
+        return Held(held_for, 0.0, 0.0, 100.0, np.zeros(1), np.zeros(1))
 
     monkeypatch.setattr(payload, "hold", pretend)
     tried = list(largest_mass(Load("wrap", "down", 5.0, 100.0)))
@@ -45,6 +45,6 @@ def test_the_largest_mass_is_bracketed(monkeypatch, limit):
 
 
 def test_a_grip_that_holds_nothing_is_given_up(monkeypatch):
-    nothing = Held(0.0, 0.0, 0.0, 2.0, 100.0, np.zeros(1), np.zeros(1))
+    nothing = Held(0.0, 0.0, 0.0, 100.0, np.zeros(1), np.zeros(1))
     monkeypatch.setattr(payload, "hold", lambda load, scenario: nothing)
     assert len(list(largest_mass(Load("wrap", "down", 5.0, 100.0)))) < 10
