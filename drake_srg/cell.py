@@ -1,14 +1,17 @@
 """The cell: a station with localizer and planner, the autonomous system."""
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
-from drake_srg.objects import known_shape, object_shape
+from drake_srg.objects import known_shape, object_body, object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.scripted import ScriptedPlanner
+from drake_srg.planning.srg_hand import SrgHand
 from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.ports import Ports, output_ports
 from drake_srg.scenario import ObjectConfig, Scenario, is_continuous
@@ -39,8 +42,8 @@ def MakeCell(scenario: Scenario) -> Diagram:
         - arm.position_commanded
         - gripper.closure_commanded
 
-    The subsystems are named `station`, `localizer` and `planner`. To replace one, build
-    the diagram with your own in its place: this function is short for that reason.
+    The subsystems are named `station`, `localizer` and `planner`; where the scenario has
+    disturbances, there is a `disturber`, too. To replace one, build the diagram with your own in its place: this function is short for that reason.
 
     Where the scenario has a `script`, the planner plays it, and there is no localizer.
     Where its plant is continuous, what is in the station is in the cell itself.
@@ -91,6 +94,7 @@ def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
         ports.outputs["localizer.blobs"] = localizer.GetOutputPort("blobs")
+    AddDisturber(builder, scenario, station, planner)
     ports.outputs |= output_ports(station)
     for name, exported in (
         ("mode", "planner.mode"),
@@ -128,22 +132,60 @@ def AddLocalizer(
     return localizer
 
 
+def AddDisturber(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram | Ports,
+    planner: System,
+) -> None:
+    """Add what lets a scenario's disturbances happen, where it has any.
+
+    It is connected to the station and to the planner's `mode`.
+    """
+    plant = (builder if isinstance(station, Ports) else station).GetSubsystemByName(
+        "plant"
+    )
+    disturbances = []
+    for disturbance in scenario.disturbances:
+        name = disturbance.object or scenario.task.pick
+        config = scenario.objects[name]
+        if config.present:
+            body = object_body(plant, plant.GetModelInstanceByName(name))
+            mass = plant.get_body(body).default_mass()
+            target = Target(name, body, mass, known_shape(name, config))
+            disturbances.append((disturbance, target))
+    if not disturbances:
+        return
+    disturber = builder.AddNamedSystem("disturber", Disturber(disturbances))
+    builder.Connect(planner.GetOutputPort("mode"), disturber.GetInputPort("mode"))
+    builder.Connect(
+        station.GetOutputPort("object_poses_cheat"),
+        disturber.GetInputPort("object_poses"),
+    )
+    builder.Connect(
+        disturber.GetOutputPort("object_forces"),
+        station.GetInputPort("object_forces_cheat"),
+    )
+
+
 def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
     """Make the planner of a scenario's task."""
     name, place = scenario.task.pick, scenario.task.place
     shape = object_shape(name, scenario.objects[name])
-    goal = [*place.position, scenario.table.height + 0.5 * shape.height]
+    height = scenario.table.height if place.height is None else place.height
+    goal = RigidTransform([*place.position, height + 0.5 * shape.height])
     return PickAndPlacePlanner(
         MakeTaskPlanner(scenario),
         name,
         shape,
-        np.array(goal),
+        goal,
         place.tolerance,
         obstacles={
             other: known
             for other, config in scenario.objects.items()
             if other != name and (known := known_shape(other, config)) is not None
         },
+        repeat=scenario.task.repeat,
         config=scenario.planner,
     )
 
@@ -166,7 +208,8 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
         payload=config.payload,
     )
     assert scenario.arm is not None
-    return TaskPlanner(scene, np.array(scenario.arm.home), config)
+    hand = SrgHand(config.approaches, config.tilts, config.squeeze)
+    return TaskPlanner(scene, hand, np.array(scenario.arm.home), config)
 
 
 def ConnectPlanner(

@@ -20,6 +20,7 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.disturbances import Force, Push, Topple
 from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
@@ -111,6 +112,8 @@ class PlaceConfig:
     position: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
+    # Height of what it is set on there [m]; null: the table's.
+    height: float | None = None
     # Distance from there within which the task counts as done [m].
     tolerance: float = dc.field(default=0.005, metadata=positive())
     # Model that marks the place; empty: none.
@@ -142,6 +145,8 @@ class TaskConfig:
 
     pick: str = ""  # name of the object; empty: nothing to do
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
+    # How often; every second time the object goes back to where it was first found.
+    repeat: int = dc.field(default=1, metadata={"ge": 1})
     # Where objects without a position may stand.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
 
@@ -199,6 +204,8 @@ class Scenario:
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
     # What arm and gripper do, step by step, instead of what localizer and planner find.
     script: list[ScriptStep] = dc.field(default_factory=list)
+    # What happens to objects besides.
+    disturbances: list[Push | Topple | Force] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
 
 

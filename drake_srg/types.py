@@ -118,6 +118,7 @@ class PlannerStatus:
     mode: Mode = Mode.IDLE
     failure: Failure | None = None  # set once the mode is FAILED
     attempts: int = 0  # grasps begun
+    cycles: int = 0  # times the object has been placed
     looks: int = 0  # how often images were asked for
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # time of that [s]

@@ -58,4 +58,17 @@ class PlannerConfig:
     gripper_timeout: float = dc.field(default=1.5, metadata=positive())
     # The grasp is checked for this long before and after lifting [s].
     verify_time: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # Whether to look again when the hand is in front of the object, and to plan anew
+    # where it has moved; for cameras that see it there.
+    look_before_grasp: bool = False
+    # Whether to look for the object in the hand above the goal, and to place it from
+    # where it is seen; for cameras that see it there.
+    look_before_place: bool = False
+    # How long the arm waits at least, with closed fingers before it lifts, with open
+    # ones before it leaves, and at home [s].
+    grip_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    release_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    home_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # How long the fingers are given to close at home, empty [s]; 0 leaves them open.
+    close_at_home: float = dc.field(default=0.0, metadata={"ge": 0.0})
     period: float = dc.field(default=0.01, metadata=positive())  # s

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses as dc
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 import numpy as np
 from pydrake import geometry
@@ -187,6 +187,19 @@ class PlanningScene:
     @fingers.setter
     def fingers(self, value: Vector) -> None:
         self.plant.SetPositionsInArray(self._gripper_model, value, self._positions)
+
+    def set_fingers(self, angles: Mapping[str, float]) -> None:
+        """Set the gripper's joints by name [rad]; those left out go to 0.
+
+        Raises:
+            ValueError: if a name is not one of `finger_names`.
+        """
+        if unknown := set(angles) - set(self.finger_names):
+            raise ValueError(
+                f"the gripper has no joints {sorted(unknown)}; "
+                f"allowed: {', '.join(self.finger_names)}"
+            )
+        self.fingers = np.array([angles.get(n, 0.0) for n in self.finger_names])
 
     def positions(self, q: Vector) -> Vector:
         """All positions of the plant, shape (num_positions,), with the arm at `q`."""

@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.config import PlannerConfig
-from drake_srg.planning.grasps import Grasp, grasps_of
+from drake_srg.planning.grasps import Grasp, Hand
 from drake_srg.planning.hand_target import HandTarget
 from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath, PlanJointPath
@@ -24,10 +24,12 @@ _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because it is
 # planned to stand on it.
 _SUPPORT_OVERLAP = -0.003
+# What a carried object may lean more than where it was taken [rad].
+_UPRIGHT = 0.004
 
 
-# Shapes that stand about, and their centres p_WO, shape (3,) [m].
-Obstacles: TypeAlias = Sequence[tuple[Shape, Vector]]
+# Shapes that stand about, and their poses X_WO [m].
+Obstacles: TypeAlias = Sequence[tuple[Shape, RigidTransform]]
 
 
 @dc.dataclass(frozen=True)
@@ -66,6 +68,7 @@ class TaskPlanner:
     def __init__(
         self,
         scene: PlanningScene,
+        hand: Hand,
         q_home: Vector,
         config: PlannerConfig,
     ) -> None:
@@ -73,10 +76,12 @@ class TaskPlanner:
 
         Args:
             scene: The arm, the gripper and what they may hit.
+            hand: How that gripper takes things.
             q_home: Where the arm rests, shape (N,) [rad].
             config: Distances and speeds.
         """
         self.scene = scene
+        self.hand = hand
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
         limits = MotionLimits.OfPlant(scene)
@@ -86,38 +91,74 @@ class TaskPlanner:
     def plan(
         self,
         q_start: Vector,
-        p_WO: Vector,
+        X_WO: RigidTransform,
         shape: Shape,
-        p_WO_goal: Vector,
+        X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
     ) -> TaskMotions | TaskFailure:
         """Plan the motions from `q_start` over pick and place to home.
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
-            p_WO: Centre of the upright object, shape (3,) [m].
+            X_WO: The object's pose [m]; how it is turned about its z does not count.
             shape: Its shape.
-            p_WO_goal: Where its centre shall be, shape (3,) [m].
-            obstacles: Other upright objects and their centres, shape (3,) [m].
+            X_WO_goal: Where it shall be [m].
+            obstacles: Other objects and their poses [m].
         """
         with self._standing(obstacles):
-            return self._plan(q_start, p_WO, shape, p_WO_goal)
+            return self._plan(q_start, X_WO, shape, X_WO_goal)
+
+    def plan_place(
+        self,
+        q_start: Vector,
+        grasp: Grasp,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+    ) -> TaskMotions | TaskFailure:
+        """Plan from above the goal onto it, and home, with the object in the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: With the object's pose in the hand as it is.
+            shape: The object's.
+            X_WO_goal: Where it shall be [m].
+            obstacles: Other objects and their poses [m].
+        """
+        place = self._place_target(grasp, X_WO_goal)
+        try:
+            with self._standing(obstacles):
+                with self._carrying(shape, grasp):
+                    above = place.Shifted(self.config.lift_height * _UP)
+                    path = self._straight(q_start, above)
+                    path = np.vstack([path, self._straight(path[-1], place)[1:]])
+                    down = self._timed(path, self._holding, straight=True)
+                motions = {Mode.PLACE: down}
+                motions |= self._leave(path[-1], grasp, shape, X_WO_goal)
+        except _NoPathError as error:
+            return error.failure
+        return TaskMotions(grasp, motions)
 
     def _plan(
-        self, q_start: Vector, p_WO: Vector, shape: Shape, p_WO_goal: Vector
+        self,
+        q_start: Vector,
+        X_WO: RigidTransform,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
     ) -> TaskMotions | TaskFailure:
         # With the arm at home, does the object fit where it shall stand? Fixed things
         # are only checked against what moves, so it hangs from the distant hand.
-        X_GO = self.scene.X_WG(self.q_home).inverse() @ RigidTransform(p_WO_goal)
+        X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO_goal
         with self.scene.holding(shape, X_GO, margin=_SUPPORT_OVERLAP):
             clearance = self.scene.clearance(self.q_home)
         if clearance.spare < 0.0 and "held_object" in clearance.bodies:
             return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
-        candidates, failures = self._candidates(p_WO, shape, p_WO_goal)
+        grasps = self.hand.grasps(shape, X_WO.rotation().col(2))
+        candidates, failures = self._candidates(grasps, X_WO, shape, X_WO_goal)
         no_path = []
         for candidate in candidates:
             try:
-                motions = self._motions(q_start, p_WO, shape, p_WO_goal, candidate)
+                motions = self._motions(q_start, X_WO, shape, X_WO_goal, candidate)
                 return TaskMotions(candidate.grasp, motions)
             except _NoPathError as error:
                 no_path.append(error.failure)
@@ -149,33 +190,40 @@ class TaskPlanner:
     @contextlib.contextmanager
     def _standing(self, obstacles: Obstacles) -> Iterator[None]:
         with contextlib.ExitStack() as stack:
-            for shape, p_WO in obstacles:
-                X_WO = RigidTransform(p_WO)
+            for shape, X_WO in obstacles:
                 stack.enter_context(self.scene.standing(shape, X_WO))
             yield
 
+    @contextlib.contextmanager
+    def _carrying(self, shape: Shape, grasp: Grasp) -> Iterator[None]:
+        self.scene.set_fingers(grasp.fingers_closed)
+        with self.scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
+            yield
+
     def _candidates(
-        self, p_WO: Vector, shape: Shape, p_WO_goal: Vector
+        self,
+        grasps: Sequence[Grasp],
+        X_WO: RigidTransform,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
     ) -> tuple[list[_Candidate], list[TaskFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is."""
-        config = self.config
         candidates, no_pick, no_place = [], [], []
-        for grasp in grasps_of(shape, config.approaches, config.tilts, config.squeeze):
-            self._open_fingers(grasp)
-            with self.scene.standing(shape, RigidTransform(p_WO), touchable=True):
+        for grasp in grasps:
+            self.scene.set_fingers(grasp.fingers_open)
+            with self.scene.standing(shape, X_WO, touchable=True):
                 pick = SolveInverseKinematics(
-                    self.scene, grasp.target(p_WO), q_nominal=self.q_home
+                    self.scene, grasp.target(X_WO), q_nominal=self.q_home
                 )
             if isinstance(pick, IkFailure):
                 no_pick.append(
                     TaskFailure(pick.failure, f"pick {grasp.name}: {pick.message}")
                 )
                 continue
-            self._close_fingers(grasp)
-            with self.scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
+            with self._carrying(shape, grasp):
                 place = SolveInverseKinematics(
                     self.scene,
-                    grasp.target(p_WO_goal),
+                    grasp.target(X_WO_goal),
                     q_nominal=self.q_home,
                     q_guess=pick.q,
                 )
@@ -198,53 +246,69 @@ class TaskPlanner:
     def _motions(
         self,
         q_start: Vector,
-        p_WO: Vector,
+        X_WO: RigidTransform,
         shape: Shape,
-        p_WO_goal: Vector,
+        X_WO_goal: RigidTransform,
         candidate: _Candidate,
     ) -> dict[Mode, Trajectory]:
         scene, grasp = self.scene, candidate.grasp
         motions: dict[Mode, Trajectory] = {}
 
-        self._open_fingers(grasp)
-        with scene.standing(shape, RigidTransform(p_WO), touchable=True):
+        scene.set_fingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
             back = self._straight(candidate.q_grasp, self._behind(candidate.q_grasp))
             motions[Mode.GRASP] = self._timed(back[::-1], self._free, straight=True)
-        with scene.standing(shape, RigidTransform(p_WO)):
+        with scene.standing(shape, X_WO):
             motions[Mode.PRE_GRASP] = self._timed(
                 self._joint_path(q_start, back[-1]), self._free
             )
 
-        self._close_fingers(grasp)
-        with scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
+        with self._carrying(shape, grasp):
             q_pick = candidate.q_grasp
             up = self._straight(q_pick, self._above(q_pick))
             motions[Mode.LIFT] = self._timed(up, self._holding, straight=True)
-            q_place, down, across = self._transfer(up[-1], p_WO_goal, candidate)
+            q_place, down, across = self._transfer(up[-1], X_WO_goal, candidate)
             motions[Mode.TRANSFER] = self._timed(across, self._holding)
             motions[Mode.PLACE] = self._timed(down, self._holding, straight=True)
+        return motions | self._leave(q_place, grasp, shape, X_WO_goal)
 
-        self._open_fingers(grasp)
-        with scene.standing(shape, RigidTransform(p_WO_goal), touchable=True):
+    def _leave(
+        self, q_place: Vector, grasp: Grasp, shape: Shape, X_WO: RigidTransform
+    ) -> dict[Mode, Trajectory]:
+        """Motions away from an object that has been placed, and home."""
+        scene, motions = self.scene, {}
+        scene.set_fingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
             away = self._straight(q_place, self._behind(q_place))
             motions[Mode.RETREAT] = self._timed(away, self._free, straight=True)
-        with scene.standing(shape, RigidTransform(p_WO_goal)):
+        with scene.standing(shape, X_WO):
             motions[Mode.HOME] = self._timed(
                 self._joint_path(away[-1], self.q_home), self._free
             )
         return motions
 
+    def _place_target(
+        self, grasp: Grasp, X_WO_goal: RigidTransform, **tolerance: float
+    ) -> HandTarget:
+        """Where the hand lets go: a little above the goal."""
+        place = grasp.target(X_WO_goal, **tolerance)
+        return place.Shifted(self.config.place_height * _UP)
+
     def _transfer(
-        self, q_lifted: Vector, p_WO_goal: Vector, candidate: _Candidate
+        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: _Candidate
     ) -> tuple[Vector, Vector, Vector]:
         """Posture at the goal, the way down to it, and the way across."""
         scene, grasp = self.scene, candidate.grasp
-        p_place = p_WO_goal + self.config.place_height * _UP
         lift = self.config.lift_height * _UP
+        place = self._place_target(grasp, X_WO_goal, angle_tolerance=_UPRIGHT)
         # Straight across keeps the object upright. Where that does not go, any way.
-        upright = grasp.target(p_place + lift, angle_tolerance=0.004)
-        across = PlanCartesianPath(scene, q_lifted, upright)
+        across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
         if not isinstance(across, PathFailure):
+            # Where the joints' straight line does, too, it is the faster one.
+            line = scene.edge(q_lifted, across[-1])
+            kept = all(place.angle_violation(scene.X_WG(q)) < _UPRIGHT for q in line)
+            if kept and scene.first_hit(line) is None:
+                across = np.array([q_lifted, across[-1]])
             target = HandTarget.Pose(scene.X_WG(across[-1])).Shifted(-lift)
             down = PlanCartesianPath(scene, across[-1], target)
             if not isinstance(down, PathFailure):
@@ -283,13 +347,3 @@ class TaskPlanner:
         if isinstance(trajectory, PathFailure):
             raise _NoPathError(trajectory.failure, trajectory.message)
         return trajectory
-
-    def _open_fingers(self, grasp: Grasp) -> None:
-        self._set_fingers(grasp.base_angle_open, 0.0)
-
-    def _close_fingers(self, grasp: Grasp) -> None:
-        self._set_fingers(grasp.base_angle, grasp.tip_angle)
-
-    def _set_fingers(self, base: float, tip: float) -> None:
-        names = self.scene.finger_names
-        self.scene.fingers = np.array([base if "base" in n else tip for n in names])

@@ -3,14 +3,15 @@
 import numpy as np
 from helpers import fix
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.config import PlannerConfig
-from drake_srg.planning.grasps import grasps_of
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
+from drake_srg.planning.srg_hand import SrgHand
 from drake_srg.planning.task_motions import TaskMotions
 from drake_srg.types import Blob, Cylinder, Mode
 
@@ -28,8 +29,8 @@ MOVING = [
 _CLOSED = [Mode.CLOSE, Mode.VERIFY, Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
 
 
-def blob(position, name="can", quality=0.9):
-    return Blob(name, "eye", (1.0, 2.0), np.array(position), np.eye(3)[2], quality)
+def blob(position, name="can", quality=0.9, axis=(0.0, 0.0, 1.0)):
+    return Blob(name, "eye", (1.0, 2.0), np.array(position), np.array(axis), quality)
 
 
 def motion(start, end):
@@ -37,24 +38,42 @@ def motion(start, end):
     return PiecewisePolynomial.FirstOrderHold([0.0, 0.1], np.column_stack([start, end]))
 
 
+class FakeScene:
+    """The hand is as far out as the first joint is turned."""
+
+    def X_WG(self, q):  # as in PlanningScene
+        return RigidTransform([q[0], 0.0, 0.0])
+
+
 class FakeTaskPlanner:
     """Plans motions of a two-joint arm: 1 rad on in each mode, home in the last."""
 
     def __init__(self):
         self.q_home = np.array([0.5, -0.5])
-        self.grasp = grasps_of(CAN, ["above"], [], 0.4)[0]
-        self.result = self.escape = None  # in place of motions
-        self.calls = []
+        self.scene = FakeScene()
+        self.hand = SrgHand(["above"], [], 0.4)
+        self.grasp = self.hand.grasps(CAN, np.array([0.0, 0.0, 1.0]))[0]
+        self.result = self.escape = self.place = None  # in place of motions
+        self.calls, self.places = [], []
 
-    def plan(self, q_start, p_WO, shape, p_WO_goal, obstacles=()):
-        self.calls.append((q_start, p_WO, shape, p_WO_goal))
+    def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=()):
+        self.calls.append((q_start, X_WO, shape, X_WO_goal))
         self.obstacles = obstacles
         if self.result is not None:
             return self.result
-        n = len(MOVING)
+        return self._motions(q_start, MOVING)
+
+    def plan_place(self, q_start, grasp, shape, X_WO_goal, obstacles=()):
+        self.places.append((q_start, grasp, shape, X_WO_goal))
+        if self.place is not None:
+            return self.place
+        return self._motions(q_start, MOVING[MOVING.index(Mode.PLACE) :])
+
+    def _motions(self, q_start, modes):
+        n = len(modes)
         q = [q_start + np.array([min(i, n - i), 0.0]) for i in range(n)] + [self.q_home]
         return TaskMotions(
-            self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(MOVING)}
+            self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(modes)}
         )
 
     def plan_escape(self, q, obstacles=()):
@@ -64,13 +83,14 @@ class FakeTaskPlanner:
         return motion(q, middle), motion(middle, self.q_home)
 
 
-def make_planner(**config):
+def make_planner(repeat=1, **config):
     return PickAndPlacePlanner(
         FakeTaskPlanner(),
         "can",
         CAN,
-        GOAL,
+        RigidTransform(GOAL),
         obstacles={"cup": CUP},
+        repeat=repeat,
         config=PlannerConfig(**config),
     )
 
@@ -111,7 +131,7 @@ class World:
         else:
             diagram, self.camera, self.planner = like.diagram, like.camera, like.planner
         self.diagram = diagram
-        self.task_planner = self.planner._task_planner
+        self.task_planner = self.planner._replanner._task_planner
         self.period = self.planner.config.period
         self._simulator = Simulator(diagram)
         self.root = root = self._simulator.get_mutable_context()

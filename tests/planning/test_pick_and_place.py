@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from planning_world import CUP, GOAL, START, World, blob, make_planner
 
-from drake_srg.planning.grasps import EMPTY_BASE_ANGLE
+from drake_srg.planning.srg_hand import EMPTY_BASE_ANGLE
 from drake_srg.planning.task_motions import TaskFailure
 from drake_srg.types import BlobFlag, Failure, Mode
 
@@ -33,7 +33,7 @@ def test_a_cycle_where_all_goes_well():
     assert status.localization is world.seen[0]
     (call,) = world.task_planner.calls
     np.testing.assert_array_equal(call[0], world.task_planner.q_home)
-    np.testing.assert_array_equal(call[1], START)
+    np.testing.assert_array_equal(call[1].translation(), START)
 
 
 def test_the_fingers_close_on_the_object_and_open_to_let_go():
@@ -178,11 +178,19 @@ def test_a_dropped_object_that_is_not_seen_again_was_dropped():
 def test_the_goal_is_met_within_the_tolerance(off, failure):
     world = World(max_attempts=2)
     where = world.where
-    seen = blob(GOAL + np.array([off, 0.0, 0.05]))  # the height does not count
+    seen = blob(GOAL + off * np.array([0.6, 0.0, 0.8]))
     world.where = lambda mode: [seen] if mode is Mode.HOME else where(mode)
     status = world.run()
     assert status.failure is failure
     assert status.attempts == (1 if failure is None else 2)
+
+
+def test_an_object_that_lies_on_its_goal_is_misplaced():
+    world = World(max_attempts=1)
+    where = world.where
+    lying = blob(GOAL, axis=[1.0, 0.0, 0.0])
+    world.where = lambda mode: [lying] if mode is Mode.HOME else where(mode)
+    assert world.run().failure is Failure.MISPLACED
 
 
 def test_an_arm_that_does_not_arrive_is_stopped_by_something():
@@ -241,7 +249,8 @@ def test_blobs_without_flags_are_believed_first():
     where = world.where
     world.where = lambda mode: [doubtful, *(where(mode))]
     world.run()
-    np.testing.assert_array_equal(world.task_planner.calls[0][1], START)
+    X_WO = world.task_planner.calls[0][1]
+    np.testing.assert_array_equal(X_WO.translation(), START)
 
 
 def test_other_objects_are_obstacles_where_they_are_seen():
@@ -249,9 +258,9 @@ def test_other_objects_are_obstacles_where_they_are_seen():
     where = world.where
     world.where = lambda mode: [*where(mode), blob([0.5, 0.2, 0.05], name="cup")]
     world.run()
-    ((shape, position),) = world.task_planner.obstacles
+    ((shape, X_WO),) = world.task_planner.obstacles
     assert shape == CUP
-    np.testing.assert_array_equal(position, [0.5, 0.2, 0.05])
+    np.testing.assert_array_equal(X_WO.translation(), [0.5, 0.2, 0.05])
 
 
 def test_a_way_out_that_is_blocked_ends_the_task():
@@ -270,3 +279,138 @@ def test_all_state_is_in_the_context():
     assert second.status.mode is Mode.IDLE
     assert second.run().mode is Mode.DONE
     np.testing.assert_array_equal(first.commands, second.commands)
+
+
+# Looking while under way.
+
+
+def test_an_object_that_moved_during_the_approach_is_planned_for_anew():
+    world = World(look_before_grasp=True)
+    moved = START + np.array([0.03, 0.0, 0.0])
+    there = world.where
+    world.where = lambda mode: (
+        [blob(GOAL if mode is Mode.HOME else moved)]
+        if Mode.PRE_GRASP in world.trace
+        else there(mode)
+    )
+    status = world.run()
+    assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, *CYCLE]
+    assert (status.failure, status.attempts) == (None, 1)
+    first, second = world.task_planner.calls
+    np.testing.assert_array_equal(second[1].translation(), moved)
+    # The second plan begins where the first motion ended.
+    np.testing.assert_allclose(second[0], first[0] + [1.0, 0.0])
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.002])
+def test_an_object_that_did_not_move_is_taken(shift):
+    world = World(look_before_grasp=True)
+    there = world.where
+    world.where = lambda mode: (
+        [blob(START + [shift, 0.0, 0.0])] if mode is Mode.PRE_GRASP else there(mode)
+    )
+    assert world.run().failure is None
+    assert world.trace == CYCLE
+    assert world.camera.evaluations == 3
+
+
+def test_an_object_that_was_knocked_over_is_planned_for_anew():
+    world = World(look_before_grasp=True)
+    there = world.where
+    lying = blob(START, axis=[0.0, 1.0, 0.0])
+    world.where = lambda mode: (
+        [lying]
+        if Mode.PRE_GRASP in world.trace and mode is not Mode.HOME
+        else there(mode)
+    )
+    world.run()
+    axis = world.task_planner.calls[1][1].rotation().col(2)
+    np.testing.assert_allclose(axis, [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_what_cannot_be_planned_in_front_of_the_object_is_planned_from_home():
+    world = World(look_before_grasp=True)
+    moved = START + np.array([0.03, 0.0, 0.0])
+    there, plan = world.where, world.task_planner.plan
+    world.where = lambda mode: (
+        [blob(moved)]
+        if Mode.PRE_GRASP in world.trace and mode is not Mode.HOME
+        else there(mode)
+    )
+
+    def only_from_home(q_start, *args):
+        if not np.array_equal(q_start, world.task_planner.q_home):
+            return TaskFailure(Failure.BLOCKED, "too near")
+        return plan(q_start, *args)
+
+    world.task_planner.plan = only_from_home
+    status = world.run()
+    way = [Mode.IDLE, Mode.PRE_GRASP, Mode.IDLE, Mode.RETREAT, Mode.HOME]
+    assert world.trace == [*way, *CYCLE]
+    assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 1)
+
+
+def test_the_object_is_placed_from_where_it_is_in_the_hand():
+    world = World(look_before_place=True)
+    grasp, there = world.task_planner.grasp, world.where
+    shift = np.array([0.002, -0.001, 0.001])
+
+    def seen(mode):
+        if mode is not Mode.TRANSFER:
+            return there(mode)
+        X_WG = world.task_planner.scene.X_WG(world.commands[-1])
+        return [blob(X_WG @ (grasp.p_GO + shift), axis=-grasp.axis_G)]
+
+    world.where = seen
+    status = world.run()
+    assert status.failure is None
+    ((_, corrected, _, goal),) = world.task_planner.places
+    np.testing.assert_allclose(corrected.p_GO, grasp.p_GO + shift, atol=1e-12)
+    # An axis has no sign.
+    np.testing.assert_allclose(corrected.axis_G, grasp.axis_G, atol=1e-12)
+    np.testing.assert_array_equal(goal.translation(), GOAL)
+    waited = world.began[Mode.PLACE] - world.began[Mode.TRANSFER]
+    assert waited >= 0.1 + world.planner.config.latency  # the motion, then planning
+
+
+def test_an_object_that_is_hidden_in_the_hand_is_placed_as_planned():
+    world = World(look_before_place=True)
+    there = world.where
+    world.where = lambda mode: [] if mode is Mode.TRANSFER else there(mode)
+    assert world.run().failure is None
+    assert world.task_planner.places == []
+
+
+def test_an_object_seen_elsewhere_than_in_the_hand_is_lost():
+    world = World(look_before_place=True, max_attempts=1)
+    there = world.where
+    world.where = lambda mode: [blob(START)] if mode is Mode.TRANSFER else there(mode)
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.DROPPED)
+
+
+def test_cycle_after_cycle_the_object_goes_there_and_back():
+    world = World(repeat=3)
+    world.where = lambda mode: [
+        blob(GOAL if (world.status.cycles + (mode is Mode.HOME)) % 2 else START)
+    ]
+    status = world.run()
+    assert (status.cycles, status.attempts) == (3, 3)
+    assert world.trace == [*CYCLE[:-1], *CYCLE[:-1], *CYCLE]
+    goals = [call[3].translation() for call in world.task_planner.calls]
+    np.testing.assert_array_equal(goals[0], GOAL)
+    np.testing.assert_allclose(goals[1], [*START[:2], 0.05])
+    np.testing.assert_array_equal(goals[2], GOAL)
+
+
+def test_the_waits_are_kept():
+    waits = {"grip_wait": 0.5, "release_wait": 0.4, "home_wait": 0.3}
+    world = World(**waits, close_at_home=0.2)
+    world.run()
+    began, slack = world.began, 2 * world.period
+    assert began[Mode.LIFT] - began[Mode.VERIFY] == pytest.approx(0.5, abs=slack)
+    assert began[Mode.RETREAT] - began[Mode.RELEASE] == pytest.approx(0.4, abs=slack)
+    # The fake motion takes 0.1 s.
+    assert began[Mode.DONE] - began[Mode.HOME] == pytest.approx(0.6, abs=slack)
+    assert world.closures[Mode.RETREAT] < 1.0
+    assert world.closures[Mode.HOME] == world.closures[Mode.DONE] == 1.0

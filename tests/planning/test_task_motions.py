@@ -8,8 +8,9 @@ from drake_srg.planning.task_motions import TaskFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Box, Cylinder, Failure, Mode
 
-START = np.array([0.6, 0.05, 0.5 * CAN.length])
-GOAL = np.array([0.55, -0.42, 0.5 * CAN.length])
+START = RigidTransform([0.6, 0.05, 0.5 * CAN.length])
+GOAL = RigidTransform([0.55, -0.42, 0.5 * CAN.length])
+HEIGHT = START.translation()[2]
 
 
 @pytest.fixture(scope="module")
@@ -61,10 +62,10 @@ def test_the_grasp_is_at_the_object_and_the_release_at_the_goal(planner, task):
     _, q_place = ends(task.motions[Mode.PLACE])
     # Inverse kinematics and the line's follower allow 0.1 mm each.
     grasped = object_in_world(planner, task, q_grasp)
-    np.testing.assert_allclose(grasped, START, atol=2.5e-4)
+    np.testing.assert_allclose(grasped, START.translation(), atol=2.5e-4)
     placed = object_in_world(planner, task, q_place)
     above = np.array([0.0, 0.0, options.place_height])
-    np.testing.assert_allclose(placed, GOAL + above, atol=2.5e-4)
+    np.testing.assert_allclose(placed, GOAL.translation() + above, atol=2.5e-4)
 
 
 def test_lifting_goes_straight_up(planner, task):
@@ -96,13 +97,17 @@ def test_planning_again_gives_the_same(planner, task):
 @pytest.mark.parametrize(
     ("start", "goal", "failure"),
     [
-        ([1.2, 0.6, START[2]], GOAL, Failure.OUT_OF_REACH),
-        (START, [1.2, -0.7, GOAL[2]], Failure.OUT_OF_REACH),
-        (START, [0.0, 0.0, GOAL[2]], Failure.BLOCKED),  # in the robot's foot
+        ([1.2, 0.6, HEIGHT], GOAL, Failure.OUT_OF_REACH),
+        (START, [1.2, -0.7, HEIGHT], Failure.OUT_OF_REACH),
+        (START, [0.0, 0.0, HEIGHT], Failure.BLOCKED),  # in the robot's foot
     ],
 )
 def test_what_cannot_be_done_is_named(planner, start, goal, failure):
-    result = planner.plan(planner.q_home, np.array(start), CAN, np.array(goal))
+    start, goal = (
+        pose if isinstance(pose, RigidTransform) else RigidTransform(pose)
+        for pose in (start, goal)
+    )
+    result = planner.plan(planner.q_home, start, CAN, goal)
     assert isinstance(result, TaskFailure)
     assert result.failure is failure
     assert result.message
@@ -132,9 +137,9 @@ def test_motions_keep_clear_of_other_objects(planner, task):
     q_way = samples(task.motions[Mode.TRANSFER], 3)[1]
     p_way = object_in_world(planner, task, q_way)
     tower = Cylinder(0.03, 2.0 * p_way[2])
-    p_WO = np.array([*p_way[:2], p_way[2]])
-    around = planner.plan(planner.q_home, START, CAN, GOAL, obstacles=[(tower, p_WO)])
-    with planner.scene.standing(tower, RigidTransform(p_WO)):
+    X_WO = RigidTransform(p_way)
+    around = planner.plan(planner.q_home, START, CAN, GOAL, obstacles=[(tower, X_WO)])
+    with planner.scene.standing(tower, X_WO):
         planner.scene.fingers = 0.0 * planner.scene.fingers
         assert not planner.scene.is_free(q_way)
         for q in samples(around.motions[Mode.TRANSFER]):

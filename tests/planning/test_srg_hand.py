@@ -11,11 +11,16 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.parsing import ConfigureParser
-from drake_srg.planning.grasps import EMPTY_BASE_ANGLE, Approach, grasps_of
+from drake_srg.planning.srg_hand import EMPTY_BASE_ANGLE, Approach, SrgHand
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = Cylinder(0.0339, 0.1018)
 SQUEEZE = 0.4
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def grasps_of(shape, approaches, tilts, squeeze):
+    return SrgHand(approaches, tilts, squeeze).grasps(shape, UP)
 
 
 def above(shape):
@@ -101,7 +106,7 @@ def test_from_the_side_base_and_tip_touch(shape, tilt):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_open_hand_lets_the_object_pass(shape):
     for grasp in grasps_of(shape, ["above", "side"], [0.0, 0.1745], SQUEEZE):
-        distances = link_distances(grasp, shape, grasp.base_angle_open, 0.0)
+        distances = link_distances(grasp, shape, 3.0 * grasp.closure_open, 0.0)
         assert min(distances.values()) > 0.002
 
 
@@ -126,7 +131,7 @@ def test_a_reached_target_holds_the_object_upright(radius, tilt, yaw):
     p_WO = np.array([0.5, 0.1, 0.05])
     X_WO = RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WO)
     X_WG = X_WO @ grasp.X_GO.inverse()
-    target = grasp.target(p_WO)
+    target = grasp.target(RigidTransform(p_WO))
     assert target.distance(X_WG) == pytest.approx(0.0, abs=1e-12)
     assert target.angle_violation(X_WG) == 0.0
     # The palm's x points down by the tilt, its y is level.
@@ -138,7 +143,7 @@ def test_a_reached_target_holds_the_object_upright(radius, tilt, yaw):
 def test_a_tilted_object_violates_the_target():
     grasp = above(CAN)
     X_WO = RigidTransform(RotationMatrix.MakeXRotation(0.1), [0.5, 0.1, 0.05])
-    violation = grasp.target(X_WO.translation()).angle_violation(
+    violation = grasp.target(RigidTransform(X_WO.translation())).angle_violation(
         X_WO @ grasp.X_GO.inverse()
     )
     assert violation == pytest.approx(0.1 - 0.002, abs=1e-6)

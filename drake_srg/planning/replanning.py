@@ -1,0 +1,184 @@
+"""What the planner makes of what it sees: plans, corrections, ways out."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import time as wall
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.planner_memory import PlannerMemory
+from drake_srg.planning.sightings import Sightings, lean, standing_at
+from drake_srg.planning.task_motions import TaskFailure, TaskPlanner
+from drake_srg.types import Blob, Failure, Mode, Sphere
+
+# An object seen this far from where the motions take it has moved [m], [rad]: more than
+# the localisation may be off, and what fingers that close on it still make up for.
+_MOVED, _TURNED = 0.003, np.deg2rad(5.0)
+# An object seen further than this from its place in the hand is not in it [m].
+_LOST = 0.03
+_STANDING = np.deg2rad(5.0)  # lean of an object that counts as standing on its goal
+
+
+class Replanner:
+    """Plans with a task planner from sightings of one object.
+
+    Nothing is kept here: every method takes the planner's memory and returns the next.
+
+    Args:
+        task_planner: Plans the motions.
+        sightings: Reads blobs.
+        goal: Where the object shall be, X_WO [m].
+        tolerance: Distance from the goal that counts as placed [m].
+        config: Times and distances.
+    """
+
+    def __init__(
+        self,
+        task_planner: TaskPlanner,
+        sightings: Sightings,
+        goal: RigidTransform,
+        tolerance: float,
+        config: PlannerConfig,
+    ) -> None:
+        self._task_planner = task_planner
+        self._sightings = sightings
+        self._shape = sightings.shape
+        self._goal = goal
+        self._tolerance = tolerance
+        self._config = config
+
+    def goal(self, memory: PlannerMemory) -> RigidTransform:
+        """Where this cycle shall take the object: there, or back."""
+        back = memory.X_WO_return if memory.cycles % 2 else None
+        return back or self._goal
+
+    def is_at_goal(self, blobs: Sequence[Blob], memory: PlannerMemory) -> bool:
+        """Whether the object is seen where this cycle shall take it."""
+        blob, goal = self._sightings.best(blobs), self.goal(memory)
+        if blob is None:
+            return False
+        X_WO = self._sightings.pose(blob)
+        turn = lean(X_WO.rotation().col(2), goal.rotation().col(2))
+        return distance(X_WO, goal) <= self._tolerance and turn <= _STANDING
+
+    def plan(
+        self, blobs: Sequence[Blob], memory: PlannerMemory, time: float
+    ) -> PlannerMemory:
+        """Look for the object, and plan the whole cycle from where the arm is."""
+        blob = self._sightings.best(blobs)
+        memory = dc.replace(memory, looks=memory.looks + 1)
+        if blob is None:
+            return self._not_seen(memory, time)
+        start = wall.perf_counter()
+        X_WO, obstacles = self._sightings.pose(blob), self._sightings.obstacles(blobs)
+        result = self._task_planner.plan(
+            memory.q_rest, X_WO, self._shape, self.goal(memory), obstacles
+        )
+        memory = dc.replace(
+            memory,
+            planning_wall=memory.planning_wall + wall.perf_counter() - start,
+            next_look=np.inf,
+            ready_at=time + self._config.latency,
+            obstacles=obstacles,
+        )
+        if isinstance(result, TaskFailure):
+            away = not np.array_equal(memory.q_rest, self._task_planner.q_home)
+            # What became of an object that was in the hand says more.
+            if memory.failure is None:
+                memory = dc.replace(
+                    memory, failure=result.failure, message=result.message
+                )
+            # There may be a way from home where there is none from here.
+            return self.escape(memory, time) if away else memory
+        if memory.localization is None:
+            memory = dc.replace(
+                memory,
+                localization=blob,
+                localized_at=time,
+                X_WO_return=standing_at(X_WO, self._shape),
+            )
+        return dc.replace(memory, motions=result, X_WO=X_WO, failure=None)
+
+    def _not_seen(self, memory: PlannerMemory, time: float) -> PlannerMemory:
+        if time < memory.since + self._config.search_time:
+            return dc.replace(memory, next_look=time + self._config.search_period)
+        memory = dc.replace(
+            memory,
+            # What became of an object that was in the hand says more.
+            failure=memory.failure or Failure.NOT_SEEN,
+            message=memory.message or f"no {self._sightings.object_name} in any image",
+            next_look=np.inf,
+            ready_at=time,
+        )
+        if np.array_equal(memory.q_rest, self._task_planner.q_home):
+            return memory
+        return self.escape(memory, time)  # the arm may hide it
+
+    def compare(self, blobs: Sequence[Blob], memory: PlannerMemory) -> PlannerMemory:
+        """See whether the object is still where the motions take it."""
+        blob, X_WO = self._sightings.best(blobs), memory.X_WO
+        memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
+        if blob is None or X_WO is None:  # the hand may hide it
+            return memory
+        X_WO_seen = self._sightings.pose(blob)
+        turn = lean(X_WO_seen.rotation().col(2), X_WO.rotation().col(2))
+        moved = distance(X_WO_seen, X_WO) > _MOVED or turn > _TURNED
+        return dc.replace(memory, moved=moved)
+
+    def correct(
+        self, blobs: Sequence[Blob], memory: PlannerMemory, time: float
+    ) -> PlannerMemory:
+        """See where the object is in the hand, and plan the rest from there."""
+        blob, motions = self._sightings.best(blobs), memory.motions
+        memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
+        if blob is None or motions is None:  # the hand may hide it
+            return memory
+        q, grasp = memory.position(time), motions.grasp
+        X_GW = self._task_planner.scene.X_WG(q).inverse()
+        p_GO = X_GW @ blob.position
+        if np.linalg.norm(p_GO - grasp.p_GO) > _LOST:
+            return dc.replace(memory, lost=True)
+        if not isinstance(self._shape, Sphere):
+            axis_G = X_GW.rotation() @ blob.axis
+            axis_G = np.copysign(1.0, axis_G @ grasp.axis_G) * axis_G
+            grasp = dc.replace(grasp, axis_G=axis_G)
+        start = wall.perf_counter()
+        result = self._task_planner.plan_place(
+            q,
+            dc.replace(grasp, p_GO=p_GO),
+            self._shape,
+            self.goal(memory),
+            memory.obstacles,
+        )
+        memory = dc.replace(
+            memory,
+            planning_wall=memory.planning_wall + wall.perf_counter() - start,
+            ready_at=time + self._config.latency,
+        )
+        if isinstance(result, TaskFailure):
+            return memory  # with the motions as they were
+        rest = {**motions.motions, **result.motions}
+        return dc.replace(memory, motions=dc.replace(result, motions=rest))
+
+    def escape(self, memory: PlannerMemory, time: float) -> PlannerMemory:
+        """Plan back from where the arm is, and home."""
+        start = wall.perf_counter()
+        escape = self._task_planner.plan_escape(memory.q_rest, memory.obstacles)
+        memory = dc.replace(
+            memory,
+            planning_wall=memory.planning_wall + wall.perf_counter() - start,
+            ready_at=time + self._config.latency,
+            next_look=np.inf,
+        )
+        if isinstance(escape, TaskFailure):
+            return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
+        return dc.replace(memory, escape=escape)
+
+
+def distance(X_1: RigidTransform, X_2: RigidTransform) -> float:
+    """Distance between the origins of two poses [m]."""
+    return float(np.linalg.norm(X_1.translation() - X_2.translation()))

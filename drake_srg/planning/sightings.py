@@ -1,0 +1,74 @@
+"""What the planner reads from blobs: where its object and the others are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.grasps import pose_along
+from drake_srg.planning.task_motions import Obstacles
+from drake_srg.types import Blob, Cylinder, Shape, Sphere, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+class Sightings:
+    """Reads lists of blobs for one object to take and others to keep clear of.
+
+    Args:
+        object_name: Whose blobs tell where the object is.
+        shape: The object's.
+        others: Names and shapes of the other objects.
+        upright_within: Lean up to which an object counts as standing upright [rad].
+    """
+
+    def __init__(
+        self,
+        object_name: str,
+        shape: Shape,
+        others: Mapping[str, Shape],
+        upright_within: float,
+    ) -> None:
+        self.object_name = object_name
+        self.shape = shape
+        self._others = dict(others)
+        self._upright = np.cos(upright_within)
+
+    def best(self, blobs: Sequence[Blob]) -> Blob | None:
+        """The most trustworthy blob of the object, None where it is not seen."""
+        own = [blob for blob in blobs if blob.object_name == self.object_name]
+        return max(own, key=lambda b: (not b.flags, b.quality), default=None)
+
+    def pose(self, blob: Blob) -> RigidTransform:
+        """The object's pose X_WO [m]; its turn about its axis has no meaning."""
+        return self._pose(self.shape, blob)
+
+    def obstacles(self, blobs: Sequence[Blob]) -> Obstacles:
+        """The other objects that are seen."""
+        return tuple(
+            (shape, self._pose(shape, blob))
+            for blob in blobs
+            if (shape := self._others.get(blob.object_name)) is not None
+        )
+
+    def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
+        # What stands on something level is upright, whatever an image says of it.
+        stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
+        return pose_along(blob.position, _UP if stands else blob.axis)
+
+
+def lean(axis_1: Vector, axis_2: Vector) -> float:
+    """Angle between two lines of directions (3,), 0 .. pi/2 [rad]."""
+    sine = float(np.linalg.norm(np.cross(axis_1, axis_2)))
+    return float(np.arctan2(sine, abs(float(axis_1 @ axis_2))))
+
+
+def standing_at(X_WO: RigidTransform, shape: Shape) -> RigidTransform:
+    """Where an object stands upright, on the same level, that is now at X_WO [m]."""
+    p_WO, z = X_WO.translation(), X_WO.rotation().col(2)
+    below = 0.5 * shape.height
+    if isinstance(shape, Cylinder):
+        below = below * abs(z[2]) + shape.radius * float(np.hypot(z[0], z[1]))
+    return RigidTransform([*p_WO[:2], p_WO[2] - below + 0.5 * shape.height])
