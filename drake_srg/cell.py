@@ -42,8 +42,9 @@ def MakeCell(scenario: Scenario) -> Diagram:
         - arm.position_commanded
         - gripper.closure_commanded
 
-    The subsystems are named `station`, `localizer` and `planner`; where the scenario has
-    disturbances, there is a `disturber`, too. To replace one, build the diagram with your own in its place: this function is short for that reason.
+    The subsystems are named `station`, `localizer`, `planner` and, where the scenario
+    has disturbances, `disturber`. To replace one, build the diagram with your own in
+    its place: this function is short for that reason.
 
     Where the scenario has a `script`, the planner plays it, and there is no localizer.
     Where its plant is continuous, what is in the station is in the cell itself.

@@ -20,8 +20,8 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
-from drake_srg.disturbances import Force, Push, Topple
 from drake_srg.distributions import draw_distributions, key_generator
+from drake_srg.disturbances import Force, Push, Topple
 from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
 from drake_srg.planning.config import PlannerConfig

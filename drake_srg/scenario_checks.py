@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pydrake.systems.sensors import CameraConfig
 
+from drake_srg.disturbances import Topple
 from drake_srg.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.types import Box
@@ -122,6 +123,7 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
             f"script[{i}].arm",
             f"must have an entry a joint of the arm, {n}, has {len(step.arm or [])}",
         )
+    _check_disturbances(scenario, require)
     _check_cameras(scenario, require)
 
 
@@ -166,6 +168,25 @@ def _periods_of(key: str, config: object) -> Iterator[tuple[str, float]]:
                 yield f"{key}.period", value
             else:
                 yield from _periods_of(f"{key}.{field.name}", value)
+
+
+def _check_disturbances(
+    scenario: Scenario, require: Callable[[bool, str, str], None]
+) -> None:
+    rigid = ", ".join(n for n, o in scenario.objects.items() if not o.soft) or "none"
+    modes = sorted({step.mode for step in scenario.script})
+    for i, disturbance in enumerate(scenario.disturbances):
+        key = f"disturbances[{i}]"
+        name = disturbance.object or scenario.task.pick
+        config = scenario.objects.get(name)
+        message = f"{name!r} is not an object, or soft; allowed: {rigid}"
+        require(config is not None and not config.soft, f"{key}.object", message)
+        message = f"the script has no step {disturbance.at!r}; allowed: "
+        scripted = not scenario.script or disturbance.at in modes
+        require(scripted, f"{key}.at", message + ", ".join(modes))
+        if isinstance(disturbance, Topple):
+            message = "must not be [0, 0]"
+            require(any(disturbance.direction), f"{key}.direction", message)
 
 
 def _check_cameras(

@@ -70,6 +70,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.joint_position_commanded (optional, SrgPositionDriver)
         - gripper.hold (optional)
         - gripper.force_limit (optional)
+        - object_forces_cheat (optional)
         output_ports:
         - arm.state_measured
         - arm.torque_measured
@@ -91,7 +92,8 @@ def MakeStation(scenario: Scenario) -> Diagram:
     they carry stands at `AddArmPositionDriver`, `AddSrgPositionDriver`,
     `AddSrgTendonDriver` and Drake's RgbdSensor. The subsystems are named `plant`,
     `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME` and
-    `object_poses`.
+    `object_poses`. Disturbances enter by `object_forces_cheat`
+    (list[ExternallyAppliedSpatialForce]).
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -160,6 +162,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
             plant.get_deformable_body_configuration_output_port(),
             poses.get_input_port(1),
         )
+    ports.inputs["object_forces_cheat"] = plant.get_applied_spatial_force_input_port()
     ports.outputs["object_poses_cheat"] = poses.get_output_port()
     ports.outputs["contact_results_cheat"] = plant.get_contact_results_output_port()
     return ports
