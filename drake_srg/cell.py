@@ -1,12 +1,12 @@
 """The cell: a station with localizer and planner, the autonomous system."""
 
 import numpy as np
-from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
+from drake_srg.goals import goal_pose
 from drake_srg.objects import known_shape, object_body, object_shape
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
@@ -173,13 +173,11 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
     """Make the planner of a scenario's task."""
     name, place = scenario.task.pick, scenario.task.place
     shape = object_shape(name, scenario.objects[name])
-    height = scenario.table.height if place.height is None else place.height
-    goal = RigidTransform([*place.position, height + 0.5 * shape.height])
     return PickAndPlacePlanner(
         MakeTaskPlanner(scenario),
         name,
         shape,
-        goal,
+        goal_pose(scenario, shape),
         place.tolerance,
         obstacles={
             other: known

@@ -11,11 +11,11 @@ from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.objects import known_shape
+from drake_srg.goals import final_pose, final_tilt
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
 from drake_srg.station import AddDirectives
-from drake_srg.types import Failure, Mode, PlannerStatus, Sphere, Vector
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 SCHEMA_VERSION = 1
 MODES = list(Mode)
@@ -36,7 +36,8 @@ class Metrics:
     # The planner's own word, or `misplaced` where it said done and was wrong.
     failure: str | None
     attempts: int
-    # From the first localisation that led to a grasp to the arm back home [s].
+    cycles: int  # times the object was placed
+    # From the first localisation that led to a grasp to the arm back home, a cycle [s].
     cycle_time_s: float | None
     planning_wall_s: float
     localization_error_m: list[float] | None  # estimate minus truth
@@ -125,14 +126,10 @@ def calc_metrics(
     localization = shift = drift = peak = cycle = None
     if poses is not None:
         final = _transform(poses[-1])
-        # It shall stand, or lie, at its goal as it did at the start.
-        start = _transform(poses[0])
-        place = scenario.task.place
-        error = final.translation() - [*place.position, start.translation()[2]]
-        if not isinstance(known_shape(pick, scenario.objects[pick]), Sphere):
-            z, upright = final.rotation().col(2), start.rotation().col(2)
-            sine = np.linalg.norm(np.cross(upright, z))
-            tilt = float(np.arctan2(sine, upright @ z))
+        start, place = _transform(poses[0]), scenario.task.place
+        goal = final_pose(scenario, start)
+        error = final.translation() - goal.translation()
+        tilt = final_tilt(scenario, start, final)
         placed = bool(
             np.linalg.norm(error) <= place.tolerance
             and (tilt is None or tilt <= _MAX_TILT)
@@ -149,7 +146,7 @@ def calc_metrics(
         peak = float(np.max(log["contact_force"])) or None  # None: never touched
     if status.mode is Mode.DONE:
         done = time[mode == MODES.index(Mode.DONE)][0]
-        cycle = float(done - status.localized_at)
+        cycle = float(done - status.localized_at) / max(status.cycles, 1)
     success = placed and status.mode is Mode.DONE
     failure = status.failure
     if status.mode is Mode.DONE and not success:
@@ -162,6 +159,7 @@ def calc_metrics(
         success=success,
         failure=failure.value if failure else None,
         attempts=status.attempts,
+        cycles=status.cycles,
         cycle_time_s=cycle,
         planning_wall_s=status.planning_wall,
         localization_error_m=_floats(localization),

@@ -1,3 +1,4 @@
+import dataclasses as dc
 import json
 
 import numpy as np
@@ -8,6 +9,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.metrics import MODES, RunTimes, calc_metrics, pose_to_row
+from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario import load_scenario
 from drake_srg.station import AddDirectives
 from drake_srg.types import Blob, Failure, Mode, PlannerStatus
@@ -52,12 +54,12 @@ def make_log(**changes):
     return log | changes
 
 
-def judge(log, status=None, touching=("support",)):
+def judge(log, status=None, touching=("support",), scenario=SCENARIO):
     status = status or PlannerStatus(
         mode=Mode.DONE, attempts=1, localization=BLOB, localized_at=0.0
     )
     times = RunTimes(simulated=3.0, wall=1.5)
-    return calc_metrics(SCENARIO, "kitchen", log, status, set(touching), times, {})
+    return calc_metrics(scenario, "kitchen", log, status, set(touching), times, {})
 
 
 def with_pose(log, rows, X):
@@ -108,14 +110,51 @@ def test_what_lay_at_first_shall_lie_again(turned):
     log = with_pose(make_log(), slice(0, 100), RigidTransform(lying, [0.6, 0.1, 0.3]))
     end = RotationMatrix.MakeYRotation(turned) @ lying
     goal = RigidTransform(end, [*GOAL[:2], 0.3])
-    metrics = judge(with_pose(log, slice(100, None), goal))
+    scripted = dc.replace(SCENARIO, script=[ScriptStep()])
+    metrics = judge(with_pose(log, slice(100, None), goal), scenario=scripted)
     # Turned about the axis of the lying can, it rolled; about the other, it tilts.
     assert metrics.placement_tilt_rad == pytest.approx(0.0, abs=1e-9)
     assert metrics.placement_error_m == pytest.approx([0, 0, 0], abs=1e-9)
     assert metrics.success
-    stood = judge(with_pose(log, slice(100, None), RigidTransform([*GOAL[:2], 0.3])))
+    upright = with_pose(log, slice(100, None), RigidTransform([*GOAL[:2], 0.3]))
+    stood = judge(upright, scenario=scripted)
     assert stood.placement_tilt_rad == pytest.approx(np.pi / 2)
     assert not stood.success
+
+
+@pytest.mark.parametrize("end", [0.0, np.pi])
+def test_what_lay_at_first_shall_stand_on_either_end(end):
+    lying = RotationMatrix.MakeXRotation(np.pi / 2)
+    radius = 0.0339  # of the can
+    log = with_pose(
+        make_log(), slice(0, 100), RigidTransform(lying, [*START[:2], radius])
+    )
+    stood = RigidTransform(RotationMatrix.MakeXRotation(end), GOAL)
+    metrics = judge(with_pose(log, slice(100, None), stood))
+    assert metrics.placement_tilt_rad == pytest.approx(0.0, abs=1e-9)
+    assert metrics.success
+    log = with_pose(log, slice(100, None), RigidTransform(lying, GOAL))
+    assert judge(log).placement_tilt_rad == pytest.approx(np.pi / 2)
+
+
+def test_what_went_there_and_back_shall_be_where_it_was():
+    scenario = dc.replace(SCENARIO, task=dc.replace(SCENARIO.task, repeat=2))
+    status = PlannerStatus(mode=Mode.DONE, cycles=2, localization=BLOB)
+    back = with_pose(make_log(), slice(100, None), RigidTransform(START))
+    metrics = judge(back, status, scenario=scenario)
+    assert metrics.success
+    assert metrics.placement_error_m == pytest.approx([0, 0, 0], abs=1e-4)
+    assert (metrics.cycles, metrics.cycle_time_s) == (2, pytest.approx(1.25))
+    assert not judge(make_log(), status, scenario=scenario).success
+
+
+def test_the_goal_may_be_higher_than_the_table():
+    place = dc.replace(SCENARIO.task.place, height=0.02)
+    scenario = dc.replace(SCENARIO, task=dc.replace(SCENARIO.task, place=place))
+    assert not judge(make_log(), scenario=scenario).success
+    X = RigidTransform(GOAL + np.array([0.0, 0.0, 0.02]))
+    raised = with_pose(make_log(), slice(100, None), X)
+    assert judge(raised, scenario=scenario).success
 
 
 def test_turning_about_the_vertical_is_no_tilt():
@@ -277,8 +316,9 @@ def test_an_arm_that_rests_has_no_smoothness():
 # The file.
 
 KEYS = """
-schema_version scenario seed success failure attempts cycle_time_s planning_wall_s
-localization_error_m placement_error_m placement_tilt_rad grasp_shift_m smoothness
+schema_version scenario seed success failure attempts cycles cycle_time_s
+planning_wall_s localization_error_m placement_error_m placement_tilt_rad
+grasp_shift_m smoothness
 hold_drift_m_per_s peak_contact_force_n sim_time_s wall_time_s real_time_factor
 artifacts
 """

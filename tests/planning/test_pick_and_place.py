@@ -307,7 +307,7 @@ def test_an_object_that_did_not_move_is_taken(shift):
     world = World(look_before_grasp=True)
     there = world.where
     world.where = lambda mode: (
-        [blob(START + [shift, 0.0, 0.0])] if mode is Mode.PRE_GRASP else there(mode)
+        [blob(START + shift * np.eye(3)[0])] if mode is Mode.PRE_GRASP else there(mode)
     )
     assert world.run().failure is None
     assert world.trace == CYCLE
