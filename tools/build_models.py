@@ -9,7 +9,16 @@ import argparse
 import sys
 from pathlib import Path
 
-from models import gantry, household, iiwa14, props, srg
+from models import (
+    assistive_arm,
+    gantry,
+    household,
+    iiwa14,
+    linkage_gripper,
+    props,
+    srg,
+    workplace,
+)
 
 ROOT = Path(__file__).resolve().parent.parent / "models"
 
@@ -18,7 +27,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--check", action="store_true", help="compare, do not write")
     check = parser.parse_args().check
-    builders = (srg, iiwa14, gantry, props, household)
+    builders = (
+        *(srg, iiwa14, gantry, props, household),
+        *(assistive_arm, linkage_gripper, workplace),
+    )
     files = {k: v for module in builders for k, v in module.Build().items()}
     present = {
         path.relative_to(ROOT).as_posix()
