@@ -23,7 +23,7 @@ from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.disturbances import Force, Push, Topple
 from drake_srg.errors import ScenarioError
-from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
+from drake_srg.gripper.drivers import GripperDriver
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario_checks import check_scenario
@@ -194,7 +194,7 @@ class Scenario:
     # All models that are not `objects`. The driven ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
     arm: ArmPositionDriver | None = None
-    gripper: SrgPositionDriver | SrgTendonDriver | None = None
+    gripper: GripperDriver | None = None
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # The top on which objects stand, of a table among the directives.
     table: TableConfig = dc.field(default_factory=TableConfig)

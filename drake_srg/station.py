@@ -30,7 +30,7 @@ from pydrake.systems.sensors import ApplyCameraConfig
 from drake_srg.arm.drivers import AddArmPositionDriver, SetArmGains
 from drake_srg.errors import ScenarioError, one_line, scenario_errors
 from drake_srg.gripper.drivers import (
-    AddSrgDriver,
+    AddGripperDriver,
     SetTendonDynamics,
     SrgTendonDriver,
 )
@@ -118,7 +118,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
     arm = gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
-        driver = AddSrgDriver(builder, plant, gripper, scenario.gripper)
+        driver = AddGripperDriver(builder, plant, gripper, scenario.gripper)
         builder.Connect(
             scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
         )

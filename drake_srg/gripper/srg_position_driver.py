@@ -1,0 +1,134 @@
+"""The SRG as the thesis drives it: four position-controlled joints."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import MatrixGain
+
+from drake_srg.gripper.driver_wiring import (
+    AddDriver,
+    gripper_actuators,
+    joint_to_actuator,
+)
+from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
+from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
+from drake_srg.gripper.servo import GripperServo, GripperServoConfig
+from drake_srg.gripper.underactuation import (
+    JOINT_NAMES,
+    UnderactuationConfig,
+    UnderactuationLogic,
+)
+
+
+def _default_servo() -> GripperServoConfig:
+    # Joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip), the inertia J that
+    # a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
+    # Stiffness K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate. A
+    # fingertip pinch presses with the middle of its pad, 34 mm beyond the tip hinge
+    # and 85 mm beyond the base hinge, when base and tip torque are as 85 : 34; both
+    # joints have the same error there (Algorithm 1), so K_tip = K_base / 2.5.
+    # K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 the joint's damping
+    # over tau; K_FF2 = J / tau.
+    base, tip = 0, 1
+    tau = np.array([2.0, 1.4])
+    inertia = np.array([0.0037, 0.0019])
+    stiffness = inertia[base] * 40.0**2 * np.array([1.0, 1.0 / 2.5])
+    damping = 0.01
+
+    def per_joint(gain: np.ndarray) -> list[float]:
+        return [float(gain[i]) for i in (base, base, tip, tip)]
+
+    return GripperServoConfig(
+        kp=per_joint(stiffness / tau),
+        ki=[0.0] * 4,
+        kd=per_joint(2.0 * np.sqrt(stiffness * inertia) / tau),
+        kff1=per_joint(damping / tau),
+        kff2=per_joint(inertia / tau),
+    )
+
+
+@dc.dataclass(kw_only=True)
+class SrgPositionDriver(FingerSensingConfig):
+    """Four position-controlled joints, as in the SRG thesis's V-REP model.
+
+    closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo; the PWM
+    times the joint's torque limit is the torque.
+    """
+
+    underactuation: UnderactuationConfig = dc.field(
+        default_factory=UnderactuationConfig
+    )
+    minimum_jerk: MinimumJerkConfig = dc.field(default_factory=MinimumJerkConfig)
+    servo: GripperServoConfig = dc.field(default_factory=_default_servo)
+
+
+def AddSrgPositionDriver(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    gripper: ModelInstanceIndex,
+    config: SrgPositionDriver | None = None,
+) -> Diagram:
+    """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
+
+    .. pydrake_system::
+
+        name: SrgPositionDriver
+        input_ports:
+        - plant_state
+        - query_object
+        - contact_results
+        - body_poses
+        - closure_commanded
+        - joint_position_commanded (optional)
+        - hold (optional)
+        - force_limit (optional)
+        output_ports:
+        - state_measured
+        - proximity
+        - contact_force
+        - contact_wrench
+        - grasped
+        - pwm
+        - actuation
+
+    `actuation` is the joints' torques [N m] in the order of the gripper's actuators. It
+    and the inputs up to `body_poses` are connected here, but for `query_object`, which
+    is the scene graph's. The others are as in the table of station ports, in the order
+    of `JOINT_NAMES`.
+    """
+    config = config or SrgPositionDriver()
+    inner = DiagramBuilder()
+    sensing = AddFingerSensing(inner, plant, gripper, config)
+    n = len(JOINT_NAMES)
+    limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
+    motors = inner.AddNamedSystem(
+        "motors",
+        MatrixGain(
+            np.diag(limits) @ joint_to_actuator(plant, gripper, config.joint_names)
+        ),
+    )
+    logic = inner.AddNamedSystem(
+        "underactuation_logic", UnderactuationLogic(config.underactuation)
+    )
+    reference = inner.AddNamedSystem(
+        "minimum_jerk_reference",
+        MinimumJerkReference(np.zeros(n), config.minimum_jerk),
+    )
+    servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
+
+    for system in (logic, servo):
+        inner.Connect(sensing.state_measured, system.GetInputPort("state_measured"))
+    inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
+    inner.Connect(logic.get_output_port(), reference.get_input_port())
+    inner.Connect(reference.get_output_port(), servo.GetInputPort("reference"))
+    inner.Connect(servo.get_output_port(), motors.get_input_port())
+
+    for name in ("closure_commanded", "joint_position_commanded", "hold"):
+        inner.ExportInput(logic.GetInputPort(name), name)
+    inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
+    inner.ExportOutput(servo.get_output_port(), "pwm")
+    inner.ExportOutput(motors.get_output_port(), "actuation")
+    return AddDriver(builder, plant, gripper, inner)

@@ -1,0 +1,170 @@
+import gc
+import weakref
+
+import numpy as np
+import pytest
+from helpers import port_table
+
+from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.gripper.underactuation import JOINT_NAMES
+from gripper.srg_hand import Hand
+
+
+def test_ports():
+    assert port_table(Hand().driver) == (
+        {
+            "plant_state": 8,
+            "query_object": None,
+            "contact_results": None,
+            "body_poses": None,
+            "closure_commanded": 1,
+            "joint_position_commanded": 4,
+            "hold": 1,
+            "force_limit": 1,
+        },
+        {
+            "actuation": 4,
+            "state_measured": 8,
+            "pwm": 4,
+            "proximity": 4,
+            "contact_force": 4,
+            "contact_wrench": 24,
+            "grasped": 1,
+        },
+    )
+
+
+def test_joints_are_measured_in_the_order_of_their_names():
+    hand = Hand()
+    plant_context = hand.plant.GetMyMutableContextFromRoot(hand.root)
+    for i, name in enumerate(JOINT_NAMES):
+        joint = hand.plant.GetJointByName(f"{name}_joint", hand.model)
+        joint.set_angle(plant_context, 0.1 * (i + 1))
+        joint.set_angular_rate(plant_context, 1.0 * (i + 1))
+    expected = [0.1, 0.2, 0.3, 0.4, 1, 2, 3, 4]
+    assert hand.read("state_measured") == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("i", range(4))
+def test_each_joint_is_driven_by_its_own_pwm(i):
+    hand = Hand()
+    targets = np.zeros(4)
+    targets[i] = 0.3
+    hand.command(joint_position_commanded=targets)
+    hand.advance(0.5)
+    assert hand.q == pytest.approx(targets, abs=0.01)
+    name = f"{JOINT_NAMES[i]}_joint"
+    for k in hand.plant.GetJointActuatorIndices():
+        actuator = hand.plant.get_joint_actuator(k)
+        torque = actuator.get_actuation_vector(hand.read("actuation"))[0]
+        if actuator.joint().name() == name:
+            pwm = hand.read("pwm")[i]
+            assert torque == pytest.approx(pwm * actuator.effort_limit())
+
+
+def test_it_closes_on_nothing_and_opens():
+    hand = Hand()
+    hand.command(closure_commanded=0.25)
+    hand.advance(0.6)
+    # The bases alone; the fingers' weight bends the servos by less than 0.01 rad.
+    assert hand.q == pytest.approx([0.75, 0.75, 0.0, 0.0], abs=0.01)
+    hand.command(closure_commanded=0.0)
+    hand.advance(0.6)
+    assert hand.q == pytest.approx([0.0] * 4, abs=0.01)
+    assert hand.read("grasped") == [0.0]
+
+
+def test_the_bases_move_no_faster_than_the_limit():
+    hand = Hand()
+    hand.command(closure_commanded=0.4)
+    speeds = []
+    for _ in range(60):
+        hand.advance(0.01)
+        speeds.append(np.max(hand.read("state_measured")[4:6]))
+    # 3.67 rad/s and a tenth for the servo's overshoot.
+    assert 3.3 < max(speeds) < 4.04
+
+
+@pytest.fixture(scope="module")
+def wrapped():
+    hand = Hand(post=True)
+    hand.command(closure_commanded=1.0, force_limit=0.3)
+    hand.advance(1.5)
+    return hand
+
+
+def test_the_tips_close_after_the_bases_touch(wrapped):
+    q, proximity = np.array(wrapped.log["q"]), np.array(wrapped.log["proximity"])
+    for base, tip in ((0, 2), (1, 3)):
+        touched = np.flatnonzero(proximity[:, base] < 0.003)[0]
+        assert touched > 0
+        assert np.max(np.abs(q[: touched + 1, tip])) < 0.03
+        assert q[-1, tip] > 0.5
+        assert proximity[-1, tip] < 0.003
+    # Left and right do the same; contact meshes of the post are not symmetric.
+    assert q[-1, 0] == pytest.approx(q[-1, 1], abs=0.02)
+    assert q[-1, 2] == pytest.approx(q[-1, 3], abs=0.02)
+
+
+def test_it_presses_with_the_force_limit(wrapped):
+    pwm = np.array(wrapped.log["pwm"])
+    assert np.max(np.abs(pwm)) == pytest.approx(0.3)
+    assert pwm[-1] == pytest.approx([0.3] * 4)
+
+
+def test_a_wrapped_object_is_a_grasp(wrapped):
+    assert wrapped.read("grasped") == [1.0]
+
+
+def test_hold_keeps_the_fingers_where_they_are():
+    hand = Hand()
+    hand.command(closure_commanded=0.3)
+    hand.advance(0.2)
+    hand.command(hold=1.0)
+    hand.advance(0.3)
+    held = hand.q
+    assert 0.1 < held[0] < 0.85
+    hand.command(closure_commanded=1.0)
+    hand.advance(0.3)
+    assert hand.q == pytest.approx(held, abs=1e-3)
+
+
+def test_the_configuration_arrives():
+    config = SrgPositionDriver()
+    config.servo.force_limit = 0.02
+    hand = Hand(config=config)
+    hand.command(closure_commanded=0.3)
+    hand.advance(0.05)
+    assert np.max(np.abs(hand.log["pwm"])) == pytest.approx(0.02)
+
+
+def test_a_diagram_with_the_driver_is_freed():
+    hand = Hand()
+    hand.advance(0.02)
+    watches = [weakref.ref(hand.diagram), weakref.ref(hand.driver)]
+    watches += [weakref.ref(system) for system in hand.driver.GetSystems()]
+    del hand
+    gc.collect()
+    assert [watch() for watch in watches] == [None] * len(watches)
+
+
+def test_the_driver_tells_the_order_of_joints_and_sensors():
+    driver = SrgPositionDriver()
+    assert driver.joint_names == (
+        "left_base_joint",
+        "right_base_joint",
+        "left_tip_joint",
+        "right_tip_joint",
+    )
+    assert driver.sensor_names == JOINT_NAMES
+
+
+def test_touch_can_trigger_algorithm_1():
+    hand = Hand(post=True, config=SrgPositionDriver(trigger="touch"))
+    hand.command(closure_commanded=1.0, force_limit=0.3)
+    hand.advance(1.0)
+    # Blind to what is near, the bases press on the post before the tips close.
+    force = hand.read("contact_force")
+    assert np.all(force[:2] > 0.5)
+    assert np.all(hand.q[2:] > 0.5)
+    assert hand.read("grasped") == [1.0]
