@@ -60,11 +60,13 @@ class Hand(abc.ABC):
     Attributes:
         num_joints: Length n of the measured joint angles.
         num_sensors: Length m of the proximity readings.
+        p_GT: The hand's point that straight lines are for, shape (3,) [m].
         upright_within: Lean up to which an object counts as standing upright [rad].
     """
 
     num_joints: int
     num_sensors: int
+    p_GT: Vector
     upright_within: float
 
     @abc.abstractmethod

@@ -10,9 +10,10 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.moves import TaskFailure
 from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.sightings import Sightings, lean, standing_at
-from drake_srg.planning.task_motions import TaskFailure, TaskPlanner
+from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.types import Blob, Failure, Mode, Sphere
 
 # An object seen this far from where the motions take it has moved [m], [rad]: more than

@@ -74,6 +74,7 @@ class SrgHand(Hand):
     squeeze: float
 
     num_joints = num_sensors = 4
+    p_GT = np.zeros(3)
     upright_within = _UPRIGHT_WITHIN
 
     def grasps(self, shape: Shape, axis_W: Vector) -> list[Grasp]:

@@ -8,17 +8,17 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.grasps import Grasp, Hand
 from drake_srg.planning.hand_target import HandTarget
 from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
-from drake_srg.planning.paths import PathFailure, PlanCartesianPath, PlanJointPath
+from drake_srg.planning.moves import Moves, NoPathError, TaskFailure
+from drake_srg.planning.paths import PathFailure, PlanCartesianPath
 from drake_srg.planning.planning_scene import PlanningScene
-from drake_srg.planning.trajectories import MotionLimits, TimeOptimalTrajectory
-from drake_srg.types import Failure, Mode, Shape, Vector
+from drake_srg.types import Cylinder, Failure, Mode, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because it is
@@ -41,22 +41,9 @@ class TaskMotions:
 
 
 @dc.dataclass(frozen=True)
-class TaskFailure:
-    """Why there are no motions."""
-
-    failure: Failure
-    message: str
-
-
-class _NoPathError(Exception):
-    def __init__(self, failure: Failure, message: str) -> None:
-        super().__init__(message)
-        self.failure = TaskFailure(failure, message)
-
-
-@dc.dataclass(frozen=True)
 class _Candidate:
     grasp: Grasp
+    X_WO: RigidTransform  # of the object, the end up that shall be
     q_grasp: Vector
     q_place: Vector
     score: float
@@ -84,9 +71,7 @@ class TaskPlanner:
         self.hand = hand
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
-        limits = MotionLimits.OfPlant(scene)
-        self._free = limits.Scaled(config.speed, config.speed)
-        self._holding = limits.Scaled(config.holding_speed, config.holding_acceleration)
+        self._moves = Moves(scene, hand, config)
 
     def plan(
         self,
@@ -130,12 +115,12 @@ class TaskPlanner:
             with self._standing(obstacles):
                 with self._carrying(shape, grasp):
                     above = place.Shifted(self.config.lift_height * _UP)
-                    path = self._straight(q_start, above)
-                    path = np.vstack([path, self._straight(path[-1], place)[1:]])
-                    down = self._timed(path, self._holding, straight=True)
+                    path = self._moves.straight(q_start, above)
+                    path = np.vstack([path, self._moves.straight(path[-1], place)[1:]])
+                    down = self._moves.timed(path, self._moves.holding, straight=True)
                 motions = {Mode.PLACE: down}
                 motions |= self._leave(path[-1], grasp, shape, X_WO_goal)
-        except _NoPathError as error:
+        except NoPathError as error:
             return error.failure
         return TaskMotions(grasp, motions)
 
@@ -153,14 +138,13 @@ class TaskPlanner:
             clearance = self.scene.clearance(self.q_home)
         if clearance.spare < 0.0 and "held_object" in clearance.bodies:
             return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
-        grasps = self.hand.grasps(shape, X_WO.rotation().col(2))
-        candidates, failures = self._candidates(grasps, X_WO, shape, X_WO_goal)
+        candidates, failures = self._candidates(X_WO, shape, X_WO_goal)
         no_path = []
         for candidate in candidates:
             try:
-                motions = self._motions(q_start, X_WO, shape, X_WO_goal, candidate)
+                motions = self._motions(q_start, shape, X_WO_goal, candidate)
                 return TaskMotions(candidate.grasp, motions)
-            except _NoPathError as error:
+            except NoPathError as error:
                 no_path.append(error.failure)
         # The grasps that came furthest tell what is in the way.
         failures = no_path or failures
@@ -177,14 +161,16 @@ class TaskPlanner:
         """Plan back out of a failed grasp: away from the object, then home."""
         try:
             with self._standing(obstacles):
-                path = PlanCartesianPath(self.scene, q, self._behind(q))
+                path = PlanCartesianPath(self.scene, q, self._moves.behind(q))
                 if isinstance(path, PathFailure):
                     path = q[np.newaxis]
                 return (
-                    self._timed(path, self._free),
-                    self._timed(self._joint_path(path[-1], self.q_home), self._free),
+                    self._moves.timed(path, self._moves.free),
+                    self._moves.timed(
+                        self._moves.joint_path(path[-1], self.q_home), self._moves.free
+                    ),
                 )
-        except _NoPathError as error:
+        except NoPathError as error:
             return error.failure
 
     @contextlib.contextmanager
@@ -201,15 +187,16 @@ class TaskPlanner:
             yield
 
     def _candidates(
-        self,
-        grasps: Sequence[Grasp],
-        X_WO: RigidTransform,
-        shape: Shape,
-        X_WO_goal: RigidTransform,
+        self, X_WO_seen: RigidTransform, shape: Shape, X_WO_goal: RigidTransform
     ) -> tuple[list[_Candidate], list[TaskFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is."""
         candidates, no_pick, no_place = [], [], []
-        for grasp in grasps:
+        choices = [
+            (X_WO, grasp)
+            for X_WO in self._ends_up(X_WO_seen, shape)
+            for grasp in self.hand.grasps(shape, X_WO.rotation().col(2))
+        ]
+        for X_WO, grasp in choices:
             self.scene.set_fingers(grasp.fingers_open)
             with self.scene.standing(shape, X_WO, touchable=True):
                 pick = SolveInverseKinematics(
@@ -240,36 +227,54 @@ class TaskPlanner:
                 *(s.clearance.distance for s in (pick, place) if s.clearance),
             )
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
-            candidates.append(_Candidate(grasp, pick.q, place.q, score))
+            candidates.append(_Candidate(grasp, X_WO, pick.q, place.q, score))
         return sorted(candidates, key=lambda c: c.score), no_place or no_pick
+
+    def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
+        """The object's pose with either end up, where that is not settled."""
+        if X_WO.rotation().col(2)[2] >= np.cos(self.hand.upright_within):
+            return [X_WO]
+        if not isinstance(shape, Cylinder):
+            return [X_WO]
+        return [
+            X_WO,
+            X_WO @ RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0] * 3),
+        ]
 
     def _motions(
         self,
         q_start: Vector,
-        X_WO: RigidTransform,
         shape: Shape,
         X_WO_goal: RigidTransform,
         candidate: _Candidate,
     ) -> dict[Mode, Trajectory]:
-        scene, grasp = self.scene, candidate.grasp
+        scene, grasp, X_WO = self.scene, candidate.grasp, candidate.X_WO
         motions: dict[Mode, Trajectory] = {}
 
         scene.set_fingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
-            back = self._straight(candidate.q_grasp, self._behind(candidate.q_grasp))
-            motions[Mode.GRASP] = self._timed(back[::-1], self._free, straight=True)
+            back = self._moves.straight(
+                candidate.q_grasp, self._moves.behind(candidate.q_grasp)
+            )
+            motions[Mode.GRASP] = self._moves.timed(
+                back[::-1], self._moves.free, straight=True
+            )
         with scene.standing(shape, X_WO):
-            motions[Mode.PRE_GRASP] = self._timed(
-                self._joint_path(q_start, back[-1]), self._free
+            motions[Mode.PRE_GRASP] = self._moves.timed(
+                self._moves.joint_path(q_start, back[-1]), self._moves.free
             )
 
         with self._carrying(shape, grasp):
             q_pick = candidate.q_grasp
-            up = self._straight(q_pick, self._above(q_pick))
-            motions[Mode.LIFT] = self._timed(up, self._holding, straight=True)
+            up = self._moves.straight(q_pick, self._moves.above(q_pick))
+            motions[Mode.LIFT] = self._moves.timed(
+                up, self._moves.holding, straight=True
+            )
             q_place, down, across = self._transfer(up[-1], X_WO_goal, candidate)
-            motions[Mode.TRANSFER] = self._timed(across, self._holding)
-            motions[Mode.PLACE] = self._timed(down, self._holding, straight=True)
+            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
+            motions[Mode.PLACE] = self._moves.timed(
+                down, self._moves.holding, straight=True
+            )
         return motions | self._leave(q_place, grasp, shape, X_WO_goal)
 
     def _leave(
@@ -279,11 +284,13 @@ class TaskPlanner:
         scene, motions = self.scene, {}
         scene.set_fingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
-            away = self._straight(q_place, self._behind(q_place))
-            motions[Mode.RETREAT] = self._timed(away, self._free, straight=True)
+            away = self._moves.straight(q_place, self._moves.behind(q_place))
+            motions[Mode.RETREAT] = self._moves.timed(
+                away, self._moves.free, straight=True
+            )
         with scene.standing(shape, X_WO):
-            motions[Mode.HOME] = self._timed(
-                self._joint_path(away[-1], self.q_home), self._free
+            motions[Mode.HOME] = self._moves.timed(
+                self._moves.joint_path(away[-1], self.q_home), self._moves.free
             )
         return motions
 
@@ -309,41 +316,9 @@ class TaskPlanner:
             kept = all(place.angle_violation(scene.X_WG(q)) < _UPRIGHT for q in line)
             if kept and scene.first_hit(line) is None:
                 across = np.array([q_lifted, across[-1]])
-            target = HandTarget.Pose(scene.X_WG(across[-1])).Shifted(-lift)
-            down = PlanCartesianPath(scene, across[-1], target)
+            down = PlanCartesianPath(scene, across[-1], self._moves.below(across[-1]))
             if not isinstance(down, PathFailure):
                 return down[-1], down, across
         q_place = candidate.q_place
-        up = self._straight(q_place, self._above(q_place))
-        return q_place, up[::-1], self._joint_path(q_lifted, up[-1])
-
-    def _above(self, q: Vector) -> HandTarget:
-        lift = self.config.lift_height * _UP
-        return HandTarget.Pose(self.scene.X_WG(q)).Shifted(lift)
-
-    def _behind(self, q: Vector) -> HandTarget:
-        X_WG = self.scene.X_WG(q)
-        back = -self.config.approach_distance * X_WG.rotation().col(0)
-        return HandTarget.Pose(X_WG).Shifted(back)
-
-    def _straight(self, q: Vector, target: HandTarget) -> Vector:
-        path = PlanCartesianPath(self.scene, q, target)
-        if isinstance(path, PathFailure):
-            raise _NoPathError(path.failure, path.message)
-        return path
-
-    def _joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:
-        path = PlanJointPath(self.scene, q_start, q_goal)
-        if isinstance(path, PathFailure):
-            raise _NoPathError(path.failure, path.message)
-        return path
-
-    def _timed(
-        self, path: Vector, limits: MotionLimits, *, straight: bool = False
-    ) -> Trajectory:
-        # The hand's straight lines are kept, other corners are rounded [rad].
-        rounding = 1e-3 if straight else 0.2
-        trajectory = TimeOptimalTrajectory(self.scene, path, limits, rounding=rounding)
-        if isinstance(trajectory, PathFailure):
-            raise _NoPathError(trajectory.failure, trajectory.message)
-        return trajectory
+        up = self._moves.straight(q_place, self._moves.above(q_place))
+        return q_place, up[::-1], self._moves.joint_path(q_lifted, up[-1])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from planning_world import CUP, GOAL, START, World, blob, make_planner
 
+from drake_srg.planning.moves import TaskFailure
 from drake_srg.planning.srg_hand import EMPTY_BASE_ANGLE
-from drake_srg.planning.task_motions import TaskFailure
 from drake_srg.types import BlobFlag, Failure, Mode
 
 CYCLE = [mode for mode in Mode if mode is not Mode.FAILED]

@@ -4,7 +4,7 @@ from planning_world import CAN, MOVING
 from pydrake.math import RigidTransform
 
 from drake_srg.cell import MakeTaskPlanner
-from drake_srg.planning.task_motions import TaskFailure
+from drake_srg.planning.moves import TaskFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Box, Cylinder, Failure, Mode
 
