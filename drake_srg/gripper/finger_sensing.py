@@ -1,6 +1,7 @@
-"""What an SRG senses of itself and of what it holds, for every driver alike."""
+"""What a gripper senses of itself and of what it holds, for every driver alike."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -9,25 +10,20 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.gripper.grasp_detector import GraspDetector, GraspDetectorConfig
-from drake_srg.gripper.proximity import AddSrgProximitySensors, ProximityConfig
-from drake_srg.gripper.touch import AddSrgContactForceSensors, TouchConfig
-from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
+from drake_srg.gripper.proximity import AddProximitySensors, ProximityConfig
+from drake_srg.gripper.touch import AddContactForceSensors, TouchConfig
+from drake_srg.types import Vector
 
 TRIGGERS = ("proximity", "touch")
 
 
 @dc.dataclass(kw_only=True)
 class FingerSensingConfig:
-    """The sensors of an SRG.
+    """The sensors of a gripper; a driver's configuration adds their `layout`."""
 
-    Attributes:
-        joint_names: Order of everything that has an entry a joint.
-        sensor_names: Order of everything that has an entry a sensor.
-    """
-
-    joint_names: ClassVar[tuple[str, ...]] = tuple(f"{n}_joint" for n in JOINT_NAMES)
-    sensor_names: ClassVar[tuple[str, ...]] = JOINT_NAMES
+    layout: ClassVar[FingerLayout]
 
     # Which sensors tell that a link is at something: the thesis's V-REP model had
     # proximity sensors in place of touch.
@@ -36,13 +32,24 @@ class FingerSensingConfig:
     touch: TouchConfig = dc.field(default_factory=TouchConfig)
     grasp_detector: GraspDetectorConfig = dc.field(default_factory=GraspDetectorConfig)
 
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Order of everything that has an entry a joint."""
+        return self.layout.joint_names
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Order of everything that has an entry a sensor."""
+        return self.layout.sensor_names
+
 
 @dc.dataclass(frozen=True)
 class FingerSensing:
     """Output ports that the rest of a driver needs."""
 
-    state_measured: OutputPort  # (8), [q; v] in the order of `JOINT_NAMES`
-    triggered: OutputPort  # (4)
+    state_measured: OutputPort  # (2n), [q; v] of the n measured joints
+    triggered: OutputPort  # (m), one a sensor
+    grasped: OutputPort  # (1)
 
 
 def AddFingerSensing(
@@ -57,17 +64,14 @@ def AddFingerSensing(
     `query_object`, `contact_results` and `body_poses`, and the outputs
     `state_measured`, `proximity`, `contact_force`, `contact_wrench` and `grasped`.
     """
-    n = len(JOINT_NAMES)
-    joints = [plant.GetJointByName(f"{name}_joint", gripper) for name in JOINT_NAMES]
-    rank = np.argsort(np.argsort([joint.velocity_start() for joint in joints]))
-    select = np.zeros((2 * n, 2 * n))
-    for row, column in enumerate(rank):
-        select[row, column] = select[n + row, n + column] = 1.0
-    encoders = builder.AddNamedSystem("encoders", MatrixGain(select))
-    proximity = AddSrgProximitySensors(builder, plant, gripper, config.proximity)
-    touch = AddSrgContactForceSensors(builder, plant, gripper, config.touch)
+    encoders = builder.AddNamedSystem(
+        "encoders", MatrixGain(_joint_selector(plant, gripper, config.joint_names))
+    )
+    layout = config.layout
+    proximity = AddProximitySensors(builder, plant, gripper, layout, config.proximity)
+    touch = AddContactForceSensors(builder, plant, gripper, layout, config.touch)
     detector = builder.AddNamedSystem(
-        "grasp_detector", GraspDetector(FINGERS, config.grasp_detector)
+        "grasp_detector", GraspDetector(layout.fingers, config.grasp_detector)
     )
     sensors = touch if config.trigger == "touch" else proximity
     triggered = sensors.GetOutputPort("triggered")
@@ -82,4 +86,20 @@ def AddFingerSensing(
     for name in ("contact_force", "contact_wrench"):
         builder.ExportOutput(touch.GetOutputPort(name), name)
     builder.ExportOutput(detector.get_output_port(), "grasped")
-    return FingerSensing(encoders.get_output_port(), triggered)
+    return FingerSensing(
+        encoders.get_output_port(), triggered, detector.get_output_port()
+    )
+
+
+def _joint_selector(
+    plant: MultibodyPlant, gripper: ModelInstanceIndex, names: Sequence[str]
+) -> Vector:
+    """The matrix that turns the gripper's state into [q; v] of some of its joints."""
+    positions = plant.GetPositionsFromArray(gripper, np.arange(plant.num_positions()))
+    speeds = plant.GetVelocitiesFromArray(gripper, np.arange(plant.num_velocities()))
+    joints = [plant.GetJointByName(name, gripper) for name in names]
+    return np.array(
+        [[*(positions == j.position_start()), *(speeds < 0)] for j in joints]
+        + [[*(positions < 0), *(speeds == j.velocity_start())] for j in joints],
+        dtype=float,
+    )

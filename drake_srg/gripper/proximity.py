@@ -14,6 +14,7 @@ from pydrake.systems.framework import (
     DiscreteValues,
 )
 
+from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 
@@ -110,38 +111,31 @@ class ProximitySensors(LeafSystem):
         output.SetFromVector([float(distance < trigger) for distance in distances])
 
 
-def AddSrgProximitySensors(
+def AddProximitySensors(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
+    layout: FingerLayout,
     config: ProximityConfig | None = None,
 ) -> ProximitySensors:
-    """Add four sensors, two a finger, to an SRG in a diagram with a finalized plant.
+    """Add a gripper's distance sensors to a diagram with its (finalized) plant.
 
-    Each sees anything that is not the gripper itself; the tips also see the other
-    finger. Order: left base, right base, left tip, right tip. The caller connects
-    `query_object` to the scene graph.
+    Each watches from its link, and sees anything but the gripper itself and what
+    `layout.seen` excepts of that. The caller connects `query_object` to the scene
+    graph.
     """
 
-    def geometries(*links: str) -> list[GeometryId]:
-        return [
-            g
-            for link in links
-            for g in plant.GetCollisionGeometriesForBody(
-                plant.GetBodyByName(link, gripper)
-            )
-        ]
+    def geometries(link: str) -> list[GeometryId]:
+        body = plant.GetBodyByName(link, gripper)
+        return list(plant.GetCollisionGeometriesForBody(body))
 
-    names = ["left_base", "right_base", "left_tip", "right_tip"]
-    sensors = {name: geometries(f"{name}_link") for name in names}
-    whole = geometries("palm", *(f"{name}_link" for name in names))
-    ignored = {name: set(whole) for name in names}
-    for side, other in (("left", "right"), ("right", "left")):
-        ignored[f"{side}_tip"] -= {
-            *sensors[f"{other}_base"],
-            *sensors[f"{other}_tip"],
-        }
+    bodies = [plant.get_body(index) for index in plant.GetBodyIndices(gripper)]
+    own = {body.name(): geometries(body.name()) for body in bodies}
+    sensors = {name: own[link] for name, link in layout.sensor_links.items()}
+    ignored = {
+        name: [g for link in own.keys() - layout.seen.get(name, ()) for g in own[link]]
+        for name in sensors
+    }
     return builder.AddNamedSystem(
-        "proximity_sensors",
-        ProximitySensors(sensors, {k: list(v) for k, v in ignored.items()}, config),
+        "proximity_sensors", ProximitySensors(sensors, ignored, config)
     )

@@ -1,6 +1,7 @@
 """The SRG as the thesis drives it: four position-controlled joints."""
 
 import dataclasses as dc
+from typing import ClassVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -13,6 +14,7 @@ from drake_srg.gripper.driver_wiring import (
     gripper_actuators,
     joint_to_actuator,
 )
+from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
@@ -57,6 +59,8 @@ class SrgPositionDriver(FingerSensingConfig):
     closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo; the PWM
     times the joint's torque limit is the torque.
     """
+
+    layout: ClassVar[FingerLayout] = SRG_FINGERS
 
     underactuation: UnderactuationConfig = dc.field(
         default_factory=UnderactuationConfig

@@ -1,6 +1,7 @@
 """The SRG with its own drive: one motor that winds a wire per finger."""
 
 import dataclasses as dc
+from typing import ClassVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -13,6 +14,7 @@ from drake_srg.gripper.driver_wiring import (
     gripper_actuators,
     joint_to_actuator,
 )
+from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
@@ -44,6 +46,8 @@ class SrgTendonDriver(FingerSensingConfig):
     closure -> SpoolCommand -> MinimumJerkReference -> GripperServo on the motor ->
     TendonDrive.
     """
+
+    layout: ClassVar[FingerLayout] = SRG_FINGERS
 
     spool: SpoolCommandConfig = dc.field(default_factory=SpoolCommandConfig)
     # 4.5 rad/s at the spool is 0.87 of the motor's no-load speed at full scale.

@@ -16,6 +16,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
+from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
@@ -160,19 +161,20 @@ def _surface_contacts(
         yield soft.contact_mesh(), soft.id_A(), soft.id_B(), soft
 
 
-def AddSrgContactForceSensors(
+def AddContactForceSensors(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
+    layout: FingerLayout,
     config: TouchConfig | None = None,
 ) -> ContactForceSensors:
-    """Add four sensors, two a finger, to an SRG in a diagram with a finalized plant.
+    """Add a gripper's force sensors to a diagram with its (finalized) plant.
 
-    Order: left base, right base, left tip, right tip. The caller connects the inputs.
+    The caller connects the inputs.
     """
     links = {}
-    for name in ("left_base", "right_base", "left_tip", "right_tip"):
-        body = plant.GetBodyByName(f"{name}_link", gripper)
+    for name, link in layout.sensor_links.items():
+        body = plant.GetBodyByName(link, gripper)
         links[name] = (body.index(), plant.GetCollisionGeometriesForBody(body))
     return builder.AddNamedSystem(
         "contact_force_sensors", ContactForceSensors(links, config)

@@ -9,8 +9,9 @@ from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.gripper.finger_layout import SRG_FINGERS
 from drake_srg.gripper.proximity import (
-    AddSrgProximitySensors,
+    AddProximitySensors,
     ProximityConfig,
     ProximitySensors,
 )
@@ -152,7 +153,7 @@ def srg_readings(q, post=None, **config):
         )
     plant.Finalize()
     config = ProximityConfig(**{"range": RANGE, **config})
-    sensors = AddSrgProximitySensors(builder, plant, model, config)
+    sensors = AddProximitySensors(builder, plant, model, SRG_FINGERS, config)
     simulator, plant_context, context = simulate(builder, plant, scene_graph, sensors)
     for name, angle in zip(sensors.sensor_names, q, strict=True):
         plant.GetJointByName(f"{name}_joint").set_angle(plant_context, angle)

@@ -15,8 +15,9 @@ from pydrake.multibody.plant import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.gripper.finger_layout import SRG_FINGERS
 from drake_srg.gripper.touch import (
-    AddSrgContactForceSensors,
+    AddContactForceSensors,
     ContactForceSensors,
     TouchConfig,
 )
@@ -66,7 +67,7 @@ def rest_on_a_pad(thing, side):
     for name in ("left_base", "right_base", "left_tip", "right_tip"):
         plant.GetJointByName(f"{name}_joint").set_position_limits([0.0], [0.0])
     plant.Finalize()
-    sensors = AddSrgContactForceSensors(builder, plant, model)
+    sensors = AddContactForceSensors(builder, plant, model, SRG_FINGERS)
     for source, name in (
         (plant.get_contact_results_output_port(), "contact_results"),
         (plant.get_body_poses_output_port(), "body_poses"),

@@ -1,0 +1,51 @@
+"""Which joints and links of a gripper are measured, and in which order."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+
+from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
+
+
+@dc.dataclass(frozen=True, kw_only=True)
+class FingerLayout:
+    """A gripper as its drivers and their sensors see it.
+
+    Attributes:
+        joint_names: Joints with an encoder, in the order of all that has an entry a
+            joint.
+        sensor_links: The link in which each sensor is, in the order of all that has an
+            entry a sensor.
+        fingers: For each finger the indices of its sensors.
+        seen: The gripper's own links that a distance sensor sees, where it sees any: by
+            the sensor's name.
+    """
+
+    joint_names: tuple[str, ...]
+    sensor_links: Mapping[str, str]
+    fingers: tuple[tuple[int, ...], ...]
+    seen: Mapping[str, tuple[str, ...]]
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Names of the sensors, in order."""
+        return tuple(self.sensor_links)
+
+
+SRG_FINGERS = FingerLayout(
+    joint_names=tuple(f"{name}_joint" for name in JOINT_NAMES),
+    sensor_links={name: f"{name}_link" for name in JOINT_NAMES},
+    fingers=FINGERS,
+    seen={
+        "left_tip": ("right_base_link", "right_tip_link"),
+        "right_tip": ("left_base_link", "left_tip_link"),
+    },
+)
+
+LINKAGE_FINGERS = FingerLayout(
+    joint_names=("master_crank_joint", "slave_crank_joint"),
+    sensor_links={"master_tip": "master_tip", "slave_tip": "slave_tip"},
+    fingers=((0,), (1,)),
+    seen={"master_tip": ("slave_tip",), "slave_tip": ("master_tip",)},
+)
