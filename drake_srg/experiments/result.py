@@ -117,6 +117,7 @@ class ExperimentResult:
         tables: Name of a CSV file to its columns, name (with the unit) to values,
             equally long. The data behind the figure.
         figure: A figure of `recording.figure.make_figure`.
+        files: Name to text of other files that come of it, such as a calibration.
 
     Raises:
         ValueError: If there are no rows, or columns of a table differ in length.
@@ -125,6 +126,7 @@ class ExperimentResult:
     rows: Sequence[Row]
     tables: Mapping[str, Mapping[str, npt.ArrayLike]]
     figure: Any
+    files: Mapping[str, str] = dc.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.rows:
@@ -156,10 +158,11 @@ class ExperimentResult:
     def paths(self, name: str, out: Path) -> list[Path]:
         """Return the files that `write` writes."""
         tables = (f"{table}.csv" for table in self.tables)
-        return [out / file for file in ("result.json", *tables, f"{name}.png")]
+        files = ("result.json", *tables, *self.files, f"{name}.png")
+        return [out / file for file in files]
 
     def write(self, name: str, out: Path) -> list[Path]:
-        """Write result.json, the tables and NAME.png, all of them or none.
+        """Write result.json, tables, files and NAME.png, all of them or none.
 
         The same result gives the same bytes.
 
@@ -173,11 +176,14 @@ class ExperimentResult:
             outputs = [OutputFile(path) for path in self.paths(name, out)]
             for output in outputs:
                 stack.callback(output.discard)
-            report, *tables, picture = outputs
+            report, *others, picture = outputs
+            tables, files = others[: len(self.tables)], others[len(self.tables) :]
             text = json.dumps([row.as_dict() for row in self.rows], indent=2)
             report.path.write_text(text + "\n", encoding="utf-8")
             for table, columns in zip(tables, self.tables.values(), strict=True):
                 _write_csv(table.path, columns)
+            for file, content in zip(files, self.files.values(), strict=True):
+                file.path.write_text(content, encoding="utf-8")
             save_png(self.figure, picture.path)
             return [output.commit() for output in outputs]
 

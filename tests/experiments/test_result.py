@@ -1,4 +1,5 @@
 import csv
+import dataclasses as dc
 import json
 import math
 
@@ -89,6 +90,18 @@ def test_files_hold_what_was_measured(tmp_path):
         {"time [s]": "0.1", "word": "b, c"},
     ]
     assert cv2.imread(str(paths[2])).shape == (220, 330, 3)
+
+
+def test_other_files_are_written_along(tmp_path):
+    result = dc.replace(make_result(), files={"frame.dmd.yaml": "directives: []\n"})
+    paths = result.write("thing", tmp_path)
+    assert [path.name for path in paths] == [
+        "result.json",
+        "motion.csv",
+        "frame.dmd.yaml",
+        "thing.png",
+    ]
+    assert (tmp_path / "frame.dmd.yaml").read_text() == "directives: []\n"
 
 
 def test_numbers_survive_the_csv(tmp_path):
