@@ -16,7 +16,7 @@ from drake_srg.planning.trajectories import MotionLimits, TimeOptimalTrajectory
 from drake_srg.types import Failure, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-_FREEDOMS = 6  # of a hand in space; arms with fewer joints cannot keep a whole pose
+FREEDOMS = 6  # of a hand in space; arms with fewer joints cannot keep a whole pose
 
 
 @dc.dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Moves:
     def _like(self, q: Vector) -> HandTarget:
         """The hand's pose, or as much of it as the arm can keep along a line."""
         X_WG = self._scene.X_WG(q)
-        if self._scene.num_joints >= _FREEDOMS:
+        if self._scene.num_joints >= FREEDOMS:
             return HandTarget.Pose(X_WG)
         z = np.array([0.0, 0.0, 1.0])
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)

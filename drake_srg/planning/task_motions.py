@@ -15,7 +15,7 @@ from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.grasps import Grasp, Hand
 from drake_srg.planning.hand_target import HandTarget
 from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
-from drake_srg.planning.moves import Moves, NoPathError, TaskFailure
+from drake_srg.planning.moves import FREEDOMS, Moves, NoPathError, TaskFailure
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.types import Cylinder, Failure, Mode, Shape, Vector
@@ -311,11 +311,12 @@ class TaskPlanner:
         # Straight across keeps the object upright. Where that does not go, any way.
         across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
         if not isinstance(across, PathFailure):
-            # Where the joints' straight line does, too, it is the faster one.
-            line = scene.edge(q_lifted, across[-1])
-            kept = all(place.angle_violation(scene.X_WG(q)) < _UPRIGHT for q in line)
-            if kept and scene.first_hit(line) is None:
-                across = np.array([q_lifted, across[-1]])
+            if scene.num_joints < FREEDOMS:
+                # Without a joint to spare, the hand's line costs detours of the joints.
+                line = scene.edge(q_lifted, across[-1])
+                kept = all(place.angle_violation(scene.X_WG(q)) == 0.0 for q in line)
+                if kept and scene.first_hit(line) is None:
+                    across = np.array([q_lifted, across[-1]])
             down = PlanCartesianPath(scene, across[-1], self._moves.below(across[-1]))
             if not isinstance(down, PathFailure):
                 return down[-1], down, across
