@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import functools
 import logging
 import subprocess
 import sys
@@ -10,32 +9,26 @@ from typing import Any
 
 import numpy as np
 import pytest
+from built_models import Built, Distances, build, extent, mesh_points, path_of
 from pydrake.geometry import (
     Box,
     CollisionFilterDeclaration,
     Convex,
     Cylinder,
-    GeometryInstance,
     GeometrySet,
-    ProximityProperties,
     ReadObjToTriangleSurfaceMesh,
     Role,
-    SceneGraph,
 )
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.parsing import ConfigureParser, ModelsPath
+from drake_srg.parsing import ModelsPath
 
 CAN = "005_tomato_soup_can"
 NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
 ROBOTS = ("srg", "iiwa14", "gantry")
 MODELS = (*ROBOTS, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
-BASES = {"srg": "palm", "srg_fast": "palm", "iiwa14": "link_0", "gantry": "stand"}
 SRG_JOINTS = (
     "left_base_joint",
     "right_base_joint",
@@ -43,62 +36,6 @@ SRG_JOINTS = (
     "right_tip_joint",
 )
 SEED = 20240607
-
-
-class Built:
-    """A plant of the named model, welded at its base."""
-
-    def __init__(self, name: str) -> None:
-        builder = DiagramBuilder()
-        self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 0.002)
-        parser = Parser(self.plant)
-        ConfigureParser(parser)
-        url = f"package://drake_srg/sdf/{name}.sdf"
-        (self.model,) = parser.AddModelsFromUrl(url)
-        if name in BASES:
-            base = self.plant.GetFrameByName(BASES[name])
-            self.plant.WeldFrames(self.plant.world_frame(), base)
-        self.plant.Finalize()
-        self.diagram = builder.Build()
-        self.context = self.diagram.CreateDefaultContext()
-        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
-        self.inspector = self.scene_graph.model_inspector()
-
-    def bodies(self) -> list[Any]:
-        indices = self.plant.GetBodyIndices(self.model)
-        return [self.plant.get_body(index) for index in indices]
-
-    def shapes(self, body: Any, role: Role) -> list[tuple[str, Any, RigidTransform]]:
-        frame = self.plant.GetBodyFrameIdOrThrow(body.index())
-        return [
-            (
-                self.inspector.GetName(g),
-                self.inspector.GetShape(g),
-                self.inspector.GetPoseInFrame(g),
-            )
-            for g in self.inspector.GetGeometries(frame, role)
-        ]
-
-    def set_joints(self, **angles: float) -> None:
-        for name, angle in angles.items():
-            self.plant.GetJointByName(name).set_angle(self.plant_context, angle)
-
-    def touching(self) -> set[tuple[str, str]]:
-        """The pairs of bodies that penetrate each other by more than 10 µm."""
-        context = self.scene_graph.GetMyContextFromRoot(self.context)
-        query = self.scene_graph.get_query_output_port().Eval(context)
-        pairs = set()
-        for pair in query.ComputePointPairPenetration():
-            if pair.depth > 1e-5:
-                frames = [self.inspector.GetFrameId(g) for g in (pair.id_A, pair.id_B)]
-                names = [self.plant.GetBodyFromFrameId(f).name() for f in frames]
-                pairs.add((min(names), max(names)))
-        return pairs
-
-
-@functools.cache
-def build(name: str) -> Built:
-    return Built(name)
 
 
 # ---- every model
@@ -143,20 +80,6 @@ def test_arm_inertias_are_valid():
         assert M.IsPhysicallyValid(), body.name()
 
 
-def extent(built: Built, body: Any) -> tuple[np.ndarray, np.ndarray]:
-    shapes = built.shapes(body, Role.kIllustration)
-    points = np.vstack([(X @ mesh_points(shape).T).T for _, shape, X in shapes])
-    return points.min(axis=0), points.max(axis=0)
-
-
-def mesh_points(shape: Any) -> np.ndarray:
-    return np.array(ReadObjToTriangleSurfaceMesh(str(path_of(shape))).vertices())
-
-
-def path_of(shape: Any) -> Path:
-    return Path(shape.source().path())
-
-
 # ---- what is seen is what is touched
 
 
@@ -183,27 +106,6 @@ def surface_points(shape: Any, rng: np.random.Generator) -> np.ndarray:
     inside = np.einsum("ij,ijk->ik", weights, V[corners])
     points = np.vstack([inside, V])
     return rng.permutation(points)[:400]
-
-
-class Distances:
-    """Signed distances to anchored shapes."""
-
-    def __init__(self, shapes: list[tuple[str, Any, RigidTransform]]) -> None:
-        self._scene_graph = SceneGraph()
-        source = self._scene_graph.RegisterSource("shapes")
-        for name, shape, X in shapes:
-            instance = GeometryInstance(X, shape, name)
-            instance.set_proximity_properties(ProximityProperties())
-            self._scene_graph.RegisterAnchoredGeometry(source, instance)
-        self._context = self._scene_graph.CreateDefaultContext()
-        self._query = self._scene_graph.get_query_output_port().Eval(self._context)
-
-    def at(self, p: np.ndarray) -> dict[str, float]:
-        inspector = self._query.inspector()
-        return {
-            inspector.GetName(d.id_G): d.distance
-            for d in self._query.ComputeSignedDistanceToPoint(p)
-        }
 
 
 @pytest.mark.parametrize(
