@@ -76,12 +76,14 @@ ROTOR_INERTIA = 0.028 / 345**2
 # 1,200 mA): the friction that this overcomes, taken as viscous, is the damping.
 NO_LOAD_CURRENT = 0.14
 
-# Degrees from home. 270-degree servos allow 135 either way of where the horn is put on.
-# Joint 2 would meet its own turntable beyond, joint 3 its shoulder when folded and the
-# straight arm when stretched, joint 5 the forearm's tube.
-LIMITS = ((-135, 135), (-40, 115), (-110, 45), (-135, 135), (-115, 115))
-# rad/s^2: see `Joints`.
-ACCELERATIONS = (10.0, 7.0, 10.0, 15.0, 12.0)
+# Degrees from home; the horns of 270-degree servos are put on so that both ends are in
+# their range. The upper arm stops where it lies on its turntable, and 40 degrees behind
+# home; joint 3 just before the forearm is stretched out, and before it is folded
+# onto the shoulder; joint 5 before its fork meets the block that holds its servo.
+LIMITS = ((-135, 135), (-40, 105), (-104, 45), (-135, 135), (-130, 130))
+# rad/s^2. With these at all joints at once, with any signs, half the stall torque still
+# holds the gripper with 0.1 kg in it, hand level, anywhere over the tables.
+ACCELERATIONS = (12.0, 6.0, 7.0, 10.0, 8.0)
 
 PETG = 1270.0  # kg/m^3; all brackets are printed solid
 CARBON = 1600.0  # kg/m^3
@@ -264,7 +266,7 @@ def Link4() -> list[Part]:
             _Box(
                 "wrist_block",
                 "bracket",
-                (x + 0.016, y + case, -0.010),
+                (x + 0.025, y + case, -0.010),
                 (back, 0.010, 0.010),
             ),
             _Box(
