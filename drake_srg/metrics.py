@@ -9,12 +9,11 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.goals import final_pose, final_tilt
+from drake_srg.hand_poses import hand_poses
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
-from drake_srg.station import AddDirectives
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 SCHEMA_VERSION = 1
@@ -232,18 +231,9 @@ def _hold_drift(
     rows = rows[time[rows] >= time[rows[-1]] - 0.8 * scenario.planner.verify_time]
     if len(rows) < 2:
         return None
-    plant = MultibodyPlant(time_step=0.0)
-    AddDirectives(plant, scenario)
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
-    arm = plant.GetModelInstanceByName("arm")
-    palm = plant.GetFrameByName("palm", plant.GetModelInstanceByName("gripper"))
-    p_GO = []
-    for row in (rows[0], rows[-1]):
-        q = log["arm.state_measured"][row, : plant.num_positions(arm)]
-        plant.SetPositions(context, arm, q)
-        X_WG = palm.CalcPoseInWorld(context)
-        p_GO.append(X_WG.inverse() @ poses[row, :3])
+    ends = [rows[0], rows[-1]]
+    hands = hand_poses(scenario, log["arm.state_measured"][ends])
+    p_GO = [X.inverse() @ poses[i, :3] for X, i in zip(hands, ends, strict=True)]
     return float(np.linalg.norm(p_GO[1] - p_GO[0]) / (time[rows[-1]] - time[rows[0]]))
 
 
