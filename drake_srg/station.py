@@ -67,7 +67,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         input_ports:
         - arm.position_commanded
         - gripper.closure_commanded
-        - gripper.joint_position_commanded (optional, SrgPositionDriver)
+        - gripper.joint_position_commanded (optional; not SrgTendonDriver)
         - gripper.hold (optional)
         - gripper.force_limit (optional)
         - object_forces_cheat (optional)
@@ -90,8 +90,8 @@ def MakeStation(scenario: Scenario) -> Diagram:
 
     Ports of the arm, the gripper and cameras exist where the scenario has these. What
     they carry stands at `AddArmPositionDriver`, `AddSrgPositionDriver`,
-    `AddSrgTendonDriver` and Drake's RgbdSensor. The subsystems are named `plant`,
-    `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME` and
+    `AddSrgTendonDriver`, `AddLinkageDriver` and Drake's RgbdSensor. The subsystems are
+    named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME` and
     `object_poses`. Disturbances enter by `object_forces_cheat`
     (list[ExternallyAppliedSpatialForce]).
 

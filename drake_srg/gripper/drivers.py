@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
 from drake_srg.gripper.srg_position_driver import (
     AddSrgPositionDriver,
     SrgPositionDriver,
@@ -19,15 +20,17 @@ from drake_srg.gripper.srg_tendon_driver import (
 
 __all__ = [
     "AddGripperDriver",
+    "AddLinkageDriver",
     "AddSrgPositionDriver",
     "AddSrgTendonDriver",
     "GripperDriver",
+    "LinkageDriver",
     "SetTendonDynamics",
     "SrgPositionDriver",
     "SrgTendonDriver",
 ]
 
-GripperDriver = SrgPositionDriver | SrgTendonDriver
+GripperDriver = SrgPositionDriver | SrgTendonDriver | LinkageDriver
 
 
 def AddGripperDriver(
@@ -42,3 +45,5 @@ def AddGripperDriver(
             return AddSrgPositionDriver(builder, plant, gripper, config)
         case SrgTendonDriver():
             return AddSrgTendonDriver(builder, plant, gripper, config)
+        case LinkageDriver():
+            return AddLinkageDriver(builder, plant, gripper, config)

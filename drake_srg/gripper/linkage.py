@@ -1,0 +1,131 @@
+"""The control of the master-slave linkage gripper: one finger leads, one follows."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector, positive
+
+# Entries of the discrete state: reference angles and speeds of both cranks, the time at
+# which these were chosen, the last closure, whether something is gripped.
+_ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
+
+
+@dc.dataclass(kw_only=True)
+class MasterSlaveConfig:
+    """How the fingers move; the arm thesis's values."""
+
+    # Crank angle of the master that closure 1 asks for [rad]: a little beyond that at
+    # which flat pads meet, 0.681.
+    full_scale: float = dc.field(default=0.69, metadata=positive())
+    # Speed of either crank [rad/s]: 60 degrees/s.
+    max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
+    # Speed of the slave over its angle behind the master's [1/s].
+    slave_gain: float = dc.field(default=20.0, metadata=positive())
+    # Time between evaluations [s]: that of the proximity sensors.
+    period: float = dc.field(default=0.01, metadata=positive())
+
+
+class MasterSlaveReference(LeafSystem):
+    """Turns one closure command into the motion of the master's and the slave's crank.
+
+    .. pydrake_system::
+
+        name: MasterSlaveReference
+        input_ports:
+        - closure_commanded
+        - state_measured
+        - grasped
+        - joint_position_commanded (optional)
+        - hold (optional)
+        output_ports:
+        - reference
+
+    Both cranks' angles are positive when closing, in the order master, slave; every
+    `config.period` their speeds are chosen:
+
+    * The master moves at `config.max_velocity` to the angle that `closure_commanded`
+      (1), 0 open .. 1 closed, clipped, a NaN ignored, asks of it.
+    * The slave follows at clip(gain (master - slave), +-max_velocity), the angles those
+      of `state_measured` (4), [q; v]. (The thesis has -master: its joints turn against
+      each other.) At full speed it is max_velocity / gain, 3 degrees, behind.
+    * From when `grasped` (1) is nonzero while the master is on its way to a closed
+      position both stand still: what their references ask for beyond the contact is the
+      grip. They let go when the command asks the master to open, and not before: an
+      object that is lost leaves them where they are.
+    * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
+      crank, which moves there at `config.max_velocity`.
+    * While `hold` (1) is nonzero both stand still.
+
+    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q continuous in time
+    within 0 .. full_scale, a zero.
+    """
+
+    def __init__(self, config: MasterSlaveConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or MasterSlaveConfig()
+        state = self.DeclareDiscreteState(7)
+        self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
+        self._measured = self.DeclareVectorInputPort(name="state_measured", size=4)
+        self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
+        self._override = self.DeclareVectorInputPort(
+            name="joint_position_commanded", size=2
+        )
+        self._hold = self.DeclareVectorInputPort(name="hold", size=1)
+        self.DeclareVectorOutputPort(
+            name="reference",
+            size=6,
+            calc=self._calc_reference,
+            prerequisites_of_calc={
+                self.time_ticket(),
+                self.discrete_state_ticket(state),
+            },
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _angles(self, context: Context) -> Vector:
+        """The references' angles now, (2)."""
+        state = context.get_discrete_state(0).value()
+        angles: Vector = state[_ANGLES] + state[_SPEEDS] * (
+            context.get_time() - state[_TIME]
+        )
+        return angles
+
+    def _calc_reference(self, context: Context, output: BasicVector) -> None:
+        speeds = context.get_discrete_state(0).value()[_SPEEDS]
+        output.SetFromVector([*self._angles(context), *speeds, 0.0, 0.0])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state, config = context.get_discrete_state(0).value(), self.config
+        angles = self._angles(context)
+        closure = self._closure.Eval(context)[0]
+        if not np.isfinite(closure):
+            closure = state[_CLOSURE]
+        closure = min(max(closure, 0.0), 1.0)
+        target = config.full_scale * closure
+
+        opens = target < angles[0]
+        grasped = self._grasped.Eval(context)[0] != 0.0
+        gripped = not opens and (bool(state[_GRIPPED]) or grasped)
+        if gripped:
+            speeds = np.zeros(2)
+        else:
+            master, slave = self._measured.Eval(context)[:2]
+            follow = config.slave_gain * (master - slave)
+            speeds = np.array([(target - angles[0]) / config.period, follow])
+        if self._override.HasValue(context):
+            wanted = self._override.Eval(context)
+            to_wanted = (wanted - angles) / config.period
+            speeds = np.where(np.isfinite(wanted), to_wanted, speeds)
+        if self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0:
+            speeds = np.zeros(2)
+        speeds = np.clip(speeds, -config.max_velocity, config.max_velocity)
+        last = np.clip(angles + speeds * config.period, 0.0, config.full_scale)
+        speeds = (last - angles) / config.period
+        discrete_state.set_value(
+            [*angles, *speeds, context.get_time(), closure, float(gripped)]
+        )
