@@ -21,7 +21,16 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.parsing import ConfigureParser
 
-BASES = {"srg": "palm", "srg_fast": "palm", "iiwa14": "link_0", "gantry": "stand"}
+BASES = {
+    "srg": "palm",
+    "srg_fast": "palm",
+    "iiwa14": "link_0",
+    "gantry": "stand",
+    "assistive_arm": "base",
+    "small_table": "table",
+    "small_table_recess": "table",
+    "bench": "bench",
+}
 
 
 class Built:

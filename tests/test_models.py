@@ -26,8 +26,9 @@ from drake_srg.parsing import ModelsPath
 
 CAN = "005_tomato_soup_can"
 NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
-ROBOTS = ("srg", "iiwa14", "gantry")
-MODELS = (*ROBOTS, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
+ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm")
+WORKPLACE = ("small_table", "small_table_recess", "bench")
+MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
 SRG_JOINTS = (
     "left_base_joint",
@@ -56,7 +57,9 @@ def test_total_mass(name, mass):
     assert total == pytest.approx(mass)
 
 
-@pytest.mark.parametrize("name", ("srg", "lid", "marker", CAN, *NOT_CONVEX))
+@pytest.mark.parametrize(
+    "name", ("srg", "assistive_arm", "lid", "marker", CAN, *NOT_CONVEX)
+)
 def test_inertias_fit_inside_the_body(name):
     built = build(name)
     for body in built.bodies():
@@ -114,11 +117,12 @@ def surface_points(shape: Any, rng: np.random.Generator) -> np.ndarray:
         ("srg", 0.002),
         ("srg_fast", 0.009),
         ("iiwa14", 0.002),
+        ("assistive_arm", 0.002),
         ("table", 0.002),
         ("lid", 0.002),
         (CAN, 3e-4),
     ]
-    + [(name, 0.002) for name in NOT_CONVEX],
+    + [(name, 0.002) for name in (*NOT_CONVEX, *WORKPLACE)],
 )
 def test_what_is_seen_is_what_is_touched(name, tolerance):
     built = build(name)
