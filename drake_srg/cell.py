@@ -152,12 +152,14 @@ def AddDisturber(
         config = scenario.objects[name]
         if config.present:
             body = object_body(plant, plant.GetModelInstanceByName(name))
-            mass = plant.get_body(body).default_mass()
-            target = Target(name, body, mass, known_shape(name, config))
+            inertia = plant.get_body(body).default_spatial_inertia()
+            target = Target(name, body, inertia, known_shape(name, config))
             disturbances.append((disturbance, target))
     if not disturbances:
         return
-    disturber = builder.AddNamedSystem("disturber", Disturber(disturbances))
+    # With CENIC, a power of two: see `scenario_checks`.
+    period = scenario.plant_config.time_step or 1.0 / 256.0
+    disturber = builder.AddNamedSystem("disturber", Disturber(disturbances, period))
     builder.Connect(planner.GetOutputPort("mode"), disturber.GetInputPort("mode"))
     builder.Connect(
         station.GetOutputPort("object_poses_cheat"),

@@ -10,23 +10,24 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.systems.framework import Context, EventStatus, State
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.scripted import minimum_jerk_blend
-from drake_srg.types import Box, Cylinder, Mode, Shape, Sphere, Vector, positive
+from drake_srg.types import Box, Cylinder, Mode, Shape, Vector, positive
 
-_PERIOD = 1.0 / 128.0  # s; exact in binary, which CENIC needs of all periods
 _GRAVITY = 9.81  # m/s²
-# All three poles of the hand that pushes [rad/s]: twice of it, sampled at `_PERIOD` or
-# by a plant with steps of 10 ms, would be unstable.
-_PUSH_POLE = 30.0
-# How long it goes on holding the object where the path ends [s]; the poles' response
-# has then decayed to 1 %.
-_PUSH_HOLD = 8.0 / _PUSH_POLE
-# The most that a hand presses with, over the object's weight. Friction takes once the
-# weight at most, speeding up less than that; what is held or blocked stays.
+# A hand that moves something lifts it a little [m]. Sliding would depend on friction,
+# and plants with steps above 2 ms let a stiff object that slides on a table rattle.
+_PUSH_LIFT = 0.002
+# Of the spring between hand and object [rad/s]: with the damper a tenth of what a plant
+# with steps of 5 ms can sample, and above what a push of some tenths of a second asks.
+_PUSH_FREQUENCY = 25.0
+# How long the hand stays where the path ends [s]: four time constants.
+_PUSH_HOLD = 4.0 / _PUSH_FREQUENCY
+# The most that a hand presses with, over the object's weight. Carrying takes one, and
+# speeding up less; what is held or blocked stays.
 _STRONGEST = 3.0
 # A push over grows by one weight in this time [s]: slowly beside the 0.1 s in which
 # things of a hand's size fall, so that the object is not hit, and quickly enough to
@@ -55,9 +56,9 @@ class Disturbance:
 
 @dc.dataclass(kw_only=True)
 class Push(Disturbance):
-    """A hand pushes the object along a line, at its foot, so that it does not tip.
+    """A hand moves the object aside, turning it no way, and lets go of it.
 
-    With at most three times the object's weight; what is held firmly stays.
+    With a force of at most three times the weight: what is held firmly stays.
     """
 
     # Of the object, in world [m].
@@ -79,7 +80,7 @@ class Topple(Disturbance):
 
 @dc.dataclass(kw_only=True)
 class Force(Disturbance):
-    """A constant force at the object's origin, and a torque."""
+    """A constant force at the object's centre of mass, and a torque."""
 
     force: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
@@ -99,7 +100,7 @@ class Target:
 
     name: str
     body: BodyIndex  # its frame is the object's
-    mass: float  # kg
+    inertia: SpatialInertia  # about its origin
     shape: Shape | None  # None: unknown, its origin is under it
 
 
@@ -109,10 +110,10 @@ class _Course:
 
     count: int = 0  # how often it has been due
     begin: float = np.inf  # when it last began or will begin [s]; inf: it waits
-    # Of a push: where the object was, and by how much it lags, now and summed up [m s].
-    p_WO_begin: Vector | None = None
-    error: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    integral: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    # Of a push: where the object was, and what it lacked last, rotation [rad] before
+    # translation [m], shape (6,).
+    X_WO_begin: RigidTransform | None = None
+    error: Vector = dc.field(default_factory=lambda: np.zeros(6))
 
 
 @dc.dataclass(frozen=True)
@@ -127,8 +128,8 @@ class _Memory:
         return self
 
 
-# A force [N] and a torque [N m] at a point [m] relative to the object's origin, all in
-# world.
+# A force [N] and a torque [N m], in world, and the point of the object where they act,
+# in its frame [m].
 _Wrench: TypeAlias = tuple[Vector, Vector, Vector]
 
 
@@ -146,19 +147,22 @@ class Disturber(LeafSystem):
 
     `mode` (Mode) is the planner's; `object_poses` (dict[str, RigidTransform]) are X_WO
     by name [m]; `object_forces` (list[ExternallyAppliedSpatialForce]) are what a plant
-    takes. All is sampled, and the forces are held, for 1/128 s.
-
-    One that is under way when its mode begins anew is not begun again.
+    takes. They are updated every `period`. A disturbance that is under way when its
+    mode begins anew is not begun again.
 
     Args:
         disturbances: Each with the object that it happens to.
+        period: Of updates [s]; best the plant's.
 
     Raises:
         ValueError: If an object cannot be toppled.
     """
 
-    def __init__(self, disturbances: Sequence[tuple[AnyDisturbance, Target]]) -> None:
+    def __init__(
+        self, disturbances: Sequence[tuple[AnyDisturbance, Target]], period: float
+    ) -> None:
         super().__init__()
+        self._period = period
         for disturbance, target in disturbances:
             falls = isinstance(target.shape, (Cylinder, Box))
             if isinstance(disturbance, Topple) and not falls:
@@ -183,7 +187,7 @@ class Disturber(LeafSystem):
             prerequisites_of_calc={self.abstract_state_ticket(self._state)},
         )
         self.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=_PERIOD, offset_sec=0.0, update=self._update
+            period_sec=period, offset_sec=0.0, update=self._update
         )
 
     def _memory(self, context: Context) -> _Memory:
@@ -207,9 +211,11 @@ class Disturber(LeafSystem):
             if time >= course.begin:
                 X_WO = self._poses.Eval(context)[target.name]
                 t = time - course.begin
-                course, wrench = _act(disturbance, target, t, X_WO, course)  # noqa: PLW2901
+                course, wrench = _act(  # noqa: PLW2901
+                    disturbance, target, t, X_WO, course, self._period
+                )
                 if wrench is not None:
-                    forces.append(_applied(target, X_WO, wrench))
+                    forces.append(_applied(target, wrench))
             courses.append(course)
         state.get_mutable_abstract_state(int(self._state)).set_value(
             _Memory(tuple(courses), mode, tuple(forces))
@@ -217,13 +223,11 @@ class Disturber(LeafSystem):
         return EventStatus.Succeeded()
 
 
-def _applied(
-    target: Target, X_WO: RigidTransform, wrench: _Wrench
-) -> ExternallyAppliedSpatialForce:
-    force, torque, p_OQ_W = wrench
+def _applied(target: Target, wrench: _Wrench) -> ExternallyAppliedSpatialForce:
+    force, torque, p_OQ = wrench
     applied = ExternallyAppliedSpatialForce()
     applied.body_index = target.body
-    applied.p_BoBq_B = X_WO.rotation().inverse() @ p_OQ_W
+    applied.p_BoBq_B = p_OQ
     applied.F_Bq_W = SpatialForce(tau=torque, f=force)
     return applied
 
@@ -234,6 +238,7 @@ def _act(
     t: float,
     X_WO: RigidTransform,
     course: _Course,
+    period: float,
 ) -> tuple[_Course, _Wrench | None]:
     """How a disturbance goes on, `t` [s] after its begin, and with what; None: over."""
     wrench: _Wrench | None = None
@@ -241,12 +246,13 @@ def _act(
         case Force():
             if t < disturbance.duration:
                 force, torque = disturbance.force, disturbance.torque
-                wrench = np.array(force), np.array(torque), np.zeros(3)
+                p_OC = target.inertia.get_com()
+                wrench = np.array(force), np.array(torque), p_OC
         case Topple():
             wrench = _topple(disturbance, target, t, X_WO)
         case Push():
             if t < disturbance.duration + _PUSH_HOLD:
-                return _push(disturbance, target, t, X_WO, course)
+                return _push(disturbance, target, t, X_WO, course, period)
     return (_Course(course.count) if wrench is None else course), wrench
 
 
@@ -264,34 +270,42 @@ def _topple(
     tilt = math.acos(min(abs(R_WO[2, 2]), 1.0))
     if tilt > math.atan2(half_width, half_height) or t > _TOPPLE_PATIENCE:
         return None
-    force = target.mass * _GRAVITY * t / _TOPPLE_RAMP
-    top = math.copysign(half_height, R_WO[2, 2]) * R_WO[:, 2]
-    return force * push_W, np.zeros(3), top
+    force = target.inertia.get_mass() * _GRAVITY * t / _TOPPLE_RAMP
+    p_OTop = np.array([0.0, 0.0, math.copysign(half_height, R_WO[2, 2])])
+    return force * push_W, np.zeros(3), p_OTop
 
 
 def _push(
-    push: Push, target: Target, t: float, X_WO: RigidTransform, course: _Course
+    push: Push,
+    target: Target,
+    t: float,
+    X_WO: RigidTransform,
+    course: _Course,
+    period: float,
 ) -> tuple[_Course, _Wrench]:
-    """Pull the object along its path with PID gains of a mass with a triple pole."""
-    begin = X_WO.translation() if course.p_WO_begin is None else course.p_WO_begin
-    path = minimum_jerk_blend(t / push.duration) * np.array(push.displacement)
-    error = begin + path - X_WO.translation()
-    rate = (error - course.error) / _PERIOD
-    integral = course.integral + _PERIOD * error
-    w = _PUSH_POLE
-    force = target.mass * (3.0 * w**2 * error + 3.0 * w * rate + w**3 * integral)
-    strongest = _STRONGEST * target.mass * _GRAVITY
-    if (size := float(np.linalg.norm(force))) > strongest:
-        force *= strongest / size
-        integral = course.integral
-    foot = 0.0
-    if target.shape is not None:
-        foot = _half_extent(target.shape, X_WO.rotation().matrix()[2])
-    course = dc.replace(course, p_WO_begin=begin, error=error, integral=integral)
-    return course, (force, np.zeros(3), np.array([0.0, 0.0, -foot]))
+    """Spring and damper, critical, between the object and where it shall be."""
+    X_WO_begin, p_OC = course.X_WO_begin or X_WO, target.inertia.get_com()
+    s = t / push.duration
+    path = minimum_jerk_blend(s) * np.array(push.displacement)
+    # Up within the first quarter, down within the last.
+    path[2] += _PUSH_LIFT * minimum_jerk_blend(4.0 * min(s, 1.0 - s))
+    R_WO = X_WO.rotation()
+    turn = (X_WO_begin.rotation() @ R_WO.inverse()).ToAngleAxis()
+    p_error = X_WO_begin @ p_OC + path - X_WO @ p_OC
+    error = np.concatenate([turn.angle() * turn.axis(), p_error])
+    rate = (error - course.error) / period
+    acceleration = _PUSH_FREQUENCY**2 * error + 2.0 * _PUSH_FREQUENCY * rate
+    acceleration[5] += _GRAVITY
+    size = float(np.linalg.norm(acceleration[3:]))
+    acceleration *= min(1.0, _STRONGEST * _GRAVITY / max(size, _GRAVITY))
+    I_C = target.inertia.Shift(p_OC).CalcRotationalInertia().CopyToFullMatrix3()
+    torque = R_WO @ (I_C @ (R_WO.inverse() @ acceleration[:3]))
+    force = target.inertia.get_mass() * acceleration[3:]
+    course = dc.replace(course, X_WO_begin=X_WO_begin, error=error)
+    return course, (force, torque, p_OC)
 
 
-def _half_extent(shape: Shape, direction_O: Vector) -> float:
+def _half_extent(shape: Cylinder | Box, direction_O: Vector) -> float:
     """How far a shape reaches from its middle along a unit vector in its frame [m]."""
     match shape:
         case Cylinder(radius, length):
@@ -299,5 +313,3 @@ def _half_extent(shape: Shape, direction_O: Vector) -> float:
             return radius * across + 0.5 * length * abs(float(direction_O[2]))
         case Box(size):
             return 0.5 * float(np.abs(direction_O) @ np.array(size))
-        case Sphere(radius):
-            return radius
