@@ -55,12 +55,15 @@ class MasterSlaveReference(LeafSystem):
       position both stand still: what their references ask for beyond the contact is the
       grip. They let go when the command asks the master to open, and not before: an
       object that is lost leaves them where they are.
+    * Letting go, both references first drop to where the cranks are, so that neither
+      finger pushes the object after the other; nor does the slave, that lags, close
+      while the master opens.
     * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
       crank, which moves there at `config.max_velocity`.
     * While `hold` (1) is nonzero both stand still.
 
-    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q continuous in time
-    within 0 .. full_scale, a zero.
+    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q within 0 ..
+    full_scale and continuous in time but where the fingers let go, a zero.
     """
 
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
@@ -111,11 +114,15 @@ class MasterSlaveReference(LeafSystem):
         opens = target < angles[0]
         grasped = self._grasped.Eval(context)[0] != 0.0
         gripped = not opens and (bool(state[_GRIPPED]) or grasped)
+        master, slave = self._measured.Eval(context)[:2]
+        if opens and state[_GRIPPED]:
+            angles = np.array([master, slave])
         if gripped:
             speeds = np.zeros(2)
         else:
-            master, slave = self._measured.Eval(context)[:2]
             follow = config.slave_gain * (master - slave)
+            if opens:
+                follow = min(follow, 0.0)
             speeds = np.array([(target - angles[0]) / config.period, follow])
         if self._override.HasValue(context):
             wanted = self._override.Eval(context)
