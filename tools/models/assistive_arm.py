@@ -14,11 +14,23 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.math import RollPitchYaw, RotationMatrix
 
-from .sdf import Files, Inertial, Model, Piece, Pose, Primitive, Proximity, Sub
+from .hobby_servo import (
+    BEHIND,
+    BOTTOM,
+    DS3235SG,
+    DSS_M15S,
+    EARS_BOTTOM,
+    HALF_WIDTH,
+    PLASTIC,
+    TOP,
+    Box,
+    Drawn,
+    Part,
+    Placed,
+)
+from .sdf import Files, Inertial, Model, Piece, Pose, Primitive, Sub
 from .shapes import (
-    Block,
     Disc,
     Hull2d,
     Points,
@@ -27,12 +39,10 @@ from .shapes import (
     RotX,
     RotY,
     RotZ,
-    Solid,
     UnionProperties,
 )
 
 _HALF = np.pi / 2
-KGF_CM = 0.0980665  # N m
 
 # From the thesis's screw axes [m]: a point on each joint's axis, and its direction.
 # Joint 4's printed moment has the y and z of its point swapped; this is the other way
@@ -49,37 +59,12 @@ AXES = ((0, 0, 1), (0, -1, 0), (0, -1, 0), (-1, 0, 0), (0, -1, 0))
 TIP, TIP_PITCH = (-0.25308, 0.0, 0.19001), 0.0018
 FLANGE = 0.095  # m from the tip, where the gripper's palm begins
 
-
-@dc.dataclass(frozen=True)
-class Servo:
-    """A hobby servo's data sheet, and how many of it share a joint."""
-
-    stall_torque: float  # N m
-    no_load_speed: float  # rad/s
-    gear_ratio: float
-    count: int = 1
-
-
-# DSServo DS3235SG at 7.4 V: 35 kgf cm, 0.12 s for 60 degrees, 270 degrees, 60 g
-# (plexrobotics.com/en/products/dsservo-ds3235sg-35kg-servo). The ratio is its twin's,
-# the Hiwonder HPS-3527SG: the same case, motor, torque and speed.
-STRONG = Servo(35 * KGF_CM, np.pi / 3 / 0.12, 342.0)
-# DFRobot DSS-M15S at 7 V: 12 kgf cm, 0.16 s for 60 degrees, 270 degrees, 310:1
-# (wiki.dfrobot.com, SER0044).
-WRIST = Servo(12 * KGF_CM, np.pi / 3 / 0.16, 310.0)
-SERVOS = (STRONG, dc.replace(STRONG, count=2), STRONG, WRIST, WRIST)
-SERVO_MASS = 0.065  # kg: 60 g, and 5 g for horn, screws and wire
-# kg m^2. An armature of 0.028 kg m^2 was identified for the Feetech STS3215 (armature
-# in trs_so_arm100 of mujoco_menagerie), which has a motor of this size and 345:1.
-ROTOR_INERTIA = 0.028 / 345**2
-# A servo that turns freely draws this part of its stall current (TowerPro MG995: 170 of
-# 1,200 mA): the friction that this overcomes, taken as viscous, is the damping.
-NO_LOAD_CURRENT = 0.14
-
+# Two servos share the shoulder.
+SERVOS = (DS3235SG, dc.replace(DS3235SG, count=2), DS3235SG, DSS_M15S, DSS_M15S)
 # Degrees from home; the horns of 270-degree servos are put on so that both ends are in
-# their range. The upper arm stops where it lies on its turntable, and 40 degrees behind
-# home; joint 3 just before the forearm is stretched out, and before it is folded
-# onto the shoulder; joint 5 before its fork meets the block that holds its servo.
+# their range. The upper arm stops level over its turntable, and 40 degrees behind home;
+# joint 3 just before the forearm is stretched out, and before it is folded onto the
+# shoulder; joint 5 before its fork meets the block that holds its servo.
 LIMITS = ((-135, 135), (-40, 105), (-104, 45), (-135, 135), (-130, 130))
 # rad/s^2. With these at all joints at once, with any signs, half the stall torque still
 # holds the gripper with 0.1 kg in it, hand level, anywhere over the tables.
@@ -94,24 +79,8 @@ LOOKS = {
     "tube": (0.20, 0.20, 0.19),
     "foot": (0.30, 0.29, 0.28),
 }
-# Plastic on wood or plastic; the arm should touch nothing.
-PLASTIC = Proximity(rigid=True, friction=0.4, resolution=0.02)
-
-# The standard servo's case [m]: behind and before its output axis, half its width;
-# then heights below the horn's outer face, and the mounting ears.
-_BEHIND, _BEFORE, _HALF_WIDTH = 0.030, 0.010, 0.010
-_TOP, _BOTTOM = 0.004, 0.0425
-_EARS, _EARS_TOP, _EARS_BOTTOM = 0.007, 0.0145, 0.017
 # Half the width of the upper arm, to the horns of the shoulder's servos.
 _ARM_Y = 0.0225
-
-Part = tuple[float, list[Piece]]  # mass [kg], spread evenly over the pieces
-
-
-def _Box(name: str, look: str, low: Sequence[float], high: Sequence[float]) -> Piece:
-    a, b = np.array(low), np.array(high)
-    shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
-    return Piece(name, look, Block(low, high, 0.0008), shape, PLASTIC)
 
 
 def _Plate(name: str, outline: Points, y0: float, y1: float) -> Piece:
@@ -126,49 +95,6 @@ def _Rod(name: str, look: str, radius: float, x0: float, x1: float) -> Piece:
     middle = ((x0 + x1) / 2, 0, 0)
     shape = Primitive("cylinder", (radius, x1 - x0), middle, (0, _HALF, 0))
     return Piece(name, look, solid, shape, PLASTIC)
-
-
-def _Placed(pieces: Sequence[Piece], R: Points, p: Sequence[float]) -> list[Piece]:
-    """Returns the pieces turned by R, then shifted by p."""
-
-    def Touched(shape: Primitive | Solid | None) -> Primitive | Solid | None:
-        if isinstance(shape, Solid):
-            return shape.moved(R, p)
-        if isinstance(shape, Primitive):
-            turned = RotationMatrix(R) @ RotationMatrix(RollPitchYaw(shape.rpy))
-            rpy = np.round(RollPitchYaw(turned).vector(), 12) + 0.0
-            return dc.replace(shape, xyz=tuple(R @ shape.xyz + p), rpy=tuple(rpy))
-        return shape
-
-    return [
-        dc.replace(
-            piece, solid=piece.solid.moved(R, p), collision=Touched(piece.collision)
-        )
-        for piece in pieces
-    ]
-
-
-def _Servo(name: str, R: Points, p: Sequence[float]) -> Part:
-    """Returns a servo whose horn ends at p; its output is R's z, its case along -x."""
-    horn = Prism(Disc(0.010), -0.003, 0, 0.0003)
-    boss = Prism(Disc(0.006), -_TOP - 0.0001, -0.002)
-    pieces = [
-        _Box(
-            f"{name}_case",
-            "case",
-            (-_BEHIND, -_HALF_WIDTH, -_BOTTOM),
-            (_BEFORE, _HALF_WIDTH, -_TOP),
-        ),
-        _Box(
-            f"{name}_ears",
-            "case",
-            (-_BEHIND - _EARS, -_HALF_WIDTH, -_EARS_BOTTOM),
-            (_BEFORE + _EARS, _HALF_WIDTH, -_EARS_TOP),
-        ),
-        Piece(f"{name}_horn", "horn", horn, horn, PLASTIC),
-        Piece(f"{name}_boss", "case", boss),
-    ]
-    return SERVO_MASS, _Placed(pieces, R, p)
 
 
 def _Printed(*pieces: Piece) -> Part:
@@ -202,8 +128,8 @@ def Link1() -> list[Part]:
     for side, sign in (("left", 1), ("right", -1)):
         # The horns face each other; the cases reach back towards joint 1.
         p = (x, sign * _ARM_Y, z)
-        parts.append(_Servo(f"shoulder_{side}", RotX(sign * _HALF), p))
-        y = sign * (_ARM_Y + _EARS_BOTTOM)
+        parts.append(Drawn(f"shoulder_{side}", RotX(sign * _HALF), p))
+        y = sign * (_ARM_Y + EARS_BOTTOM)
         plate = _Rectangle(x - 0.0385, -0.0315, x + 0.018, 0.011)
         edges = sorted((y, y + sign * 0.003))
         parts.append(_Printed(_Plate(f"shoulder_{side}_plate", plate, *edges)))
@@ -223,38 +149,38 @@ def Link2() -> list[Part]:
     ]
     for i, z in enumerate((0.045, 0.115)):
         low, high = (-0.008, -inner, z - 0.010), (0.008, inner, z + 0.010)
-        printed.append(_Box(f"upper_arm_spacer_{i + 1}", "bracket", low, high))
+        printed.append(Box(f"upper_arm_spacer_{i + 1}", "bracket", low, high))
     # The case hangs down between the plates, its horn comes out at the left.
-    case = (_BOTTOM - _TOP) / 2
+    case = (BOTTOM - TOP) / 2
     R = lean @ RotX(-_HALF) @ RotZ(-_HALF)
-    servo = _Servo("elbow", R, lean @ (0, case + _TOP, length))
-    return [_Printed(*_Placed(printed, lean, (0, 0, 0))), servo]
+    servo = Drawn("elbow", R, lean @ (0, case + TOP, length))
+    return [_Printed(*Placed(printed, lean, (0, 0, 0))), servo]
 
 
 def Link3() -> list[Part]:
     """Returns the elbow: a plate on joint 3's horn, and the servo of joint 4 on it."""
     x, y, _ = np.subtract(ORIGINS[3], ORIGINS[2])
-    inside = (_BOTTOM + _TOP) / 2
+    inside = (BOTTOM + TOP) / 2
     outline = Hull2d(Disc(0.013), _Rectangle(-0.018, -0.012, 0.018, 0.034))
-    ears = x + _EARS_BOTTOM
+    ears = x + EARS_BOTTOM
     return [
         _Printed(
-            _Plate("elbow_plate", outline, inside, y - _HALF_WIDTH),
-            _Box(
+            _Plate("elbow_plate", outline, inside, y - HALF_WIDTH),
+            Box(
                 "elbow_bracket",
                 "bracket",
-                (ears, y - _HALF_WIDTH - 0.001, -0.018),
+                (ears, y - HALF_WIDTH - 0.001, -0.018),
                 (ears + 0.003, y + 0.012, 0.038),
             ),
         ),
-        _Servo("roll", RotY(-_HALF) @ RotZ(np.pi), (x, y, 0)),
+        Drawn("roll", RotY(-_HALF) @ RotZ(np.pi), (x, y, 0)),
     ]
 
 
 def Link4() -> list[Part]:
     """Returns the forearm: a tube on joint 4's horn, and the servo of joint 5."""
     x, y, _ = np.subtract(ORIGINS[4], ORIGINS[3])
-    case = (_BOTTOM - _TOP) / 2
+    case = (BOTTOM - TOP) / 2
     back = x + 0.0365
     tube = _Rod("forearm_tube", "tube", 0.008, back - 0.004, -0.004)
     # 16 mm outside, 14 mm inside.
@@ -263,26 +189,26 @@ def Link4() -> list[Part]:
         (mass, [tube]),
         _Printed(
             _Rod("forearm_flange", "bracket", 0.012, -0.008, 0.0),
-            _Box(
+            Box(
                 "wrist_block",
                 "bracket",
                 (x + 0.025, y + case, -0.010),
                 (back, 0.010, 0.010),
             ),
-            _Box(
+            Box(
                 "wrist_plate",
                 "bracket",
-                (x + _BEHIND, y - 0.012, -0.010),
+                (x + BEHIND, y - 0.012, -0.010),
                 (back, y + case + 0.001, 0.010),
             ),
         ),
-        _Servo("wrist", RotX(_HALF) @ RotZ(np.pi), (x, y - case - _TOP, 0)),
+        Drawn("wrist", RotX(_HALF) @ RotZ(np.pi), (x, y - case - TOP, 0)),
     ]
 
 
 def Link5() -> list[Part]:
     """Returns the fork around joint 5's servo, and the flange for the gripper."""
-    horn, pin = (_BOTTOM + _TOP) / 2, (_BOTTOM - _TOP) / 2
+    horn, pin = (BOTTOM + TOP) / 2, (BOTTOM - TOP) / 2
     flange = TIP[0] + FLANGE - ORIGINS[4][0]
     outline = Hull2d(Disc(0.009), _Rectangle(-0.034, -0.011, -0.030, 0.011))
     pivot = Prism(Disc(0.004), -horn, -pin).moved(RotX(_HALF))
@@ -290,7 +216,7 @@ def Link5() -> list[Part]:
         _Printed(
             _Plate("fork_right", outline, -horn - 0.003, -horn),
             _Plate("fork_left", outline, horn, horn + 0.003),
-            _Box(
+            Box(
                 "fork_back",
                 "bracket",
                 (-0.037, -horn - 0.003, -0.011),
@@ -330,9 +256,6 @@ def Build() -> Files:
         pieces = [piece for _, group in parts for piece in group]
         model.AddLink(name, pieces, _Inertial(parts), pose)
     for i, servo in enumerate(SERVOS):
-        # Half the stall torque at up to half the no-load speed: the largest rectangle
-        # under a motor's straight line from stall to no load.
-        friction = NO_LOAD_CURRENT * servo.stall_torque
         model.AddJoint(
             f"joint_{i + 1}",
             names[i],
@@ -341,12 +264,12 @@ def Build() -> Files:
             {
                 "lower": np.radians(LIMITS[i][0]),
                 "upper": np.radians(LIMITS[i][1]),
-                "effort": servo.count * servo.stall_torque / 2,
-                "velocity": servo.no_load_speed / 2,
+                "effort": servo.effort,
+                "velocity": servo.velocity,
                 "drake:acceleration": ACCELERATIONS[i],
             },
-            round(servo.count * friction / servo.no_load_speed, 4),
-            servo.count * ROTOR_INERTIA,
+            round(servo.damping, 4),
+            servo.rotor_inertia,
             servo.gear_ratio,
         )
     _AddFrame(model, "tip", names[5], np.subtract(TIP, ORIGINS[4]), (0, TIP_PITCH, 0))
