@@ -44,6 +44,7 @@ from drake_srg.objects import (
 )
 from drake_srg.parsing import ConfigureParser
 from drake_srg.ports import Ports
+from drake_srg.preflight import check_constraints
 from drake_srg.scenario import Scenario
 
 _LID = "package://drake_srg/sdf/lid.sdf"
@@ -177,6 +178,7 @@ def MakePlant(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
+    check_constraints(scenario)
     plant, scene_graph = AddMultibodyPlant(
         plant_config=scenario.plant_config,
         scene_graph_config=scenario.scene_graph_config,
