@@ -1,13 +1,17 @@
 """The cell: a station with localizer and planner, the autonomous system."""
 
 import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
+from drake_srg.gripper.drivers import LinkageDriver
 from drake_srg.goals import goal_pose
 from drake_srg.objects import known_shape, object_body, object_shape
+from drake_srg.planning.grasps import Hand
+from drake_srg.planning.linkage_hand import LinkageHand
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.scripted import ScriptedPlanner
@@ -209,8 +213,20 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
         payload=config.payload,
     )
     assert scenario.arm is not None
-    hand = SrgHand(config.approaches, config.tilts, config.squeeze)
+    hand = MakeHand(scenario, scene.plant)
     return TaskPlanner(scene, hand, np.array(scenario.arm.home), config)
+
+
+def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
+    """Make what the planner knows of a scenario's gripper, a model of `plant`."""
+    config = scenario.planner
+    if not isinstance(scenario.gripper, LinkageDriver):
+        return SrgHand(config.approaches, config.tilts, config.squeeze)
+    gripper = plant.GetModelInstanceByName("gripper")
+    # Where calibration has put it, or else where the drawing has it.
+    tip = next(n for n in ("tip", "grasp_center") if plant.HasFrameNamed(n, gripper))
+    X_GT = plant.GetFrameByName(tip, gripper).GetFixedPoseInBodyFrame()
+    return LinkageHand(np.array(X_GT.translation()))  # the plant may not live on
 
 
 def ConnectPlanner(

@@ -48,7 +48,8 @@ def final_tilt(
     pick = scenario.task.pick
     if isinstance(known_shape(pick, scenario.objects[pick]), Sphere):
         return None
-    goal = final_pose(scenario, X_WO_start).rotation().col(2)
+    X_WO_goal = final_pose(scenario, X_WO_start)
+    goal = X_WO_goal.rotation().col(2)
     axis = X_WO.rotation().col(2)
     tilt = lean(goal, axis)
     stood = goal @ X_WO_start.rotation().col(2) > np.cos(0.25 * np.pi)

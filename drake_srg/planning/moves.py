@@ -61,8 +61,9 @@ class Moves:
 
     def behind(self, q: Vector) -> HandTarget:
         """The hand as at `q` (N,) [rad], drawn back from what is in front of it."""
-        x_W = self._scene.X_WG(q).rotation().col(0)
-        return self._like(q).Shifted(-self._config.approach_distance * x_W)
+        X_WG = self._scene.X_WG(q)
+        back = -self._config.approach_distance * X_WG.rotation().col(0)
+        return self._like(q).Shifted(back)
 
     def _like(self, q: Vector) -> HandTarget:
         """The hand's pose, or as much of it as the arm can keep along a line."""

@@ -181,7 +181,8 @@ def test_follow_says_none_where_there_is_nothing(iiwa, home):
 
 
 def test_follow_turns_an_axis_only_as_far_as_its_angle(iiwa, home):
-    tilted = iiwa.X_WG(home).rotation().matrix()[:, 0] + np.array([0.3, 0.0, 0.0])
+    X_WG = iiwa.X_WG(home)
+    tilted = X_WG.rotation().matrix()[:, 0] + np.array([0.3, 0.0, 0.0])
     axis = AxisTarget(DOWN.axis_G, tilted / np.linalg.norm(tilted), 0.1)
     target = HandTarget(iiwa.X_WG(home).translation(), axes=(axis,))
     q = Follow(iiwa, target, home)

@@ -82,7 +82,8 @@ def test_lifting_goes_straight_up(planner, task):
 def test_the_object_is_carried_upright(planner, task):
     for mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
         for q in samples(task.motions[mode]):
-            up = (planner.scene.X_WG(q) @ task.grasp.X_GO).rotation().col(2)
+            X_WO = planner.scene.X_WG(q) @ task.grasp.X_GO
+            up = X_WO.rotation().col(2)
             assert np.arccos(np.clip(up[2], -1, 1)) < np.deg2rad(10.0), mode
 
 
