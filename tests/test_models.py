@@ -26,7 +26,7 @@ from drake_srg.parsing import ModelsPath
 
 CAN = "005_tomato_soup_can"
 NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
-ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm")
+ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench")
 MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
@@ -58,7 +58,8 @@ def test_total_mass(name, mass):
 
 
 @pytest.mark.parametrize(
-    "name", ("srg", "assistive_arm", "lid", "marker", CAN, *NOT_CONVEX)
+    "name",
+    ("srg", "assistive_arm", "linkage_gripper", "lid", "marker", CAN, *NOT_CONVEX),
 )
 def test_inertias_fit_inside_the_body(name):
     built = build(name)
@@ -118,6 +119,8 @@ def surface_points(shape: Any, rng: np.random.Generator) -> np.ndarray:
         ("srg_fast", 0.009),
         ("iiwa14", 0.002),
         ("assistive_arm", 0.002),
+        ("linkage_gripper", 0.002),
+        ("linkage_gripper_flat", 0.002),
         ("table", 0.002),
         ("lid", 0.002),
         (CAN, 3e-4),
