@@ -7,8 +7,8 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
-from drake_srg.gripper.drivers import LinkageDriver
 from drake_srg.goals import goal_pose
+from drake_srg.gripper.drivers import LinkageDriver
 from drake_srg.objects import known_shape, object_body, object_shape
 from drake_srg.planning.grasps import Hand
 from drake_srg.planning.linkage_hand import LinkageHand
