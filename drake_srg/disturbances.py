@@ -21,17 +21,16 @@ _GRAVITY = 9.81  # m/s²
 # A hand that moves something lifts it a little [m]. Sliding would depend on friction,
 # and plants with steps above 2 ms let a stiff object that slides on a table rattle.
 _PUSH_LIFT = 0.002
-# Of the spring between hand and object [rad/s]: with the damper a tenth of what a plant
-# with steps of 5 ms can sample, and above what a push of some tenths of a second asks.
+# Of the spring between hand and object [rad/s]: a third of what is stable where a plant
+# with steps of 10 ms samples spring and damper, and quick beside a push of 0.3 s.
 _PUSH_FREQUENCY = 25.0
 # How long the hand stays where the path ends [s]: four time constants.
 _PUSH_HOLD = 4.0 / _PUSH_FREQUENCY
 # The most that a hand presses with, over the object's weight. Carrying takes one, and
 # speeding up less; what is held or blocked stays.
 _STRONGEST = 3.0
-# A push over grows by one weight in this time [s]: slowly beside the 0.1 s in which
-# things of a hand's size fall, so that the object is not hit, and quickly enough to
-# need less than the least mode's time.
+# What topples grows by one weight in this time [s]: slowly beside the 0.1 s in which
+# things of a hand's size fall, so that the object is tipped and not hit.
 _TOPPLE_RAMP = 1.0
 _TOPPLE_PATIENCE = 2.0  # s; what has slid away by then instead is left alone
 
@@ -208,9 +207,10 @@ class Disturber(LeafSystem):
             waits = course.begin == np.inf and course.count < disturbance.times
             if begins and waits:
                 course = _Course(course.count + 1, time + disturbance.after)  # noqa: PLW2901
-            if time >= course.begin:
+            # Times of updates are multiples of a period, rounded.
+            t = time + 1e-9 - course.begin
+            if t >= 0.0:
                 X_WO = self._poses.Eval(context)[target.name]
-                t = time - course.begin
                 course, wrench = _act(  # noqa: PLW2901
                     disturbance, target, t, X_WO, course, self._period
                 )

@@ -38,6 +38,7 @@ def test_the_ports_are_those_of_the_table(station):
             "gripper.hold": 1,
             "gripper.force_limit": 1,
             "arm.position_commanded": 7,
+            "object_forces_cheat": None,
         },
         {
             "gripper.state_measured": 8,
@@ -59,7 +60,7 @@ def test_what_a_scenario_does_not_have_has_no_ports():
     scenario = load_scenario("kitchen", overrides=["gripper=null"])
     scenario.cameras.clear()
     inputs, outputs = port_table(MakeStation(scenario))
-    assert set(inputs) == {"arm.position_commanded"}
+    assert set(inputs) == {"arm.position_commanded", "object_forces_cheat"}
     assert set(outputs) == {
         "arm.state_measured",
         "arm.torque_measured",
@@ -71,7 +72,7 @@ def test_what_a_scenario_does_not_have_has_no_ports():
 def test_an_empty_scenario_is_a_station():
     station = MakeStation(Scenario())
     assert port_table(station) == (
-        {},
+        {"object_forces_cheat": None},
         {"object_poses_cheat": None, "contact_results_cheat": None},
     )
     Simulator(station).AdvanceTo(0.01)
