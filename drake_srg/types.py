@@ -65,6 +65,8 @@ class BlobFlag(enum.Enum):
 
     BORDER = "border"  # the blob touches the image border
     OCCLUDED = "occluded"  # something hides part of the expected outline
+    # Too little is seen to tell the axis within a degree or the position within 1 mm.
+    UNCERTAIN = "uncertain"
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -75,7 +77,9 @@ class Blob:
     camera: str
     pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
     position: Vector  # p_WO, the object's centre in world [m], shape (3,)
-    axis: Vector  # unit vector of the object's z axis in world, shape (3,)
+    # Unit vector of the object's z axis in world, shape (3,). A cylinder's ends look
+    # alike, so its axis is the one that points upwards (z >= 0); a ball's is (0, 0, 1).
+    axis: Vector
     quality: float  # 0 .. 1, share of the expected outline that was seen
     flags: frozenset[BlobFlag] = frozenset()
 

@@ -19,7 +19,8 @@ from drake_srg.types import Blob, BlobFlag, Shape, Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorImage, ColorRange
 from drake_srg.vision.shape_fit import Fit, fit_shape
-from drake_srg.vision.view import bounding_size, view_around
+from drake_srg.vision.solids import bounding_size
+from drake_srg.vision.view import view_around
 
 
 @dc.dataclass(frozen=True)
@@ -36,9 +37,11 @@ class BlobLocalizer(LeafSystem):
 
     A target's pixels are found by colour, their connected components give the blobs,
     and depth and the known shape give each blob the position of the object's centre
-    (see `fit_shape`). Cylinders and boxes are taken to stand upright, within 15
-    degrees. Two blobs nearer to each other than the object is wide are the same object
-    seen in two parts; the better one stays.
+    (see `fit_shape`). Cylinders may stand, lean or lie; boxes are taken to stand,
+    within 15 degrees. The colour need not hold all over an object: depth tells what
+    belongs to it, so a strict range may find it by its lit parts. Two blobs nearer to
+    each other than the object is wide are the same object seen in two parts; the better
+    one stays.
 
     .. pydrake_system::
 
@@ -216,6 +219,7 @@ def _flags(fit: Fit, at_border: bool) -> frozenset[BlobFlag]:
     flags = {
         BlobFlag.BORDER: fit.cut or at_border,
         BlobFlag.OCCLUDED: fit.hidden,
+        BlobFlag.UNCERTAIN: fit.uncertain,
     }
     return frozenset(flag for flag, raised in flags.items() if raised)
 

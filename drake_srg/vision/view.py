@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Box, Shape, Vector
+from drake_srg.types import Shape, Vector
 from drake_srg.vision.camera import Imager
+from drake_srg.vision.solids import bounding_size
 
 Mask = npt.NDArray[np.bool_]
 
@@ -21,32 +22,27 @@ class View:
 
     Attributes:
         origin: p_WD, the imager's centre [m], shape (3,).
+        R_WD: Orientation of the imager, shape (3, 3).
         rays: Directions in W per unit of depth, shape (h, w, 3).
         depth: Along the imager's z [m], shape (h, w); 0 is too near, inf too far.
         blob: Pixels of the blob, shape (h, w).
         others: Pixels of the same colour that are not the blob's, shape (h, w).
         project: World points (n, 3) to window pixels (column, row), (n, 2).
-        focal: Focal length [pixels].
+        focal: Focal lengths [pixels], shape (2,).
     """
 
     origin: Vector
+    R_WD: Vector
     rays: Vector
     depth: Vector
     blob: Mask
     others: Mask
     project: Callable[[Vector], Vector]
-    focal: float
+    focal: Vector
 
     def points(self) -> Vector:
         """Visible surface in W [m], shape (h, w, 3); not finite where too far."""
         return np.asarray(self.origin + self.rays * self.depth[..., None])
-
-
-def bounding_size(shape: Shape) -> Vector:
-    """Extent of a shape along its own x, y, z [m], shape (3,)."""
-    if isinstance(shape, Box):
-        return np.array(shape.size, dtype=float)
-    return np.array([2 * shape.radius, 2 * shape.radius, shape.height])
 
 
 def view_around(
@@ -97,10 +93,11 @@ def view_around(
     corner = np.array([columns.start, rows.start])
     return View(
         origin=p_WD,
+        R_WD=R_WD,
         rays=depth_imager.rays(columns, rows) @ R_WD.T,
         depth=depth[rows, columns].astype(float),
         blob=blob[rows, columns],
         others=(colored & ~blob)[rows, columns],
         project=lambda p_W: depth_imager.project((p_W - p_WD) @ R_WD) - corner,
-        focal=depth_imager.info.focal_x(),
+        focal=np.array([depth_imager.info.focal_x(), depth_imager.info.focal_y()]),
     )

@@ -1,48 +1,40 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.math import RollPitchYaw
+from ray_cast import lying, view_of
 
-from drake_srg.vision.shape_fit import fit_plane
+from drake_srg.types import Cylinder
+from drake_srg.vision.shape_fit import fit_shape
 
-degrees = st.floats(-8.0, 8.0)
-
-
-def can_points(roll=0.0, pitch=0.0, noise=0.0, seed=0):
-    """Points of a can's top, and of the side a camera on its right sees."""
-    rng = np.random.default_rng(seed)
-    radius = 0.0339 * np.sqrt(rng.random(400))
-    angle = rng.uniform(-np.pi, np.pi, 400)
-    top = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], -1)
-    angle = rng.uniform(-1.4, 1.4, 500)
-    side = 0.0339 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
-    side[:, 2] = rng.uniform(-0.1, 0.0, 500)
-    R = RollPitchYaw(np.deg2rad(roll), np.deg2rad(pitch), 0.0).ToRotationMatrix()
-    points = np.concatenate([top, side]) @ R.matrix().T
-    points[:, 2] += 0.2 + rng.normal(0.0, noise, len(points))
-    return points, R.matrix()[:, 2]
+CYLINDER = Cylinder(0.0125, 0.05)
+PIXEL = 1.3e-3  # m, on the table
+yaws = st.floats(-np.pi, np.pi)
+places = st.floats(-0.04, 0.04)
 
 
-@given(degrees, degrees)
-def test_the_top_is_told_from_the_side(roll, pitch):
-    points, expected = can_points(roll, pitch)
-    normal, center, thickness = fit_plane(points, 0.0678)
-    assert normal @ expected > np.cos(np.deg2rad(0.2))
-    assert abs((center - [0, 0, 0.2]) @ expected) < 1e-4
-    assert thickness < 1e-3
+def turned(fit, axis):
+    """Angle between a fit's axis and a cylinder's [rad]."""
+    return float(np.arcsin(min(1.0, np.linalg.norm(np.cross(fit.axis, axis)))))
 
 
-def test_noise_widens_the_plane_but_does_not_move_it():
-    points, _ = can_points(noise=3e-4)
-    normal, center, thickness = fit_plane(points, 0.0678)
-    assert normal[2] > np.cos(np.deg2rad(1.0))
-    assert center[2] == pytest.approx(0.2, abs=1e-4)
-    assert 4e-4 < thickness <= 3e-3
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.0, np.pi / 2), yaws, places, places)
+def test_a_cylinder_is_found_however_it_stands_leans_or_lies(tilt, yaw, x, y):
+    X_WO, axis = lying(CYLINDER, tilt, yaw, x, y)
+    fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO))
+    # Ends along a row of pixels may be anywhere between two rows.
+    assert fit.position == pytest.approx(X_WO.translation(), abs=0.5 * PIXEL)
+    assert turned(fit, axis) < np.deg2rad(0.1)
+    assert fit.axis[2] >= 0.0
+    assert fit.quality > 0.8
+    assert not (fit.cut or fit.uncertain)
 
 
-def test_a_sliver_is_taken_as_level():
-    x = np.linspace(-0.03, 0.03, 50)
-    sliver = np.stack([x, 1e-4 * np.sin(900 * x), 0.1 + 0.02 * x], axis=-1)
-    normal, _, _ = fit_plane(sliver, 0.0678)
-    assert normal.tolist() == [0.0, 0.0, 1.0]
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.0, np.pi / 2), yaws, st.integers(0, 1000))
+def test_noise_is_averaged(tilt, yaw, seed):
+    X_WO, axis = lying(CYLINDER, tilt, yaw, 0.01, -0.02)
+    fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO, noise=3e-4, seed=seed))
+    assert fit.position == pytest.approx(X_WO.translation(), abs=PIXEL)
+    assert turned(fit, axis) < np.deg2rad(1.0)

@@ -1,0 +1,93 @@
+"""Geometry of the known solids: distance to their surface and what bounds their view.
+
+Points are in the solid's own frame O. The solids are convex, so a solid's outline in an
+image is the convex hull of the images of some of its points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+
+_RIM = 72  # samples of a circle: its polygon is within 0.1 % of the radius
+
+
+def bounding_size(shape: Shape) -> Vector:
+    """Extent of a shape along its own x, y, z [m], shape (3,)."""
+    if isinstance(shape, Box):
+        return np.array(shape.size, dtype=float)
+    return np.array([2 * shape.radius, 2 * shape.radius, shape.height])
+
+
+def signed_distance(shape: Shape, p_O: Vector) -> tuple[Vector, Vector]:
+    """Distance of points to a solid's surface, negative inside, and its gradient.
+
+    Args:
+        shape: The solid.
+        p_O: Points [m], shape (n, 3).
+
+    Returns:
+        Distances [m], shape (n,), and unit gradients, shape (n, 3).
+    """
+    if isinstance(shape, Box):
+        away, inner = np.abs(p_O) - 0.5 * np.array(shape.size), np.sign(p_O)
+        return _beyond(away, inner[:, :, None] * np.eye(3))
+    if isinstance(shape, Sphere):
+        r = np.linalg.norm(p_O, axis=1)
+        return r - shape.radius, p_O / np.maximum(r, 1e-12)[:, None]
+    r = np.linalg.norm(p_O[:, :2], axis=1)
+    away = np.stack([r - shape.radius, np.abs(p_O[:, 2]) - 0.5 * shape.length], axis=1)
+    directions = np.zeros((len(p_O), 2, 3))
+    directions[:, 0, :2] = p_O[:, :2] / np.maximum(r, 1e-12)[:, None]
+    directions[:, 1, 2] = np.sign(p_O[:, 2])
+    return _beyond(away, directions)
+
+
+def outline_points(shape: Shape, eye: Vector) -> Vector:
+    """Points of a solid whose images have the outline as their convex hull.
+
+    Args:
+        shape: The solid.
+        eye: Where it is seen from, in O [m], shape (3,); outside the solid.
+
+    Returns:
+        Shape (n, 3).
+    """
+    if isinstance(shape, Box):
+        corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
+        return np.asarray(corners * shape.size)
+    angle = 2 * np.pi * np.arange(_RIM) / _RIM
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    if isinstance(shape, Cylinder):
+        half = np.array([0.0, 0.0, 0.5 * shape.length])
+        rim = shape.radius * circle
+        return np.concatenate([rim + half, rim - half])
+    # The rim of a ball is a small circle, on the near side of the equator.
+    distance = float(np.linalg.norm(eye))
+    toward = eye / distance
+    sine = shape.radius / distance
+    e1 = np.cross(toward, np.eye(3)[np.argmin(np.abs(toward))])
+    e1 /= np.linalg.norm(e1)
+    basis = np.stack([e1, np.cross(toward, e1), toward])
+    radius = shape.radius * np.sqrt(max(0.0, 1.0 - sine**2))
+    return np.asarray(shape.radius * sine * toward + radius * circle @ basis)
+
+
+def _beyond(away: Vector, directions: Vector) -> tuple[Vector, Vector]:
+    """Distance and gradient from how far points are beyond each pair of faces.
+
+    Args:
+        away: Shape (n, k), negative between the faces.
+        directions: Unit outward directions, shape (n, k, 3).
+    """
+    corner = np.maximum(away, 0.0)
+    outside = np.linalg.norm(corner, axis=1)
+    nearest = away.argmax(axis=1)[:, None] == np.arange(away.shape[1])
+    inside = outside <= 0.0
+    outwards = corner / np.maximum(outside, 1e-12)[:, None]
+    share = np.where(inside[:, None], nearest, outwards)
+    return (
+        np.where(inside, away.max(axis=1), outside),
+        np.einsum("nk,nkj->nj", share, directions),
+    )
