@@ -60,7 +60,7 @@ class MasterSlaveReference(LeafSystem):
       while the master opens.
     * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
       crank, which moves there at `config.max_velocity`.
-    * While `hold` (1) is nonzero both stand still.
+    * While `hold` (1) is nonzero both stand still, and a grip is kept.
 
     `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q within 0 ..
     full_scale and continuous in time but where the fingers let go, a zero.
@@ -104,32 +104,29 @@ class MasterSlaveReference(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state, config = context.get_discrete_state(0).value(), self.config
-        angles = self._angles(context)
+        angles, gripped = self._angles(context), bool(state[_GRIPPED])
         closure = self._closure.Eval(context)[0]
         if not np.isfinite(closure):
             closure = state[_CLOSURE]
         closure = min(max(closure, 0.0), 1.0)
-        target = config.full_scale * closure
-
-        opens = target < angles[0]
-        grasped = self._grasped.Eval(context)[0] != 0.0
-        gripped = not opens and (bool(state[_GRIPPED]) or grasped)
-        master, slave = self._measured.Eval(context)[:2]
-        if opens and state[_GRIPPED]:
-            angles = np.array([master, slave])
-        if gripped:
-            speeds = np.zeros(2)
-        else:
-            follow = config.slave_gain * (master - slave)
-            if opens:
-                follow = min(follow, 0.0)
-            speeds = np.array([(target - angles[0]) / config.period, follow])
-        if self._override.HasValue(context):
-            wanted = self._override.Eval(context)
-            to_wanted = (wanted - angles) / config.period
-            speeds = np.where(np.isfinite(wanted), to_wanted, speeds)
         if self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0:
             speeds = np.zeros(2)
+        else:
+            measured = self._measured.Eval(context)[:2]
+            target = config.full_scale * closure
+            opens = target < angles[0]
+            if opens and gripped:
+                angles = measured.copy()
+            gripped = not opens and (gripped or self._grasped.Eval(context)[0] != 0.0)
+            follow = config.slave_gain * (measured[0] - measured[1])
+            if opens:
+                follow = min(follow, 0.0)
+            lead = (target - angles[0]) / config.period
+            speeds = np.zeros(2) if gripped else np.array([lead, follow])
+            if self._override.HasValue(context):
+                wanted = self._override.Eval(context)
+                to_wanted = (wanted - angles) / config.period
+                speeds = np.where(np.isfinite(wanted), to_wanted, speeds)
         speeds = np.clip(speeds, -config.max_velocity, config.max_velocity)
         last = np.clip(angles + speeds * config.period, 0.0, config.full_scale)
         speeds = (last - angles) / config.period

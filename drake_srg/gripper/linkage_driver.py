@@ -48,10 +48,11 @@ class LinkageDriver(FingerSensingConfig):
 
     layout: ClassVar[FingerLayout] = LINKAGE_FINGERS
 
-    # A finger that fires 1 mm before it touches keeps its distance to a table under a
-    # lying cylinder, 3 mm, apart from an object.
+    # A finger that fires 1 mm before it touches does not take a table under a lying
+    # cylinder, 3 mm away, for an object. The table under a standing one, 13 mm, is out
+    # of range, which spares three quarters of the sensors' time.
     proximity: ProximityConfig = dc.field(
-        default_factory=lambda: ProximityConfig(trigger_distance=0.001)
+        default_factory=lambda: ProximityConfig(range=0.01, trigger_distance=0.001)
     )
     master_slave: MasterSlaveConfig = dc.field(default_factory=MasterSlaveConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)

@@ -136,6 +136,37 @@ def test_opening_lets_go_for_good():
     assert fingers.reference == pytest.approx(np.zeros(6), abs=1e-6)
 
 
+def test_letting_go_takes_back_what_the_references_asked_beyond_the_contact():
+    fingers = Fingers()
+    fingers.stuck[:] = 0.25, 0.2
+    fingers.advance(0.4)
+    fingers.give(grasped=1.0)
+    fingers.advance(0.1)
+    assert np.all(fingers.reference[:2] > fingers.stuck + 0.01)
+    fingers.give(closure_commanded=0.0)
+    references, _ = fingers.advance(T)
+    # The slave, behind, waits until the master has passed it.
+    assert references[0, :2] == pytest.approx([0.25 - V * T, 0.2])
+    references, _ = fingers.advance(0.3)
+    assert np.all(np.diff(references[:, 1]) <= 0.0)
+    assert references[-1, 1] < 0.1
+
+
+def test_hold_keeps_a_grip_though_the_command_opens():
+    fingers = Fingers()
+    fingers.stuck[:] = 0.25, 0.2
+    fingers.advance(0.4)
+    fingers.give(grasped=1.0)
+    fingers.advance(0.1)
+    before = fingers.reference
+    fingers.give(closure_commanded=0.0, hold=1.0)
+    fingers.advance(0.1)
+    assert np.all(fingers.reference == before)
+    fingers.give(hold=0.0, grasped=0.0)
+    fingers.advance(1.0)
+    assert fingers.reference[:2] == pytest.approx([0.0, 0.0], abs=1e-6)
+
+
 def test_a_grip_begins_when_the_fingers_stand_at_their_target():
     """Closed as far as asked and sensing something, the slave presses no more."""
     fingers = Fingers(closure=0.3)
