@@ -13,10 +13,12 @@ from drake_srg.types import Sphere
 from drake_srg.yaml_loading import load_typed
 
 THESIS = TipLimits()
-# Waypoints 0.02 m apart, solved to 1e-6 m: of a cubic spline's third derivative along
-# the line they leave an error of about 10 (1e-6 m) / (0.02 m)³ at most, which times
-# (0.1 m/s)³ is 1 % of 0.1 m/s³; of what is below, less.
-SPLINE = 0.01
+# What a cubic spline through waypoints h = 0.02 m apart adds to speed, acceleration and
+# jerk along a line, as a share of the limits. Angles over distance are functions whose
+# nth derivative is about 1 / L^n with L the distance to where the arm is stretched,
+# here more than 0.13 m; the spline's nth differs by less than L h^(4 - n) / (2 L^4).
+# That, times (0.1 m/s)^n, is 0.05 for the jerk and 0.01 and less for the others.
+SPLINE = (0.01, 0.01, 0.05)
 unit = st.floats(-1.0, 1.0)
 limit = st.floats(0.02, 2.0)
 
@@ -80,7 +82,7 @@ def AssertJointsWithin(trajectory, limits):
 
 
 @settings(max_examples=25)
-@given(st.tuples(unit, unit, unit), st.floats(0.04, 0.35))
+@given(st.tuples(unit, unit, unit), st.floats(0.04, 0.25))
 def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
     assume(np.linalg.norm(direction) > 0.1)
     direction = np.array(direction) / np.linalg.norm(direction)
@@ -97,9 +99,10 @@ def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
     # Joint lines 0.02 m long leave the hand's by 0.1 mm, the spline by less.
     assert np.max(off) < 1e-4
     motion = along
-    for bound in (THESIS.velocity, THESIS.acceleration, THESIS.jerk):
+    bounds = (THESIS.velocity, THESIS.acceleration, THESIS.jerk)
+    for bound, spline in zip(bounds, SPLINE, strict=True):
         motion = np.diff(motion) / times[1]
-        assert np.max(np.abs(motion)) <= bound * (1.0 + SPLINE)
+        assert np.max(np.abs(motion)) <= bound * (1.0 + spline)
 
 
 def test_the_tip_moves_as_fast_as_it_may(iiwa, home):
@@ -201,7 +204,7 @@ def test_a_joint_line_between_far_postures_is_followed(iiwa, home):
     np.testing.assert_allclose(q, home + share[:, None] * way, atol=1e-9)
     p_WT = np.array([iiwa.X_WG(x).translation() for x in q])
     speed = np.linalg.norm(np.diff(p_WT, axis=0), axis=1) * 399 / trajectory.end_time()
-    assert np.max(speed) <= THESIS.velocity * (1.0 + SPLINE)
+    assert np.max(speed) <= THESIS.velocity * (1.0 + SPLINE[0])
     assert np.max(speed) > 0.8 * THESIS.velocity  # the hand's turn counts, too
 
 
