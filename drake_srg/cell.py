@@ -1,5 +1,7 @@
 """The cell: a station with localizer and planner, the autonomous system."""
 
+import copy
+
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.planning import RobotDiagramBuilder
@@ -156,7 +158,8 @@ def AddDisturber(
         config = scenario.objects[name]
         if config.present:
             body = object_body(plant, plant.GetModelInstanceByName(name))
-            inertia = plant.get_body(body).default_spatial_inertia()
+            # A copy: the plant's own would keep its diagram alive.
+            inertia = copy.copy(plant.get_body(body).default_spatial_inertia())
             target = Target(name, body, inertia, known_shape(name, config))
             disturbances.append((disturbance, target))
     if not disturbances:

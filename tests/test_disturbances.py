@@ -294,6 +294,15 @@ def test_planners_are_disturbed_too(name):
     assert moved == pytest.approx([0.03, 0.0, 0.0], abs=2e-3)
 
 
+def test_a_cell_with_a_disturber_is_freed(leaked):
+    push = "disturbances=[!Push {at: grasp}]"
+    simulator = Simulator(MakeCell(load_scenario("kitchen", overrides=[push])))
+    simulator.AdvanceTo(0.02)
+    assert "Disturber" in leaked()
+    del simulator
+    assert leaked() == []
+
+
 def test_what_cannot_be_toppled_is_refused():
     with pytest.raises(ValueError, match="cannot be used with 'thing'; allowed: an ob"):
         disturber(Topple(), shape=Sphere(0.03))
