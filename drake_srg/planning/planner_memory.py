@@ -37,6 +37,7 @@ class PlannerMemory:
     ready_at: float = np.inf  # when the planned motion may begin [s]
     attempts: int = 0  # grasps begun
     attempts_before: int = 0  # those of earlier cycles
+    detours: int = 0  # approaches broken off because the object had moved
     cycles: int = 0  # times the object has been placed
     looks: int = 0  # evaluations of `blobs`
     X_WO: RigidTransform | None = None  # where the object was seen [m]
@@ -93,7 +94,10 @@ class PlannerMemory:
             memory = dc.replace(memory, looks=self.looks + 1)  # for `at_goal`
             if o.at_goal:
                 memory = dc.replace(
-                    memory, cycles=self.cycles + 1, attempts_before=self.attempts
+                    memory,
+                    cycles=self.cycles + 1,
+                    attempts_before=self.attempts,
+                    detours=0,
                 )
             elif mode is not Mode.DONE:
                 failure = Failure.MISPLACED

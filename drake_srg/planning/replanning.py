@@ -87,14 +87,13 @@ class Replanner:
             obstacles=obstacles,
         )
         if isinstance(result, TaskFailure):
-            away = not np.array_equal(memory.q_rest, self._task_planner.q_home)
             # What became of an object that was in the hand says more.
             if memory.failure is None:
                 memory = dc.replace(
                     memory, failure=result.failure, message=result.message
                 )
             # There may be a way from home where there is none from here.
-            return self.escape(memory, time) if away else memory
+            return memory if self._is_home(memory) else self.escape(memory, time)
         if memory.localization is None:
             memory = dc.replace(
                 memory,
@@ -115,9 +114,11 @@ class Replanner:
             next_look=np.inf,
             ready_at=time,
         )
-        if np.array_equal(memory.q_rest, self._task_planner.q_home):
-            return memory
-        return self.escape(memory, time)  # the arm may hide it
+        # The arm may hide it.
+        return memory if self._is_home(memory) else self.escape(memory, time)
+
+    def _is_home(self, memory: PlannerMemory) -> bool:
+        return np.allclose(memory.q_rest, self._task_planner.q_home, atol=1e-6)
 
     def compare(self, blobs: Sequence[Blob], memory: PlannerMemory) -> PlannerMemory:
         """See whether the object is still where the motions take it."""
@@ -125,10 +126,12 @@ class Replanner:
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
         if blob is None or X_WO is None:  # the hand may hide it
             return memory
+        if memory.detours >= self._config.max_attempts:
+            return memory  # what never stands still has to be tried
         X_WO_seen = self._sightings.pose(blob)
         turn = lean(X_WO_seen.rotation().col(2), X_WO.rotation().col(2))
         moved = distance(X_WO_seen, X_WO) > _MOVED or turn > _TURNED
-        return dc.replace(memory, moved=moved)
+        return dc.replace(memory, moved=moved, detours=memory.detours + moved)
 
     def correct(
         self, blobs: Sequence[Blob], memory: PlannerMemory, time: float

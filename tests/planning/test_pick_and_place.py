@@ -328,6 +328,17 @@ def test_an_object_that_was_knocked_over_is_planned_for_anew():
     np.testing.assert_allclose(axis, [0.0, 1.0, 0.0], atol=1e-12)
 
 
+def test_an_object_that_never_stands_still_is_grasped_at_in_the_end():
+    world = World(look_before_grasp=True, max_attempts=2)
+    there = world.where
+    world.where = lambda mode: (
+        [blob(START + 0.01 * world.time)] if mode is not Mode.HOME else there(mode)
+    )
+    status = world.run()
+    assert world.trace.count(Mode.PRE_GRASP) == 3  # two detours, then the grasp
+    assert (status.mode, status.attempts) == (Mode.DONE, 1)
+
+
 def test_what_cannot_be_planned_in_front_of_the_object_is_planned_from_home():
     world = World(look_before_grasp=True)
     moved = START + np.array([0.03, 0.0, 0.0])
