@@ -6,6 +6,30 @@ from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
+class TipLimits:
+    """How the tip may move along its path; the defaults are the five-axis thesis's.
+
+    Distance on a path is that of `moveToPose` with metric [1, 1, 1, angle_weight]: the
+    norm of the tip's step and of the angle that the hand turns by, times the weight.
+    """
+
+    velocity: float = dc.field(default=0.1, metadata=positive())  # m/s
+    acceleration: float = dc.field(default=0.1, metadata=positive())  # m/s²
+    jerk: float = dc.field(default=0.1, metadata=positive())  # m/s³
+    # What a turn of the hand counts as [m/rad].
+    angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
+
+    def Slowed(self, factor: float) -> "TipLimits":
+        """The limits of the same motions in `factor` times the time."""
+        return dc.replace(
+            self,
+            velocity=self.velocity / factor,
+            acceleration=self.acceleration / factor**2,
+            jerk=self.jerk / factor**3,
+        )
+
+
+@dc.dataclass(kw_only=True)
 class PlannerConfig:
     """How the planner works. Times are simulated."""
 
@@ -48,6 +72,8 @@ class PlannerConfig:
     holding_acceleration: float = dc.field(
         default=0.3, metadata={"ge": 0.01, "le": 1.0}
     )
+    # Limits of the hand's motion, in place of the fastest that the joints allow.
+    tip_limits: TipLimits | None = None
     # Mass in the hand that the torque limits allow for [kg].
     payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
     # An arm that is this late is stopped by something [s].

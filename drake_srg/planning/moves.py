@@ -12,10 +12,12 @@ from drake_srg.planning.grasps import Hand
 from drake_srg.planning.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath, PlanJointPath
 from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.tip_trajectory import TipTrajectory
 from drake_srg.planning.trajectories import MotionLimits, TimeOptimalTrajectory
 from drake_srg.types import Failure, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
+_SAME = 0.01  # difference of postures that a straight line may end with [rad]
 FREEDOMS = 6  # of a hand in space; arms with fewer joints cannot keep a whole pose
 
 
@@ -88,9 +90,17 @@ class Moves:
     def joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:
         """Any free path between two postures, (K, N) [rad].
 
+        Where the hand's motion is limited, its straight line if there is one.
+
         Raises:
             NoPathError: If there is none.
         """
+        if self._config.tip_limits is not None:
+            line = PlanCartesianPath(self._scene, q_start, self._like(q_goal))
+            if not isinstance(line, PathFailure) and np.allclose(
+                line[-1], q_goal, atol=_SAME
+            ):
+                return np.vstack([line, q_goal])
         path = PlanJointPath(self._scene, q_start, q_goal)
         if isinstance(path, PathFailure):
             raise NoPathError(path.failure, path.message)
@@ -109,8 +119,16 @@ class Moves:
         Raises:
             NoPathError: If there is none.
         """
-        rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]
-        trajectory = TimeOptimalTrajectory(self._scene, path, limits, rounding=rounding)
+        trajectory: Trajectory | PathFailure
+        if self._config.tip_limits is not None:
+            trajectory = TipTrajectory(
+                self._scene, path, limits, self._config.tip_limits, p_GT=self._p_GT
+            )
+        else:
+            rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]
+            trajectory = TimeOptimalTrajectory(
+                self._scene, path, limits, rounding=rounding
+            )
         if isinstance(trajectory, PathFailure):
             raise NoPathError(trajectory.failure, trajectory.message)
         return trajectory

@@ -311,7 +311,7 @@ class TaskPlanner:
         # Straight across keeps the object upright. Where that does not go, any way.
         across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
         if not isinstance(across, PathFailure):
-            if scene.num_joints < FREEDOMS:
+            if scene.num_joints < FREEDOMS and self.config.tip_limits is None:
                 # Without a joint to spare, the hand's line costs detours of the joints.
                 line = scene.edge(q_lifted, across[-1])
                 kept = all(place.angle_violation(scene.X_WG(q)) == 0.0 for q in line)

@@ -5,7 +5,6 @@ limited, and as large as that allows. So move the arms of CoppeliaSim's `moveToP
 whose distance between poses counts turns, too.
 """
 
-import dataclasses as dc
 import itertools
 
 import numpy as np
@@ -16,10 +15,11 @@ from pydrake.trajectories import (
     Trajectory,
 )
 
+from drake_srg.planning.config import TipLimits
 from drake_srg.planning.paths import PathFailure
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.trajectories import MotionLimits
-from drake_srg.types import Vector, positive
+from drake_srg.types import Vector
 
 # Longest steps of a path, in distance [m] and of a joint [rad]: longer than those of
 # `PlanCartesianPath`, whose waypoints are taken as they are.
@@ -34,30 +34,6 @@ _LEAST_DISTANCE = 1e-3
 _SAMPLES = 1000  # times at which the joints' limits are looked at,
 _SAMPLING_SLACK = 1.01  # and what they may be exceeded by between these
 _STANDING = 0.01  # duration of a path without motion [s]
-
-
-@dc.dataclass(kw_only=True)
-class TipLimits:
-    """How the tip may move along its path; the defaults are the five-axis thesis's.
-
-    Distance on a path is that of `moveToPose` with metric [1, 1, 1, angle_weight]: the
-    norm of the tip's step and of the angle that the hand turns by, times the weight.
-    """
-
-    velocity: float = dc.field(default=0.1, metadata=positive())  # m/s
-    acceleration: float = dc.field(default=0.1, metadata=positive())  # m/s²
-    jerk: float = dc.field(default=0.1, metadata=positive())  # m/s³
-    # What a turn of the hand counts as [m/rad].
-    angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
-
-    def Slowed(self, factor: float) -> "TipLimits":
-        """The limits of the same motions in `factor` times the time."""
-        return dc.replace(
-            self,
-            velocity=self.velocity / factor,
-            acceleration=self.acceleration / factor**2,
-            jerk=self.jerk / factor**3,
-        )
 
 
 def TipTrajectory(

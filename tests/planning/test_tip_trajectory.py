@@ -5,9 +5,10 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.errors import ScenarioError
+from drake_srg.planning.config import TipLimits
 from drake_srg.planning.hand_target import HandTarget
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath, PlanJointPath
-from drake_srg.planning.tip_trajectory import TipLimits, TipTrajectory
+from drake_srg.planning.tip_trajectory import TipTrajectory
 from drake_srg.planning.trajectories import MotionLimits
 from drake_srg.types import Sphere
 from drake_srg.yaml_loading import load_typed
