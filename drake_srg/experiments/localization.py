@@ -1,0 +1,289 @@
+"""Where the five-axis cell's camera sees its cylinder: standing, tilted and lying.
+
+The cylinder is put somewhere, and the scenario's own ceiling camera and localizer look,
+with images of three sizes. Nothing is simulated: it is the image that is judged.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.cell import AddLocalizer
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.station import MakeStation
+from drake_srg.types import BlobFlag, Cylinder, Vector
+
+SCENARIO, CAMERA = "assistive_arm", "ceiling"
+SIZES = ((320, 240), (640, 480), (1280, 960))  # of the images [pixels]
+STANDING, RECESS, TILTED, LYING = "standing", "in the recess", "tilted", "lying"
+# The arm thesis's table: where its blob detection saw the cylinder, and where it was.
+DETECTED = np.array([-0.325013, -0.175051, 0.139989])  # m
+ACTUAL = np.array([-0.32495, -0.17498, 0.125])  # m
+# What we ask of ourselves: on each axis standing, in all otherwise; of the axis.
+MOST_STANDING, MOST_LYING, MOST_TURN = 0.3e-3, 0.5e-3, np.deg2rad(1.0)  # m, m, rad
+_SIDES = ("width", "height")
+_GRID = 9  # places standing a side of the pick region
+_OTHERS = 60  # places tilted, as many lying
+_DEPTH, _PLAY = 0.005, 0.7e-3  # of the recess; within its clearance on both axes [m]
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """One way the cylinder is, seen with images of one size."""
+
+    way: str
+    size: tuple[int, int]
+
+    def __str__(self) -> str:
+        return f"{self.way}, {self.size[0]} x {self.size[1]}"
+
+
+@dc.dataclass(frozen=True)
+class Sighting:
+    """A cylinder that was looked for.
+
+    Attributes:
+        X_WO: Where it was.
+        error: Estimated centre minus the true one, in W [m], shape (3,); NaN where it
+            was not seen.
+        turn: Angle between estimated and true axis [rad]; NaN likewise.
+        quality: Of the blob; NaN likewise.
+        uncertain: Whether the localizer says that it cannot tell.
+    """
+
+    X_WO: RigidTransform
+    error: Vector
+    turn: float
+    quality: float
+    uncertain: bool
+
+    @property
+    def distance(self) -> float:
+        """Distance between the estimated and the true centre [m]."""
+        return float(np.linalg.norm(self.error))
+
+    @property
+    def tilt(self) -> float:
+        """Angle of the axis from the vertical [rad]."""
+        return float(np.arccos(min(1.0, self.X_WO.rotation().matrix()[2, 2])))
+
+
+def load(size: tuple[int, int]) -> Scenario:
+    """The scenario, with its camera's images of a size [pixels]."""
+    changes = [f"cameras.{CAMERA}.{k}={v}" for k, v in zip(_SIDES, size, strict=True)]
+    return load_scenario(SCENARIO, seed=0, overrides=changes)
+
+
+def poses(scenario: Scenario, way: str) -> Iterator[RigidTransform]:
+    """Where a cylinder is put: all over the pick region, or in the recess."""
+    rng = np.random.default_rng(0)
+    shape = scenario.objects[scenario.task.pick].shape
+    assert isinstance(shape, Cylinder)
+    region = scenario.task.region
+    assert region is not None
+    if way == STANDING:
+        sides = np.linspace(region.min, region.max, _GRID).T
+        places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
+        tilts = np.zeros(len(places))
+    elif way == RECESS:
+        places = rng.uniform(-_PLAY, _PLAY, (_GRID, 2)) + scenario.task.place.position
+        tilts = np.zeros(len(places))
+    else:
+        places = rng.uniform(region.min, region.max, (_OTHERS, 2))
+        least = 0.0 if way == TILTED else np.pi / 2
+        tilts = rng.uniform(least, np.pi / 2, _OTHERS)
+    for place, tilt in zip(places, tilts, strict=True):
+        azimuth = rng.uniform(-np.pi, np.pi)
+        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        axis = np.sin(tilt) * level + [0.0, 0.0, np.cos(tilt)]
+        height = 0.5 * shape.length * np.cos(tilt) + shape.radius * np.sin(tilt)
+        height += scenario.table.height - (_DEPTH if way == RECESS else 0.0)
+        R_WO = RotationMatrix.MakeFromOneVector(axis, 2)
+        yield RigidTransform(R_WO, [*place, height])
+
+
+class Eye:
+    """The station and the localizer of a scenario, and nothing else of its cell."""
+
+    def __init__(self, scenario: Scenario):
+        self._name = scenario.task.pick
+        builder = DiagramBuilder()
+        station = builder.AddNamedSystem("station", MakeStation(scenario))
+        self._localizer = AddLocalizer(builder, scenario, station)
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._plant = station.GetSubsystemByName("plant")
+
+    def look(self, X_WO: RigidTransform) -> Sighting:
+        """Put the picked object somewhere, and look for it."""
+        model = self._plant.GetModelInstanceByName(self._name)
+        (index,) = self._plant.GetBodyIndices(model)
+        self._plant.SetFreeBodyPose(
+            self._plant.GetMyMutableContextFromRoot(self._context),
+            self._plant.get_body(index),
+            X_WO,
+        )
+        context = self._localizer.GetMyContextFromRoot(self._context)
+        blobs = self._localizer.GetOutputPort("blobs").Eval(context)
+        blobs = [blob for blob in blobs if blob.object_name == self._name]
+        if len(blobs) != 1:  # a second one would be something else
+            return Sighting(X_WO, np.full(3, np.nan), np.nan, np.nan, True)
+        blob, axis = blobs[0], X_WO.rotation().matrix()[:, 2]
+        turn = np.arctan2(np.linalg.norm(np.cross(blob.axis, axis)), blob.axis @ axis)
+        return Sighting(
+            X_WO,
+            blob.position - X_WO.translation(),
+            float(min(turn, np.pi - turn)),  # both ends look alike
+            blob.quality,
+            BlobFlag.UNCERTAIN in blob.flags,
+        )
+
+
+def run(track: Track) -> ExperimentResult:
+    """Look at a cylinder in many places, with images of three sizes."""
+    own = load_scenario(SCENARIO).cameras[CAMERA]
+    eyes = {size: Eye(load(size)) for size in SIZES}
+    ways = (STANDING, RECESS, TILTED, LYING)
+    cases = [Case(way, size) for size in SIZES for way in ways]
+    sightings = {
+        case: [eyes[case.size].look(X_WO) for X_WO in poses(load(case.size), case.way)]
+        for case in track(cases)
+    }
+    size = (own.width, own.height)
+    thesis = eyes[size].look(RigidTransform(ACTUAL))
+    return make_result(sightings, thesis, size)
+
+
+def make_result(
+    sightings: dict[Case, list[Sighting]], thesis: Sighting, size: tuple[int, int]
+) -> ExperimentResult:
+    """Judge sightings.
+
+    Args:
+        sightings: By case.
+        thesis: At the place of the arm thesis's cylinder.
+        size: The scenario's own [pixels]; its cases are judged, others shown.
+    """
+    flat = [(case, s) for case, found in sightings.items() for s in found]
+    places = np.array([s.X_WO.translation() for _, s in flat])
+    errors = np.array([s.error for _, s in flat])
+    axes = np.array([s.X_WO.rotation().matrix()[:, 2] for _, s in flat])
+    columns: dict[str, Any] = {
+        "way": [case.way for case, _ in flat],
+        "width [pixels]": [case.size[0] for case, _ in flat],
+    }
+    for i, name in enumerate("xyz"):
+        columns[f"{name} [m]"] = places[:, i]
+        columns[f"axis {name}"] = axes[:, i]
+        columns[f"error {name} [m]"] = errors[:, i]
+    columns["error of the axis [rad]"] = [s.turn for _, s in flat]
+    columns["quality"] = [s.quality for _, s in flat]
+    columns["uncertain"] = [int(s.uncertain) for _, s in flat]
+    return ExperimentResult(
+        judge(sightings, thesis, size),
+        {"sightings": columns},
+        draw(sightings, size),
+    )
+
+
+def judge(
+    sightings: dict[Case, list[Sighting]], thesis: Sighting, size: tuple[int, int]
+) -> list[Row]:
+    """Judge the thesis's place, then every case; see `make_result`."""
+    rows = []
+    errors = 1e3 * np.abs([thesis.error, DETECTED - ACTUAL])
+    for name, ours, theirs in zip("xyz", *errors, strict=True):
+        what = f"error in {name}; expected: the thesis's"
+        rows.append(Row.at_most("at the thesis's place", what, theirs, ours, "mm"))
+    for case, found in sightings.items():
+        errors = 1e3 * np.abs([s.error for s in found])
+        turn = float(np.rad2deg(np.max([s.turn for s in found])))
+        distance = 1e3 * float(np.max([s.distance for s in found]))
+        upright = case.way in (STANDING, RECESS)
+        most = 1e3 * (MOST_STANDING if upright else MOST_LYING)
+        measured: list[tuple[str, float, float, str]] = [
+            (f"largest error in {name}", most, float(error), "mm")
+            for name, error in zip("xyz", errors.max(axis=0), strict=True)
+        ]
+        if not upright:
+            measured = [("largest error of position", most, distance, "mm")]
+        rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
+        measured.append(("error of the axis", np.rad2deg(MOST_TURN), turn, "deg"))
+        for what, limit, value, unit in measured:
+            if case.size == size:
+                rows.append(Row.at_most(str(case), what, limit, value, unit))
+            else:
+                rows.append(Row.info(str(case), what, value, unit))
+        rows.append(Row.info(str(case), "root mean square of position", rms, "mm"))
+    return rows
+
+
+def draw(sightings: dict[Case, list[Sighting]], size: tuple[int, int]) -> Any:
+    """Draw errors by size and axis, over the region, and against the tilt."""
+    figure = make_figure(11.0, 7.0, "Where the camera sees the cylinder")
+    (bars, region), (position, turn) = figure.subplots(2, 2)
+    sizes = list(dict.fromkeys(case.size for case in sightings))
+    labels = [f"{w} x {h}" for w, h in sizes]
+    _draw_standing(bars, sightings, sizes, labels)
+
+    found = sightings[Case(STANDING, size)]
+    places = 1e3 * np.array([s.X_WO.translation()[:2] for s in found])
+    errors = 1e3 * np.array([s.error[:2] for s in found])
+    style_axes(region, xlabel="x [mm]", ylabel="y [mm]")
+    arrows = region.quiver(*places.T, *errors.T, color=COLORS[0], angles="xy")
+    region.quiverkey(arrows, 0.85, 1.04, 0.02, "0.02 mm", fontproperties={"size": 8})
+    region.set_aspect("equal", adjustable="datalim")
+    title = f"Standing on the pick region, {size[0]} x {size[1]}: error in x and y"
+    region.set_title(title, fontsize=9, loc="left")
+
+    style_axes(position, xlabel="tilt [deg]", ylabel="error of position [mm]")
+    style_axes(turn, xlabel="tilt [deg]", ylabel="error of the axis [deg]")
+    for color, wanted, label in zip(COLORS, sizes, labels, strict=False):
+        tilted = [
+            s
+            for case, found in sightings.items()
+            if case.size == wanted and case.way in (TILTED, LYING)
+            for s in found
+        ]
+        tilts = [np.rad2deg(s.tilt) for s in tilted]
+        style: dict[str, Any] = {"color": color, "ms": 3, "label": label}
+        position.plot(tilts, [1e3 * s.distance for s in tilted], "o", **style)
+        turn.plot(tilts, [np.rad2deg(s.turn) for s in tilted], "o", **style)
+    position.axhline(1e3 * MOST_LYING, color=COLORS[-1], lw=0.8, ls="--")
+    for axes, what in ((position, "centre; dashed: what is asked for"), (turn, "axis")):
+        axes.set_title(f"Tilted and lying: {what}", fontsize=9, loc="left")
+        axes.legend(fontsize=8, frameon=False)
+    return figure
+
+
+def _draw_standing(
+    axes: Any,
+    sightings: dict[Case, list[Sighting]],
+    sizes: Sequence[tuple[int, int]],
+    labels: Sequence[str],
+) -> None:
+    """Draw the largest error on each axis, and the thesis's."""
+    style_axes(axes, ylabel="largest error [mm]")
+    theirs = 1e3 * np.abs(DETECTED - ACTUAL)
+    bars = {
+        label: Case(STANDING, size) for label, size in zip(labels, sizes, strict=True)
+    }
+    for k, (label, case) in enumerate(bars.items()):
+        largest = 1e3 * np.max(np.abs([s.error for s in sightings[case]]), axis=0)
+        axes.bar(np.arange(3) + 0.2 * k, largest, 0.18, color=COLORS[k], label=label)
+    at = np.arange(3) + 0.2 * len(bars)
+    axes.bar(at, theirs, 0.18, color=COLORS[-1], label="thesis, one place")
+    axes.axhline(1e3 * MOST_STANDING, color=COLORS[-1], lw=0.8, ls="--")
+    axes.set_xticks(np.arange(3) + 0.1 * len(bars), list("xyz"))
+    axes.set_yscale("log")
+    axes.set_title("Standing; dashed: what is asked for", fontsize=9, loc="left")
+    axes.legend(fontsize=8, frameon=False)
