@@ -3,10 +3,13 @@
 A scenario's tag chooses one; each has a file of its own.
 """
 
+from typing import get_args
+
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.errors import ScenarioError
 from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
 from drake_srg.gripper.srg_position_driver import (
     AddSrgPositionDriver,
@@ -39,7 +42,22 @@ def AddGripperDriver(
     gripper: ModelInstanceIndex,
     config: GripperDriver,
 ) -> Diagram:
-    """Add the driver that a configuration asks for; see the drivers for their ports."""
+    """Add the driver that a configuration asks for; see the drivers for their ports.
+
+    Raises:
+        ScenarioError: If the gripper has not the joints that it drives.
+    """
+    fitting = [
+        driver.__name__
+        for driver in get_args(GripperDriver)
+        if all(plant.HasJointNamed(name, gripper) for name in driver.layout.joint_names)
+    ]
+    asked = type(config).__name__
+    if asked not in fitting:
+        allowed = ", ".join(f"!{name}" for name in fitting) or "none of ours"
+        raise ScenarioError(
+            f"gripper: !{asked} does not fit the model; allowed: {allowed}"
+        )
     match config:
         case SrgPositionDriver():
             return AddSrgPositionDriver(builder, plant, gripper, config)
