@@ -9,47 +9,62 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.vision.view import View
 
 _FLOOR = 5e-5  # m, least thickness of a plane: a renderer's depth has no noise
 _STEEPEST = np.cos(np.deg2rad(15.0))  # a top leaning more is taken as not understood
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def guess_poses(shape: Shape, points: Vector, eye: Vector) -> list[RigidTransform]:
+def guess_poses(shape: Shape, view: View) -> list[RigidTransform]:
     """Poses X_WO from which a fit may start.
 
-    A box is taken to stand, its top within 15 degrees of level. A cylinder's axis may
-    be the normal of a level top, a principal direction of the points, or between the
-    longest and the shortest one: where a tilted cylinder shows a cap and its side.
+    A box is taken to stand, its top within 15 degrees of level. A cylinder's normals
+    are along its axis or square to it, so its axis is an eigenvector of their second
+    moments, whatever part is seen. Where noise spoils the normals, the axis may be that
+    of a level top or the points' longest. Either end of a cylinder may be hidden.
 
     Args:
         shape: The solid.
-        points: Of its visible surface, in W [m], shape (n, 3).
-        eye: Where they are seen from, in W [m], shape (3,).
+        view: Where it is; at least three pixels of the blob have depth.
     """
+    points = view.points()[view.blob & view.valid]
     middle = points.mean(axis=0)
-    view = (middle - eye) / np.linalg.norm(middle - eye)
+    forward = (middle - view.origin) / np.linalg.norm(middle - view.origin)
     if isinstance(shape, Sphere):
-        return [RigidTransform(middle + 0.6 * shape.radius * view)]
+        # A ball's surface is on average that much before its centre.
+        return [RigidTransform(middle + 2 / 3 * shape.radius * forward)]
     if isinstance(shape, Box):
         return [_standing_box(shape, points)]
-    normal, _, _ = fit_plane(points, 2 * shape.radius)
-    long, wide, thin = np.linalg.eigh(np.cov(points.T))[1].T[::-1]
-    axes = (normal, long, wide, thin, long + thin, long - thin)
+    top, _, _ = fit_plane(points, 2 * shape.radius)
+    long = np.linalg.eigh(np.cov(points.T))[1][:, -1]
+    normals = _normals(view)
+    axes = [top, long, *np.linalg.eigh(normals.T @ normals)[1].T]
     return [
-        _cylinder(shape, points, axis / np.linalg.norm(axis), view) for axis in axes
+        _cylinder(shape, points, end * axis, forward)
+        for axis in axes
+        for end in (1, -1)
     ]
 
 
+def _normals(view: View) -> Vector:
+    """Unit normals where a pixel of the blob is between others, in W, shape (n, 3)."""
+    known = view.blob & view.valid
+    points = np.where(known[..., None], view.points(), 0.0)
+    right, down = (points - np.roll(points, 2, axis=k) for k in (1, 0))
+    n = np.cross(right[1:-1, 2:], down[2:, 1:-1])
+    n = n[known[1:-1, 2:] & known[1:-1, :-2] & known[2:, 1:-1] & known[:-2, 1:-1]]
+    return n / np.maximum(np.linalg.norm(n, axis=1), 1e-12)[:, None]
+
+
 def _cylinder(
-    shape: Cylinder, points: Vector, axis: Vector, view: Vector
+    shape: Cylinder, points: Vector, axis: Vector, forward: Vector
 ) -> RigidTransform:
-    """A cylinder along an axis, its end towards the eye at the last of the points."""
-    axis = -axis * np.copysign(1.0, axis @ view)
+    """A cylinder along an axis, whose end is at the last of the points there."""
     middle = points.mean(axis=0)
     end = np.quantile((points - middle) @ axis, 0.98)
-    # Seen from the side, the surface is on average 0.2 r nearer than the axis' 0.8 r.
-    behind = 0.8 * shape.radius * (view - (view @ axis) * axis)
+    # Seen from the side, a cylinder's surface is on average that much before its axis.
+    behind = np.pi / 4 * shape.radius * (forward - (forward @ axis) * axis)
     center = middle + (end - 0.5 * shape.length) * axis + behind
     return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), center)
 

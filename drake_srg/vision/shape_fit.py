@@ -23,11 +23,13 @@ from drake_srg.vision.view import View
 # Softness of the outline [pixels]: a guess is a few off. A label tells where an edge is
 # with a standard deviation of 0.29, all of them together tell more.
 _COARSE, _MIDDLE, _FINE = (3.0, 1.0), (0.3,), (0.1, 0.03)
-_EXPLAINED = 0.03  # of a blob's pixels; another guess will hardly leave fewer
+# Of a blob's pixels: another guess will hardly leave fewer, and it is not this solid.
+_EXPLAINED, _MOST_UNEXPLAINED = 0.03, 0.1
 _WRONG = 1e-3  # m; a point of the blob farther off the surface speaks against a pose
 _RING = 72  # samples of the outline, for its quality
 _MOST_DEVIATIONS = np.array([1e-3, np.deg2rad(1.0)])  # of position [m] and axis [rad]
-_LEAST_SEEN = 0.3  # of an outline; what is less may bound the solid on one side alone
+_SLIDE = 2.5  # pixels; along its axis a solid may not move so far unnoticed
+_LEAST_COLORED = 0.1  # of the surface; with less it may be something else's
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -54,11 +56,11 @@ class Fit:
 
 def fit_shape(shape: Shape, view: View) -> Fit | None:
     """The centre and axis of `shape`, or None where the view shows too little of it."""
-    points = view.points()[view.blob & np.isfinite(view.depth) & (view.depth > 0)]
+    points = view.points()[view.blob & view.valid]
     if len(points) < 3:
         return None
     best, least = RigidTransform(), np.inf
-    for guess in _by_distance(shape, guess_poses(shape, points, view.origin), points):
+    for guess in _by_distance(shape, guess_poses(shape, view), points):
         X_WO = align(shape, guess, view, _COARSE).X_WO
         if (unexplained := _unexplained(look(shape, X_WO, view, margin=0))) < least:
             best, least = X_WO, unexplained
@@ -71,10 +73,15 @@ def fit_shape(shape: Shape, view: View) -> Fit | None:
         axis = _UP
     elif isinstance(shape, Cylinder):
         axis = axis * np.copysign(1.0, axis[2])
-    quality, cut, hidden = _seen(shape, X_WO, view)
+    sight = look(shape, X_WO, view, margin=3)
     deviations = np.array([middle.position_deviation, middle.axis_deviation])
-    uncertain = quality < _LEAST_SEEN or bool((deviations > _MOST_DEVIATIONS).any())
-    return Fit(X_WO.translation(), axis, quality, cut, hidden, uncertain)
+    uncertain = (deviations > _MOST_DEVIATIONS).any()
+    return Fit(
+        X_WO.translation(),
+        axis,
+        *_seen(sight, Outline.of(shape, X_WO, view), view),
+        uncertain=bool(uncertain) or _doubtful(shape, X_WO, view, sight),
+    )
 
 
 def _by_distance(
@@ -99,12 +106,30 @@ def _unexplained(sight: Sight) -> float:
     return float((missed.sum() + through.sum()) / sight.blob.sum())
 
 
-def _seen(shape: Shape, X_WO: RigidTransform, view: View) -> tuple[float, bool, bool]:
+def _doubtful(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> bool:
+    """Whether a pose leaves much unexplained, or others explain as much.
+
+    Where both ends of a solid are hidden, it may slide along its axis unnoticed.
+    """
+    unexplained = _unexplained(sight)
+    surface = sight.surface & (sight.distance < -1)
+    colored = sight.blob.sum() / max(1, surface.sum())
+    distance = float(np.linalg.norm(X_WO.translation() - view.origin))
+    slide = _SLIDE * distance / view.focal[0]
+    slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (-slide, slide))
+    return (
+        unexplained > _MOST_UNEXPLAINED
+        or colored < _LEAST_COLORED
+        or any(
+            _unexplained(look(shape, X, view, margin=0)) <= unexplained for X in slid
+        )
+    )
+
+
+def _seen(sight: Sight, outline: Outline, view: View) -> tuple[float, bool, bool]:
     """Quality, cut, hidden of an outline between two rings of pixels."""
-    sight = look(shape, X_WO, view, margin=3)
     labels = np.full(view.depth.shape, OUTSIDE, dtype=np.int8)
     labels[tuple(sight.pixels.T[::-1])] = np.where(sight.surface, INSIDE, sight.labels)
-    outline = Outline.of(shape, X_WO, view)
     h, w = view.depth.shape
     in_image, found = np.ones(_RING, bool), np.ones(_RING, bool)
     for grow, expected in ((-1.5, INSIDE), (1.5, OUTSIDE)):

@@ -22,6 +22,7 @@ OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
 # Least and most that a visible point of the solid may be off its surface. A renderer's
 # depth has no noise, but Drake draws circles with 50 sides, 0.2 % inside the radius.
 _FINEST, _FINEST_SHARE, _COARSEST = 1e-4, 3e-3, 3e-3  # m, of the radius, m
+_BEHIND = 0.3  # cosine; numbers are too coarse where a surface is seen edge-on
 
 
 @dc.dataclass(frozen=True)
@@ -82,8 +83,11 @@ def look(
     valid = np.isfinite(depth) & (depth > 0)
     finite = np.where(valid, depth, 0.0)
     points = view.origin + view.rays[rows, columns] * finite[:, None]
-    p_O = (points - X_WO.translation()) @ X_WO.rotation().matrix()
-    error = np.where(valid, signed_distance(shape, p_O)[0], np.inf)
+    R_WO = X_WO.rotation().matrix()
+    error, normals = signed_distance(shape, (points - X_WO.translation()) @ R_WO)
+    # What faces away cannot be seen.
+    facing = ((view.rays[rows, columns] @ R_WO) * normals).sum(axis=1) < _BEHIND
+    error = np.where(valid & facing, error, np.inf)
     spread = 4 * 1.4826 * float(np.median(np.abs(error[blob & valid])))
     sides = _FINEST_SHARE * 0.5 * float(bounding_size(shape)[0])
     finest = min(_COARSEST, max(_FINEST, sides, doubt))

@@ -40,6 +40,11 @@ class View:
     project: Callable[[Vector], Vector]
     focal: Vector
 
+    @property
+    def valid(self) -> Mask:
+        """Pixels that see something, shape (h, w)."""
+        return np.asarray(np.isfinite(self.depth) & (self.depth > 0))
+
     def points(self) -> Vector:
         """Visible surface in W [m], shape (h, w, 3); not finite where too far."""
         return np.asarray(self.origin + self.rays * self.depth[..., None])
