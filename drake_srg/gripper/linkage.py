@@ -55,15 +55,16 @@ class MasterSlaveReference(LeafSystem):
       position both stand still: what their references ask for beyond the contact is the
       grip. They let go when the command asks the master to open, and not before: an
       object that is lost leaves them where they are.
-    * Letting go, both references first drop to where the cranks are, so that neither
-      finger pushes the object after the other; nor does the slave, that lags, close
-      while the master opens.
+    * Opening, the slave does not follow while its reference still presses: it goes back
+      at full speed, as the master's does. So the grip fades on both sides alike, and an
+      object in the middle of it is not pushed by either. Nor does the slave, that lags,
+      ever close while the master opens.
     * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
       crank, which moves there at `config.max_velocity`.
     * While `hold` (1) is nonzero both stand still, and a grip is kept.
 
-    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q within 0 ..
-    full_scale and continuous in time but where the fingers let go, a zero.
+    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q continuous in time
+    within 0 .. full_scale, a zero.
     """
 
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
@@ -115,12 +116,11 @@ class MasterSlaveReference(LeafSystem):
             measured = self._measured.Eval(context)[:2]
             target = config.full_scale * closure
             opens = target < angles[0]
-            if opens and gripped:
-                angles = measured.copy()
             gripped = not opens and (gripped or self._grasped.Eval(context)[0] != 0.0)
             follow = config.slave_gain * (measured[0] - measured[1])
             if opens:
-                follow = min(follow, 0.0)
+                presses = angles[1] > measured[1]
+                follow = -config.max_velocity if presses else min(follow, 0.0)
             lead = (target - angles[0]) / config.period
             speeds = np.zeros(2) if gripped else np.array([lead, follow])
             if self._override.HasValue(context):
