@@ -134,16 +134,19 @@ def test_a_grasp_counts_after_the_post_contact_delay(holding):
     assert not grasped[time < first].any()
 
 
-def test_it_lets_go():
+def test_it_lets_go_without_pushing():
     hand = Hand(radius=RADIUS)
     hand.command(closure_commanded=1.0)
-    hand.advance(0.7)
+    hand.advance(0.9)
     assert hand.read("grasped") == [1.0]
+    held = hand.p_GO()
     hand.command(closure_commanded=0.0)
-    hand.advance(0.7)
+    hand.advance(0.9)
     assert hand.q == pytest.approx([0.0, 0.0], abs=0.005)
     assert hand.read("grasped") == [0.0]
     assert hand.read("contact_force") == pytest.approx([0.0, 0.0])
+    # A tenth of how far closing shifts it.
+    assert hand.p_GO() == pytest.approx(held, abs=CRANK * LAG / 2 / 10)
 
 
 @pytest.mark.parametrize(("mass", "friction"), [(0.2, 0.4), (0.02, 0.2)])
