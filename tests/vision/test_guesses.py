@@ -1,10 +1,12 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from pydrake.math import RollPitchYaw
+from pydrake.math import RigidTransform, RollPitchYaw
+from ray_cast import lying, view_of
 
-from drake_srg.vision.guesses import fit_plane
+from drake_srg.types import Cylinder
+from drake_srg.vision.guesses import fit_plane, guess_poses
 
 degrees = st.floats(-8.0, 8.0)
 
@@ -46,3 +48,21 @@ def test_a_sliver_is_taken_as_level():
     sliver = np.stack([x, 1e-4 * np.sin(900 * x), 0.1 + 0.02 * x], axis=-1)
     normal, _, _ = fit_plane(sliver, 0.0678)
     assert normal.tolist() == [0.0, 0.0, 1.0]
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(0.0, 0.1) | st.floats(1.4, np.pi / 2),
+    st.floats(-np.pi, np.pi),
+    st.floats(-0.03, 0.03),
+)
+def test_one_guess_has_the_axis_though_half_is_hidden(tilt, yaw, side):
+    shape = Cylinder(0.0125, 0.05)
+    X_WO, axis = lying(shape, tilt, yaw, 0.01, 0.01)
+    hand = X_WO.translation() + np.array([side, 0.0, 0.08])
+    view = view_of(shape, X_WO, [(Cylinder(0.015, 0.02), RigidTransform(hand))])
+    assume(view is not None and view.blob.sum() > 60)
+    axes = np.array([g.rotation().matrix()[:, 2] for g in guess_poses(shape, view)])
+    turns = np.linalg.norm(np.cross(axes, axis), axis=1)
+    # Normals of pixels across the edge of an end are in between.
+    assert turns.min() < np.sin(np.deg2rad(10.0))

@@ -1,8 +1,11 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ray_cast import lying, view_of
+from pydrake.math import RigidTransform, RotationMatrix
+from ray_cast import X_WC, lying, view_of
 
 from drake_srg.types import Cylinder
 from drake_srg.vision.shape_fit import fit_shape
@@ -38,3 +41,63 @@ def test_noise_is_averaged(tilt, yaw, seed):
     fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO, noise=3e-4, seed=seed))
     assert fit.position == pytest.approx(X_WO.translation(), abs=PIXEL)
     assert turned(fit, axis) < np.deg2rad(1.0)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.floats(0.0, 1.5), yaws, yaws)
+def test_turning_world_and_camera_turns_what_is_found(tilt, yaw, turn):
+    X_WO, _ = lying(CYLINDER, tilt, yaw, 0.02, -0.01)
+    before = fit_shape(CYLINDER, view_of(CYLINDER, X_WO))
+    T = RigidTransform(RotationMatrix.MakeZRotation(turn), [0.0, 0.0, 0.0])
+    after = fit_shape(CYLINDER, view_of(CYLINDER, T @ X_WO, X_WC=T @ X_WC))
+    assert after.position == pytest.approx(T @ before.position, abs=1e-5)
+    assert after.axis == pytest.approx(T.rotation() @ before.axis, abs=1e-3)
+    assert after.quality == pytest.approx(before.quality, abs=0.05)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(0.0, np.pi / 2),
+    yaws,
+    st.floats(0.01, 0.02),
+    st.floats(0.0, 0.9),
+    yaws,
+)
+def test_half_a_cylinder_is_enough(tilt, yaw, radius, share, around):
+    """What hides less than half of it does not mislead, or the fit says so."""
+    X_WO, axis = lying(CYLINDER, tilt, yaw, 0.01, 0.01)
+    p = X_WO.translation()
+    away = (0.012 + radius) * (1 - 0.5 * share)
+    hand = [p[0] + away * np.cos(around), p[1] + away * np.sin(around), 0.12]
+    view = view_of(CYLINDER, X_WO, [(Cylinder(radius, 0.02), RigidTransform(hand))])
+    whole = view_of(CYLINDER, X_WO)
+    fit = fit_shape(CYLINDER, view)
+    if view.blob.sum() > 0.5 * whole.blob.sum() and not fit.uncertain:
+        assert fit.position == pytest.approx(p, abs=PIXEL)
+        assert turned(fit, axis) < np.deg2rad(1.0)
+
+
+def test_a_cylinder_with_both_ends_hidden_is_uncertain():
+    X_WO, axis = lying(CYLINDER, np.pi / 2, 0.3)
+    ends = []
+    for offset in (-0.03, 0.03):
+        p = X_WO.translation() + offset * axis
+        ends.append((Cylinder(0.018, 0.02), RigidTransform([p[0], p[1], 0.06])))
+    fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO, ends))
+    assert fit.uncertain
+    assert turned(fit, axis) < np.deg2rad(1.0)
+
+
+def test_a_few_pixels_are_uncertain():
+    X_WO, _ = lying(CYLINDER, 0.2, 0.3)
+    view = view_of(CYLINDER, X_WO)
+    rows, columns = np.nonzero(view.blob)
+    few = np.zeros_like(view.blob)
+    few[rows[:4], columns[:4]] = True
+    fit = fit_shape(CYLINDER, dc.replace(view, blob=few))
+    assert fit is None or fit.uncertain
+
+
+def test_nothing_to_fit_gives_nothing():
+    view = view_of(CYLINDER, lying(CYLINDER, 0.0, 0.0)[0])
+    assert fit_shape(CYLINDER, dc.replace(view, blob=np.zeros_like(view.blob))) is None

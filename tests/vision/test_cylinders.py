@@ -1,0 +1,125 @@
+"""A small cylinder of the arm thesis's colour, on tables and in a gripper."""
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+from vision_scene import TENT, Camera, Thing, directional, locate
+
+from drake_srg.types import BlobFlag, Box, Cylinder
+from drake_srg.vision.blob_localizer import BlobTarget
+from drake_srg.vision.color import ColorRange
+
+CYLINDER = Cylinder(0.0125, 0.05)
+LAVENDER = (0.85, 0.85, 1.0)
+STRICT = ColorRange((0.8, 0.8, 0.95), (0.9, 0.9, 1.0), "rgb")
+TARGET = BlobTarget("cylinder", CYLINDER, STRICT)
+WOOD, WHITE, CREAM, BLACK = (
+    (0.75, 0.6, 0.45),
+    (0.95, 0.95, 0.95),
+    (0.95, 0.9, 0.8),
+    (0.1, 0.1, 0.1),
+)
+# A pixel is 1.4 mm wide where the cylinder is.
+DOWN = RotationMatrix(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))
+CEILING = Camera(RigidTransform(DOWN, [-0.17, -0.015, 0.9]), fov_y=np.deg2rad(44.0))
+PLACES = [(-0.4, -0.25), (-0.25, -0.1), (-0.17, -0.015), (0.07, 0.2)]
+
+
+def at(x, y, tilt=0.0, azimuth=0.0):
+    """A cylinder that touches the table, `tilt` from upright [rad]."""
+    level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    axis = np.sin(tilt) * level + [0.0, 0.0, np.cos(tilt)]
+    z = 0.5 * CYLINDER.length * np.cos(tilt) + CYLINDER.radius * np.sin(tilt)
+    R = RotationMatrix.MakeFromOneVector(axis, 2)
+    return Thing(CYLINDER, (x, y, z), LAVENDER, R)
+
+
+def see(cylinder, *others):
+    """The one blob of a cylinder under the light tent."""
+    [blob] = locate([cylinder, *others], [TARGET], {"ceiling": CEILING}, lights=TENT)
+    return blob
+
+
+def check(blob, cylinder, millimetres, degrees=0.2):
+    np.testing.assert_allclose(
+        blob.position, cylinder.position, atol=1e-3 * millimetres
+    )
+    axis = cylinder.rotation.matrix()[:, 2]
+    turn = np.linalg.norm(np.cross(blob.axis, axis))
+    assert turn < np.sin(np.deg2rad(degrees))
+    assert blob.axis[2] >= 0.0
+    assert BlobFlag.UNCERTAIN not in blob.flags
+
+
+def on_table(color, height=0.001):
+    return Thing(Box([3.0, 3.0, height]), (0.0, 0.0, -0.5 * height + 1e-5), color)
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("color", [WOOD, WHITE, CREAM])
+def test_a_standing_one_is_found_within_a_tenth_of_a_millimetre(place, color):
+    cylinder = at(*place)
+    blob = see(cylinder, on_table(color))
+    check(blob, cylinder, 0.1)
+    assert blob.quality > 0.9
+    assert blob.flags == frozenset()
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("azimuth", [0.0, 0.02, 1.2])
+def test_a_lying_one_is_found_to_half_a_pixel(place, azimuth):
+    cylinder = at(*place, np.pi / 2, azimuth)
+    check(see(cylinder, on_table(CREAM)), cylinder, 0.75)
+
+
+@pytest.mark.parametrize("azimuth", [0.3, 2.5, -1.8])
+@pytest.mark.parametrize("tilt", [10.0, 30.0, 40.0, 50.0, 60.0, 80.0])
+def test_no_tilt_hides_it(tilt, azimuth):
+    cylinder = at(-0.3, -0.2, np.deg2rad(tilt), azimuth)
+    check(see(cylinder, on_table(WHITE)), cylinder, 0.5)
+
+
+def test_one_that_leans_on_another_thing_is_found():
+    tilt = np.deg2rad(35.0)
+    cylinder = at(-0.3, -0.2, tilt)
+    touched = -0.3 + 0.025 * np.sin(tilt) + 0.0125 * np.cos(tilt)
+    wall = Thing(Box([0.02, 0.08, 0.05]), (touched + 0.01, -0.2, 0.025), BLACK)
+    check(see(cylinder, wall), cylinder, 0.3)
+
+
+def test_one_in_a_recess_is_found():
+    x, y = 0.0, 0.145
+    cylinder = at(x + 5e-4, y - 3e-4)
+    # Twenty-four bars around it, 5 mm high, leave a hole of a radius of 13.5 mm.
+    ring = []
+    for angle in 2 * np.pi * np.arange(24) / 24:
+        R = RotationMatrix.MakeZRotation(angle)
+        p = np.array([x, y, 0.0025]) + R @ np.array([0.0535, 0.0, 0.0])
+        ring.append(Thing(Box([0.08, 0.02, 0.005]), tuple(p), WOOD, R))
+    blob = see(cylinder, *ring)
+    check(blob, cylinder, 0.1)
+    assert blob.flags <= {BlobFlag.OCCLUDED}  # the lowest 5 mm
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 0.7, 2.0])
+def test_one_between_fingertips_is_found(azimuth):
+    cylinder = at(-0.25, -0.1)
+    R = RotationMatrix.MakeZRotation(azimuth)
+
+    def part(size, *p):
+        return Thing(Box(size), tuple(R @ np.array(p) + cylinder.position), BLACK, R)
+
+    hand = [part([0.04, 0.07, 0.028], -0.085, 0.0, 0.0)]
+    for side in (1, -1):
+        hand.append(part([0.02, 0.01, 0.028], 0.0, side * 0.0175, 0.0))
+        hand.append(part([0.06, 0.008, 0.014], -0.035, side * 0.022, 0.0))
+    check(see(cylinder, *hand), cylinder, 0.1)
+
+
+def test_colour_may_be_seen_on_a_part_alone():
+    """Under one lamp, only the top of a lying cylinder is as bright as asked for."""
+    cylinder = at(-0.3, -0.2, np.pi / 2, 0.8)
+    lamp = directional([0.0, 0.0, -1.0], 1.0)
+    [blob] = locate([cylinder], [TARGET], {"ceiling": CEILING}, lights=[lamp])
+    check(blob, cylinder, 0.75)
+    assert blob.quality > 0.8
