@@ -44,6 +44,10 @@ class Grasp(abc.ABC):
         axis = AxisTarget(self.axis_G, X_WO.rotation().col(2), angle_tolerance)
         return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=(axis,))
 
+    def pick_target(self, X_WO: RigidTransform) -> HandTarget:
+        """Where the hand has to be to take the object at `X_WO`, which it may turn."""
+        return self.target(X_WO)
+
     @abc.abstractmethod
     def holds(self, q: Vector, proximity: Vector) -> bool:
         """Whether closed fingers that sense something have an object of the right size.

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps import Grasp, Hand
+from drake_srg.planning.hand_target import AxisTarget, HandTarget
 from drake_srg.types import Cylinder, Shape, Vector
 
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
@@ -22,6 +24,12 @@ _CLEARANCE = 0.012  # left on each side of an object that the open hand goes aro
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
 # Thinner objects could not be told from the other finger [m].
 _LEAST_RADIUS = _EMPTY_HALF_GAP + 0.002
+_LYING = np.deg2rad(5.0)  # largest angle of a lying object's axis from the level [rad]
+# Closing pads turn a lying object that is across them. Each goes on by 6 degrees of its
+# crank, 4.7 mm, from where it touches (60 degrees/s for the post-contact delay), which
+# straightens a 25 mm cylinder from 18 degrees. The slave is late [rad].
+_ACROSS = np.deg2rad(16.0)
+_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def crank_angle(half_gap: float) -> float:
@@ -37,6 +45,17 @@ class LinkageGrasp(Grasp):
     """A grasp with the pads along the object's axis."""
 
     contact_angle: float  # of the cranks when holding [rad]
+    # For an object that lies, taken with the palm above it: how far across the pads its
+    # axis may be [rad]. None takes it exactly along them, from wherever that is.
+    across: float | None = None
+
+    def pick_target(self, X_WO: RigidTransform) -> HandTarget:
+        """See `Grasp`."""
+        if self.across is None:
+            return super().pick_target(X_WO)
+        target = self.target(X_WO, angle_tolerance=max(self.across, 0.002))
+        ahead = AxisTarget(np.array([1.0, 0.0, 0.0]), _DOWN, angle=0.002)
+        return dc.replace(target, axes=(*target.axes, ahead))
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
         """See `Grasp`: the cranks are not nearer to closed than to the object."""
@@ -65,11 +84,16 @@ class LinkageHand(Hand):
             return []
         if not _LEAST_RADIUS <= shape.radius <= _OPEN_HALF_GAP - 0.003:
             return []
-        around = min(shape.radius + _CLEARANCE, _OPEN_HALF_GAP)
-        contact, opening = crank_angle(shape.radius), crank_angle(around)
+        around, across, name = shape.radius + _CLEARANCE, None, "along its axis"
+        if abs(axis_W[2]) <= np.sin(_LYING):
+            # Across the pads it takes more of their gap than its diameter.
+            across = _ACROSS if around <= _OPEN_HALF_GAP else 0.0
+            around, name = _OPEN_HALF_GAP, "from above"
+        opening = crank_angle(min(around, _OPEN_HALF_GAP))
+        contact = crank_angle(shape.radius)
         return [
             LinkageGrasp(
-                name="along its axis",
+                name=name,
                 p_GO=self.p_GT,
                 axis_G=np.array([0.0, 0.0, 1.0]),
                 closure_open=opening / _CRANK_RANGE,
@@ -77,6 +101,7 @@ class LinkageHand(Hand):
                 fingers_open=_cranks(opening),
                 fingers_closed=_cranks(contact),
                 contact_angle=contact,
+                across=across,
             )
         ]
 

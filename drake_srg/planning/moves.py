@@ -76,13 +76,24 @@ class Moves:
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)
         return HandTarget(X_WG @ self._p_GT, axes=(keep,), p_GT=self._p_GT)
 
-    def straight(self, q: Vector, target: HandTarget) -> Vector:
+    def straight(
+        self, q: Vector, target: HandTarget, *, turning: bool = False
+    ) -> Vector:
         """Path of the hand on a straight line from `q`, (K, N) [rad].
+
+        Args:
+            q: Where it starts, (N,) [rad].
+            target: Where it ends.
+            turning: Whether axes may turn where they cannot be kept along the line.
 
         Raises:
             NoPathError: If there is none.
         """
         path = PlanCartesianPath(self._scene, q, target)
+        if isinstance(path, PathFailure) and turning and target.axes:
+            # Joints of an arm that is nearly stretched move far on a short way.
+            target = dc.replace(target, axes=())
+            path = PlanCartesianPath(self._scene, q, target, spacing=0.005)
         if isinstance(path, PathFailure):
             raise NoPathError(path.failure, path.message)
         return path

@@ -200,7 +200,7 @@ class TaskPlanner:
             self.scene.set_fingers(grasp.fingers_open)
             with self.scene.standing(shape, X_WO, touchable=True):
                 pick = SolveInverseKinematics(
-                    self.scene, grasp.target(X_WO), q_nominal=self.q_home
+                    self.scene, grasp.pick_target(X_WO), q_nominal=self.q_home
                 )
             if isinstance(pick, IkFailure):
                 no_pick.append(
@@ -254,7 +254,7 @@ class TaskPlanner:
         scene.set_fingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
             back = self._moves.straight(
-                candidate.q_grasp, self._moves.behind(candidate.q_grasp)
+                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
             )
             motions[Mode.GRASP] = self._moves.timed(
                 back[::-1], self._moves.free, straight=True
@@ -266,7 +266,7 @@ class TaskPlanner:
 
         with self._carrying(shape, grasp):
             q_pick = candidate.q_grasp
-            up = self._moves.straight(q_pick, self._moves.above(q_pick))
+            up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)
             motions[Mode.LIFT] = self._moves.timed(
                 up, self._moves.holding, straight=True
             )
