@@ -123,8 +123,8 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Mass (its inertia scaled with it), friction and resolution replace the model's where
-    given.
+    Mass (its inertia scaled with it), friction, resolution and modulus replace the
+    model's where given.
 
     Raises:
         ScenarioError: If a model cannot be read or has not just one link, or a soft
@@ -144,14 +144,16 @@ def AddObject(
         scale = config.mass / sum(float(m.text or 0.0) for m in masses)
         for element in (*masses, *root.findall(".//inertial/inertia/*")):
             element.text = repr(float(element.text or 0.0) * float(scale))
-    if config.resolution is not None:
+    for value, tags in (
+        (config.resolution, ("mesh_resolution_hint",)),
+        (config.modulus, ("hydroelastic_modulus",)),
+        (config.friction, ("mu_dynamic", "mu_static")),
+    ):
+        if value is None:
+            continue
         for element in root.iter():
-            if element.tag.endswith("}mesh_resolution_hint"):
-                element.text = repr(float(config.resolution))
-    if config.friction is not None:
-        for element in root.iter():
-            if element.tag.endswith(("}mu_dynamic", "}mu_static")):
-                element.text = repr(float(config.friction))
+            if element.tag.rpartition("}")[2] in tags:
+                element.text = repr(float(value))
     parser = Parser(plant, model_name_prefix="")
     ConfigureParser(parser)
     root_model = root.find("model")

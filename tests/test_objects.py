@@ -90,6 +90,16 @@ def test_resolution_overrides_what_round_geometry_has(config):
         assert hint == pytest.approx(resolution or 0.01, abs=1.1e-3)
 
 
+@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
+def test_modulus_overrides_that_of_contact(config):
+    for modulus in (None, 2.0e6):
+        _, _, properties, *_ = add(
+            ObjectConfig(**config, mass=0.3, friction=0.5, modulus=modulus)
+        )
+        found = properties.GetProperty("hydroelastic", "hydroelastic_modulus")
+        assert found == pytest.approx(modulus or 5.0e7)
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_given_shape_is_the_known_one(shape):
     assert object_shape("thing", ObjectConfig(shape=shape)) is shape
