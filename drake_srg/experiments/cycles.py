@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram
 
@@ -20,14 +20,18 @@ from drake_srg.types import Mode, Vector
 
 @dc.dataclass(frozen=True)
 class Cycle:
-    """What came of one run."""
+    """What came of one run; None where it did not come to that."""
 
     seed: int
     metrics: Metrics
     # The object's centre in the palm when the fingers begin to close, and when they
-    # hold it, (3,) [m]; None where it did not come to that.
+    # hold it, (3,) [m].
     p_GO_open: Vector | None
     p_GO_held: Vector | None
+    # Largest motion and turn of the object's axis in the hand, from when the fingers
+    # hold it until it is above its goal, or is lost [m], [rad].
+    slip: float | None
+    turn: float | None
     error_G: Vector | None  # placement error in the palm's axes, (3,) [m]
 
 
@@ -40,34 +44,52 @@ def run_cycle(
     """Run a scenario of a cell once, without recordings."""
     loaded = load_scenario(scenario, seed=seed, overrides=overrides)
     result = Simulate(loaded, name=scenario, make_cell=make_cell)
-    log, mode = result.log, result.log["mode"].astype(int)
-    poses = log[f"object_pose.{loaded.task.pick}"]
+    return make_cycle(loaded, result.metrics, result.log)
 
-    begins = np.flatnonzero(np.diff(mode, prepend=-1))
 
-    def last(wanted: Mode, rows: npt.NDArray[np.intp]) -> int | None:
-        rows = rows[mode[rows] == MODES.index(wanted)]
-        return int(rows[-1]) if len(rows) else None
+def make_cycle(
+    scenario: Scenario, metrics: Metrics, log: Mapping[str, Vector]
+) -> Cycle:
+    """Read from a run's log what became of the object in the hand, the last time."""
+    mode = [MODES[int(i)] for i in log["mode"]]
+    begun = [k for k in range(len(mode)) if k == 0 or mode[k] is not mode[k - 1]]
+    opened = [k for k in begun if mode[k] is Mode.CLOSE][-1:]
+    held = [k for k, m in enumerate(mode) if m is Mode.VERIFY][-1:]
+    carried = [
+        k
+        for k, m in enumerate(mode)
+        if held and k > held[0] and m in (Mode.LIFT, Mode.TRANSFER)
+    ]
+    placed = [k for k, m in enumerate(mode) if m is Mode.PLACE][-1:]
 
-    every = np.arange(len(mode))
-    rows = {
-        "open": last(Mode.CLOSE, begins),
-        "held": last(Mode.VERIFY, every),
-        "placed": last(Mode.PLACE, every),
-    }
-    X_WG: dict[str, RigidTransform] = {}
-    p_GO: dict[str, Vector] = {}
-    for name, row in rows.items():
-        if row is not None:
-            (X_WG[name],) = hand_poses(loaded, log["arm.state_measured"][row][None])
-            p_GO[name] = X_WG[name].inverse() @ poses[row, :3]
-    error = result.metrics.placement_error_m
+    arm, poses = log["arm.state_measured"], log[f"object_pose.{scenario.task.pick}"]
+    rows = sorted({*opened, *held, *carried, *placed})
+    X_WG = dict(zip(rows, hand_poses(scenario, arm[rows]), strict=True))
+    X_GO = {k: X_WG[k].inverse() @ _pose(poses[k]) for k in rows}
+    p_GO = {k: X.translation() for k, X in X_GO.items()}
+    slip = turn = error_G = None
+    if carried:
+        z_GO = {k: X.rotation().col(2) for k, X in X_GO.items()}
+        slip = max(float(np.linalg.norm(p_GO[k] - p_GO[held[0]])) for k in carried)
+        turn = max(_angle(z_GO[k], z_GO[held[0]]) for k in carried)
+    if placed and metrics.placement_error_m is not None:
+        R_GW = X_WG[placed[0]].rotation().inverse()
+        error_G = R_GW @ np.array(metrics.placement_error_m)
     return Cycle(
-        seed=seed,
-        metrics=result.metrics,
-        p_GO_open=p_GO.get("open"),
-        p_GO_held=p_GO.get("held"),
-        error_G=X_WG["placed"].rotation().inverse() @ np.array(error)
-        if "placed" in X_WG and error is not None
-        else None,
+        seed=scenario.random_seed,
+        metrics=metrics,
+        p_GO_open=p_GO[opened[0]] if opened else None,
+        p_GO_held=p_GO[held[0]] if held else None,
+        slip=slip,
+        turn=turn,
+        error_G=error_G,
     )
+
+
+def _pose(row: Vector) -> RigidTransform:
+    """X_WO of a row of the log's `object_pose.NAME`."""
+    return RigidTransform(Quaternion(row[3:] / np.linalg.norm(row[3:])), row[:3])
+
+
+def _angle(z_1: Vector, z_2: Vector) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(z_1, z_2)), z_1 @ z_2))

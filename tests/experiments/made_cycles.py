@@ -1,0 +1,46 @@
+"""Cycles that nobody ran, for tests of what experiments make of them."""
+
+import numpy as np
+
+from drake_srg.experiments.cycles import Cycle
+from drake_srg.metrics import Metrics
+
+
+def metrics(**changes):
+    """The metrics of a cycle that goes well."""
+    return Metrics(
+        **{
+            "scenario": "made_up",
+            "seed": 0,
+            "success": True,
+            "failure": None,
+            "attempts": 1,
+            "cycles": 1,
+            "cycle_time_s": 6.0,
+            "planning_wall_s": 0.5,
+            "localization_error_m": [1e-5, -2e-5, 0.0],
+            "placement_error_m": [2e-4, -1e-4, 0.0],
+            "placement_tilt_rad": 1e-5,
+            "grasp_shift_m": 1e-3,
+            "smoothness": -20.0,
+            "hold_drift_m_per_s": 1e-5,
+            "peak_contact_force_n": 5.0,
+            "sim_time_s": 6.5,
+            "wall_time_s": 3.0,
+            "real_time_factor": 2.2,
+            "artifacts": {},
+            **changes,
+        }
+    )
+
+
+def cycle(p_GO_open=(0.095, 0.0, 0.0), p_GO_held=(0.095, 0.0, 0.0), **changes):
+    """A cycle that goes well, its object in the palm where it shall be [m]."""
+    of_cycle = {"seed": 0, "slip": 2e-4, "turn": 1e-3, "error_G": np.zeros(3)}
+    of_cycle |= {key: changes.pop(key) for key in of_cycle if key in changes}
+    return Cycle(
+        metrics=metrics(**changes),
+        p_GO_open=np.array(p_GO_open),
+        p_GO_held=np.array(p_GO_held),
+        **of_cycle,
+    )
