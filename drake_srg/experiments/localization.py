@@ -217,7 +217,7 @@ def judge(
         if not upright:
             measured = [("largest error of position", most, distance, "mm")]
         rms = float(np.sqrt(np.mean(np.sum(errors**2, axis=1))))
-        measured.append(("error of the axis", np.rad2deg(MOST_TURN), turn, "deg"))
+        measured.append(("largest error of axis", np.rad2deg(MOST_TURN), turn, "deg"))
         for what, limit, value, unit in measured:
             if case.size == size:
                 rows.append(Row.at_most(str(case), what, limit, value, unit))
