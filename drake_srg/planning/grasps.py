@@ -26,6 +26,8 @@ class Grasp(abc.ABC):
     fingers_closed: Mapping[str, float]  # the same, expected when holding
     # Angle between the object's axis and the nearest axis of the palm [rad].
     lean: float = 0.0
+    # How the object moves in the palm's axes as it is set down and let go, (3,) [m].
+    release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
     @property
     def X_GO(self) -> RigidTransform:
@@ -41,7 +43,9 @@ class Grasp(abc.ABC):
             X_WO: The object's pose in world [m]; how it is turned about its z is free.
             angle_tolerance: Of the object's axis in the hand [rad].
         """
-        axis = AxisTarget(self.axis_G, X_WO.rotation().col(2), angle_tolerance)
+        # A copy: col() would be a view into a pose that may not live on.
+        axis_W = X_WO.rotation().matrix()[:, 2]
+        axis = AxisTarget(self.axis_G, axis_W, angle_tolerance)
         return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=(axis,))
 
     def pick_target(self, X_WO: RigidTransform) -> HandTarget:

@@ -71,9 +71,11 @@ class LinkageHand(Hand):
 
     Args:
         p_GT: The tip: where the middle of a held object is in the palm, shape (3,) [m].
+        release_shift_G: How it moves as it is set down and let go, shape (3,) [m].
     """
 
     p_GT: Vector
+    release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
     num_joints = num_sensors = 2
     upright_within = np.deg2rad(3.0)
@@ -88,7 +90,8 @@ class LinkageHand(Hand):
         if abs(axis_W[2]) <= np.sin(_LYING):
             # Across the pads it takes more of their gap than its diameter.
             across = _ACROSS if around <= _OPEN_HALF_GAP else 0.0
-            around, name = _OPEN_HALF_GAP, "from above"
+            around = _OPEN_HALF_GAP
+            name = f"from above, at most {np.degrees(across):.0f} degrees across it"
         opening = crank_angle(min(around, _OPEN_HALF_GAP))
         contact = crank_angle(shape.radius)
         return [

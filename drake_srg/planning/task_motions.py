@@ -190,7 +190,9 @@ class TaskPlanner:
         self, X_WO_seen: RigidTransform, shape: Shape, X_WO_goal: RigidTransform
     ) -> tuple[list[_Candidate], list[TaskFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is."""
-        candidates, no_pick, no_place = [], [], []
+        candidates: list[_Candidate] = []
+        no_pick: list[tuple[Grasp, IkFailure]] = []
+        no_place: list[tuple[Grasp, IkFailure]] = []
         choices = [
             (X_WO, grasp)
             for X_WO in self._ends_up(X_WO_seen, shape)
@@ -203,9 +205,7 @@ class TaskPlanner:
                     self.scene, grasp.pick_target(X_WO), q_nominal=self.q_home
                 )
             if isinstance(pick, IkFailure):
-                no_pick.append(
-                    TaskFailure(pick.failure, f"pick {grasp.name}: {pick.message}")
-                )
+                no_pick.append((grasp, pick))
                 continue
             with self._carrying(shape, grasp):
                 place = SolveInverseKinematics(
@@ -215,9 +215,7 @@ class TaskPlanner:
                     q_guess=pick.q,
                 )
             if isinstance(place, IkFailure):
-                no_place.append(
-                    TaskFailure(place.failure, f"place {grasp.name}: {place.message}")
-                )
+                no_place.append((grasp, place))
                 continue
             # Reach: how far the joints are from home [rad²]. Clearance counts up to
             # 5 cm, and 1 cm as much as 0.5 rad². A leaning hand tilts what it holds:
@@ -228,7 +226,13 @@ class TaskPlanner:
             )
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
             candidates.append(_Candidate(grasp, X_WO, pick.q, place.q, score))
-        return sorted(candidates, key=lambda c: c.score), no_place or no_pick
+        # The narrowest miss, of angles or of distances, tells most.
+        step, missed = ("place", no_place) if no_place else ("pick", no_pick)
+        failures = [
+            TaskFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
+            for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
+        ]
+        return sorted(candidates, key=lambda c: c.score), failures
 
     def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
         """The object's pose with either end up, where that is not settled."""
@@ -298,7 +302,8 @@ class TaskPlanner:
         self, grasp: Grasp, X_WO_goal: RigidTransform, **tolerance: float
     ) -> HandTarget:
         """Where the hand lets go: a little above the goal."""
-        place = grasp.target(X_WO_goal, **tolerance)
+        released = dc.replace(grasp, p_GO=grasp.p_GO + grasp.release_shift_G)
+        place = released.target(X_WO_goal, **tolerance)
         return place.Shifted(self.config.place_height * _UP)
 
     def _transfer(
