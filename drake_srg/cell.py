@@ -22,6 +22,7 @@ from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.ports import Ports, output_ports
 from drake_srg.scenario import ObjectConfig, Scenario, is_continuous
 from drake_srg.station import AddDirectives, AddStation, MakeStation
+from drake_srg.types import Vector
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
@@ -226,10 +227,15 @@ def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
     if not isinstance(scenario.gripper, LinkageDriver):
         return SrgHand(config.approaches, config.tilts, config.squeeze)
     gripper = plant.GetModelInstanceByName("gripper")
-    # Where calibration has put it, or else where the drawing has it.
-    tip = next(n for n in ("tip", "grasp_center") if plant.HasFrameNamed(n, gripper))
-    X_GT = plant.GetFrameByName(tip, gripper).GetFixedPoseInBodyFrame()
-    return LinkageHand(np.array(X_GT.translation()))  # the plant may not live on
+
+    def p_GF(name: str) -> Vector:
+        frame = plant.GetFrameByName(name, gripper)
+        X_GF = frame.GetFixedPoseInBodyFrame()
+        return np.array(X_GF.translation())  # the plant may not live on
+
+    if not plant.HasFrameNamed("tip", gripper):  # not calibrated
+        return LinkageHand(p_GF("grasp_center"))
+    return LinkageHand(p_GF("tip"), p_GF("released") - p_GF("tip"))
 
 
 def ConnectPlanner(

@@ -85,8 +85,8 @@ class ObjectConfig:
     # the model's, or takes 0.3 of a shape's radius. For a soft object, longest edge of
     # the cells that are cut into elements; null takes a quarter of its least extent.
     resolution: float | None = dc.field(default=None, metadata=positive())
-    # Hydroelastic modulus [Pa]; null keeps the model's, or takes 50 MPa for a shape. What
-    # is light rattles on a stiff support where its contact is too stiff for the step.
+    # Hydroelastic modulus [Pa]; null keeps the model's, or takes 50 MPa for a shape. A
+    # light object rattles on a stiff support where contact is too stiff for the step.
     modulus: float | None = dc.field(default=None, metadata=positive())
     # Red, green, blue 0 .. 1: what a `shape` is painted with and what the localizer
     # looks for.

@@ -1,16 +1,21 @@
-"""Where closing fingers bring a cylinder, and the tip frame that makes up for it.
+"""Where closing fingers bring a cylinder, and the frames that make up for it.
 
 The thesis of the five-axis arm measured by hand how far the object shifts while its
 fingers close, one after the other, and moved the tip of its arm by that. Here cycles
-without a correction by sight tell how far beside the recess the object ends; the tip,
-where the planner takes a held object to be, is moved by the mean, and the cycles are
-run again. `assistive_arm_tip.dmd.yaml` is the frame; written to the models' folder
-`calibration`, it is the one that the scenarios use.
+tell where in the palm the closed fingers hold the object: there the tip belongs, where
+the planner takes a held object to be. More cycles, with that tip, tell where the object
+ends beside its goal: so much it moves as it is set down and let go. A last round has
+both corrections.
+
+`assistive_arm_tip.dmd.yaml` has the two frames. With `--out models/calibration` it is
+the one that the scenarios use.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,108 +29,123 @@ from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm"
 FILE = "assistive_arm_tip.dmd.yaml"
-SEEDS = range(20)
-# What systematic error may be left, a tenth of the recess's radial clearance [mm].
+SEEDS = range(12)
+# What systematic error may be left in the hand, a tenth of the recess's clearance [mm].
 _BIAS = 0.1
-_DIRECTIVE = """directives:
+P_GRASP_CENTER = np.array([0.095, 0.0, 0.0])  # of the drawing, in the palm [m]
+_FIGURES = ("shift while closing", "held beside the tip", "placed beside the goal")
+STAGES = ("as drawn", "tip moved", "both")
+_DIRECTIVES = """directives:
 - add_frame:
+    # Where a held object is.
     name: gripper::tip
     X_PF:
       base_frame: gripper::grasp_center
-      translation: [{x:.6f}, {y:.6f}, 0.0]
+      translation: [{tip[0]:.6f}, {tip[1]:.6f}, 0.0]
+- add_frame:
+    # Where it ends in the palm's axes, set down and let go.
+    name: gripper::released
+    X_PF:
+      base_frame: gripper::tip
+      translation: [{shift[0]:.6f}, {shift[1]:.6f}, 0.0]
 """
 
 
 def run(track: Track) -> ExperimentResult:
-    """Measure with the tip as drawn, correct it, and measure again."""
-    cases = [(stage, seed) for stage in ("as drawn", "corrected") for seed in SEEDS]
-    cycles: dict[str, list[Cycle]] = {"as drawn": [], "corrected": []}
-    tip = np.zeros(3)
-    for stage, seed in track(cases, lambda case: f"tip {case[0]}, seed {case[1]}"):
-        if stage == "corrected" and not cycles[stage]:
-            tip = correction(cycles["as drawn"])
-        cycles[stage].append(calibration_cycle(seed, tip))
-    return make_result(cycles, tip)
+    """Measure as drawn, correct the tip, measure, correct the release, measure."""
+    cases = [(stage, seed) for stage in STAGES for seed in SEEDS]
+    cycles: dict[str, list[Cycle]] = {stage: [] for stage in STAGES}
+    tip = shift = np.zeros(3)
+    with tempfile.TemporaryDirectory() as folder:
+        for stage, seed in track(cases, lambda case: f"{case[0]}, seed {case[1]}"):
+            if not cycles[stage]:  # a new stage begins
+                if stage == "tip moved":
+                    tip = mean(c.p_GO_held for c in cycles["as drawn"])
+                    tip = tip - P_GRASP_CENTER
+                elif stage == "both":
+                    shift = mean(c.error_G for c in cycles["tip moved"])
+            cycles[stage].append(calibration_cycle(seed, tip, shift, Path(folder)))
+    return make_result(cycles, tip, shift)
 
 
-def calibration_cycle(seed: int, tip: Vector) -> Cycle:
-    """Run a cycle with the tip frame moved by `tip` (3,) [m] from the drawing."""
-    frame = (
-        "{add_frame: {name: gripper::tip, X_PF: {base_frame: gripper::grasp_center, "
-        f"translation: {tip.tolist()}}}}}}}"
-    )
-    overrides = [f"directives.11={frame}", "planner.look_before_place=false"]
-    return run_cycle(SCENARIO, seed, overrides)
+def calibration_cycle(seed: int, tip: Vector, shift: Vector, folder: Path) -> Cycle:
+    """Run a cycle with the frames moved by `tip` and `shift` (3,) [m].
+
+    They are written to a file in `folder`.
+    """
+    path = folder / FILE
+    path.write_text(_DIRECTIVES.format(tip=tip, shift=shift), encoding="utf-8")
+    directive = f"{{add_directives: {{file: {path.as_uri()}}}}}"
+    return run_cycle(SCENARIO, seed, [f"directives.11={directive}"])
 
 
-def correction(cycles: Sequence[Cycle]) -> Vector:
-    """Return what the tip is to be moved by, in the palm's x and y, (3,) [m].
-
-    An object that ends in front of its goal was further out in the hand, or was pushed
-    out when it was let go; either way the tip is moved to where it ends.
+def mean(values: Iterable[Vector | None]) -> Vector:
+    """Return the mean of those values (3,) that there are.
 
     Raises:
-        ScenarioError: If fewer than half of the cycles placed the object.
+        ScenarioError: If half of them or more are missing.
     """
-    errors = [c.error_G for c in cycles if c.metrics.success and c.error_G is not None]
-    if 2 * len(errors) < len(cycles):
+    every = list(values)
+    there = [value for value in every if value is not None]
+    if 2 * len(there) <= len(every):
         raise ScenarioError(
-            f"grasp_calibration: only {len(errors)} of {len(cycles)} cycles placed "
-            "the object; more than half are needed"
+            f"grasp_calibration: only {len(there)} of {len(every)} cycles placed the "
+            "object; more than half are needed"
         )
-    mean = np.mean(errors, axis=0)
-    return np.array([mean[0], mean[1], 0.0])  # the recess's floor sets the height
+    return np.asarray(np.mean(there, axis=0))
 
 
-def make_result(cycles: dict[str, list[Cycle]], tip: Vector) -> ExperimentResult:
+def make_result(
+    cycles: Mapping[str, Sequence[Cycle]], tip: Vector, shift: Vector
+) -> ExperimentResult:
     """Judge what the correction leaves."""
-    rows, columns = [], []
+    rows, table = [], []
     for stage, runs in cycles.items():
-        good = [c for c in runs if c.metrics.success]
-        rows.append(Row.at_least(stage, "seated", len(runs), len(good), ""))
-        shifts = [
-            1e3 * (c.p_GO_held - c.p_GO_open)
-            for c in good
-            if c.p_GO_held is not None and c.p_GO_open is not None
-        ]
-        errors = [1e3 * c.error_G for c in good if c.error_G is not None]
-        for what, values in (("shift while closing", shifts), ("placement", errors)):
-            for i, axis in enumerate("xy"):
-                along = np.array([v[i] for v in values])
-                mean = float(np.mean(along)) if len(along) else np.nan
-                name = f"mean {what}, palm's {axis}"
-                if stage == "corrected" and what == "placement":
-                    rows.append(Row.within(stage, name, 0, mean, "mm", absolute=_BIAS))
+        at = P_GRASP_CENTER + (0.0 if stage == STAGES[0] else tip)
+        data = np.array([_figures(cycle, at) for cycle in runs])  # (runs, 3, 2)
+        seated = [int(c.metrics.success) for c in runs]
+        rows.append(Row.info(stage, "seated", sum(seated), f"of {len(runs)}"))
+        for i, what in enumerate(_FIGURES):
+            for axis, mean in zip(
+                "xy", 1e3 * np.nanmean(data[:, i], axis=0), strict=True
+            ):
+                quantity = f"mean {what}, palm's {axis}"
+                if stage == STAGES[-1] and i > 0:
+                    row = Row.within(stage, quantity, 0.0, mean, "mm", absolute=_BIAS)
                 else:
-                    rows.append(Row.info(stage, name, mean, "mm"))
-        for c in runs:
-            shift = (
-                c.p_GO_held - c.p_GO_open
-                if c.p_GO_held is not None and c.p_GO_open is not None
-                else np.full(3, np.nan)
-            )
-            error = c.error_G if c.error_G is not None else np.full(3, np.nan)
-            columns.append(
-                (stage, c.seed, int(c.metrics.success), *shift[:2], *error[:2])
-            )
-    names = ("tip", "seed", "seated", *(f"shift {a} [m]" for a in "xy"))
-    names = (*names, *(f"placement error {a} [m]" for a in "xy"))
-    for i, axis in enumerate("xy"):
-        rows.append(Row.info("tip frame", f"moved along {axis}", 1e3 * tip[i], "mm"))
-    table = dict(zip(names, zip(*columns, strict=True), strict=True))
-    text = _DIRECTIVE.format(x=tip[0] + 0.0, y=tip[1] + 0.0)
-    return ExperimentResult(rows, {"cycles": table}, draw(cycles), {FILE: text})
+                    row = Row.info(stage, quantity, mean, "mm")
+                rows.append(row)
+        for cycle, ok, figures in zip(runs, seated, data, strict=True):
+            table.append((stage, cycle.seed, ok, *figures.flatten()))
+    for name, moved in (("tip", tip), ("released", shift)):
+        for axis, value in zip("xy", 1e3 * moved[:2], strict=True):
+            rows.append(Row.info(f"frame {name}", f"moved along {axis}", value, "mm"))
+    names = ["stage", "seed", "seated"]
+    names += [f"{what}, palm's {axis} [m]" for what in _FIGURES for axis in "xy"]
+    columns = dict(zip(names, zip(*table, strict=True), strict=True))
+    text = _DIRECTIVES.format(tip=tip, shift=shift)
+    return ExperimentResult(rows, {"cycles": columns}, draw(cycles), {FILE: text})
 
 
-def draw(cycles: dict[str, list[Cycle]]) -> Any:
+def _figures(cycle: Cycle, p_GT: Vector) -> Vector:
+    """The `_FIGURES` along the palm's x and y, (3, 2) [m]."""
+    nothing = np.full(3, np.nan)
+    opened, held, error = (
+        nothing if value is None else value
+        for value in (cycle.p_GO_open, cycle.p_GO_held, cycle.error_G)
+    )
+    return np.array([held - opened, held - p_GT, error])[:, :2]
+
+
+def draw(cycles: Mapping[str, Sequence[Cycle]]) -> Any:
     """Draw the placement errors in the palm's axes, before and after."""
-    figure = make_figure(5, 4, "placed without a look, in the palm's axes")
+    figure = make_figure(5, 4, "beside the goal, in the palm's axes")
     axes = figure.subplots()
     style_axes(axes, xlabel="x, out of the palm [mm]", ylabel="y [mm]")
     for color, (stage, runs) in zip(COLORS, cycles.items(), strict=False):
         errors = np.array([1e3 * c.error_G for c in runs if c.error_G is not None])
         if len(errors):
-            axes.plot(*errors[:, :2].T, "o", ms=4, color=color, label=f"tip {stage}")
+            axes.plot(*errors[:, :2].T, "o", ms=4, color=color, label=stage)
     axes.axhline(0, color=COLORS[-1], lw=0.5)
     axes.axvline(0, color=COLORS[-1], lw=0.5)
     axes.set_aspect("equal", adjustable="datalim")

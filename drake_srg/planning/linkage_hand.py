@@ -105,6 +105,7 @@ class LinkageHand(Hand):
                 fingers_closed=_cranks(contact),
                 contact_angle=contact,
                 across=across,
+                release_shift_G=self.release_shift_G,
             )
         ]
 
