@@ -241,8 +241,7 @@ def draw(sightings: dict[Case, list[Sighting]], size: tuple[int, int]) -> Any:
     style_axes(region, xlabel="x [mm]", ylabel="y [mm]")
     arrows = region.quiver(*places.T, *errors.T, color=COLORS[0], angles="xy")
     region.quiverkey(arrows, 0.85, 1.04, 0.02, "0.02 mm", fontproperties={"size": 8})
-    region.plot(*places.T, ".", color=COLORS[0], ms=2)
-    region.margins(0.1)
+    region.set_ylim(places[:, 1].min() - 15.0, places[:, 1].max() + 15.0)
     region.set_aspect("equal", adjustable="datalim")
     title = f"Standing on the pick region, {size[0]} x {size[1]}: error in x and y"
     region.set_title(title, fontsize=9, loc="left")
