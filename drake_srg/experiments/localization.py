@@ -240,9 +240,10 @@ def draw(sightings: dict[Case, list[Sighting]], size: tuple[int, int]) -> Any:
     errors = 1e3 * np.array([s.error[:2] for s in found])
     style_axes(region, xlabel="x [mm]", ylabel="y [mm]")
     arrows = region.quiver(*places.T, *errors.T, color=COLORS[0], angles="xy")
-    region.quiverkey(arrows, 0.85, 1.04, 0.02, "0.02 mm", fontproperties={"size": 8})
-    region.set_ylim(places[:, 1].min() - 15.0, places[:, 1].max() + 15.0)
-    region.set_aspect("equal", adjustable="datalim")
+    region.quiverkey(arrows, 1.2, 0.9, 0.02, "0.02 mm", fontproperties={"size": 8})
+    region.set_xlim(places[:, 0].min() - 20.0, places[:, 0].max() + 20.0)
+    region.set_ylim(places[:, 1].min() - 20.0, places[:, 1].max() + 20.0)
+    region.set_aspect("equal")
     title = f"Standing on the pick region, {size[0]} x {size[1]}: error in x and y"
     region.set_title(title, fontsize=9, loc="left")
 
