@@ -8,7 +8,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.metrics import MODES
 from drake_srg.ports import Ports, output_ports
 from drake_srg.recording.ros_topics import cell_topics
@@ -57,10 +56,11 @@ def AddRecorders(
             builder.Connect(
                 cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
             )
+        gripper_joints, sensors = _gripper_names(scenario)
         topics = cell_topics(
             [joint.name() for joint in _arm_joints(scenario)],
-            [f"{name}_joint" for name in JOINT_NAMES],
-            len(JOINT_NAMES),
+            gripper_joints,
+            len(sensors),
             dict.fromkeys(config.bag_cameras, config.bag_camera_period),
         )
         ports = output_ports(cell)
@@ -90,20 +90,30 @@ def _arm_joints(scenario: Scenario) -> list[Joint]:
     return sorted(joints, key=lambda joint: joint.position_start())
 
 
+def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the gripper's measured joints and of its finger sensors."""
+    driver = scenario.gripper
+    return ((), ()) if driver is None else (driver.joint_names, driver.sensor_names)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
 def run_timeline(title: str, log: Mapping[str, Vector], scenario: Scenario) -> Timeline:
     """Return what timeline.png shows of a log, see `Simulate`."""
     arm = log["arm.state_measured"]
     gripper = log.get("gripper.state_measured")
-    names = [name.replace("_", " ") for name in JOINT_NAMES]
+    joints, sensors = _gripper_names(scenario)
     poses = log.get(f"object_pose.{scenario.task.pick}")
     return Timeline(
         time=log["time"],
         mode=[MODES[int(i)].value for i in log["mode"]],
-        gripper_position=None if gripper is None else gripper[:, : len(names)],
-        gripper_joints=names,
+        gripper_position=None if gripper is None else gripper[:, : len(joints)],
+        gripper_joints=[_words(name.removesuffix("_joint")) for name in joints],
         closure=log.get("gripper.closure_commanded"),
         proximity=log.get("gripper.proximity"),
-        sensors=names,
+        sensors=[_words(name) for name in sensors],
         arm_velocity=arm[:, arm.shape[1] // 2 :],
         arm_slides=_arm_joints(scenario)[0].type_name() == PrismaticJoint.kTypeName,
         object_height=None if poses is None else poses[:, 2],

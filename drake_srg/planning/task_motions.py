@@ -319,7 +319,8 @@ class TaskPlanner:
             if scene.num_joints < FREEDOMS and self.config.tip_limits is None:
                 # Without a joint to spare, the hand's line costs detours of the joints.
                 line = scene.edge(q_lifted, across[-1])
-                kept = all(place.angle_violation(scene.X_WG(q)) == 0.0 for q in line)
+                lean = max(place.angle_violation(scene.X_WG(q)) for q in line)
+                kept = lean < 1e-6  # the line's end is as far off as is tolerated
                 if kept and scene.first_hit(line) is None:
                     across = np.array([q_lifted, across[-1]])
             down = PlanCartesianPath(scene, across[-1], self._moves.below(across[-1]))
