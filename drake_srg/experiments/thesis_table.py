@@ -79,9 +79,8 @@ def judge(variant: str, cycles: Sequence[Cycle]) -> list[Row]:
     rows = [Row.at_least(variant, "seated in the recess", len(cycles), seated, "")]
     limits = {**THESIS, **BOUNDS} if variant == OURS else dict(THESIS)
     if "thesis" in variant:
-        del limits[
-            _CYCLE
-        ]  # its way is not published, ours with its speeds may be longer
+        # Its way is not published; ours, at its speeds, may be longer.
+        del limits[_CYCLE]
     for what, value in figures(cycles).items():
         quantity, unit = what.removesuffix("]").split(" [")
         if what in limits:
