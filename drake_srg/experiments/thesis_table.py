@@ -170,28 +170,31 @@ def line(variant: str, cycle: Cycle) -> dict[str, Any]:
 
 def draw(cycles: Mapping[str, Sequence[Cycle]]) -> Any:
     """Draw where the cylinders end in the recess, and how long the cycles take."""
-    figure = make_figure(9.0, 3.8, "Fifty cycles each")
+    figure = make_figure(9.0, 4.2, f"{len(SEEDS)} cycles each")
     left, right = figure.subplots(1, 2)
     style_axes(left, xlabel="x from the recess's middle [mm]", ylabel="y [mm]")
     style_axes(right, xlabel="cycle [s]", ylabel="runs")
-    bins = np.arange(0.0, 40.0, 0.5)
+    times, labels = [], []
     for color, (variant, runs) in zip(COLORS, cycles.items(), strict=False):
         good = [c.metrics for c in runs if c.metrics.success]
-        errors = np.array([m.placement_error_m for m in good], dtype=float)
-        speed = np.median([c.metrics.real_time_factor for c in runs])
-        label = f"{variant}; {speed:.1f} x real time"
         if good:
+            errors = np.array([m.placement_error_m for m in good], dtype=float)
             left.plot(*1e3 * errors[:, :2].T, "o", ms=3, color=color)
-        right.hist(
-            [m.cycle_time_s for m in good], bins, color=color, alpha=0.7, label=label
-        )
+        times.append([m.cycle_time_s for m in good])
+        speed = np.median([c.metrics.real_time_factor for c in runs])
+        labels.append(f"{variant} ({speed:.1f} x real time)")
     circle = np.linspace(0.0, 2.0 * np.pi, 100)
     left.plot(np.cos(circle), np.sin(circle), color=COLORS[-1], lw=0.8)
-    left.text(0.0, -0.95, "clearance", fontsize=8, ha="center", color=COLORS[-1])
+    for y, text in ((-0.9, "clearance"), (0.8, "thesis: 4 and 2 mm off")):
+        left.text(0.0, y, text, fontsize=8, ha="center", color=COLORS[-1])
     left.set_aspect("equal", adjustable="datalim")
+    right.hist(times, np.arange(0.0, 33.0), color=COLORS[: len(times)], label=labels)
     right.axvline(THESIS[_CYCLE], color=COLORS[-1], lw=0.8)
-    right.annotate(
-        "thesis", (THESIS[_CYCLE], 0.95), xycoords=("data", "axes fraction"), fontsize=8
+    right.text(
+        *(THESIS[_CYCLE], 0.95, "thesis "),
+        ha="right",
+        fontsize=8,
+        transform=right.get_xaxis_transform(),
     )
-    right.legend(fontsize=7, frameon=False)
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
     return figure
