@@ -10,7 +10,7 @@ from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.types import Vector
 
 _DAMPING = 1e-6  # m^2 and rad^2: felt only within a millimetre of a singularity
-_CLOSE = 1e-6  # m and rad; Newton's next step would be at rounding errors
+_CLOSE = 1e-7  # m and rad; Newton's next step would be at rounding errors
 
 
 def Follow(
@@ -74,7 +74,12 @@ def _Linearized(
         normal = np.cross(axis_W, axis.direction_W)
         sine = float(np.linalg.norm(normal))
         beyond = np.arctan2(sine, axis_W @ axis.direction_W) - axis.angle
-        if beyond > 0.0 and sine > 0.0:
+        if axis.angle == 0.0:
+            # All that is across the axis; its length alone would let it go around.
+            errors.append(beyond * normal / max(sine, 1e-12))
+            across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
+            rows.append(across @ J_W[:3])
+        elif beyond > 0.0 and sine > 0.0:
             errors.append(np.array([beyond]))
             rows.append(normal[np.newaxis] / sine @ J_W[:3])
     return np.concatenate(errors), np.concatenate(rows)

@@ -19,6 +19,12 @@ from drake_srg.types import Failure, Vector
 # A solvable call needs 5 to 20 major iterations; one that needs more is lost.
 _OPTIONS = SolverOptions()
 _OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
+# The cosine of an angle has no slope at 0, and SNOPT meets it to 1e-6: an axis that is
+# wanted closer than this [rad] is kept at 90 degrees to two normals of its direction.
+_SMALL_ANGLE = 1.4e-3
+_FINE = SolverOptions()
+_FINE.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
+_FINE.SetOption(SnoptSolver.id(), "Major feasibility tolerance", 1e-9)
 
 
 class Requirement(enum.Enum):
@@ -171,6 +177,8 @@ class _Program:
         # A softened program looks for the least violation, whatever the posture.
         weight = 1e-6 if self._soft else 1.0
         self._weights = weight * np.eye(scene.num_joints)
+        fine = any(axis.angle < _SMALL_ANGLE for axis in target.axes)
+        self._options = _FINE if fine else _OPTIONS
 
         tolerance = np.full(3, target.position_tolerance)
         if soft_position:
@@ -192,14 +200,27 @@ class _Program:
             vectors = (hand, axis.axis_G, world, axis.direction_W)
             if soft_rotation:
                 ik.AddAngleBetweenVectorsCost(*vectors, 1.0)
-            else:
+            elif axis.angle >= _SMALL_ANGLE:
                 ik.AddAngleBetweenVectorsConstraint(*vectors, 0.0, axis.angle)
+            else:
+                R = RotationMatrix.MakeFromOneVector(axis.direction_W, 2).matrix()
+                right, a = 0.5 * np.pi, axis.angle
+                for vector_W, lower, upper in (
+                    (R[:, 0], right - a, right + a),
+                    (R[:, 1], right - a, right + a),
+                    (R[:, 0] + R[:, 2], 0.0, right),  # not the opposite direction
+                ):
+                    ik.AddAngleBetweenVectorsConstraint(
+                        hand, axis.axis_G, world, vector_W, lower, upper
+                    )
 
     def Solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
         """Solves from `start`, drawn towards `pull`; says whether it succeeded."""
         q_arm = self._ik.q()[self._scene.arm_indices]
         cost = self._prog.AddQuadraticErrorCost(self._weights, pull, q_arm)
-        result = SnoptSolver().Solve(self._prog, self._scene.positions(start), _OPTIONS)
+        result = SnoptSolver().Solve(
+            self._prog, self._scene.positions(start), self._options
+        )
         self._prog.RemoveCost(cost)
         return result.GetSolution(q_arm), result.is_success()
 
