@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.moves import TaskFailure
 from drake_srg.planning.planner_memory import PlannerMemory
-from drake_srg.planning.sightings import Sightings, lean, standing_at
+from drake_srg.planning.sightings import Sightings, is_certain, lean, standing_at
 from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.types import Blob, Failure, Mode, Sphere
 
@@ -124,7 +124,7 @@ class Replanner:
         """See whether the object is still where the motions take it."""
         blob, X_WO = self._sightings.best(blobs), memory.X_WO
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
-        if blob is None or X_WO is None:  # the hand may hide it
+        if blob is None or X_WO is None or not is_certain(blob):  # behind the hand
             return memory
         if memory.detours >= self._config.max_attempts:
             return memory  # what never stands still has to be tried
@@ -139,7 +139,7 @@ class Replanner:
         """See where the object is in the hand, and plan the rest from there."""
         blob, motions = self._sightings.best(blobs), memory.motions
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
-        if blob is None or motions is None:  # the hand may hide it
+        if blob is None or motions is None or not is_certain(blob):  # behind the hand
             return memory
         q, grasp = memory.position(time), motions.grasp
         X_GW = self._task_planner.scene.X_WG(q).inverse()

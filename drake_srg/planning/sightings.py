@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps import pose_along
 from drake_srg.planning.task_motions import Obstacles
-from drake_srg.types import Blob, Cylinder, Shape, Sphere, Vector
+from drake_srg.types import Blob, BlobFlag, Cylinder, Shape, Sphere, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -39,7 +39,11 @@ class Sightings:
     def best(self, blobs: Sequence[Blob]) -> Blob | None:
         """The most trustworthy blob of the object, None where it is not seen."""
         own = [blob for blob in blobs if blob.object_name == self.object_name]
-        return max(own, key=lambda b: (not b.flags, b.quality), default=None)
+        return max(
+            own,
+            key=lambda b: (is_certain(b), not b.flags, b.quality),
+            default=None,
+        )
 
     def pose(self, blob: Blob) -> RigidTransform:
         """The object's pose X_WO [m]; its turn about its axis has no meaning."""
@@ -57,6 +61,11 @@ class Sightings:
         # What stands on something level is upright, whatever an image says of it.
         stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
         return pose_along(blob.position, _UP if stands else blob.axis)
+
+
+def is_certain(blob: Blob) -> bool:
+    """Whether the localizer could tell position and axis."""
+    return BlobFlag.UNCERTAIN not in blob.flags
 
 
 def lean(axis_1: Vector, axis_2: Vector) -> float:

@@ -210,7 +210,7 @@ class TaskPlanner:
             with self._carrying(shape, grasp):
                 place = SolveInverseKinematics(
                     self.scene,
-                    grasp.target(X_WO_goal),
+                    self._place_target(grasp, X_WO_goal),
                     q_nominal=self.q_home,
                     q_guess=pick.q,
                 )

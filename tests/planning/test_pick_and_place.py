@@ -392,6 +392,15 @@ def test_an_object_that_is_hidden_in_the_hand_is_placed_as_planned():
     assert world.task_planner.places == []
 
 
+def test_what_is_uncertain_under_way_changes_nothing():
+    world = World(look_before_grasp=True, look_before_place=True)
+    there, flags = world.where, frozenset({BlobFlag.UNCERTAIN})
+    world.where = lambda mode: [dc.replace(b, flags=flags) for b in there(mode)]
+    assert world.run().failure is None
+    assert world.trace == CYCLE
+    assert world.task_planner.places == []
+
+
 def test_an_object_seen_elsewhere_than_in_the_hand_is_lost():
     world = World(look_before_place=True, max_attempts=1)
     there = world.where

@@ -1,0 +1,64 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from planning_world import CAN, CUP, blob
+
+from drake_srg.planning.sightings import Sightings, lean
+from drake_srg.types import BlobFlag, Sphere
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def leaning(degrees):
+    angle = np.deg2rad(degrees)
+    return np.array([np.sin(angle), 0.0, np.cos(angle)])
+
+
+def sightings(shape=CAN, within=5.0):
+    return Sightings("can", shape, {"cup": CUP}, np.deg2rad(within))
+
+
+def test_the_best_blob_is_one_without_flags():
+    doubtful = dc.replace(
+        blob([0, 0, 0], quality=1.0), flags=frozenset({BlobFlag.OCCLUDED})
+    )
+    plain = blob([1, 0, 0], quality=0.5)
+    assert sightings().best([doubtful, plain]) is plain
+    assert sightings().best([doubtful]) is doubtful
+    assert sightings().best([blob([0, 0, 0], name="cup")]) is None
+
+
+def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
+    hidden, uncertain = (
+        dc.replace(blob([0, 0, 0], quality=quality), flags=frozenset({flag}))
+        for quality, flag in ((0.4, BlobFlag.OCCLUDED), (0.9, BlobFlag.UNCERTAIN))
+    )
+    assert sightings().best([uncertain, hidden]) is hidden
+
+
+@pytest.mark.parametrize(
+    ("degrees", "stands"), [(0.0, True), (4.0, True), (6.0, False)]
+)
+def test_what_hardly_leans_stands(degrees, stands):
+    X_WO = sightings().pose(blob([0.1, 0.2, 0.3], axis=leaning(degrees)))
+    np.testing.assert_array_equal(X_WO.translation(), [0.1, 0.2, 0.3])
+    axis = X_WO.rotation().col(2)
+    np.testing.assert_allclose(axis, UP if stands else leaning(degrees), atol=1e-12)
+
+
+def test_a_ball_is_upright_whatever_is_said_of_its_axis():
+    X_WO = sightings(Sphere(0.03)).pose(blob([0, 0, 0], axis=leaning(70.0)))
+    np.testing.assert_allclose(X_WO.rotation().col(2), UP)
+
+
+def test_obstacles_are_the_others():
+    seen = [blob([0, 0, 0]), blob([1, 0, 0], name="cup"), blob([2, 0, 0], name="fork")]
+    ((shape, X_WO),) = sightings().obstacles(seen)
+    assert shape is CUP
+    np.testing.assert_array_equal(X_WO.translation(), [1, 0, 0])
+
+
+def test_a_line_has_no_sign():
+    assert lean(UP, -leaning(30.0)) == pytest.approx(np.deg2rad(30.0))
+    assert lean(UP, -UP) == 0.0
