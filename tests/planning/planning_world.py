@@ -26,6 +26,7 @@ MOVING = [
     Mode.RETREAT,
     Mode.HOME,
 ]
+CYCLE = [mode for mode in Mode if mode is not Mode.FAILED]
 _CLOSED = [Mode.CLOSE, Mode.VERIFY, Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
 
 
