@@ -205,13 +205,13 @@ class _Program:
             else:
                 R = RotationMatrix.MakeFromOneVector(axis.direction_W, 2).matrix()
                 right, a = 0.5 * np.pi, axis.angle
-                for vector_W, lower, upper in (
+                for vector_W, least, most in (
                     (R[:, 0], right - a, right + a),
                     (R[:, 1], right - a, right + a),
                     (R[:, 0] + R[:, 2], 0.0, right),  # not the opposite direction
                 ):
                     ik.AddAngleBetweenVectorsConstraint(
-                        hand, axis.axis_G, world, vector_W, lower, upper
+                        hand, axis.axis_G, world, vector_W, least, most
                     )
 
     def Solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
