@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.geometry import Cylinder as DrakeCylinder
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
@@ -79,6 +79,35 @@ def test_the_open_hand_goes_around_the_object(model, radius):
     (grasp,) = HAND.grasps(shape, UP)
     distances = tip_distances(model, shape, grasp, grasp.fingers_open)
     assert min(distances.values()) > 0.007
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(-0.25, 0.25))
+def test_what_lies_is_taken_from_above_though_it_is_across_the_pads(azimuth, across):
+    axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    (grasp,) = HAND.grasps(CYLINDER, axis)
+    assert grasp.closure_open == 0.0
+    # The palm above it, looking down, its z turned from the axis.
+    z = np.array([np.cos(azimuth + across), np.sin(azimuth + across), 0.0])
+    R_WG = RotationMatrix(np.column_stack([-UP, np.cross(z, -UP), z]))
+    X_WO = pose_along([0.3, 0.1, 0.1125], axis)
+    X_WG = RigidTransform(R_WG, X_WO.translation() - R_WG @ grasp.p_GO)
+    target = grasp.pick_target(X_WO)
+    assert target.distance(X_WG) == pytest.approx(0.0, abs=1e-12)
+    assert target.angle_violation(X_WG) == 0.0
+    leaning = X_WG @ RigidTransform(RotationMatrix.MakeYRotation(0.01), np.zeros(3))
+    assert target.angle_violation(leaning) > 0.0
+    # It is set down as it is held: along the pads.
+    if abs(across) > 0.002:
+        assert grasp.target(X_WO).angle_violation(X_WG) > 0.0
+
+
+def test_what_is_across_fits_between_the_open_pads():
+    axis = np.array([1.0, 0.0, 0.0])
+    for radius in (0.006, 0.0125, 0.018, 0.026):
+        (grasp,) = HAND.grasps(Cylinder(radius, 0.05), axis)
+        # At the ends of pads of 24 mm, half of the gap of 60 mm.
+        half = radius / np.cos(grasp.across) + 0.012 * np.tan(grasp.across)
+        assert half < 0.03
 
 
 @given(radius=st.floats(0.005, 0.026))
