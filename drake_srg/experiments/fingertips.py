@@ -13,8 +13,9 @@ grip: what is left at a step of zero, extrapolated from two, is slip.
 
 An arc of radius r that spans +-a, and a cylinder of the same radius at the offset d: it
 touches the arc's end, where the surface normal is at asin(sin(a) - d / r) to the
-closing direction. The closing fingers push it to the middle where that is more than
-the angle of friction, so up to d = r (sin(a) - sin(atan(mu))).
+closing direction. Closing pushes it to the middle where that is more than the angle of
+friction, so up to d = r (sin(a) - sin(atan(mu))). The models' arcs are of three faces,
+the outer ones at 27 degrees: against dry friction, atan(0.5), they push hardly at all.
 """
 
 from __future__ import annotations
@@ -238,7 +239,7 @@ def _groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
 
 
 def judge(cycles: Mapping[Case, Cycle]) -> list[Row]:
-    """Expect a firm hold up to 8 mm, and that curved pads center and flat ones do not.
+    """Expect a firm hold up to 8 mm, and that curved pads center what is greasy.
 
     Arcs reach 8 mm before and behind their middle, flat pads 9 mm; the open hand leaves
     12 mm on both sides. Pads that give way center less far than rigid arcs would.
@@ -261,18 +262,17 @@ def judge(cycles: Mapping[Case, Cycle]) -> list[Row]:
         elif first.pads == "flat":
             rows.append(Row.info(group, name, centered[group], "mm"))
         else:
-            flat = centered[dc.replace(first, pads="flat").group]
             rigid = centered_up_to(FRICTION[first.surface])
+            rows.append(Row.at_most(group, name, rigid, centered[group], "mm"))
+        if (first.pads, first.surface) == ("curved", "greasy"):
+            flat = centered[dc.replace(first, pads="flat").group]
             more = np.nan_to_num(flat) + 1.0
-            rows += [
-                Row.at_least(group, name, more, centered[group], "mm"),
-                Row.at_most(group, name, rigid, centered[group], "mm"),
-            ]
+            rows.append(Row.at_least(group, name, more, centered[group], "mm"))
         moved, turned = (
             float(np.max([f(cycles[case]) for case in near])) for f in (slip, turn)
         )
         rows += [
-            Row.at_most(group, "moved while carried", _CLEARANCE, moved, "mm"),
+            Row.info(group, "moved while carried, at a step of 1 ms", moved, "mm"),
             Row.info(group, "turned while carried", turned, "degrees"),
         ]
     for case, cycle in cycles.items():
@@ -291,7 +291,9 @@ def draw(cycles: Mapping[Case, Cycle]) -> Any:
     panels[1].sharey(panels[0])
     style_axes(panels[0], xlabel="offset along x [mm]", ylabel="left of it [mm]")
     style_axes(panels[1], xlabel="offset along y [mm]", ylabel="left of it [mm]")
-    style_axes(panels[2], xlabel="offset [mm]", ylabel="moved while carried [mm]")
+    style_axes(
+        panels[2], xlabel="offset [mm]", ylabel="moved while carried, step 1 ms [mm]"
+    )
     for group, cases in _groups(cycles).items():
         first = cases[0]
         style = {
@@ -308,7 +310,7 @@ def draw(cycles: Mapping[Case, Cycle]) -> Any:
         panels["xy".index(first.direction)].plot(offsets, ends, **style)
         moved = [slip(cycles[case]) for case in kept]
         panels[2].plot(offsets, moved, **style, label=group)
-    panels[0].plot(OFFSETS, OFFSETS, color=COLORS[-1], lw=0.5)
+    panels[0].plot((0.0, 12.0), (0.0, 12.0), color=COLORS[-1], lw=0.5)
     panels[2].set_ylim(0.0)
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return figure

@@ -118,7 +118,7 @@ def test_an_object_that_is_lost_fails():
     group = "flat, dry, along x"
     assert failed(lose) == {
         (group, "taken, offset up to"),
-        (group, "moved while carried"),
+        (group, "moved while carried, at a step of 1 ms"),
     }
 
 
