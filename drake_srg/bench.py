@@ -146,7 +146,7 @@ def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomi
 
     simulator.set_monitor(monitor)
     with failure_time(name, simulator):
-        simulator.AdvanceTo(scenario.planner.time_budget + 1.0)
+        simulator.AdvanceTo(scenario.task.repeat * scenario.planner.time_budget + 1.0)
     # Termination steps are shorter than the plant's; keep one sample a time.
     unique = np.unique(np.round(times, 9), return_index=True)[1]
     breaks = np.array(times)[unique]

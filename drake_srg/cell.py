@@ -233,9 +233,15 @@ def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
         X_GF = frame.GetFixedPoseInBodyFrame()
         return np.array(X_GF.translation())  # the plant may not live on
 
-    if not plant.HasFrameNamed("tip", gripper):  # not calibrated
-        return LinkageHand(p_GF("grasp_center"))
-    return LinkageHand(p_GF("tip"), p_GF("released") - p_GF("tip"))
+    def measured(name: str, otherwise: Vector) -> Vector:  # by calibration
+        return p_GF(name) if plant.HasFrameNamed(name, gripper) else otherwise
+
+    p_GT = measured("tip", p_GF("grasp_center"))
+    return LinkageHand(
+        p_GT,
+        measured("released", p_GT) - p_GT,
+        scenario.gripper.master_slave.full_scale,
+    )
 
 
 def ConnectPlanner(

@@ -26,7 +26,7 @@ def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform
 
     Args:
         scenario: What was run.
-        X_WO_start: Where the object was at first [m].
+        X_WO_start: Where the object was first found [m].
     """
     pick, place = scenario.task.pick, scenario.task.place
     shape = known_shape(pick, scenario.objects[pick])

@@ -125,7 +125,11 @@ def calc_metrics(
     localization = shift = drift = peak = cycle = None
     if poses is not None:
         final = _transform(poses[-1])
-        start, place = _transform(poses[0]), scenario.task.place
+        first = 0  # where the object was first found
+        if status.localization is not None:
+            first = int(np.searchsorted(time, status.localized_at - 1e-9))
+            localization = status.localization.position - poses[first, :3]
+        start, place = _transform(poses[first]), scenario.task.place
         goal = final_pose(scenario, start)
         error = final.translation() - goal.translation()
         tilt = final_tilt(scenario, start, final)
@@ -137,9 +141,6 @@ def calc_metrics(
             and "support" in touching
             and _is_home(scenario, log)
         )
-        if status.localization is not None:
-            row = int(np.searchsorted(time, status.localized_at - 1e-9))
-            localization = status.localization.position - poses[row, :3]
         shift = _grasp_shift(mode, poses)
         drift = _hold_drift(scenario, time, mode, log, poses)
         peak = float(np.max(log["contact_force"])) or None  # None: never touched

@@ -179,7 +179,8 @@ def _run(
     status_port = cell.GetOutputPort("planner.status")
     start_time = root.get_time()
     # The planner ends by itself; the margin is for a planner that does not.
-    limit = start_time + scenario.planner.time_budget + 1.0
+    budget = scenario.task.repeat * scenario.planner.time_budget
+    limit = start_time + budget + 1.0
     end = limit
     start = wall.perf_counter()
     with failure_time(name, simulator):
@@ -188,7 +189,7 @@ def _run(
     status, step = PlannerStatus(), 0
     try:
         with tqdm(
-            total=scenario.planner.time_budget,
+            total=budget,
             disable=not progress,
             file=sys.stderr,
             bar_format="{n:6.2f} s simulated  {desc} [{elapsed} elapsed]",

@@ -73,8 +73,11 @@ def test_what_is_knocked_over_is_stood_up_again():
 def test_what_is_torn_from_the_hand_is_fetched_again_or_reported():
     force = "!Force {at: transfer, after: 0.5, force: [0, 0, -20], duration: 0.2}"
     result = simulate(f"disturbances=[{force}]")
-    assert result.metrics.attempts > 1 or result.metrics.failure == "dropped"
-    assert result.metrics.success == (result.metrics.failure is None)
+    trace = modes(result)
+    assert trace[trace.index(Mode.TRANSFER) + 1] is Mode.RELEASE
+    assert result.metrics.success or result.metrics.failure == "dropped"
+    if result.metrics.success:
+        assert result.metrics.attempts > 1
 
 
 def test_a_lying_cylinder_is_stood_up():

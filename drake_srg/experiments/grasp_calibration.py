@@ -29,7 +29,8 @@ from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm"
 FILE = "assistive_arm_tip.dmd.yaml"
-SEEDS = range(12)
+# The frames are measured with some positions, and judged with others.
+SEEDS, JUDGED_SEEDS = range(100, 112), range(200, 212)
 # What systematic error may be left in the hand, a tenth of the recess's clearance [mm].
 _BIAS = 0.1
 P_GRASP_CENTER = np.array([0.095, 0.0, 0.0])  # of the drawing, in the palm [m]
@@ -53,17 +54,18 @@ _DIRECTIVES = """directives:
 
 def run(track: Track) -> ExperimentResult:
     """Measure as drawn, correct the tip, measure, correct the release, measure."""
-    cases = [(stage, seed) for stage in STAGES for seed in SEEDS]
+    cases = [(stage, seed) for stage in STAGES[:-1] for seed in SEEDS]
+    cases += [(STAGES[-1], seed) for seed in JUDGED_SEEDS]
     cycles: dict[str, list[Cycle]] = {stage: [] for stage in STAGES}
     tip = shift = np.zeros(3)
     with tempfile.TemporaryDirectory() as folder:
         for stage, seed in track(cases, lambda case: f"{case[0]}, seed {case[1]}"):
             if not cycles[stage]:  # a new stage begins
                 if stage == "tip moved":
-                    tip = mean(c.p_GO_held for c in cycles["as drawn"])
+                    tip = mean("held", (c.p_GO_held for c in cycles["as drawn"]))
                     tip = tip - P_GRASP_CENTER
                 elif stage == "both":
-                    shift = mean(c.error_G for c in cycles["tip moved"])
+                    shift = mean("placed", (c.error_G for c in cycles["tip moved"]))
             cycles[stage].append(calibration_cycle(seed, tip, shift, Path(folder)))
     return make_result(cycles, tip, shift)
 
@@ -79,7 +81,7 @@ def calibration_cycle(seed: int, tip: Vector, shift: Vector, folder: Path) -> Cy
     return run_cycle(SCENARIO, seed, [f"directives.11={directive}"])
 
 
-def mean(values: Iterable[Vector | None]) -> Vector:
+def mean(what: str, values: Iterable[Vector | None]) -> Vector:
     """Return the mean of those values (3,) that there are.
 
     Raises:
@@ -89,7 +91,7 @@ def mean(values: Iterable[Vector | None]) -> Vector:
     there = [value for value in every if value is not None]
     if 2 * len(there) <= len(every):
         raise ScenarioError(
-            f"grasp_calibration: only {len(there)} of {len(every)} cycles placed the "
+            f"grasp_calibration: only {len(there)} of {len(every)} cycles {what} the "
             "object; more than half are needed"
         )
     return np.asarray(np.mean(there, axis=0))

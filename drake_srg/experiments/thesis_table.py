@@ -95,7 +95,10 @@ def figures(cycles: Sequence[Cycle]) -> dict[str, float]:
     metrics = [c.metrics for c in cycles]
     times = np.array([m.cycle_time_s for m in metrics if m.cycle_time_s is not None])
     seen = _largest([m.localization_error_m for m in metrics])
-    placed = _largest([m.placement_error_m for m in metrics if m.success])
+    # Of all that were let go, seated or not.
+    placed = _largest(
+        [c.metrics.placement_error_m for c in cycles if c.error_G is not None]
+    )
     smoothness = [m.smoothness for m in metrics if m.smoothness is not None]
     return {
         _CYCLE: float(np.mean(times)) if len(times) else np.nan,

@@ -19,7 +19,7 @@ class MasterSlaveConfig:
 
     # Crank angle of the master that closure 1 asks for [rad]: a little beyond that at
     # which flat pads meet, 0.681.
-    full_scale: float = dc.field(default=0.69, metadata=positive())
+    full_scale: float = dc.field(default=0.69, metadata=positive(le=0.69))
     # Speed of either crank [rad/s]: 60 degrees/s.
     max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
     # Speed of the slave over its angle behind the master's [1/s].

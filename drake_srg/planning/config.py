@@ -37,7 +37,7 @@ class PlannerConfig:
     latency: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # Grasps tried before the planner gives up.
     max_attempts: int = dc.field(default=3, metadata={"ge": 1})
-    # The planner gives up after this long [s].
+    # The planner gives up after this long, a cycle [s].
     time_budget: float = dc.field(default=40.0, metadata=positive())
     # How long an object is looked for, and how often [s].
     search_time: float = dc.field(default=0.5, metadata={"ge": 0.0})

@@ -18,7 +18,6 @@ _CRANK = 0.045
 _STRAIGHT_HALF_GAP = 0.0125
 _OPEN_HALF_GAP = 0.030
 _OPEN_ANGLE = float(np.arcsin((_OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / _CRANK))
-_CRANK_RANGE = 0.69  # of a crank from open to closed, closure 0 to 1 [rad]
 _CLEARANCE = 0.012  # left on each side of an object that the open hand goes around [m]
 # The rims of curved pads meet with their middles this far apart, flat ones touch [m].
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
@@ -72,10 +71,12 @@ class LinkageHand(Hand):
     Args:
         p_GT: The tip: where the middle of a held object is in the palm, shape (3,) [m].
         release_shift_G: How it moves as it is set down and let go, shape (3,) [m].
+        full_scale: Crank angle that closure 1 asks for [rad].
     """
 
     p_GT: Vector
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    full_scale: float = 0.69
 
     num_joints = num_sensors = 2
     upright_within = np.deg2rad(3.0)
@@ -99,7 +100,7 @@ class LinkageHand(Hand):
                 name=name,
                 p_GO=self.p_GT,
                 axis_G=np.array([0.0, 0.0, 1.0]),
-                closure_open=opening / _CRANK_RANGE,
+                closure_open=opening / self.full_scale,
                 closure_closed=1.0,  # until both fingers have sensed something
                 fingers_open=_cranks(opening),
                 fingers_closed=_cranks(contact),

@@ -289,7 +289,11 @@ class PickAndPlacePlanner(LeafSystem):
         if motions is not None:
             match mode:
                 case Mode.PRE_GRASP:
-                    memory = dc.replace(memory, closure=motions.grasp.closure_open)
+                    memory = dc.replace(
+                        memory,
+                        closure=motions.grasp.closure_open,
+                        fingers=motions.grasp.fingers_open,
+                    )
                 case Mode.GRASP:
                     memory = dc.replace(memory, attempts=memory.attempts + 1)
                 case Mode.CLOSE:

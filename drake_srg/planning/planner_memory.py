@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,8 @@ class PlannerMemory:
     due: float = 0.0  # when that motion is over [s]
     stopped_at: float | None = None  # time in the trajectory where a stop began [s]
     closure: float = 0.0
+    # Angles of the gripper's joints, open as they were last, by name [rad].
+    fingers: Mapping[str, float] = dc.field(default_factory=dict)
     failure: Failure | None = None  # what went wrong last
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
@@ -97,6 +100,7 @@ class PlannerMemory:
                     memory,
                     cycles=self.cycles + 1,
                     attempts_before=self.attempts,
+                    started=time,
                     detours=0,
                 )
             elif mode is not Mode.DONE:

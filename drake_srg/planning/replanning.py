@@ -101,7 +101,7 @@ class Replanner:
                 localized_at=time,
                 X_WO_return=standing_at(X_WO, self._shape),
             )
-        return dc.replace(memory, motions=result, X_WO=X_WO, failure=None)
+        return dc.replace(memory, motions=result, X_WO=X_WO, failure=None, message="")
 
     def _not_seen(self, memory: PlannerMemory, time: float) -> PlannerMemory:
         if time < memory.since + self._config.search_time:
@@ -171,7 +171,9 @@ class Replanner:
     def escape(self, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Plan back from where the arm is, and home."""
         start = wall.perf_counter()
-        escape = self._task_planner.plan_escape(memory.q_rest, memory.obstacles)
+        escape = self._task_planner.plan_escape(
+            memory.q_rest, memory.fingers, memory.obstacles
+        )
         memory = dc.replace(
             memory,
             planning_wall=memory.planning_wall + wall.perf_counter() - start,

@@ -133,6 +133,7 @@ class TaskPlanner:
     ) -> TaskMotions | TaskFailure:
         # With the arm at home, does the object fit where it shall stand? Fixed things
         # are only checked against what moves, so it hangs from the distant hand.
+        self.scene.set_fingers({})
         X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO_goal
         with self.scene.holding(shape, X_GO, margin=_SUPPORT_OVERLAP):
             clearance = self.scene.clearance(self.q_home)
@@ -156,9 +157,16 @@ class TaskPlanner:
         return (blocked or failures)[0]
 
     def plan_escape(
-        self, q: Vector, obstacles: Obstacles = ()
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
     ) -> tuple[Trajectory, Trajectory] | TaskFailure:
-        """Plan back out of a failed grasp: away from the object, then home."""
+        """Plan back out of a failed grasp: away from the object, then home.
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            fingers: Angles of the gripper's joints, open, by name [rad].
+            obstacles: Other objects and their poses [m].
+        """
+        self.scene.set_fingers(fingers)
         try:
             with self._standing(obstacles):
                 path = PlanCartesianPath(self.scene, q, self._moves.behind(q))

@@ -61,9 +61,9 @@ def test_what_the_frames_do_not_make_up_for_fails():
 
 def test_too_few_that_were_held_calibrate_nothing():
     there = np.ones(3)
-    np.testing.assert_array_equal(mean([there, None, there]), there)
-    with pytest.raises(ScenarioError, match="only 1 of 2 cycles"):
-        mean([there, None])
+    np.testing.assert_array_equal(mean("held", [there, None, there]), there)
+    with pytest.raises(ScenarioError, match="only 1 of 2 cycles held"):
+        mean("held", [there, None])
 
 
 def test_a_cycle_takes_the_frames_that_it_is_given(tmp_path):

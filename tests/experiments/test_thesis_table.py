@@ -48,9 +48,10 @@ def test_the_largest_errors_count():
     cycles = [
         cycle(localization_error_m=[1e-4, 0.0, 0.0], placement_error_m=[0.0, 1e-4, 0]),
         cycle(localization_error_m=[-2e-4, 0.0, 0.0], placement_error_m=[0, -3e-4, 0]),
-        # What was not placed has no error of placement, but was seen.
+        # What was never let go has no error of placement, but was seen.
         cycle(
             success=False,
+            error_G=None,
             cycle_time_s=None,
             localization_error_m=[0.0, 5e-4, 0.0],
             placement_error_m=[0.3, 0.3, 0.3],
@@ -62,6 +63,9 @@ def test_the_largest_errors_count():
     assert told["largest localisation error, y [mm]"] == pytest.approx(0.5)
     assert told["largest placement error, x [mm]"] == 0.0
     assert told["largest placement error, y [mm]"] == pytest.approx(0.3)
+    beside = cycle(success=False, placement_error_m=[0.3, 0.3, 0.3])
+    told = figures([*cycles, beside])
+    assert told["largest placement error, x [mm]"] == pytest.approx(300.0)
 
 
 @pytest.mark.parametrize(

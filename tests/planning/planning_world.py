@@ -77,7 +77,8 @@ class FakeTaskPlanner:
             self.grasp, {m: motion(q[i], q[i + 1]) for i, m in enumerate(modes)}
         )
 
-    def plan_escape(self, q, obstacles=()):
+    def plan_escape(self, q, fingers, obstacles=()):
+        self.fingers = fingers
         if self.escape is not None:
             return self.escape
         middle = 0.5 * (q + self.q_home)

@@ -130,6 +130,8 @@ def test_after_a_failed_grasp_the_arm_escapes_and_tries_again():
     assert world.trace == [*CYCLE[:5], *ESCAPE, *CYCLE]
     assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 2)
     assert len(world.task_planner.calls) == 2
+    # The way out is planned for the fingers as they are then.
+    assert world.task_planner.fingers == world.task_planner.grasp.fingers_open
 
 
 @pytest.mark.parametrize("attempts", [1, 2])

@@ -118,6 +118,26 @@ def test_an_object_that_is_hidden_in_the_hand_is_placed_as_planned():
     assert world.task_planner.places == []
 
 
+def test_an_old_failure_is_not_told_of_a_new_one():
+    world = World(repeat=2, max_attempts=2)
+    world.holding = lambda mode: world.status.attempts > 1 or mode is Mode.CLOSE
+    there = world.where
+    world.where = lambda mode: there(mode) if world.status.cycles == 0 else []
+    status = world.run()
+    assert (status.cycles, status.failure) == (1, Failure.NOT_SEEN)
+    assert status.message == "no can in any image"
+
+
+def test_every_cycle_has_the_whole_time_budget():
+    alone = World()
+    alone.run()
+    world = World(repeat=3, time_budget=1.5 * alone.time)
+    world.where = lambda mode: [
+        blob(GOAL if (world.status.cycles + (mode is Mode.HOME)) % 2 else START)
+    ]
+    assert world.run().failure is None
+
+
 def test_what_is_uncertain_under_way_changes_nothing():
     world = World(look_before_grasp=True, look_before_place=True)
     there, flags = world.where, frozenset({BlobFlag.UNCERTAIN})

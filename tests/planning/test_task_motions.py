@@ -123,7 +123,7 @@ def test_an_object_without_known_grasps(planner):
 
 def test_the_way_out_backs_off_and_goes_home(planner, task):
     _, q_grasp = ends(task.motions[Mode.GRASP])
-    back, home = planner.plan_escape(q_grasp)
+    back, home = planner.plan_escape(q_grasp, task.grasp.fingers_open)
     np.testing.assert_allclose(ends(back)[0], q_grasp, atol=1e-6)
     X_start, X_end = (planner.scene.X_WG(q) for q in ends(back))
     moved = X_end.translation() - X_start.translation()
