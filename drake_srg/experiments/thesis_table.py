@@ -177,21 +177,21 @@ def draw(cycles: Mapping[str, Sequence[Cycle]]) -> Any:
     left, right = figure.subplots(1, 2)
     style_axes(left, xlabel="x from the recess's middle [mm]", ylabel="y [mm]")
     style_axes(right, xlabel="cycle [s]", ylabel="runs")
-    times, labels = [], []
-    for color, (variant, runs) in zip(COLORS, cycles.items(), strict=False):
+    times = []
+    for color, runs in zip(COLORS, cycles.values(), strict=False):
         good = [c.metrics for c in runs if c.metrics.success]
         if good:
             errors = np.array([m.placement_error_m for m in good], dtype=float)
             left.plot(*1e3 * errors[:, :2].T, "o", ms=3, color=color)
         times.append([m.cycle_time_s for m in good])
-        speed = np.median([c.metrics.real_time_factor for c in runs])
-        labels.append(f"{variant} ({speed:.1f} x real time)")
     circle = np.linspace(0.0, 2.0 * np.pi, 100)
     left.plot(np.cos(circle), np.sin(circle), color=COLORS[-1], lw=0.8)
     for y, text in ((-0.9, "clearance"), (0.8, "thesis: 4 and 2 mm off")):
         left.text(0.0, y, text, fontsize=8, ha="center", color=COLORS[-1])
     left.set_aspect("equal", adjustable="datalim")
-    right.hist(times, np.arange(0.0, 33.0), color=COLORS[: len(times)], label=labels)
+    right.hist(
+        times, np.arange(0.0, 33.0), color=COLORS[: len(times)], label=list(cycles)
+    )
     right.axvline(THESIS[_CYCLE], color=COLORS[-1], lw=0.8)
     right.text(
         *(THESIS[_CYCLE], 0.95, "thesis "),
