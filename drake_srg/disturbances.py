@@ -55,7 +55,7 @@ class Disturbance:
 
 @dc.dataclass(kw_only=True)
 class Push(Disturbance):
-    """A hand moves the object aside, turning it no way, and lets go of it.
+    """A hand lifts the object a little, moves it aside, turning it no way, and lets go.
 
     With a force of at most three times the weight: what is held firmly stays.
     """
@@ -206,12 +206,12 @@ class Disturber(LeafSystem):
             begins = mode is not memory.mode and mode.value == disturbance.at
             waits = course.begin == np.inf and course.count < disturbance.times
             if begins and waits:
-                course = _Course(course.count + 1, time + disturbance.after)  # noqa: PLW2901
+                course = _Course(course.count + 1, time + disturbance.after)  # noqa: PLW2901 # its next
             # Times of updates are multiples of a period, rounded.
             t = time + 1e-9 - course.begin
             if t >= 0.0:
                 X_WO = self._poses.Eval(context)[target.name]
-                course, wrench = _act(  # noqa: PLW2901
+                course, wrench = _act(  # noqa: PLW2901 # its next
                     disturbance, target, t, X_WO, course, self._period
                 )
                 if wrench is not None:

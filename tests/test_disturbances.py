@@ -156,13 +156,13 @@ def test_the_same_scenario_gives_the_same_bytes(table):
 # When they act, and how strongly.
 
 
-def disturber(*disturbances, shape=Cylinder(RADIUS, LENGTH)):  # noqa: B008
+def disturber(*disturbances, shape=Cylinder(RADIUS, LENGTH)):  # noqa: B008 # not changed
     inertia = SpatialInertia.SolidCylinderWithMass(MASS, RADIUS, LENGTH, [0, 0, 1])
     target = Target("thing", BodyIndex(7), inertia, shape)
     return Disturber([(d, target) for d in disturbances], 0.01)
 
 
-def forces(script, *disturbances, X_WO=RigidTransform()):  # noqa: B008
+def forces(script, *disturbances, X_WO=RigidTransform()):  # noqa: B008 # not changed
     """Lists of forces every 10 ms, just after the update, on a thing that stays."""
     builder = DiagramBuilder()
     planner = builder.AddSystem(ScriptedPlanner(np.zeros(0), script))

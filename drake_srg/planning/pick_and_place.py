@@ -184,9 +184,13 @@ class PickAndPlacePlanner(LeafSystem):
         match memory.mode:
             case Mode.IDLE if time >= memory.next_look:
                 memory = self._replanner.plan(self._see(context), memory, time)
-            case Mode.PRE_GRASP if self._looks(context, memory, "grasp"):
+            case Mode.PRE_GRASP if self._looks(
+                context, memory, self.config.look_before_grasp
+            ):
                 memory = self._replanner.compare(self._see(context), memory)
-            case Mode.TRANSFER if self._looks(context, memory, "place"):
+            case Mode.TRANSFER if self._looks(
+                context, memory, self.config.look_before_place
+            ):
                 memory = self._replanner.correct(self._see(context), memory, time)
             case Mode.HOME if 0.0 < self.config.close_at_home >= memory.due - time:
                 memory = dc.replace(memory, closure=1.0)
@@ -202,9 +206,8 @@ class PickAndPlacePlanner(LeafSystem):
         blobs: list[Blob] = self._blobs.Eval(context)
         return blobs
 
-    def _looks(self, context: Context, memory: PlannerMemory, before: str) -> bool:
-        """Whether it is time to look before grasping or placing."""
-        wanted: bool = getattr(self.config, f"look_before_{before}")
+    def _looks(self, context: Context, memory: PlannerMemory, wanted: bool) -> bool:
+        """Whether it is time for the look that a mode ends with, where it is wanted."""
         return wanted and not memory.looked and self._arrived(context, memory)
 
     def _observe(self, context: Context, memory: PlannerMemory) -> Observation:
