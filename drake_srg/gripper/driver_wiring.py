@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.types import Vector
 
 
@@ -32,6 +34,41 @@ def joint_to_actuator(
     """
     joints = [a.joint().name() for a in gripper_actuators(plant, gripper)]
     return np.array([[float(name == joint) for name in names] for joint in joints])
+
+
+def AddJointServos(
+    inner: DiagramBuilder,
+    plant: MultibodyPlant,
+    gripper: ModelInstanceIndex,
+    names: Sequence[str],
+    config: GripperServoConfig,
+    *,
+    state_measured: OutputPort,
+    reference: OutputPort,
+) -> None:
+    """Add a servo a joint to a driver: its PWM times the effort limit is the torque.
+
+    Exports the input `force_limit` and the outputs `pwm` and `actuation`.
+
+    Args:
+        inner: The driver under construction.
+        plant: With the gripper.
+        gripper: Its model instance.
+        names: Of the joints, in the order of `state_measured` and `reference`.
+        config: Gains.
+        state_measured: Of the joints, [q; v].
+        reference: What they shall follow, [q; v; a].
+    """
+    limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
+    order = joint_to_actuator(plant, gripper, names)
+    motors = inner.AddNamedSystem("motors", MatrixGain(np.diag(limits) @ order))
+    servo = inner.AddNamedSystem("servo", GripperServo(config))
+    inner.Connect(state_measured, servo.GetInputPort("state_measured"))
+    inner.Connect(reference, servo.GetInputPort("reference"))
+    inner.Connect(servo.get_output_port(), motors.get_input_port())
+    inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
+    inner.ExportOutput(servo.get_output_port(), "pwm")
+    inner.ExportOutput(motors.get_output_port(), "actuation")
 
 
 def AddDriver(

@@ -3,22 +3,16 @@
 import dataclasses as dc
 from typing import ClassVar
 
-import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import MatrixGain
 
-from drake_srg.gripper.driver_wiring import (
-    AddDriver,
-    gripper_actuators,
-    joint_to_actuator,
-)
+from drake_srg.gripper.driver_wiring import AddDriver, AddJointServos
 from drake_srg.gripper.finger_layout import LINKAGE_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
 from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
 from drake_srg.gripper.proximity import ProximityConfig
-from drake_srg.gripper.servo import GripperServo, GripperServoConfig
+from drake_srg.gripper.servo import GripperServoConfig
 
 
 def _default_servo() -> GripperServoConfig:
@@ -93,23 +87,20 @@ def AddLinkageDriver(
     config = config or LinkageDriver()
     inner = DiagramBuilder()
     sensing = AddFingerSensing(inner, plant, gripper, config)
-    limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
-    order = joint_to_actuator(plant, gripper, config.joint_names)
-    motors = inner.AddNamedSystem("motors", MatrixGain(np.diag(limits) @ order))
     reference = inner.AddNamedSystem(
         "master_slave_reference", MasterSlaveReference(config.master_slave)
     )
-    servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
-
-    for system in (reference, servo):
-        inner.Connect(sensing.state_measured, system.GetInputPort("state_measured"))
+    inner.Connect(sensing.state_measured, reference.GetInputPort("state_measured"))
     inner.Connect(sensing.grasped, reference.GetInputPort("grasped"))
-    inner.Connect(reference.get_output_port(), servo.GetInputPort("reference"))
-    inner.Connect(servo.get_output_port(), motors.get_input_port())
-
     for name in ("closure_commanded", "joint_position_commanded", "hold"):
         inner.ExportInput(reference.GetInputPort(name), name)
-    inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
-    inner.ExportOutput(servo.get_output_port(), "pwm")
-    inner.ExportOutput(motors.get_output_port(), "actuation")
+    AddJointServos(
+        inner,
+        plant,
+        gripper,
+        config.joint_names,
+        config.servo,
+        state_measured=sensing.state_measured,
+        reference=reference.get_output_port(),
+    )
     return AddDriver(builder, plant, gripper, inner)

@@ -7,17 +7,12 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import MatrixGain
 
-from drake_srg.gripper.driver_wiring import (
-    AddDriver,
-    gripper_actuators,
-    joint_to_actuator,
-)
+from drake_srg.gripper.driver_wiring import AddDriver, AddJointServos
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
-from drake_srg.gripper.servo import GripperServo, GripperServoConfig
+from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.underactuation import (
     JOINT_NAMES,
     UnderactuationConfig,
@@ -106,33 +101,25 @@ def AddSrgPositionDriver(
     config = config or SrgPositionDriver()
     inner = DiagramBuilder()
     sensing = AddFingerSensing(inner, plant, gripper, config)
-    n = len(JOINT_NAMES)
-    limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
-    motors = inner.AddNamedSystem(
-        "motors",
-        MatrixGain(
-            np.diag(limits) @ joint_to_actuator(plant, gripper, config.joint_names)
-        ),
-    )
     logic = inner.AddNamedSystem(
         "underactuation_logic", UnderactuationLogic(config.underactuation)
     )
     reference = inner.AddNamedSystem(
         "minimum_jerk_reference",
-        MinimumJerkReference(np.zeros(n), config.minimum_jerk),
+        MinimumJerkReference(np.zeros(len(JOINT_NAMES)), config.minimum_jerk),
     )
-    servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
-
-    for system in (logic, servo):
-        inner.Connect(sensing.state_measured, system.GetInputPort("state_measured"))
+    inner.Connect(sensing.state_measured, logic.GetInputPort("state_measured"))
     inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
     inner.Connect(logic.get_output_port(), reference.get_input_port())
-    inner.Connect(reference.get_output_port(), servo.GetInputPort("reference"))
-    inner.Connect(servo.get_output_port(), motors.get_input_port())
-
     for name in ("closure_commanded", "joint_position_commanded", "hold"):
         inner.ExportInput(logic.GetInputPort(name), name)
-    inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
-    inner.ExportOutput(servo.get_output_port(), "pwm")
-    inner.ExportOutput(motors.get_output_port(), "actuation")
+    AddJointServos(
+        inner,
+        plant,
+        gripper,
+        config.joint_names,
+        config.servo,
+        state_measured=sensing.state_measured,
+        reference=reference.get_output_port(),
+    )
     return AddDriver(builder, plant, gripper, inner)
