@@ -89,6 +89,10 @@ class CommandInbox:
         except CommandError as error:
             self.refuse(topic, error.kind, str(error))
             return
+        self.put(values)
+
+    def put(self, values: PortValues) -> None:
+        """Keep what somebody commands who has checked it."""
         with self._lock:
             self.received += 1
             self._values.update(values)
@@ -179,10 +183,14 @@ def _position_topic(
 
     def convert(data: Any) -> PortValues:
         if not obeyed:
-            raise CommandError("port", "this gripper's motor moves all its joints at once")
+            raise CommandError(
+                "port", "this gripper's motor moves all its joints at once"
+            )
         values = np.array(data, dtype=np.float64)
         if values.shape != lower.shape:
-            raise CommandError("length", f"has {values.size} numbers; needs {lower.size}")
+            raise CommandError(
+                "length", f"has {values.size} numbers; needs {lower.size}"
+            )
         if not np.isfinite(values).all():
             raise CommandError("finite", "has numbers that are not finite")
         for i in np.flatnonzero((values < lower) | (values > upper)):
