@@ -12,9 +12,9 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.cell import MakeCell
 from drake_srg.errors import scenario_errors
+from drake_srg.plant import MakePlant
 from drake_srg.scenario import Scenario, list_scenarios
 from drake_srg.simulation import Simulate, failure_time
-from drake_srg.station import MakePlant
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # Inputs of the plant that a replay needs: subsystem of the station, output port, and

@@ -19,9 +19,10 @@ from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.scripted import ScriptedPlanner
 from drake_srg.planning.srg_hand import SrgHand
 from drake_srg.planning.task_motions import TaskPlanner
+from drake_srg.plant import AddDirectives
 from drake_srg.ports import Ports, output_ports
 from drake_srg.scenario import ObjectConfig, Scenario, is_continuous
-from drake_srg.station import AddDirectives, AddStation, MakeStation
+from drake_srg.station import AddStation, MakeStation
 from drake_srg.types import Vector
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
+from drake_srg.plant import AddDirectives
 from drake_srg.scenario import Scenario
-from drake_srg.station import AddDirectives
 from drake_srg.types import Vector
 
 

@@ -9,13 +9,13 @@ from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.metrics import MODES
+from drake_srg.plant import AddDirectives
 from drake_srg.ports import Ports, output_ports
 from drake_srg.recording.ros_topics import cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.timeline import Timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
-from drake_srg.station import AddDirectives
 from drake_srg.types import Vector
 
 __all__ = ["FILES", "AddRecorders", "output_ports", "run_timeline"]

@@ -10,8 +10,8 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.metrics import MODES, RunTimes, calc_metrics, pose_to_row
 from drake_srg.planning.scripted import ScriptStep
+from drake_srg.plant import AddDirectives
 from drake_srg.scenario import load_scenario
-from drake_srg.station import AddDirectives
 from drake_srg.types import Blob, Failure, Mode, PlannerStatus
 
 SCENARIO = load_scenario("kitchen", seed=0)

@@ -4,9 +4,9 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.errors import ScenarioError
+from drake_srg.plant import MakePlant
 from drake_srg.preflight import check_constraints
 from drake_srg.scenario import Scenario
-from drake_srg.station import MakePlant
 
 INERTIAL = "<inertial><mass>1</mass></inertial>"
 URDF_INERTIAL = (

@@ -1,0 +1,90 @@
+"""The cameras of a scenario, and what they see."""
+
+from __future__ import annotations
+
+import copy
+
+from pydrake.geometry import SceneGraph
+from pydrake.lcm import DrakeLcm
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+from pydrake.systems.sensors import ApplyCameraConfig
+
+from drake_srg.plant import AddDirectives, AddObjects
+from drake_srg.scenario import Scenario
+
+
+def AddCameras(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+) -> dict[str, OutputPort]:
+    """Add the cameras of a scenario, and return their ports by name.
+
+    They see a scene graph of their own. In the plant's, the renderers would follow
+    every step of the simulation, which costs as much as the bare plant; this one takes
+    the plant's state when somebody asks for an image. What is soft is in the plant's
+    alone, and costs more than the renderers do: with soft objects, cameras see that.
+    """
+    if any(config.soft for config in scenario.objects.values()):
+        return _AddSensors(builder, plant, scene_graph, scenario)
+    state, ports = AddRemoteCameras(builder, scenario)
+    builder.Connect(plant.get_state_output_port(), state)
+    return ports
+
+
+def AddRemoteCameras(
+    builder: DiagramBuilder, scenario: Scenario
+) -> tuple[InputPort, dict[str, OutputPort]]:
+    """Add the cameras of a scenario with a scene of their own, but without a plant.
+
+    Returns:
+        The input port for the state [q; v] of a plant made by `MakePlant` of the same
+        scenario, and the cameras' ports by name.
+    """
+    scene_graph = builder.AddNamedSystem("render_scene_graph", SceneGraph())
+    plant = MultibodyPlant(time_step=0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    AddDirectives(plant, scenario)
+    AddObjects(plant, scenario)
+    plant.Finalize()
+    poses = builder.AddNamedSystem(
+        "render_poses",
+        MultibodyPositionToGeometryPose(plant, input_multibody_state=True),
+    )
+    builder.Connect(
+        poses.get_output_port(),
+        scene_graph.get_source_pose_port(plant.get_source_id()),
+    )
+    return poses.get_input_port(), _AddSensors(builder, plant, scene_graph, scenario)
+
+
+def _AddSensors(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+) -> dict[str, OutputPort]:
+    ports: dict[str, OutputPort] = {}
+    for name, camera_config in scenario.cameras.items():
+        config = copy.copy(camera_config)
+        config.name = name
+        ApplyCameraConfig(
+            config=config,
+            builder=builder,
+            plant=plant,
+            scene_graph=scene_graph,
+            lcm=DrakeLcm("memq://null"),  # stands for no publishing
+        )
+        sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
+        # Not by GetOutputPort: that, of a system that Drake made, keeps its builder
+        # alive where the garbage collector cannot see it (Drake 1.51.1).
+        for port, exported in (
+            (sensor.color_image_output_port(), "color_image"),
+            (sensor.depth_image_32F_output_port(), "depth_image"),
+            (sensor.body_pose_in_world_output_port(), "body_pose_in_world"),
+        ):
+            ports[f"camera_{name}.{exported}"] = port
+    return ports
