@@ -3,6 +3,7 @@
 import dataclasses as dc
 from collections.abc import Sequence
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import (
@@ -16,6 +17,7 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
+from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 
@@ -44,6 +46,8 @@ class ArmPositionDriver:
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
     # Commands are sampled and gravity is compensated at this period [s].
     period: float = dc.field(default=0.005, metadata=positive())
+    # Of the motion to targets that may jump, where `AddJerkLimits` makes it.
+    limits: JerkLimits = dc.field(default_factory=JerkLimits)
 
 
 class GravityCompensation(LeafSystem):
@@ -179,3 +183,20 @@ def AddArmPositionDriver(
         driver.GetOutputPort("actuation"), plant.get_actuation_input_port(arm)
     )
     return driver
+
+
+def AddJerkLimits(
+    builder: DiagramBuilder, config: ArmPositionDriver
+) -> JerkLimitedReference:
+    """Add `arm_reference`, for targets that jump, to a diagram.
+
+    It starts at the driver's home and keeps the driver's limits and period: its
+    `position_commanded` is what the driver's shall be connected to.
+
+    Raises:
+        ValueError: If a limit has neither one entry nor one a joint.
+    """
+    return builder.AddNamedSystem(
+        "arm_reference",
+        JerkLimitedReference(np.array(config.home), config.limits, config.period),
+    )

@@ -1,0 +1,122 @@
+"""Targets that may jump become motion with limited velocity, acceleration and jerk."""
+
+import dataclasses as dc
+
+import numpy as np
+import ruckig
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector, positive
+
+
+def _degrees(x: float) -> list[float]:
+    return [float(np.deg2rad(x))]
+
+
+@dc.dataclass(kw_only=True)
+class JerkLimits:
+    """Limits of a joint's motion: one entry for all joints, or one a joint.
+
+    The defaults are those of the SRG thesis for the iiwa: 110 degrees/s, 40 degrees/s²
+    and 80 degrees/s³.
+    """
+
+    velocity: list[float] = dc.field(
+        default_factory=lambda: _degrees(110.0), metadata=positive()
+    )  # rad/s or m/s
+    acceleration: list[float] = dc.field(
+        default_factory=lambda: _degrees(40.0), metadata=positive()
+    )  # rad/s² or m/s²
+    jerk: list[float] = dc.field(
+        default_factory=lambda: _degrees(80.0), metadata=positive()
+    )  # rad/s³ or m/s³
+
+
+# Rows of the discrete state, one column a joint.
+_POSITION, _VELOCITY, _ACCELERATION, _TARGET = range(4)
+
+
+class JerkLimitedReference(LeafSystem):
+    """Moves N joints to their newest targets as fast as limits of jerk allow.
+
+    .. pydrake_system::
+
+        name: JerkLimitedReference
+        input_ports:
+        - position_desired (optional)
+        output_ports:
+        - position_commanded
+
+    Every `period` the targets are taken from `position_desired` (N) [rad or m], which
+    may change at any time; an entry that is not finite leaves its joint's target as it
+    was. Each joint moves by itself, from where it is and as it moves, to rest at its
+    target in the least time that the limits allow (by Ruckig: Berscheid and Kröger,
+    RSS 2021). `position_commanded` (N) is updated every `period`: what an update makes
+    of the targets at a time is the position one period later.
+
+    Args:
+        home: Where the joints are, and stay without targets, shape (N,) [rad or m].
+        limits: Of velocity, acceleration and jerk.
+        period: Time between updates [s].
+
+    Raises:
+        ValueError: If a limit has neither one entry nor one a joint.
+    """
+
+    def __init__(self, home: Vector, limits: JerkLimits, period: float) -> None:
+        super().__init__()
+        self._n = n = len(home)
+        self._period = period
+        self._limits: dict[str, list[float]] = {}
+        for name, values in dc.asdict(limits).items():
+            if len(values) not in (1, n):
+                raise ValueError(
+                    f"limits.{name}: needs 1 entry or {n}, has {len(values)}"
+                )
+            self._limits[f"max_{name}"] = np.broadcast_to(values, n).tolist()
+
+        rows = np.zeros((4, n))
+        rows[[_POSITION, _TARGET]] = home
+        state = self.DeclareDiscreteState(rows.flatten())
+        self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
+        self.DeclareVectorOutputPort(
+            name="position_commanded",
+            size=n,
+            calc=self._calc_position,
+            prerequisites_of_calc={self.discrete_state_ticket(state)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    def _rows(self, context: Context) -> Vector:
+        value: Vector = context.get_discrete_state(0).value()
+        return value.reshape(4, self._n)
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._rows(context)[_POSITION])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        rows = self._rows(context)
+        position, velocity, acceleration, target = rows
+        moving = rows[[_VELOCITY, _ACCELERATION]].any()
+        if self._desired.HasValue(context):
+            desired = self._desired.Eval(context)
+            target = np.where(np.isfinite(desired), desired, target)
+        # A joint comes to rest in its target exactly, so that this tells when it has.
+        if not moving and np.array_equal(target, position):
+            return
+        move, trajectory = ruckig.InputParameter(self._n), ruckig.Trajectory(self._n)
+        move.synchronization = ruckig.Synchronization.No
+        for name, values in self._limits.items():
+            setattr(move, name, values)
+        move.current_position = position
+        move.current_velocity = velocity
+        move.current_acceleration = acceleration
+        move.target_position = target
+        ruckig.Ruckig(self._n).calculate(move, trajectory)
+        moved = np.array(trajectory.at_time(self._period))
+        arrived = np.array(trajectory.independent_min_durations) <= self._period
+        moved = np.where(arrived, [target, np.zeros(self._n), np.zeros(self._n)], moved)
+        discrete_state.set_value(np.append(moved, target))
