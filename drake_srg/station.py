@@ -18,10 +18,11 @@ from drake_srg.scenario import Scenario
 # Those of them that the driver has become the station's.
 _GRIPPER_INPUTS = (
     *("closure_commanded", "joint_position_commanded", "hold", "force_limit"),
+    *("motor_position_commanded", "motor_torque_commanded"),
 )
 _GRIPPER_OUTPUTS = (
     *("state_measured", "pwm", "proximity", "contact_force", "contact_wrench"),
-    *("grasped", "motor_state", "wire_force"),
+    *("grasped", "motor_state", "wire_force", "motor_temperature"),
 )
 
 
@@ -38,6 +39,8 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.joint_position_commanded (optional; not SrgTendonDriver)
         - gripper.hold (optional)
         - gripper.force_limit (optional)
+        - gripper.motor_position_commanded (optional; SrgTendonDriver)
+        - gripper.motor_torque_commanded (optional; SrgTendonDriver)
         - object_forces_cheat (optional)
         output_ports:
         - arm.state_measured
@@ -50,6 +53,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.grasped
         - gripper.motor_state (SrgTendonDriver)
         - gripper.wire_force (SrgTendonDriver)
+        - gripper.motor_temperature (SrgTendonDriver)
         - camera_NAME.color_image
         - camera_NAME.depth_image
         - camera_NAME.body_pose_in_world

@@ -32,6 +32,11 @@ class GripperServoConfig:
     # Anti-windup by back-calculation: time in which the integral follows the
     # saturation [s].
     tracking_time: float = dc.field(default=0.05, metadata=positive())
+    # Share of K_FF1 that torque control applies to the measured speed. Where K_FF1
+    # makes up for back-EMF, 1 would be a perfect current control, and leave a motor on
+    # wires ringing for seconds: in place of a real one's friction, a fifth of the
+    # damping stays.
+    current_control: float = dc.field(default=0.8, metadata={"ge": 0.0, "le": 1.0})
     # The printed law divides by q'; below this speed [rad/s] the division fades out.
     printed_law_min_speed: float = dc.field(default=0.05, metadata=positive())
     period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
@@ -49,6 +54,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             - reference
             - state_measured
             - force_limit (optional)
+            - torque_commanded (optional)
             output_ports:
             - pwm
 
@@ -68,6 +74,14 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
           K_I e q' + K_D e / q', q' the reference's velocity. The division is
           evaluated as e q' / (q'² + s²) with a small s, so that it fades out at rest.
           It is here to be compared, not to be used.
+
+        A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
+        full PWM, takes its servo from position to torque control:
+
+            PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
+
+        with c = `config.current_control`, so that the torque hardly falls with the
+        speed. The integral rests meanwhile.
 
         `pwm` (n) is the held PWM, a fraction of full scale.
         """
@@ -93,6 +107,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 name="state_measured", size=2 * n
             )
             self._force_limit = self.DeclareVectorInputPort(name="force_limit", size=1)
+            self._torque = self.DeclareVectorInputPort(name="torque_commanded", size=n)
             self.DeclareVectorOutputPort(
                 name="pwm",
                 size=n,
@@ -126,13 +141,22 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 guard = config.printed_law_min_speed**2
                 pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
             kappa = self._kappa(context)
-            if T is float:
-                saturated = np.minimum(np.maximum(pwm, -kappa), kappa)
-            else:
-                saturated = np.array([min_(max_(u, -kappa), kappa) for u in pwm])
+            saturated = self._clip(pwm, kappa)
             rate = ki * error + (saturated - pwm) / config.tracking_time
             new_integral = integral + config.period * rate * (ki > 0)
+            if self._torque.HasValue(context):
+                torque = self._torque.Eval(context)
+                commanded = np.isfinite(torque) if T is float else True
+                compensated = config.current_control * kff1 * measured[n:]
+                current = self._clip(self._clip(torque, kappa) + compensated, 1.0)
+                saturated = np.where(commanded, current, saturated)
+                new_integral = np.where(commanded, integral, new_integral)
             discrete_state.set_value(np.concatenate([new_integral, saturated]))
+
+        def _clip(self, values: Any, limit: Any) -> Any:
+            if T is float:
+                return np.minimum(np.maximum(values, -limit), limit)
+            return np.array([min_(max_(value, -limit), limit) for value in values])
 
         def _kappa(self, context: Any) -> Any:
             if not self._force_limit.HasValue(context):

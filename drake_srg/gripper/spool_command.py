@@ -1,4 +1,4 @@
-"""What closure asks of the spool."""
+"""What closure, or somebody who commands the motor itself, asks of the spool."""
 
 import dataclasses as dc
 
@@ -36,7 +36,7 @@ def spool_angle(
 
 
 class SpoolCommand(LeafSystem):
-    """Turns closure into a target of the spool.
+    """Turns closure, or what is asked of the motor, into a target of the spool.
 
     .. pydrake_system::
 
@@ -46,10 +46,12 @@ class SpoolCommand(LeafSystem):
         - motor_state
         - triggered
         - hold (optional)
+        - motor_position_commanded (optional)
         output_ports:
         - angle_desired
 
-    `closure_commanded` (1) is 0 open .. 1 closed, clipped, a NaN ignored. While `hold`
+    `closure_commanded` (1) is 0 open .. 1 closed, clipped, a NaN ignored. A finite
+    `motor_position_commanded` (1), a spool angle [rad], goes before it. While `hold`
     (1) is nonzero, the target (and so the grip) is kept if one of the sensors,
     `triggered` (4), fired when the hold began; else the spool stays where it was then:
     the angle in `motor_state` (2). `angle_desired` (1) [rad] is updated every
@@ -67,6 +69,9 @@ class SpoolCommand(LeafSystem):
         self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
         self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
         self._hold = self.DeclareVectorInputPort(name="hold", size=1)
+        self._position = self.DeclareVectorInputPort(
+            name="motor_position_commanded", size=1
+        )
         self.DeclareVectorOutputPort(
             name="angle_desired",
             size=1,
@@ -84,9 +89,14 @@ class SpoolCommand(LeafSystem):
         target, was_holding = context.get_discrete_state(0).value()
         holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
         closure = self._closure.Eval(context)[0]
+        position = np.nan
+        if self._position.HasValue(context):
+            position = self._position.Eval(context)[0]
         if holding:
             if not was_holding and not self._triggered.Eval(context).any():
                 target = self._motor.Eval(context)[0]
+        elif np.isfinite(position):
+            target = position
         elif np.isfinite(closure):
             target = spool_angle(closure, self._spool_radius, self.config)
         discrete_state.set_value([target, float(holding)])

@@ -17,6 +17,10 @@ from drake_srg.gripper.driver_wiring import (
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
+from drake_srg.gripper.motor_temperature import (
+    MotorTemperature,
+    MotorTemperatureConfig,
+)
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.spool_command import SpoolCommand, SpoolCommandConfig
 from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
@@ -56,6 +60,9 @@ class SrgTendonDriver(FingerSensingConfig):
     )
     servo: GripperServoConfig = dc.field(default_factory=_default_motor_servo)
     drive: TendonDriveConfig = dc.field(default_factory=TendonDriveConfig)
+    temperature: MotorTemperatureConfig = dc.field(
+        default_factory=MotorTemperatureConfig
+    )
 
 
 def SetTendonDynamics(
@@ -92,6 +99,8 @@ def AddSrgTendonDriver(
         - closure_commanded
         - hold (optional)
         - force_limit (optional)
+        - motor_position_commanded (optional)
+        - motor_torque_commanded (optional)
         output_ports:
         - state_measured
         - proximity
@@ -101,12 +110,20 @@ def AddSrgTendonDriver(
         - pwm
         - motor_state
         - wire_force
+        - motor_temperature
         - actuation
 
     As `AddSrgPositionDriver`, but `pwm` (1) is the motor's, so that `force_limit`
     limits its torque and its speed, and single joints cannot be commanded.
-    `motor_state` and `wire_force` are those of `TendonDrive`. Call `SetTendonDynamics`
-    before the plant is finalized.
+    `motor_state` and `wire_force` are those of `TendonDrive`, `motor_temperature` that
+    of `MotorTemperature`.
+
+    A finite `motor_position_commanded` (1), a spool angle [rad], goes before closure; a
+    finite `motor_torque_commanded` (1), a fraction of the torque at full PWM, before
+    both and before `hold`. A motor without power is one with a torque of 0: the springs
+    turn it back. See `SpoolCommand` and `GripperServo`.
+
+    Call `SetTendonDynamics` before the plant is finalized.
 
     Raises:
         ValueError: If that was not done, or the plant is continuous.
@@ -131,6 +148,9 @@ def AddSrgTendonDriver(
     if period == 0.0:
         raise ValueError("wires need a discrete plant, this one is continuous")
     drive = inner.AddNamedSystem("tendon_drive", TendonDrive(config.drive, period))
+    temperature = inner.AddNamedSystem(
+        "motor_temperature", MotorTemperature(config.drive, config.temperature)
+    )
     joints = inner.AddNamedSystem(
         "joints", MatrixGain(joint_to_actuator(plant, gripper, config.joint_names))
     )
@@ -143,13 +163,17 @@ def AddSrgTendonDriver(
     inner.Connect(command.get_output_port(), reference.get_input_port())
     inner.Connect(reference.get_output_port(), servo.GetInputPort("reference"))
     inner.Connect(servo.get_output_port(), drive.GetInputPort("pwm"))
+    inner.Connect(servo.get_output_port(), temperature.GetInputPort("pwm"))
+    inner.Connect(motor_state, temperature.GetInputPort("motor_state"))
     inner.Connect(drive.GetOutputPort("joint_torque"), joints.get_input_port())
 
-    for name in ("closure_commanded", "hold"):
+    for name in ("closure_commanded", "hold", "motor_position_commanded"):
         inner.ExportInput(command.GetInputPort(name), name)
     inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
+    inner.ExportInput(servo.GetInputPort("torque_commanded"), "motor_torque_commanded")
     inner.ExportOutput(servo.get_output_port(), "pwm")
     for name in ("motor_state", "wire_force"):
         inner.ExportOutput(drive.GetOutputPort(name), name)
+    inner.ExportOutput(temperature.get_output_port(), "motor_temperature")
     inner.ExportOutput(joints.get_output_port(), "actuation")
     return AddDriver(builder, plant, gripper, inner)

@@ -42,7 +42,7 @@ def pwm(servo, context):
 
 def test_ports():
     assert port_table(GripperServo(GAINS)) == (
-        {"reference": 6, "state_measured": 4, "force_limit": 1},
+        {"reference": 6, "state_measured": 4, "force_limit": 1, "torque_commanded": 2},
         {"pwm": 2},
     )
 
@@ -156,6 +156,44 @@ def test_an_unknown_law_is_refused():
         make(law="pdi")
 
 
+# Torque control.
+
+
+def test_a_finite_torque_goes_before_the_reference():
+    servo, context = make(measured=np.zeros(4))
+    fix(servo, context, torque_commanded=[0.3, np.nan])
+    torque, position = pwm(servo, context)
+    assert torque == pytest.approx(0.3)
+    assert position == pwm(*make(measured=np.zeros(4)))[1]
+
+
+@pytest.mark.parametrize(
+    ("torque", "expected"), [(0.9, 0.4), (-0.9, -0.4), (0.0, 0.0), (0.2, 0.2)]
+)
+def test_a_torque_is_limited_as_is_position_control(torque, expected):
+    servo, context = make(measured=np.zeros(4))
+    fix(servo, context, torque_commanded=[torque] * 2, force_limit=0.4)
+    assert pwm(servo, context) == pytest.approx([expected] * 2)
+
+
+def test_under_torque_control_the_pwm_rises_with_the_speed():
+    servo, context = make(current_control=0.5)
+    fix(servo, context, torque_commanded=[0.1, 0.1], force_limit=0.2)
+    # Half of K_FF1 v: 0.03 * 0.6 and 0.02 * 0.1.
+    assert pwm(servo, context) == pytest.approx([0.1 + 0.009, 0.1 + 0.001])
+    fix(servo, context, state_measured=[0, 0, 1e3, -1e3])
+    assert pwm(servo, context).tolist() == [1.0, -1.0]
+
+
+def test_the_integral_rests_under_torque_control():
+    servo, context = make()
+    fix(servo, context, torque_commanded=[0.1, np.nan])
+    for _ in range(10):
+        update(servo, context)
+    fix(servo, context, torque_commanded=[np.nan] * 2)
+    assert pwm(servo, context) == pytest.approx(PID)
+
+
 # Scalar conversion.
 
 
@@ -182,6 +220,19 @@ def test_saturated_the_limit_alone_has_a_derivative():
     # The PWM are 0.275 and -0.168 without the limit.
     expected = [[0] * 10 + [1], [0] * 10 + [-1]]
     np.testing.assert_allclose(derivatives(kappa=0.1), expected)
+
+
+def test_a_torque_has_derivatives_too():
+    servo = GripperServo(GAINS).ToAutoDiffXd()
+    context = servo.CreateDefaultContext()
+    x = InitializeAutoDiff([*MEASURED, 0.2, 0.3]).flatten()
+    reference = InitializeAutoDiff(REFERENCE, 6, 0).flatten()
+    fix(servo, context, reference=reference)
+    fix(servo, context, state_measured=x[:4], torque_commanded=x[4:])
+    update(servo, context)
+    gradient = ExtractGradient(read(servo, context, "pwm")[:, np.newaxis])
+    expected = [[0, 0, 0.8 * 0.03, 0, 1, 0], [0, 0, 0, 0.8 * 0.02, 0, 1]]
+    np.testing.assert_allclose(gradient, expected)
 
 
 # NumPy's arithmetic on arrays of Expression raises the flag for nothing.

@@ -30,7 +30,13 @@ def target(command, context, **inputs):
 
 def test_ports():
     assert port_table(SpoolCommand(RADIUS)) == (
-        {"closure_commanded": 1, "motor_state": 2, "triggered": 4, "hold": 1},
+        {
+            "closure_commanded": 1,
+            "motor_state": 2,
+            "triggered": 4,
+            "hold": 1,
+            "motor_position_commanded": 1,
+        },
         {"angle_desired": 1},
     )
 
@@ -74,3 +80,16 @@ def test_hold_keeps_a_grip():
     command, context = make(closure=0.8, motor=(1.2, 0.0), triggered=(0, 0, 1, 0))
     before = target(command, context)
     assert target(command, context, hold=1.0) == before > 1.2
+
+
+def test_the_motors_own_position_goes_before_closure():
+    command, context = make(closure=0.4, motor_position_commanded=-0.7)
+    assert target(command, context) == -0.7
+    # until it is no number.
+    closed = target(*make(closure=0.4))
+    assert target(command, context, motor_position_commanded=np.nan) == closed
+
+
+def test_hold_goes_before_the_motors_own_position():
+    command, context = make(motor=(1.2, 0.0), motor_position_commanded=2.0, hold=1.0)
+    assert target(command, context) == 1.2

@@ -26,6 +26,7 @@ def test_the_tendon_driver_has_a_motors_ports():
     assert ports[0]["force_limit"] == 1
     assert "joint_position_commanded" not in ports[0]
     assert [ports[1][n] for n in ("pwm", "motor_state", "wire_force")] == [1, 2, 2]
+    assert ports[1]["motor_temperature"] == 1
 
 
 def test_wires_close_the_bases_first(tendon_wrapped):
@@ -83,6 +84,49 @@ def test_a_spool_on_hold_stays():
     hand.advance(0.3)
     assert hand.read("motor_state")[0] == pytest.approx(held, abs=1e-3)
     assert 0.1 < held < 2.5
+
+
+def test_the_motor_goes_where_it_is_told():
+    hand = Hand(config=TENDON)
+    hand.command(closure_commanded=1.0, motor_position_commanded=0.8)
+    hand.advance(1.5)
+    # Within a count of the real servo's encoder, 4096 a turn.
+    assert hand.read("motor_state")[0] == pytest.approx(0.8, abs=2 * np.pi / 4096)
+
+
+def test_wires_pull_with_the_torque_that_the_motor_is_told():
+    hand = Hand(post=True, config=TENDON)
+    hand.command(motor_torque_commanded=0.2, motor_position_commanded=0.0)
+    hand.advance(3.0)
+    expected = 0.2 * TENDON.drive.full_wire_force
+    assert hand.read("wire_force") == pytest.approx([expected] * 2, rel=0.01)
+    # At rest, though wires and motor are a spring and a mass without a damper else.
+    assert abs(hand.read("motor_state")[1]) < 1e-3
+
+
+def test_under_torque_control_a_weak_motor_is_not_slow():
+    # SAKE's driver closes the hand with 100 of 1023 in less than the 4 s that it waits;
+    # at the speed that this much PWM gives, the way would take longer.
+    hand = Hand(config=TENDON)
+    hand.command(motor_torque_commanded=0.125)
+    hand.advance(2.0)
+    assert hand.q[0] > 1.7
+
+
+def test_without_torque_the_springs_turn_the_motor_back():
+    hand = Hand(config=TENDON)
+    hand.command(closure_commanded=0.5)
+    hand.advance(2.0)
+    wound, before = hand.read("motor_state")[0], hand.q
+    hand.command(motor_torque_commanded=0.0)
+    hand.advance(2.0)
+    # Slowly: two wires of 1 N at 7.6 mm against a fifth of 0.91 N m s/rad.
+    assert -0.3 < hand.read("motor_state")[0] - wound < -0.1
+    assert np.all(hand.q[:2] < before[:2] - 0.05)
+
+
+def test_pulling_warms_the_motor(tendon_wrapped):
+    assert tendon_wrapped.read("motor_temperature")[0] > 25.0
 
 
 def test_a_motor_at_each_joint_and_one_at_the_wires_is_one_too_many():

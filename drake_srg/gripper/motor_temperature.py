@@ -1,0 +1,102 @@
+"""How warm the SRG's motor gets from what it pulls."""
+
+import dataclasses as dc
+import math
+
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+
+from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import positive
+
+
+@dc.dataclass(kw_only=True)
+class MotorTemperatureConfig:
+    """A Dynamixel MX-64 in still air."""
+
+    # MX-64 at 12 V, data sheet: current when stalled [A]. Its windings, 2.9 ohm.
+    stall_current: float = dc.field(default=4.1, metadata=positive())
+    supply_voltage: float = dc.field(default=12.0, metadata=positive())  # V
+    ambient: float = 25.0  # degC
+    # From windings and housing, taken as one, to the air [K/W]: 0.0132 m² (40 x 61 x 41
+    # mm, data sheet) at 10 W/(m² K), common for free convection with radiation. A fifth
+    # of the stall torque, which ROBOTIS recommends at most, then warms it by 15 K.
+    thermal_resistance: float = dc.field(default=7.6, metadata=positive())
+    # [J/K]: 126 g (data sheet) of metal gears, windings and plastics at 0.9 J/(g K).
+    # The time constant, 14 min, agrees with the 20 min that the manual asks to wait
+    # after an alarm.
+    heat_capacity: float = dc.field(default=113.0, metadata=positive())
+    period: float = dc.field(default=0.1, metadata=positive())  # s
+
+    @property
+    def time_constant(self) -> float:
+        """In which the temperature goes 63 % of its way [s]."""
+        return self.thermal_resistance * self.heat_capacity
+
+
+def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
+    """Torque of the motor, and its current, as fractions of what they are at stall.
+
+    Args:
+        drive: The motor.
+        pwm: Fraction of its full scale, -1 .. 1.
+        speed: Of the spool [rad/s].
+    """
+    return drive.full_scale * pwm - speed / drive.no_load_speed
+
+
+class MotorTemperature(LeafSystem):
+    """Copper loss warms the motor's housing, air cools it.
+
+    .. pydrake_system::
+
+        name: MotorTemperature
+        input_ports:
+        - pwm
+        - motor_state
+        output_ports:
+        - motor_temperature
+
+    `pwm` (1) is a fraction of full scale, `motor_state` (2) [angle; speed] in rad,
+    rad/s; `motor_temperature` (1) [degC] starts at the air's. First order, with I the
+    current that gives the torque, R that of the windings:
+
+        C T' = I² R - (T - T_air) / R_thermal
+
+    solved exactly for a current that stays the same through `config.period`.
+    """
+
+    def __init__(
+        self,
+        drive: TendonDriveConfig | None = None,
+        config: MotorTemperatureConfig | None = None,
+    ) -> None:
+        super().__init__()
+        self.config = config or MotorTemperatureConfig()
+        self._drive = drive or TendonDriveConfig()
+        state = self.DeclareDiscreteState([self.config.ambient])
+        self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
+        self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
+        self.DeclareVectorOutputPort(
+            name="motor_temperature",
+            size=1,
+            calc=self._calc_temperature,
+            prerequisites_of_calc={self.discrete_state_ticket(state)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        )
+
+    def _calc_temperature(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(0).value())
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        config = self.config
+        speed = self._motor.Eval(context)[1]
+        load = motor_load(self._drive, self._pwm.Eval(context)[0], speed)
+        # I² R with R = U / I_stall and I = load I_stall
+        loss = load**2 * config.stall_current * config.supply_voltage
+        final = config.ambient + loss * config.thermal_resistance
+        decay = math.exp(-config.period / config.time_constant)
+        temperature = context.get_discrete_state(0)[0]
+        discrete_state.set_value([final + (temperature - final) * decay])
