@@ -1,0 +1,25 @@
+#!/bin/sh
+# Installs what the tests of the bridges talk to, on Debian and Ubuntu: ROS 1, and
+# another implementation of DDS. Silent when nothing is missing; without root it prints
+# the line to run. The package itself needs none of these.
+set -eu
+
+needed='ros-core python3-rospy python3-std-msgs python3-sensor-msgs libfastrtps-dev g++'
+
+missing=
+for package in $needed; do
+    case "$(dpkg-query --show --showformat='${Status}' "$package" 2>/dev/null)" in
+        'install ok installed') ;;
+        *) missing="$missing $package" ;;
+    esac
+done
+[ -n "$missing" ] || exit 0
+
+if [ "$(id -u)" -ne 0 ]; then
+    echo "Missing packages for the tests of the bridges. Run:" >&2
+    echo "sudo apt-get update && sudo apt-get install -y --no-install-recommends$missing" >&2
+    exit 1
+fi
+apt-get update
+# shellcheck disable=SC2086  # the packages are words
+apt-get install -y --no-install-recommends $missing
