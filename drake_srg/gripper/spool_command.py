@@ -47,11 +47,14 @@ class SpoolCommand(LeafSystem):
         - triggered
         - hold (optional)
         - motor_position_commanded (optional)
+        - motor_torque_commanded (optional)
         output_ports:
         - angle_desired
 
     `closure_commanded` (1) is 0 open .. 1 closed, clipped, a NaN ignored. A finite
-    `motor_position_commanded` (1), a spool angle [rad], goes before it. While `hold`
+    `motor_position_commanded` (1), a spool angle [rad], goes before it. While
+    `motor_torque_commanded` (1) is finite, so that the motor obeys that, the target
+    goes with the spool, for position control to take over from there. While `hold`
     (1) is nonzero, the target (and so the grip) is kept if one of the sensors,
     `triggered` (4), fired when the hold began; else the spool stays where it was then:
     the angle in `motor_state` (2). `angle_desired` (1) [rad] is updated every
@@ -72,6 +75,9 @@ class SpoolCommand(LeafSystem):
         self._position = self.DeclareVectorInputPort(
             name="motor_position_commanded", size=1
         )
+        self._torque = self.DeclareVectorInputPort(
+            name="motor_torque_commanded", size=1
+        )
         self.DeclareVectorOutputPort(
             name="angle_desired",
             size=1,
@@ -89,10 +95,13 @@ class SpoolCommand(LeafSystem):
         target, was_holding = context.get_discrete_state(0).value()
         holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
         closure = self._closure.Eval(context)[0]
-        position = np.nan
-        if self._position.HasValue(context):
-            position = self._position.Eval(context)[0]
-        if holding:
+        position, torque = (
+            port.Eval(context)[0] if port.HasValue(context) else np.nan
+            for port in (self._position, self._torque)
+        )
+        if np.isfinite(torque):
+            target = self._motor.Eval(context)[0]
+        elif holding:
             if not was_holding and not self._triggered.Eval(context).any():
                 target = self._motor.Eval(context)[0]
         elif np.isfinite(position):

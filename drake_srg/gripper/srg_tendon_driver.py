@@ -170,7 +170,10 @@ def AddSrgTendonDriver(
     for name in ("closure_commanded", "hold", "motor_position_commanded"):
         inner.ExportInput(command.GetInputPort(name), name)
     inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
-    inner.ExportInput(servo.GetInputPort("torque_commanded"), "motor_torque_commanded")
+    torque = inner.ExportInput(
+        servo.GetInputPort("torque_commanded"), "motor_torque_commanded"
+    )
+    inner.ConnectInput(torque, command.GetInputPort("motor_torque_commanded"))
     inner.ExportOutput(servo.get_output_port(), "pwm")
     for name in ("motor_state", "wire_force"):
         inner.ExportOutput(drive.GetOutputPort(name), name)

@@ -36,6 +36,7 @@ def test_ports():
             "triggered": 4,
             "hold": 1,
             "motor_position_commanded": 1,
+            "motor_torque_commanded": 1,
         },
         {"angle_desired": 1},
     )
@@ -93,3 +94,13 @@ def test_the_motors_own_position_goes_before_closure():
 def test_hold_goes_before_the_motors_own_position():
     command, context = make(motor=(1.2, 0.0), motor_position_commanded=2.0, hold=1.0)
     assert target(command, context) == 1.2
+
+
+def test_under_torque_control_the_target_goes_with_the_spool():
+    command, context = make(
+        motor=(1.2, 0.5), motor_position_commanded=2.0, motor_torque_commanded=0.0
+    )
+    assert target(command, context) == 1.2
+    assert target(command, context, motor_state=[0.9, 0.0], hold=1.0) == 0.9
+    fix(command, context, hold=0.0)
+    assert target(command, context, motor_torque_commanded=np.nan) == 2.0

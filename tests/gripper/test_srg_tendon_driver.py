@@ -113,6 +113,19 @@ def test_under_torque_control_a_weak_motor_is_not_slow():
     assert hand.q[0] > 1.7
 
 
+def test_position_control_takes_over_where_torque_control_ends():
+    hand = Hand(post=True, config=TENDON)
+    hand.command(motor_torque_commanded=0.2, force_limit=0.2)
+    hand.advance(2.0)
+    held = hand.read("motor_state")[0]
+    hand.command(motor_torque_commanded=np.nan, motor_position_commanded=held)
+    for _ in range(30):
+        hand.advance(0.02)
+        # It does not go by what the wires give way under this torque, 0.94 N m: two
+        # of 2.5e4 N/m at 7.6 mm.
+        assert abs(hand.read("motor_state")[0] - held) < 0.94 / 2.9
+
+
 def test_without_torque_the_springs_turn_the_motor_back():
     hand = Hand(config=TENDON)
     hand.command(closure_commanded=0.5)
