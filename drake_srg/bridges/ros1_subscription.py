@@ -141,9 +141,10 @@ class Subscription:
         """Raise a TcprosError unless a publisher's header fits."""
         if "error" in header:
             raise TcprosError(f"it refuses us: {header['error']:.200}")
-        if header.get("md5sum") not in (ANY, self.type.md5sum):
+        md5sum = header.get("md5sum")
+        if md5sum not in (ANY, self.type.md5sum):
             raise TcprosError(
-                f"it sends {header.get('type', 'a type')} with MD5 sum {header.get('md5sum')}; "
+                f"it sends {header.get('type', 'a type')} with MD5 sum {md5sum}; "
                 f"allowed is {self.type.name} with {self.type.md5sum}"
             )
 
