@@ -1,6 +1,7 @@
 """The command drake-srg."""
 
 import argparse
+import math
 import os
 import shutil
 import signal
@@ -13,6 +14,7 @@ from typing import NoReturn
 
 from drake_srg import doctor
 from drake_srg.errors import ScenarioError, scenario_errors
+from drake_srg.status_line import StatusLine
 
 # Exit codes.
 SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
@@ -60,6 +62,44 @@ def _parser() -> argparse.ArgumentParser:
     )
     run.add_argument("--json", action="store_true", help="print metrics.json")
     run.set_defaults(run=_run)
+
+    serve = commands.add_parser(
+        "serve", help="run a scenario's station under the commands of ROS or a driver"
+    )
+    _add_scenario(serve)
+    serve.add_argument("--ros1", action="store_true", help="be a node of ROS 1")
+    serve.add_argument(
+        "--master", metavar="URI", help="of ROS 1 (default: $ROS_MASTER_URI)"
+    )
+    serve.add_argument("--ros2", action="store_true", help="be a node of ROS 2")
+    serve.add_argument(
+        "--domain", type=int, metavar="N", help="of ROS 2 (default: $ROS_DOMAIN_ID)"
+    )
+    serve.add_argument(
+        "--servo",
+        metavar="tcp:PORT|pty",
+        help="be the gripper's servo, for drivers of the real one",
+    )
+    serve.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="this machine's address to be reached at (default: %(default)s)",
+    )
+    serve.add_argument(
+        "--rate",
+        type=_rate,
+        default=1.0,
+        metavar="FACTOR",
+        help="simulated seconds in a real one; 0: as fast as it can (default: 1)",
+    )
+    serve.add_argument(
+        "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
+    )
+    serve.add_argument(
+        "--no-record", action="store_true", help="write no recording.mcap"
+    )
+    serve.set_defaults(run=_serve)
 
     listing = commands.add_parser("list", help="list the scenarios")
     listing.set_defaults(run=_list)
@@ -148,6 +188,62 @@ def _run(options: argparse.Namespace) -> int:
         for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
             print(out / Path(path).name)
     return SUCCESS if metrics.success else TASK_FAILED
+
+
+def _rate(text: str) -> float:
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = math.nan
+    if not 0.0 <= rate < math.inf:
+        raise argparse.ArgumentTypeError(f"{text}: must be a number from 0 on")
+    return rate
+
+
+def _serve(options: argparse.Namespace) -> int:
+    from drake_srg.bridges.connecting import BridgeOptions
+    from drake_srg.bridges.serve import Serve
+    from drake_srg.scenario import load_scenario
+
+    bridges = BridgeOptions(
+        ros1=options.ros1 or options.master is not None,
+        master=options.master,
+        ros2=options.ros2 or options.domain is not None,
+        domain=options.domain,
+        servo=options.servo,
+        host=options.host,
+    )
+    if not (bridges.ros1 or bridges.ros2 or bridges.servo):
+        return _complain("serve: needs at least one of --ros1, --ros2 and --servo")
+    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
+    name = Path(options.scenario).stem
+    out: Path = options.out or Path("out") / "served" / name
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    status = StatusLine(sys.stdout)
+    try:
+        served = Serve(
+            scenario,
+            bridges.connect,
+            name=name,
+            rate=options.rate,
+            out=None if options.no_record else out,
+            stop=stop,
+            tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+            report=status.show,
+        )
+    except OSError as error:
+        return _complain(f"serve: {error.strerror or error}")
+    finally:
+        status.close()
+    print(
+        f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
+        f"{served.commands} commands"
+    )
+    if served.recording is not None:
+        print(served.recording)
+    return SUCCESS
 
 
 def _list(options: argparse.Namespace) -> int:

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_srg.metrics import MODES
 from drake_srg.plant import AddDirectives
 from drake_srg.ports import Ports, output_ports
-from drake_srg.recording.ros_topics import cell_topics
+from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.timeline import Timeline
 from drake_srg.recording.video import VideoRecorder
@@ -56,31 +56,50 @@ def AddRecorders(
             builder.Connect(
                 cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
             )
-        gripper_joints, sensors = _gripper_names(scenario)
-        topics = cell_topics(
-            [joint.name() for joint in _arm_joints(scenario)],
-            gripper_joints,
-            len(sensors),
-            dict.fromkeys(config.bag_cameras, config.bag_camera_period),
-        )
-        ports = output_ports(cell)
-        bag = RosbagRecorder(
-            out / FILES["recording"],
-            [t for t in topics if t.ports.keys() - t.optional <= ports.keys()],
-            period=config.period,
-        )
-        recorders["recording"] = stack.enter_context(bag)
-        builder.AddNamedSystem("rosbag_recorder", bag)
-        for i in range(bag.num_input_ports()):
-            port = bag.get_input_port(i)
-            if port.get_name() in ports:
-                builder.Connect(ports[port.get_name()], port)
+        recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out)
         stack.pop_all()
     return recorders
 
 
+def AddRosbagRecorder(
+    builder: DiagramBuilder, cell: Diagram | Ports, scenario: Scenario, out: Path
+) -> RosbagRecorder:
+    """Add what records recording.mcap, connected to a cell or a station.
+
+    Close it after the simulation; it is a context manager.
+    """
+    bag = RosbagRecorder(
+        out / FILES["recording"],
+        recorded_topics(cell, scenario),
+        period=scenario.recording.period,
+    )
+    builder.AddNamedSystem("rosbag_recorder", bag)
+    ports = output_ports(cell)
+    for i in range(bag.num_input_ports()):
+        port = bag.get_input_port(i)
+        if port.get_name() in ports:
+            builder.Connect(ports[port.get_name()], port)
+    return bag
+
+
+def recorded_topics(cell: Diagram | Ports, scenario: Scenario) -> list[Topic]:
+    """Return those topics of a cell for which this one, or a station, has ports."""
+    config = scenario.recording
+    gripper_joints, sensors = _gripper_names(scenario)
+    topics = cell_topics(
+        [joint.name() for joint in _arm_joints(scenario)],
+        gripper_joints,
+        len(sensors),
+        dict.fromkeys(config.bag_cameras, config.bag_camera_period),
+    )
+    ports = output_ports(cell)
+    return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]
+
+
 def _arm_joints(scenario: Scenario) -> list[Joint]:
-    """The arm's joints, in the order of its state."""
+    """The arm's joints, in the order of its state; none without an arm."""
+    if scenario.arm is None:
+        return []
     plant = MultibodyPlant(time_step=0.0)
     AddDirectives(plant, scenario)
     plant.Finalize()

@@ -69,6 +69,7 @@ def test_the_bag_holds_what_was_commanded_measured_and_seen(run, messages):
         "/arm/position_commanded",
         "/gripper/closure_commanded",
         "/gripper/proximity",
+        "/gripper/contact_force",
         "/planner/mode",
         "/camera_ceiling/color/image_raw",
     }

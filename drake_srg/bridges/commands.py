@@ -184,7 +184,7 @@ def _position_topic(
     def convert(data: Any) -> PortValues:
         if not obeyed:
             raise CommandError(
-                "port", "this gripper's motor moves all its joints at once"
+                "port", "this gripper's one motor moves all joints at once"
             )
         values = np.array(data, dtype=np.float64)
         if values.shape != lower.shape:

@@ -15,7 +15,8 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageRgba8U
 
-# Makes a message: (type name such as "std_msgs/msg/String", its fields) -> message.
+# Makes a message: (type name such as "std_msgs/msg/String", its fields) -> message. The
+# fields are named or, where ROS 1 and 2 name them differently, in their order.
 MakeMessage = Callable[..., Any]
 # (make, time [s], one value a port, None where an optional port is open) -> message
 Convert = Callable[..., Any]
@@ -32,6 +33,8 @@ class Topic:
         convert: Called as `convert(make, time, *values)`; None for no message.
         period: Time between messages [s]; None for the recorder's.
         optional: Those of the ports that may stay open.
+        sensor: Whether it is one that ROS 2 gives its QoS for sensors: rather the next
+            message than the lost one again.
     """
 
     name: str
@@ -40,6 +43,7 @@ class Topic:
     convert: Convert
     period: float | None = None
     optional: frozenset[str] = frozenset()
+    sensor: bool = False
 
 
 def stamp(make: MakeMessage, time: float) -> Any:
@@ -95,21 +99,30 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
 
 def image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """An ImageRgba8U port as sensor_msgs/msg/Image, rgb8, every `period` [s]."""
-    kind = "sensor_msgs/msg/Image"
 
     def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
-        return make(
-            kind,
-            header=header(make, time, frame_id),
-            height=value.height(),
-            width=value.width(),
-            encoding="rgb8",
-            is_bigendian=0,
-            step=3 * value.width(),
-            data=np.ascontiguousarray(value.data[..., :3]).reshape(-1),
-        )
+        return image_message(make, time, frame_id, "rgb8", value.data[..., :3])
 
-    return Topic(name, kind, {port: AbstractValue.Make(ImageRgba8U())}, convert, period)
+    model = AbstractValue.Make(ImageRgba8U())
+    return Topic(name, "sensor_msgs/msg/Image", {port: model}, convert, period)
+
+
+def image_message(
+    make: MakeMessage, time: float, frame_id: str, encoding: str, pixels: Any
+) -> Any:
+    """Pixels, shape (height, width, channels), as a sensor_msgs/msg/Image."""
+    pixels = np.ascontiguousarray(pixels)
+    height, width = pixels.shape[:2]
+    return make(
+        "sensor_msgs/msg/Image",
+        header=header(make, time, frame_id),
+        height=height,
+        width=width,
+        encoding=encoding,
+        is_bigendian=0,
+        step=pixels.nbytes // height,
+        data=pixels.reshape(-1).view(np.uint8),
+    )
 
 
 def joint_states(joints: Mapping[str, Sequence[str]]) -> Topic:
@@ -152,21 +165,24 @@ def cell_topics(
     sensors: int,
     cameras: Mapping[str, float] | None = None,
 ) -> list[Topic]:
-    """The topics of a cell's recording.
+    """The topics of a cell.
 
     Args:
-        arm_joints: Names of the arm's joints.
-        gripper_joints: Names of the gripper's actuated joints.
+        arm_joints: Names of the arm's joints; none: there is no arm.
+        gripper_joints: Names of the gripper's actuated joints; none: no gripper.
         sensors: How many finger sensors there are.
         cameras: Camera name to the time between its images [s].
     """
     size = len(arm_joints)
+    joints = {"arm": arm_joints, "gripper": gripper_joints}
+    joints = {instance: names for instance, names in joints.items() if names}
     return [
         clock(),
-        joint_states({"arm": arm_joints, "gripper": gripper_joints}),
+        *([joint_states(joints)] if joints else []),
         float64_array("/arm/position_commanded", "arm.position_commanded", size),
         float64("/gripper/closure_commanded", "gripper.closure_commanded"),
         float64_array("/gripper/proximity", "gripper.proximity", sensors),
+        float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
         string("/planner/mode", "planner.mode"),
         *(
             image(

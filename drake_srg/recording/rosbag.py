@@ -141,5 +141,5 @@ class RosbagRecorder(Recorder):
                 self._store.serialize_cdr(message, topic.type),
             )
 
-    def _make(self, kind: str, **fields: Any) -> Any:
-        return self._store.types[kind](**fields)
+    def _make(self, kind: str, *values: Any, **fields: Any) -> Any:
+        return self._store.types[kind](*values, **fields)

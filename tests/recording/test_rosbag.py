@@ -31,6 +31,7 @@ def make(path, torque=True):
         "arm.position_commanded": ConstantVectorSource([5.0, 6.0]),
         "gripper.closure_commanded": TrajectorySource(ramp),
         "gripper.proximity": ConstantVectorSource([0.01, np.inf]),
+        "gripper.contact_force": ConstantVectorSource([0.0, 3.0]),
         "planner.mode": ConstantValueSource(AbstractValue.Make(Mode.PRE_GRASP)),
         "camera_top.color_image": Sweep(),
     }
@@ -83,6 +84,7 @@ def test_topics_have_their_types(bag):
         "/arm/position_commanded": "std_msgs/msg/Float64MultiArray",
         "/gripper/closure_commanded": "std_msgs/msg/Float64",
         "/gripper/proximity": "std_msgs/msg/Float64MultiArray",
+        "/gripper/contact_force": "std_msgs/msg/Float64MultiArray",
         "/planner/mode": "std_msgs/msg/String",
         "/camera_top/color/image_raw": "sensor_msgs/msg/Image",
     }
@@ -112,6 +114,7 @@ def test_joint_states_hold_arm_and_gripper(bag):
 def test_numbers_and_words_are_those_of_the_ports(bag):
     assert bag["/arm/position_commanded"][2][-1].data.tolist() == [5.0, 6.0]
     assert bag["/gripper/proximity"][2][-1].data.tolist() == [0.01, np.inf]
+    assert bag["/gripper/contact_force"][2][-1].data.tolist() == [0.0, 3.0]
     assert bag["/planner/mode"][2][-1].data == "pre_grasp"
     closure = [m.data for m in bag["/gripper/closure_commanded"][2]]
     np.testing.assert_allclose(closure, 0.1 * np.arange(1, 13))

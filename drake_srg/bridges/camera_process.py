@@ -1,0 +1,149 @@
+"""Cameras that are rendered in a process of their own, beside the simulation."""
+
+from __future__ import annotations
+
+import multiprocessing as mp
+import os
+import signal
+import threading
+from collections.abc import Callable, Collection
+from multiprocessing.connection import Connection
+from typing import Any
+
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
+from drake_srg.cameras import AddRemoteCameras
+from drake_srg.cell import AddLocalizer
+from drake_srg.ports import Ports
+from drake_srg.scenario import Scenario
+from drake_srg.types import Vector
+
+# Called with the time of the picture [s], a topic and the values its `convert` takes.
+Show = Callable[[float, str, tuple[Any, ...]], None]
+
+
+class CameraProcess:
+    """Renders what a camera sees, and localizes, when it is told the plant's state.
+
+    Args:
+        scenario: Of the plant; without soft objects, which only a plant knows.
+        camera: Which of its cameras is shown.
+        state: Of the plant at the start, for the cameras to prepare themselves.
+        show: Called, in a thread of this, with what is seen.
+        failed: Called there, once, if the process ends by itself.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        camera: str,
+        state: Vector,
+        show: Show,
+        failed: Callable[[], None],
+    ):
+        self._show, self._failed = show, failed
+        self._idle = threading.Event()
+        context = mp.get_context("spawn")  # threads do not survive a fork
+        self._connection, theirs = context.Pipe()
+        # Objects of Drake's schema do not pickle; their text does.
+        arguments = (theirs, yaml_dump_typed(scenario), camera, state)
+        self._process = context.Process(target=_render, args=arguments, daemon=True)
+        self._process.start()
+        theirs.close()
+        self._thread = threading.Thread(
+            target=self._receive, name="cameras", daemon=True
+        )
+        self._thread.start()
+
+    @property
+    def idle(self) -> bool:
+        """Whether it would look at once."""
+        return self._idle.is_set()
+
+    def look(self, time: float, state: Vector, topics: Collection[str]) -> None:
+        """Show what is to be seen of `topics` in a state of the plant at `time` [s].
+
+        Where it is not idle, or there is nothing to show, this does nothing.
+        """
+        if topics and self._idle.is_set():
+            self._idle.clear()
+            try:
+                self._connection.send((time, state, set(topics)))
+            except OSError:  # it ended; _receive tells
+                return
+
+    def close(self) -> None:
+        """End the process."""
+        self._failed = lambda: None
+        self._process.terminate()
+        self._process.join()
+        self._thread.join()
+        self._connection.close()
+
+    def _receive(self) -> None:
+        try:
+            self._connection.recv()  # that it is ready
+            while True:
+                self._idle.set()
+                time, pictures = self._connection.recv()
+                for topic, values in pictures.items():
+                    self._show(time, topic, values)
+        except (EOFError, OSError):
+            self._idle.clear()
+            self._failed()
+
+
+def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
+    """Run as the process: look whenever it is told to."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # the other cores have work
+    viewer = _Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
+    # Renderers prepare themselves when they are first looked through.
+    viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
+    connection.send(None)
+    while True:
+        try:
+            time, state, topics = connection.recv()
+            connection.send((time, viewer.look(time, state, topics)))
+        except (EOFError, OSError):
+            return
+
+
+class _Viewer:
+    """Cameras and localizer in a diagram of their own."""
+
+    def __init__(self, scenario: Scenario, camera: str) -> None:
+        builder = DiagramBuilder()
+        state, outputs = AddRemoteCameras(builder, scenario)
+        ports = Ports({"state": state}, outputs)
+        if scenario.localizer.cameras:
+            localizer = AddLocalizer(builder, scenario, ports)
+            ports.outputs["blobs"] = localizer.GetOutputPort("blobs")
+        ports.Export(builder)
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._camera = camera
+
+    def look(
+        self, time: float, state: Vector, topics: Collection[str]
+    ) -> dict[str, tuple[Any, ...]]:
+        """Return what is to be seen of the topics, see `camera_topics`."""
+        self._context.SetTime(time)
+        self._diagram.GetInputPort("state").FixValue(self._context, state)
+        values: dict[str, tuple[Any, ...]] = {}
+        if CAMERA_INFO in topics:
+            values[CAMERA_INFO] = ()
+        if COLOR in topics:
+            values[COLOR] = (self._image("color")[..., :3].copy(),)
+        if DEPTH in topics:
+            values[DEPTH] = (self._image("depth")[..., 0].copy(),)
+        if BLOBS in topics and self._diagram.HasOutputPort("blobs"):
+            port = self._diagram.GetOutputPort("blobs")
+            values[BLOBS] = (port.Eval(self._context),)
+        return values
+
+    def _image(self, kind: str) -> Any:
+        port = self._diagram.GetOutputPort(f"camera_{self._camera}.{kind}_image")
+        return port.Eval(self._context).data

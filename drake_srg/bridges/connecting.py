@@ -1,0 +1,62 @@
+"""Which bridges there are, and how they are made."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Sequence
+
+from drake_srg.bridges.bridge import Bridge
+from drake_srg.bridges.commands import CommandInbox
+from drake_srg.errors import ScenarioError
+from drake_srg.recording.ros_topics import Topic
+
+
+@dc.dataclass(frozen=True)
+class BridgeOptions:
+    """What somebody asks for who wants to command a station from outside."""
+
+    ros1: bool = False
+    master: str | None = None  # URI; None: as ROS 1 finds it
+    ros2: bool = False
+    domain: int | None = None  # None: as ROS 2 finds it
+    servo: str | None = None  # tcp:PORT, tcp:HOST:PORT or pty; None: no servo
+    host: str = "127.0.0.1"  # address of this machine that peers reach
+
+    def connect(self, inbox: CommandInbox, topics: Sequence[Topic]) -> Sequence[Bridge]:
+        """Make the bridges.
+
+        Raises:
+            ScenarioError: If an option's value is none.
+            OSError: If an address is taken.
+            ImportError: If a package is missing.
+        """
+        bridges: list[Bridge] = []
+        with contextlib.ExitStack() as stack:
+
+            def add(bridge: Bridge) -> None:
+                stack.callback(bridge.close)
+                bridges.append(bridge)
+
+            # Imported where they are made: their packages are optional.
+            try:
+                if self.ros1:
+                    from drake_srg.bridges.ros1 import Ros1Bridge
+
+                    add(Ros1Bridge(inbox, topics, master=self.master, host=self.host))
+                if self.ros2:
+                    from drake_srg.bridges.ros2 import Ros2Bridge
+
+                    add(
+                        Ros2Bridge(
+                            inbox, topics, domain=self.domain, interface=self.host
+                        )
+                    )
+                if self.servo is not None:
+                    from drake_srg.bridges.servo import ServoBridge
+
+                    add(ServoBridge(inbox, self.servo))
+            except ValueError as error:
+                raise ScenarioError(f"serve: {error}") from error
+            stack.pop_all()
+        return bridges

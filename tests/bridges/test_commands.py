@@ -1,0 +1,171 @@
+import threading
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.bridges.commands import (
+    CommandError,
+    CommandInbox,
+    CommandTopic,
+    Warnings,
+    station_topics,
+)
+from drake_srg.plant import MakePlant
+from drake_srg.scenario import load_scenario
+
+SINGLE = "gripper.joint_position_commanded"
+INPUTS = (
+    *("gripper.closure_commanded", "gripper.hold", SINGLE),
+    "arm.position_desired",
+)
+SCENARIO = load_scenario("kitchen")
+JOINT_NAMES = SCENARIO.gripper.joint_names
+# The iiwa 14's, data sheet [degrees].
+IIWA_LIMITS = np.deg2rad([170, 120, 170, 120, 170, 120, 175])
+
+
+@pytest.fixture(scope="module")
+def kitchen():
+    plant, _ = MakePlant(DiagramBuilder(), SCENARIO)
+    return plant
+
+
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def inbox(kitchen, told):
+    topics = station_topics(kitchen, INPUTS, JOINT_NAMES)
+    return CommandInbox(topics, Warnings(told.append))
+
+
+def test_the_topics_are_the_thesis_s(inbox):
+    assert {topic.name: topic.type for topic in inbox.topics.values()} == {
+        "/grasp": "std_msgs/msg/Int32",
+        "/position_grasp": "std_msgs/msg/Float64MultiArray",
+        "/startgrasp": "std_msgs/msg/Bool",
+        "/kuka": "std_msgs/msg/Float64MultiArray",
+    }
+
+
+def test_a_station_without_arm_or_gripper_obeys_what_it_can(kitchen):
+    def names(*inputs):
+        return {topic.name for topic in station_topics(kitchen, inputs)}
+
+    assert names() == set()
+    assert names("arm.position_desired") == {"/kuka"}
+    assert names("gripper.closure_commanded", "gripper.hold") == {
+        "/grasp",
+        "/startgrasp",
+    }
+
+
+@given(percent=st.integers(0, 100))
+def test_grasp_counts_in_percent_closed(kitchen, percent):
+    (topic,) = station_topics(kitchen, ["gripper.closure_commanded"])
+    assert topic.convert(percent) == {"gripper.closure_commanded": [percent / 100]}
+
+
+def test_startgrasp_false_holds_and_true_releases(inbox):
+    inbox.receive("/startgrasp", False)
+    assert inbox.take() == {"gripper.hold": [1.0]}
+    inbox.receive("/startgrasp", True)
+    assert inbox.take() == {"gripper.hold": [0.0]}
+
+
+def test_of_grasp_and_position_grasp_the_last_counts(inbox):
+    inbox.receive("/position_grasp", [0.1, 0.2, 0.3, 0.4])
+    assert inbox.take()[SINGLE].tolist() == [0.1, 0.2, 0.3, 0.4]
+    inbox.receive("/grasp", 50)
+    assert np.isnan(inbox.take()[SINGLE]).all()
+
+
+def test_kuka_takes_seven_angles_within_the_limits(inbox, told):
+    inside, outside = 0.999 * IIWA_LIMITS, 1.001 * IIWA_LIMITS
+    inbox.receive("/kuka", inside)
+    np.testing.assert_array_equal(inbox.take()["arm.position_desired"], inside)
+    assert told == []
+    inbox.receive("/kuka", -outside)
+    assert inbox.take() == {}
+
+
+@pytest.mark.parametrize(
+    "topic, data, words",
+    [
+        ("/kuka", [0.0] * 6, "has 6 numbers; needs 7"),
+        ("/kuka", [0.0] * 6 + [np.nan], "not finite"),
+        ("/kuka", [0.0] * 6 + [np.inf], "not finite"),
+        ("/kuka", [0.0, 0.0, 3.5, 0.0, 0.0, 0.0, 0.0], "number 3 is 3.5; allowed"),
+        ("/grasp", 101, "is 101; allowed are 0"),
+        ("/grasp", -1, "is -1; allowed are 0"),
+        ("/position_grasp", [0.0] * 3, "has 3 numbers; needs 4"),
+        ("/position_grasp", [0.0, 0.0, 0.0, 2.5], "number 4 is 2.5; allowed"),
+    ],
+)
+def test_what_is_refused_is_said_once_and_the_last_good_command_holds(
+    inbox, told, topic, data, words
+):
+    for _ in range(3):
+        inbox.receive(topic, data)
+    assert inbox.take() == {}
+    (text,) = told
+    assert text.startswith(f"{topic}: ") and words in text
+    assert inbox.received == 3
+
+
+def test_every_kind_is_told_of(inbox, told):
+    inbox.receive("/kuka", [0.0] * 6)
+    inbox.receive("/kuka", [9.0] * 7)
+    inbox.receive("/position_grasp", [0.0] * 6)
+    assert len(told) == 3
+
+
+def test_a_gripper_of_one_motor_says_that_it_has_no_single_joints(kitchen, told):
+    topics = station_topics(kitchen, ["gripper.closure_commanded"], JOINT_NAMES)
+    inbox = CommandInbox(topics, Warnings(told.append))
+    inbox.receive("/position_grasp", [0.0] * 4)
+    assert inbox.take() == {}
+    assert "one motor" in told[0] and "/position_grasp" in told[0]
+
+
+@given(percents=st.lists(st.integers(-50, 150), min_size=1))
+def test_the_last_good_command_is_never_lost(kitchen, percents):
+    topics = station_topics(kitchen, ["gripper.closure_commanded"])
+    inbox = CommandInbox(topics, Warnings(lambda _: None))
+    for percent in percents:
+        inbox.receive("/grasp", percent)
+    good = [percent for percent in percents if 0 <= percent <= 100]
+    assert inbox.take() == (
+        {"gripper.closure_commanded": [good[-1] / 100]} if good else {}
+    )
+    assert inbox.take() == {}
+
+
+def test_threads_may_command_at_once():
+    def convert(data):
+        if data < 0:
+            raise CommandError("negative", "is negative")
+        return {f"port_{data % 4}": np.array([data])}
+
+    told = []
+    topic = CommandTopic("/topic", "std_msgs/msg/Int32", convert)
+    inbox = CommandInbox([topic], Warnings(told.append))
+
+    def command(first):
+        for i in range(1000):
+            inbox.receive("/topic", first + 4 * i)
+            inbox.receive("/topic", -1)
+
+    threads = [threading.Thread(target=command, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert inbox.received == 8000
+    assert len(told) == 1
+    assert inbox.take() == {f"port_{k}": [k + 4 * 999] for k in range(4)}

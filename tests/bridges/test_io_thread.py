@@ -1,0 +1,50 @@
+import asyncio
+import threading
+
+import pytest
+
+from drake_srg.bridges.io_thread import IoThread
+
+
+@pytest.fixture
+def io():
+    thread = IoThread("test")
+    yield thread
+    thread.stop()
+
+
+async def _name():
+    return threading.current_thread().name
+
+
+def test_coroutines_run_in_a_thread_of_that_name(io):
+    assert io.call(_name()) == "test"
+
+
+def test_what_is_posted_runs_soon(io):
+    done = threading.Event()
+    io.post(done.set)
+    assert done.wait(5.0)
+
+
+def test_a_call_ends_at_its_timeout(io):
+    with pytest.raises(TimeoutError):
+        io.call(asyncio.sleep(3600.0), timeout=0.05)
+    assert io.call(_name()) == "test"  # and the thread goes on
+
+
+def test_it_stops_with_tasks_that_still_run_and_stops_twice(io):
+    started, ended = threading.Event(), threading.Event()
+
+    async def forever():
+        started.set()
+        try:
+            await asyncio.sleep(3600.0)
+        finally:
+            ended.set()
+
+    io.post(io.loop.create_task, forever())
+    assert started.wait(5.0)
+    io.stop()
+    io.stop()
+    assert ended.is_set()

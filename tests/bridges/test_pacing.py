@@ -1,0 +1,72 @@
+import math
+import threading
+
+import pytest
+
+from drake_srg.bridges.pacing import Pacer
+
+
+class Wall:
+    """A clock that passes when somebody waits, works or stalls."""
+
+    def __init__(self):
+        self.time = 100.0
+        self.set = False
+
+    def __call__(self):
+        return self.time
+
+    def wait(self, timeout):
+        self.time += timeout
+
+
+def run(wall, rate, steps, work, period=0.005):
+    """Pace steps that take `work` of real time each, a number or one a step."""
+    pacer = Pacer(rate, wall, clock=wall)
+    for step in range(1, steps + 1):
+        wall.time += work(step) if callable(work) else work
+        pacer.wait(step * period)
+    return pacer
+
+
+@pytest.mark.parametrize("rate", [0.1, 1.0, 2.5])
+def test_simulated_time_passes_at_the_rate(rate):
+    wall = Wall()
+    pacer = run(wall, rate, 2000, work=0.0005)
+    assert wall.time - 100.0 == pytest.approx(10.0 / rate)
+    assert pacer.factor == pytest.approx(rate, rel=0.01)
+    assert pacer.lost == 0.0
+
+
+def test_without_a_rate_nothing_waits():
+    wall = Wall()
+    pacer = run(wall, math.inf, 2000, work=0.0005)
+    assert wall.time - 100.0 == pytest.approx(1.0)
+    assert pacer.factor == pytest.approx(10.0, rel=0.01)
+
+
+def test_a_short_stall_is_made_up_for():
+    wall = Wall()
+    pacer = run(wall, 1.0, 2000, work=lambda step: 0.4 if step == 500 else 0.001)
+    assert wall.time - 100.0 == pytest.approx(10.0)
+    assert pacer.lost == 0.0
+
+
+def test_a_long_stall_is_given_up():
+    wall = Wall()
+    pacer = run(wall, 1.0, 2000, work=lambda step: 3.0 if step == 500 else 0.001)
+    assert pacer.lost == pytest.approx(3.0 - 0.005)
+    assert wall.time - 100.0 == pytest.approx(10.0 + pacer.lost)
+
+
+def test_what_is_too_slow_says_how_slow():
+    pacer = run(Wall(), 1.0, 2000, work=0.010)
+    assert pacer.factor == pytest.approx(0.5, rel=0.01)
+    assert pacer.lost > 0.0
+
+
+def test_a_stop_ends_a_wait():
+    stop = threading.Event()
+    threading.Timer(0.05, stop.set).start()
+    Pacer(1.0, stop).wait(3600.0)  # or this test would never end
+    assert stop.is_set()

@@ -1,0 +1,219 @@
+import threading
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+
+from bridges.fake_bridge import FakeBridge
+from drake_srg.bridges.serve import Serve, served_camera
+from drake_srg.errors import ScenarioError
+from drake_srg.scenario import load_scenario
+
+PICTURES = {
+    "/camera/color/image_raw",
+    "/camera/depth/image_raw",
+    "/camera/color/camera_info",
+    "/blobs",
+}
+STATE = {
+    "/clock",
+    "/joint_states",
+    "/arm/position_commanded",
+    "/gripper/closure_commanded",
+    "/gripper/proximity",
+    "/gripper/contact_force",
+}
+COMMANDS = ("gripper.closure_commanded", "arm.position_commanded")
+
+
+def serve(act, until, *, name="kitchen", overrides=(), **options):
+    """Serve as fast as it goes until a simulated time, `act(bridge)` every step."""
+    stop = threading.Event()
+
+    def step(bridge):
+        act(bridge)
+        if bridge.time >= until - 1e-9:
+            stop.set()
+
+    bridge = FakeBridge(
+        wanted=options.pop("wanted", lambda name: name not in PICTURES),
+        ports=options.pop("ports", COMMANDS),
+        act=step,
+    )
+    scenario = load_scenario(name, overrides=overrides)
+    options = {"name": name, "rate": 0.0, "stop": stop, **options}
+    return bridge, Serve(scenario, bridge.connect, **options)
+
+
+def nothing(bridge):
+    pass
+
+
+@pytest.fixture(scope="module")
+def commanded():
+    """A run that commands everything, from 0.1 s on."""
+
+    def act(bridge):
+        if abs(bridge.time - 0.1) < 1e-6:
+            bridge.inbox.receive("/grasp", 40)
+            bridge.inbox.receive("/kuka", [0.1, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
+
+    return serve(act, until=1.5)
+
+
+def series(bridge, port):
+    return (
+        np.array([time for time, _ in bridge.updates]),
+        np.array([values[port] for _, values in bridge.updates]),
+    )
+
+
+def test_it_tells_the_topics_every_control_period(commanded):
+    bridge, served = commanded
+    assert set(bridge.messages) == STATE
+    times = [time for time, _ in bridge.messages["/joint_states"]]
+    np.testing.assert_allclose(times, 0.005 * np.arange(1, 301))
+    assert served.sim_time == pytest.approx(1.5)
+    assert served.commands == 2
+    assert bridge.closed
+
+
+def test_a_command_is_in_effect_one_control_period_later(commanded):
+    bridge, _ = commanded
+    time, closure = series(bridge, "gripper.closure_commanded")
+    np.testing.assert_array_equal(closure[:, 0], np.where(time > 0.1025, 0.4, 0.0))
+    time, arm = series(bridge, "arm.position_commanded")
+    moved = time[np.flatnonzero(arm[:, 0])[0]]
+    assert moved <= 0.1 + 0.005 + 1e-9
+
+
+def test_an_arm_target_is_reached_within_the_limits(commanded):
+    bridge, _ = commanded
+    time, arm = series(bridge, "arm.position_commanded")
+    rates = [arm]
+    for _ in range(3):
+        rates.append(np.diff(rates[-1], axis=0) / 0.005)
+    for rate, limit in zip(rates[1:], np.deg2rad([110.0, 40.0, 80.0]), strict=True):
+        assert np.abs(rate).max() <= limit * (1 + 1e-6)
+    # From rest to rest, 0.1 rad at 80 degrees/s3: 4 (d / 2 j)^(1/3).
+    duration = 4.0 * (0.1 / (2.0 * np.deg2rad(80.0))) ** (1 / 3)
+    there = arm[time > 0.105 + duration + 0.005]
+    np.testing.assert_allclose(there[:, 0], 0.1, atol=1e-9)
+
+
+def test_the_gripper_moves(commanded):
+    bridge, _ = commanded
+    _, (_, _, gripper, _) = bridge.messages["/joint_states"][-1]
+    # Closure 0.4 of 3 rad, all of it at the bases.
+    np.testing.assert_allclose(gripper[:4], [1.2, 1.2, 0.0, 0.0], atol=0.02)
+
+
+def test_bad_commands_are_warned_of_and_change_nothing():
+    told = []
+
+    def act(bridge):
+        bridge.inbox.receive("/kuka", [np.nan] * 7)
+        bridge.inbox.receive("/grasp", 1000)
+
+    bridge, served = serve(act, until=0.1, tell=told.append)
+    assert len(told) == 2
+    assert served.commands == 40
+    assert not series(bridge, "gripper.closure_commanded")[1].any()
+
+
+@pytest.mark.parametrize("name", ["kitchen_tendon", "kitchen_fast", "assistive_arm"])
+def test_other_cells_are_served_too(name):
+    def act(bridge):
+        bridge.inbox.receive("/grasp", 20)
+
+    bridge, _ = serve(act, until=0.06, name=name)
+    assert set(bridge.messages) == STATE
+    assert series(bridge, "gripper.closure_commanded")[1][-1] == 0.2
+
+
+def test_a_station_without_arm_and_gripper_has_a_clock():
+    overrides = ["arm=null", "gripper=null", "directives=[]", "script=[]"]
+    overrides += ["cameras={}", "recording.video_camera=''"]
+    overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]", "objects={}"]
+    overrides += ["task={}"]
+    bridge, _ = serve(nothing, until=0.02, overrides=overrides, ports=())
+    assert set(bridge.messages) == {"/clock"}
+
+
+def test_a_gripper_alone_has_joint_states():
+    overrides = ["arm=null", "cameras={}", "recording.video_camera=''"]
+    overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]"]
+    overrides += ["directives=[{add_model: {name: gripper, file: "]
+    overrides[-1] += "'package://drake_srg/sdf/srg.sdf'}}]"
+    bridge, _ = serve(nothing, until=0.02, overrides=overrides, ports=COMMANDS[:1])
+    _, (state, _) = bridge.messages["/joint_states"][-1]
+    assert len(state) == 8
+
+
+def test_the_recording_is_complete(tmp_path):
+    def act(bridge):
+        bridge.inbox.receive("/grasp", 30)
+
+    _, served = serve(act, until=0.5, out=tmp_path)
+    assert served.recording == tmp_path / "recording.mcap"
+    with Reader(served.recording) as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+    assert counts == dict.fromkeys(STATE, 25)  # every 0.02 s
+    assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]
+
+
+def test_pictures_come_from_a_process_of_their_own():
+    def until_all_are_there(bridge):
+        if set(bridge.messages) >= PICTURES:
+            stop.set()
+
+    stop = threading.Event()
+    timer = threading.Timer(60.0, stop.set)  # an end in any case
+    timer.start()
+    bridge = FakeBridge(ports=COMMANDS, act=until_all_are_there)
+    Serve(load_scenario("kitchen"), bridge.connect, rate=1.0, stop=stop)
+    timer.cancel()
+    _, (color,) = bridge.messages["/camera/color/image_raw"][0]
+    _, (depth,) = bridge.messages["/camera/depth/image_raw"][0]
+    _, (blobs,) = bridge.messages["/blobs"][0]
+    assert color.shape == (480, 640, 3) and color.dtype == np.uint8
+    assert depth.shape == (480, 640) and depth.dtype == np.float32
+    assert [blob.object_name for blob in blobs] == ["soup_can"]
+
+
+def test_the_camera_is_the_localizer_s():
+    name, intrinsics = served_camera(load_scenario("kitchen"))
+    assert (name, intrinsics.width()) == ("ceiling", 640)
+    assert served_camera(load_scenario("gripper_bench"))[0] == "overview"
+    without = ["cameras={}", "recording.video_camera=''"]
+    assert served_camera(load_scenario("gripper_bench", overrides=without)) is None
+
+
+def test_drake_giving_up_is_reported_and_the_recording_kept(tmp_path, monkeypatch):
+    from pydrake.systems.analysis import Simulator
+
+    advance = Simulator.AdvanceTo
+
+    def give_up(self, time, **options):
+        if time > 0.3:
+            raise RuntimeError("the solver gave up")
+        return advance(self, time, **options)
+
+    monkeypatch.setattr(Simulator, "AdvanceTo", give_up)
+    with pytest.raises(ScenarioError, match=r"kitchen: .* at t = 0.300 s: the solver"):
+        serve(nothing, until=1.0, out=tmp_path)
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert reader.duration == pytest.approx(0.28e9, rel=0.1)
+
+
+def test_an_unwritable_folder_is_told_at_once(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError):
+        serve(nothing, until=0.01, out=tmp_path / "file" / "x")
+
+
+def test_what_is_too_slow_says_so_once():
+    told = []
+    serve(nothing, until=3.0, rate=100.0, tell=told.append)
+    (text,) = told
+    assert "cannot keep 100 x real time with kitchen" in text
