@@ -12,7 +12,7 @@ import os
 import socket
 import threading
 import tty
-from collections.abc import Mapping
+from collections.abc import Coroutine, Mapping
 
 import numpy as np
 
@@ -61,6 +61,7 @@ class ServoBridge(Bridge):
         self._servo = Mx64(drive or TendonDriveConfig(), self._warn)
         self._lock = threading.Lock()  # of the servo
         self._commanded: MotorCommand | None = None
+        self._tasks: set[asyncio.Task[None]] = set()
         self._stack = contextlib.ExitStack()
         self._io = IoThread("servo")
         self._stack.callback(self._io.stop)
@@ -82,9 +83,9 @@ class ServoBridge(Bridge):
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
         """Take what the motor does, every control period."""
-        (angle, speed), (pwm,), (temperature,) = (values[name] for name in self.ports)
+        motor, pwm, temperature = (values[name] for name in ServoBridge.ports)
         with self._lock:
-            self._servo.sense(time, angle, speed, pwm, temperature)
+            self._servo.sense(time, motor[0], motor[1], pwm[0], temperature[0])
             self._command()
 
     def close(self) -> None:
@@ -122,32 +123,32 @@ class ServoBridge(Bridge):
     # TCP.
 
     async def _listen(self, host: str, port: int) -> str:
-        server = await asyncio.start_server(self._serve, host, port)
-        self._writers: set[asyncio.StreamWriter] = set()
+        server = socket.create_server((host, port))
+        server.setblocking(False)
+        self._start(self._accept(server))
+        host, port = server.getsockname()
+        return f"{host}:{port}"
 
-        async def hang_up() -> None:
-            server.close()
-            for writer in self._writers:
-                writer.transport.abort()
+    def _start(self, coroutine: Coroutine[None, None, None]) -> None:
+        task = asyncio.get_running_loop().create_task(coroutine)
+        self._tasks.add(task)  # the loop itself would forget it
+        task.add_done_callback(self._tasks.discard)
 
-        self._stack.callback(lambda: self._io.call(hang_up()))
-        name = server.sockets[0].getsockname()
-        return f"{name[0]}:{name[1]}"
+    async def _accept(self, server: socket.socket) -> None:
+        loop = asyncio.get_running_loop()
+        with server:
+            while True:
+                connection, _ = await loop.sock_accept(server)
+                self._start(self._serve(connection))
 
-    async def _serve(
-        self, stream: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        self._writers.add(writer)
-        line = writer.get_extra_info("socket")
-        line.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        reader = PacketReader()
-        # A client that vanishes, or reads no replies, costs what is in the buffers.
-        with contextlib.suppress(OSError):
-            while data := await stream.read(_CHUNK):
-                writer.write(self._answer(reader, data))
-                await writer.drain()
-        self._writers.discard(writer)
-        writer.close()
+    async def _serve(self, connection: socket.socket) -> None:
+        loop, reader = asyncio.get_running_loop(), PacketReader()
+        # Of a client that reads no replies, nothing more is read either; one that is
+        # not there any more is found out by the kernel.
+        with connection, contextlib.suppress(OSError):
+            connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            while data := await loop.sock_recv(connection, _CHUNK):
+                await loop.sock_sendall(connection, self._answer(reader, data))
 
     # Pseudo terminal.
 
