@@ -1,0 +1,84 @@
+"""ROS 2's message types as Cyclone DDS wants them, their contents left to rosbags."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cyclonedds import idl
+from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
+
+types: Any = idl.types  # generic in a way that mypy does not know
+
+# By rosbags' names; byte and char are uint8 on the wire, as rmw_cyclonedds_cpp has it.
+_PRIMITIVES: dict[str, Any] = {
+    "bool": bool,
+    "byte": types.uint8,
+    "char": types.uint8,
+    "int8": types.int8,
+    "int16": types.int16,
+    "int32": types.int32,
+    "int64": types.int64,
+    "uint8": types.uint8,
+    "uint16": types.uint16,
+    "uint32": types.uint32,
+    "uint64": types.uint64,
+    "float32": types.float32,
+    "float64": types.float64,
+    "string": str,
+}
+
+
+def type_name(message: str) -> str:
+    """Name on the wire of a message such as "std_msgs/msg/Int32".
+
+    It is "std_msgs::msg::dds_::Int32_".
+    """
+    package, _, name = message.split("/")
+    return f"{package}::msg::dds_::{name}_"
+
+
+def payload_type(store: Typestore, message: str) -> Any:
+    """Return a DDS type for a message whose samples hold it serialised.
+
+    The type tells DDS what the message looks like; a sample is made of the bytes that
+    rosbags' `serialize_cdr` makes, and has them as its attribute `cdr`. (Cyclone's own
+    serialiser takes 57 ms for an image of 640 x 480, rosbags' 0.3 ms.)
+
+    Args:
+        store: Has the message's definition.
+        message: As in "std_msgs/msg/Int32".
+    """
+    cls = _struct(store, message, dataclassify=False)
+    # Not by a base class: members of a base are members of the type on the wire.
+    cls.__init__ = _init
+    cls.serialize = lambda self, **_: self.cdr
+    cls.deserialize = cls.deserialize_key = classmethod(
+        lambda cls, data, **_: cls(data)
+    )
+    return cls
+
+
+def _init(self: Any, cdr: bytes) -> None:
+    self.cdr = cdr
+
+
+def _struct(store: Typestore, message: str, **options: Any) -> Any:
+    _, fields = store.fielddefs[message]
+    name = type_name(message)
+    members = {field: _type(store, kind) for field, kind in fields}
+    return idl.make_idl_struct(name.rpartition(":")[2], name, members, **options)
+
+
+def _type(store: Typestore, field: Any) -> Any:
+    kind, detail = field
+    if kind == Nodetype.NAME:
+        return _struct(store, detail)
+    content, size = detail
+    if kind == Nodetype.BASE:
+        bounded = content == "string" and size
+        return types.bounded_str[size] if bounded else _PRIMITIVES[content]
+    element = _type(store, content)
+    if kind == Nodetype.ARRAY:
+        return types.array[element, size]
+    return types.sequence[element, size] if size else types.sequence[element]
