@@ -1,6 +1,7 @@
 """The command drake-srg."""
 
 import argparse
+import functools
 import math
 import os
 import shutil
@@ -78,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     serve.add_argument(
         "--servo",
         metavar="tcp:PORT|pty",
-        help="be the gripper's servo, for drivers of the real one",
+        help="be the gripper's servo, for the real one's driver (HOST: tcp:HOST:PORT)",
     )
     serve.add_argument(
         "--host",
@@ -225,7 +226,7 @@ def _serve(options: argparse.Namespace) -> int:
     try:
         served = Serve(
             scenario,
-            bridges.connect,
+            functools.partial(bridges.connect, scenario),
             name=name,
             rate=options.rate,
             out=None if options.no_record else out,

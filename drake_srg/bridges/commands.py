@@ -119,8 +119,8 @@ def station_topics(
 
     `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
     one a finger joint), `/startgrasp` (Bool, false holds the gripper where it is),
-    `/kuka` (Float64MultiArray, rad, one a joint of the arm). Of the first two, the last
-    message counts.
+    `/kuka` (Float64MultiArray, rad, one a joint of the arm). Of the first two,
+    and of what the gripper's servo is told, the last counts.
 
     Args:
         plant: With the model instances `arm` and `gripper`, where there are such.
@@ -131,7 +131,16 @@ def station_topics(
     inputs, joints = set(inputs), list(gripper_joints)
     topics = []
     single = "gripper.joint_position_commanded"
-    free = {single: np.full(len(joints), np.nan)} if single in inputs else {}
+    # What would override closure, given up.
+    free = {
+        port: np.full(size, np.nan)
+        for port, size in (
+            (single, len(joints)),
+            ("gripper.motor_position_commanded", 1),
+            ("gripper.motor_torque_commanded", 1),
+        )
+        if port in inputs
+    }
 
     def grasp(data: Any) -> PortValues:
         percent = int(data)

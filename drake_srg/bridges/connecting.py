@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox
 from drake_srg.errors import ScenarioError
+from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.recording.ros_topics import Topic
+from drake_srg.scenario import Scenario
 
 
 @dc.dataclass(frozen=True)
@@ -23,11 +25,13 @@ class BridgeOptions:
     servo: str | None = None  # tcp:PORT, tcp:HOST:PORT or pty; None: no servo
     host: str = "127.0.0.1"  # address of this machine that peers reach
 
-    def connect(self, inbox: CommandInbox, topics: Sequence[Topic]) -> Sequence[Bridge]:
-        """Make the bridges.
+    def connect(
+        self, scenario: Scenario, inbox: CommandInbox, topics: Sequence[Topic]
+    ) -> Sequence[Bridge]:
+        """Make the bridges to a scenario's station.
 
         Raises:
-            ScenarioError: If an option's value is none.
+            ScenarioError: If an option's value is none, or the gripper has no servo.
             OSError: If an address is taken.
             ImportError: If a package is missing.
         """
@@ -55,7 +59,12 @@ class BridgeOptions:
                 if self.servo is not None:
                     from drake_srg.bridges.servo import ServoBridge
 
-                    add(ServoBridge(inbox, self.servo))
+                    if not isinstance(scenario.gripper, SrgTendonDriver):
+                        raise ValueError(
+                            "--servo: needs a gripper with a motor of its own, "
+                            "!SrgTendonDriver, as kitchen_tendon has"
+                        )
+                    add(ServoBridge(inbox, self.servo, scenario.gripper.drive))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()
