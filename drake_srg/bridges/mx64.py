@@ -81,7 +81,6 @@ class Mx64:
         self._engaged = False  # whether a master has moved the motor
         self._overload = False
         self._time = self._unloaded_at = 0.0
-        self._angle = 0.0  # measured
         self._target = 0.0  # angle that the profile of the moving speed has reached
 
     # The motor.
@@ -100,7 +99,6 @@ class Mx64:
         """
         table, drive = self.table, self._drive
         step, self._time = max(time - self._time, 0.0), time
-        self._angle = angle
         amperes = motor_load(drive, pwm, speed) * MotorTemperatureConfig().stall_current
         table["present_position"] = self._position(angle)
         table["present_speed"] = _directed(speed / _SPEED)
@@ -115,9 +113,10 @@ class Mx64:
             if not table["torque_enable"]:
                 table["goal_position"] = table["present_position"]
         else:
-            speed = table["moving_speed"] * _SPEED or math.inf
             distance = self._goal_angle() - self._target
-            self._target += math.copysign(min(abs(distance), speed * step), distance)
+            if allowed := table["moving_speed"] * _SPEED:  # 0: as fast as it can
+                distance = math.copysign(min(abs(distance), allowed * step), distance)
+            self._target += distance
 
     def command(self) -> MotorCommand | None:
         """Return what the motor has to do; None: the servo does not care."""

@@ -161,6 +161,14 @@ def test_torque_control_winds_clockwise(servo, goal, sign):
     assert math.isnan(servo.command().position)
 
 
+def test_released_after_calibration_the_motor_is_free(servo):
+    servo.write("torque_enable", 0)
+    servo.write("torque_control_mode", 1)
+    servo.write("goal_torque", 1024 + 100)
+    servo.write("torque_control_mode", 0)
+    assert servo.command().torque == 0.0
+
+
 @pytest.mark.parametrize(("register", "kappa"), [(0, 0.0), (104, 0.13), (800, 1.0)])
 def test_the_torque_limit_counts_of_the_stall_torque(servo, register, kappa):
     servo.write("goal_position", 2000)
