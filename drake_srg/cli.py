@@ -1,6 +1,7 @@
 """The command drake-srg."""
 
 import argparse
+import contextlib
 import functools
 import math
 import os
@@ -9,7 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -219,21 +220,19 @@ def _serve(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / "served" / name
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     status = StatusLine(sys.stdout)
     try:
-        served = Serve(
-            scenario,
-            functools.partial(bridges.connect, scenario),
-            name=name,
-            rate=options.rate,
-            out=None if options.no_record else out,
-            stop=stop,
-            tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
-            report=status.show,
-        )
+        with _stop_on_signals() as stop:
+            served = Serve(
+                scenario,
+                functools.partial(bridges.connect, scenario),
+                name=name,
+                rate=options.rate,
+                out=None if options.no_record else out,
+                stop=stop,
+                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+                report=status.show,
+            )
     except OSError as error:
         return _complain(f"serve: {error.strerror or error}")
     finally:
@@ -343,6 +342,24 @@ def _end_on_sigterm() -> None:
     """Let a request to terminate end what runs as Ctrl-C does."""
     if threading.current_thread() is threading.main_thread():  # Python's own limit
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+@contextlib.contextmanager
+def _stop_on_signals() -> Iterator[threading.Event]:
+    """Set an event at Ctrl-C and SIGTERM; the second time, they do what they did."""
+    stop, before = threading.Event(), {}
+
+    def end(number: int, _: object) -> None:
+        stop.set()
+        signal.signal(number, before[number])
+
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        before = {n: signal.signal(n, end) for n in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _complain(message: str) -> int:

@@ -23,7 +23,7 @@ from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.served_station import AddServedStation
 from drake_srg.bridges.topics import camera_topics
 from drake_srg.errors import ScenarioError, scenario_errors
-from drake_srg.ports import output_ports
+from drake_srg.ports import Ports, output_ports
 from drake_srg.recorders import AddRosbagRecorder, recorded_topics
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
@@ -71,7 +71,8 @@ def Serve(
     """Run a station under the commands of bridges until it is stopped.
 
     Its task, planner, script and disturbances are left out: who commands does these.
-    Where an object is soft, there are no camera topics.
+    Where an object is soft, there are no camera topics. Pictures come from a process
+    that imports the caller's main module: a script needs `if __name__ == "__main__":`.
 
     Args:
         scenario: What to serve.
@@ -84,8 +85,9 @@ def Serve(
         report: Called now and then, and at the start, with a line on how it goes.
 
     Raises:
-        ScenarioError: If the models do not fit the scenario, or Drake gives up on it in
-            the middle; what was recorded is complete up to there.
+        ScenarioError: If the models do not fit the scenario, a bridge wants ports that
+            the station does not have, or Drake gives up in the middle; what was
+            recorded is complete up to there.
         OSError: If `out` cannot be written, or a bridge's address is taken.
         ValueError: By bridges, if an address is none.
         ImportError: If a bridge's packages are missing.
@@ -120,6 +122,7 @@ def Serve(
         bridges = connect(inbox, [*topics, *pictures.values()])
         for bridge in bridges:
             stack.callback(bridge.close)
+        _check_ports(name, bridges, station)
         outlet = _Outlet(simulator, topics, bridges)
         if camera is not None:
             cameras = CameraProcess(
@@ -158,6 +161,16 @@ def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
         color, _ = scenario.cameras[name].MakeCameras()
         return name, color.core().intrinsics()
     return None
+
+
+def _check_ports(name: str, bridges: Sequence[Bridge], station: Ports) -> None:
+    wanted = {port for bridge in bridges for port in bridge.ports}
+    missing = sorted(wanted - station.outputs.keys())
+    if missing:
+        raise ScenarioError(
+            f"{name}: the station has no {', '.join(missing)}; "
+            f"it has {', '.join(station.outputs)}"
+        )
 
 
 def _fix_defaults(simulator: Simulator) -> None:

@@ -206,6 +206,11 @@ def test_drake_giving_up_is_reported_and_the_recording_kept(tmp_path, monkeypatc
         assert reader.duration == pytest.approx(0.28e9, rel=0.1)
 
 
+def test_ports_that_are_not_there_are_named():
+    with pytest.raises(ScenarioError, match="kitchen: the station has no grip"):
+        serve(nothing, until=0.01, ports=["gripper.speed"])
+
+
 def test_an_unwritable_folder_is_told_at_once(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError):
