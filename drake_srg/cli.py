@@ -12,7 +12,7 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from drake_srg import doctor
 from drake_srg.errors import ScenarioError, scenario_errors
@@ -347,7 +347,8 @@ def _end_on_sigterm() -> None:
 @contextlib.contextmanager
 def _stop_on_signals() -> Iterator[threading.Event]:
     """Set an event at Ctrl-C and SIGTERM; the second time, they do what they did."""
-    stop, before = threading.Event(), {}
+    stop = threading.Event()
+    before: dict[int, Any] = {}
 
     def end(number: int, _: object) -> None:
         stop.set()

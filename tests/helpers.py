@@ -1,6 +1,11 @@
 """One step up the ladder: fix a system's inputs, evaluate ports, fire one event."""
 
+import os
+import shutil
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 
 def fix(system, context, **inputs):
@@ -37,3 +42,16 @@ def port_table(system):
         {port.get_name(): size(port) for port in ins},
         {port.get_name(): size(port) for port in outs},
     )
+
+
+def needs_debian(*programs):
+    """Skip where a program, or a file of an absolute path, is missing.
+
+    With DRAKE_SRG_REQUIRE_ROS in the environment the test fails instead.
+    """
+    missing = [p for p in programs if not (shutil.which(p) or Path(p).is_file())]
+    if missing:
+        message = f"{', '.join(missing)} missing: sh tools/install_test_peers.sh"
+        if "DRAKE_SRG_REQUIRE_ROS" in os.environ:
+            pytest.fail(message)
+        pytest.skip(message)

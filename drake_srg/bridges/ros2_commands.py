@@ -122,6 +122,8 @@ class CommandReader:
     def _check_types(self) -> None:
         """Warn of those who publish a command as something else."""
         for writer in self._publications.take(_DEPTH):
+            if writer.topic_name is None:  # of a writer that has left
+                continue
             topic = self._inbox.topics.get(writer.topic_name.removeprefix("rt"))
             if topic is not None and writer.type_name != type_name(topic.type):
                 self._inbox.warnings.warn(
