@@ -147,6 +147,8 @@ class SubscriberConnection(asyncio.Protocol):
                 f"with MD5 sum {md5sum}; it is {type.name} with {type.md5sum}"
             )
         self._deadline.cancel()
+        self._publication = publication
+        publication.connections.add(self)
         self._transport.write(
             encode_header(
                 {
@@ -159,5 +161,3 @@ class SubscriberConnection(asyncio.Protocol):
                 }
             )
         )
-        self._publication = publication
-        publication.connections.add(self)

@@ -8,6 +8,7 @@ wiki.ros.org/ROS/Connection Header.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses as dc
 import itertools
 import struct
@@ -68,15 +69,13 @@ def decode_header(content: bytes) -> dict[str, str]:
     Raises:
         TcprosError: If it is none.
     """
-    frames, fields = Frames(), {}
-    for field in frames.feed(content):
-        name, equals, value = field.decode(errors="replace").partition("=")
-        if not (name and equals):
-            raise TcprosError("a header that is not of fields name=value")
-        fields[name] = value
-    if frames.pending:
-        raise TcprosError("a header that ends in the middle of a field")
-    return fields
+    frames, fields = Frames(), []
+    with contextlib.suppress(TcprosError):  # of a length; bytes are left over then
+        for field in frames.feed(content):
+            fields.append(field.decode(errors="replace").partition("="))
+    if frames.pending or not all(name and equals for name, equals, _ in fields):
+        raise TcprosError("a header that is not of fields name=value")
+    return {name: value for name, _, value in fields}
 
 
 class Frames:
