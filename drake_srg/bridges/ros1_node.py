@@ -126,7 +126,7 @@ class Ros1Node:
                     self.registered = True
             except (XmlRpcError, TypeError) as error:
                 self._warnings.warn(
-                    "ROS 1 master", f"ROS 1: no roscore ({error}); waiting for one"
+                    "ROS 1 master", f"ROS 1: roscore {error}; waiting for it"
                 )
             await asyncio.sleep(_POLL_PERIOD)
 

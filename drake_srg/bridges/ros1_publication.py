@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections import deque
 from collections.abc import Mapping
 from typing import cast
@@ -14,6 +15,7 @@ from drake_srg.bridges.tcpros import (
     Connection,
     Frames,
     MessageType,
+    MismatchError,
     TcprosError,
     decode_header,
     encode_header,
@@ -87,6 +89,8 @@ class SubscriberConnection(asyncio.Protocol):
         """Wait for the subscriber's header."""
         self._transport = cast(asyncio.Transport, transport)
         self._transport.set_write_buffer_limits(0)  # what waits is in our queue
+        connection = self._transport.get_extra_info("socket")
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._connections.add(self)
         loop = asyncio.get_running_loop()
         self._deadline = loop.call_later(HANDSHAKE_TIMEOUT, self.abort)
@@ -100,8 +104,9 @@ class SubscriberConnection(asyncio.Protocol):
                 self._accept(decode_header(content))
                 return
         except TcprosError as error:
+            kind = type(error).__name__
             self._warnings.warn(
-                "ROS 1 subscriber", f"ROS 1: a subscriber is refused: {error}"
+                f"ROS 1 subscriber {kind}", f"ROS 1: a subscriber is refused: {error}"
             )
             self._transport.write(encode_header({"error": str(error)}))
             self._transport.close()
@@ -139,10 +144,10 @@ class SubscriberConnection(asyncio.Protocol):
         publication = self._publications.get(topic)
         if publication is None:
             topics = ", ".join(sorted(self._publications))
-            raise TcprosError(f"{topic} is not published here, but {topics}")
+            raise MismatchError(f"{topic} is not published here, but {topics}")
         type = publication.type
         if md5sum not in (ANY, type.md5sum):
-            raise TcprosError(
+            raise MismatchError(
                 f"{self.info.peer} wants {topic} as {header.get('type', 'a type')} "
                 f"with MD5 sum {md5sum}; it is {type.name} with {type.md5sum}"
             )

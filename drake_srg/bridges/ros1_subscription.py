@@ -13,6 +13,7 @@ from drake_srg.bridges.tcpros import (
     Connection,
     Frames,
     MessageType,
+    MismatchError,
     TcprosError,
     decode_header,
     encode_header,
@@ -92,7 +93,8 @@ class Subscription:
             try:
                 await self._read(uri, publisher)
             except TcprosError as error:
-                self._warn("publisher", f"{uri}: {error}; connection closed")
+                kind = type(error).__name__
+                self._warn(kind, f"{uri}: {error}; connection closed")
             except (OSError, ValueError, asyncio.TimeoutError) as error:
                 if publisher.connection is None:
                     text = one_line(error) or "no answer"
@@ -138,12 +140,12 @@ class Subscription:
             writer.close()
 
     def _check(self, header: dict[str, str]) -> None:
-        """Raise a TcprosError unless a publisher's header fits."""
+        """Raise a MismatchError unless a publisher's header fits."""
         if "error" in header:
-            raise TcprosError(f"it refuses us: {header['error']:.200}")
+            raise MismatchError(f"it refuses us: {header['error']:.200}")
         md5sum = header.get("md5sum")
         if md5sum not in (ANY, self.type.md5sum):
-            raise TcprosError(
+            raise MismatchError(
                 f"it sends {header.get('type', 'a type')} with MD5 sum {md5sum}; "
                 f"allowed is {self.type.name} with {self.type.md5sum}"
             )

@@ -46,10 +46,10 @@ async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT)
         body = await asyncio.wait_for(_exchange(uri, request), timeout)
         answers: Any = xmlrpc.client.loads(body)[0]
         ((code, status, value),) = answers
-    except asyncio.TimeoutError as error:
+    except (OSError, asyncio.TimeoutError) as error:
         raise XmlRpcError(f"{uri} does not answer") from error
     except Exception as error:  # there is no end of what can be wrong with a text
-        raise XmlRpcError(f"{uri}: {error}") from error
+        raise XmlRpcError(f"{uri} does not answer as ROS: {one_line(error)}") from error
     if code != 1:
         raise XmlRpcError(f"{uri}: {status}")
     return value

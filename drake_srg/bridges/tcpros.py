@@ -26,7 +26,11 @@ _ids = itertools.count(1)
 
 
 class TcprosError(ValueError):
-    """What no ROS 1 node sends, or what it sends who does not fit."""
+    """Bytes that no ROS 1 node sends."""
+
+
+class MismatchError(TcprosError):
+    """A ROS 1 node whose topic or type is not ours."""
 
 
 @dc.dataclass(frozen=True)

@@ -47,7 +47,7 @@ def test_a_master_that_comes_later_is_waited_for(inbox, told, impatient):
         with contextlib.closing(peers.Master(port)) as master:
             assert wait_until(lambda: len(master.registered) == 6)
     assert len(told) == 1
-    assert "waiting for one" in told[0]
+    assert "waiting for it" in told[0]
 
 
 def test_a_publisher_survives_its_master(

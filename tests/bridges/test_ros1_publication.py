@@ -38,6 +38,13 @@ def test_a_subscriber_gets_header_and_messages(ros1_bridge, ros1_master):
     assert peers.receive_frame(connection) == struct.pack("<II", 1, 250_000_000)
 
 
+def test_small_messages_do_not_wait_for_more(ros1_bridge, ros1_master):
+    _connection, _ = peers.subscribe(ros1_master.node, "/clock", md5sum="*")
+    (ours,) = ros1_bridge._publications["/clock"].connections
+    ours_socket = ours._transport.get_extra_info("socket")
+    assert ours_socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) == 1
+
+
 def test_messages_are_numbered_by_topic(ros1_bridge, ros1_master):
     connection, _ = peers.subscribe(
         ros1_master.node, "/joint_states", md5sum="*", type="*"

@@ -190,4 +190,4 @@ def test_a_roscore_that_is_restarted(roscore_of_its_own, tmp_path):
                 assert taken(inbox, "arm") == [value]
             roscore.close()
             assert wait_until(lambda: "waiting" in bridge.status, 3.0)
-    assert [text for text in told if "waiting for one" in text] == told[:1]
+    assert [text for text in told if "waiting for it" in text] == told[:1]

@@ -109,7 +109,9 @@ def test_a_publisher_that_does_not_fit_is_tried_again(
 
 def test_publishers_come_and_go(ros1_bridge, inbox, ros1_master, ros1_publisher, told):
     ros1_master.tell("/grasp", ros1_publisher.uri)
-    ros1_publisher.accept(**INT32).close()  # it comes again
+    vanishing = ros1_publisher.accept(**INT32)
+    vanishing.sendall(int32(5)[:6])
+    vanishing.close()  # in the middle of a message; it comes again
     first = ros1_publisher.accept(**INT32)
     with contextlib.closing(peers.Publisher()) as other:
         ros1_master.tell("/grasp", ros1_publisher.uri, other.uri)
