@@ -26,6 +26,8 @@ RENDERING_PACKAGES = ("libegl1", "libgl1")
 OLDEST_PYTHON = "3.10"
 OLDEST_DRAKE = "1.51.1"
 
+# Modules of the base install, and the packages that bring them.
+_PACKAGES = {"cv2": "opencv-python-headless", "ruckig": "ruckig", "tqdm": "tqdm"}
 _APT = "sudo apt-get update && sudo apt-get install -y --no-install-recommends "
 _PATIENCE = 120.0  # s
 
@@ -51,7 +53,7 @@ def Checks() -> list[Check]:
 
     Returns:
         One Check each for Python, Drake, the other packages, rendering, video, rosbags,
-        plots, solvers, models and, optional, Graphviz.
+        plots, solvers, models and, optional, ROS 2 and Graphviz.
     """
     recording = pip_install(*this_package("recording"))
     examinations: list[tuple[str, Callable[[], str], str]] = [
@@ -65,10 +67,13 @@ def Checks() -> list[Check]:
         ("solvers", _solvers, pip_install("--force-reinstall", "drake")),
         ("models", _models, pip_install("--force-reinstall", *this_package())),
     ]
-    graphviz = _check("graphviz", _graphviz, _APT + "graphviz")
+    optional: list[tuple[str, Callable[[], str], str]] = [
+        ("ros2", _cyclonedds, pip_install(*this_package("ros2"))),
+        ("graphviz", _graphviz, _APT + "graphviz"),
+    ]
     return [
         *(_check(*examination) for examination in examinations),
-        dc.replace(graphviz, optional=True),
+        *(dc.replace(_check(*one), optional=True) for one in optional),
     ]
 
 
@@ -97,9 +102,9 @@ def _drake() -> str:
 
 def _packages() -> str:
     found = []
-    for name, package in (("cv2", "opencv-python-headless"), ("tqdm", "tqdm")):
-        module = importlib.import_module(name)
-        found.append(f"{package} {module.__version__}")
+    for name, package in _PACKAGES.items():
+        importlib.import_module(name)
+        found.append(f"{package} {importlib.metadata.version(package)}")
     return ", ".join(found)
 
 
@@ -132,6 +137,11 @@ def _video() -> str:
 def _rosbags() -> str:
     importlib.import_module("rosbags.rosbag2")
     return f"rosbags {importlib.metadata.version('rosbags')}"
+
+
+def _cyclonedds() -> str:
+    importlib.import_module("cyclonedds.domain")
+    return f"cyclonedds {importlib.metadata.version('cyclonedds')}"
 
 
 def _plots() -> str:

@@ -29,6 +29,7 @@ def test_this_machine_is_well():
         "plots",
         "solvers",
         "models",
+        "ros2",
         "graphviz",
     ]
     assert [check for check in checks if not (check.ok or check.optional)] == []
@@ -78,8 +79,10 @@ def test_silence_elsewhere_is_not_waited_for(monkeypatch):
     [
         ("av", "video"),
         ("cv2", "packages"),
+        ("cyclonedds.domain", "ros2"),
         ("matplotlib.figure", "plots"),
         ("rosbags.rosbag2", "rosbags"),
+        ("ruckig", "packages"),
         ("tqdm", "packages"),
     ],
 )
@@ -89,8 +92,8 @@ def test_a_missing_package_is_named_with_its_cure(monkeypatch, module, name):
     monkeypatch.setitem(sys.modules, module, None)
     checks = by_name(doctor.Checks())
     assert {check.name for check in checks.values() if not check.ok} == {name}
-    extra = [] if name == "packages" else ["recording"]
-    assert checks[name].fix == pip_install(*this_package(*extra))
+    extra = {"packages": "", "ros2": "ros2"}.get(name, "recording")
+    assert checks[name].fix == pip_install(*this_package(extra))
 
 
 def test_a_command_installs_for_this_interpreter():
