@@ -15,8 +15,8 @@ from cyclonedds.qos import Policy, Qos
 
 # From 233 on, the UDP ports that DDSI's formula gives a domain are above 65535.
 _MAX_DOMAIN = 232
-# Loopback interfaces have no multicast to find others by: they are looked for at the
-# ports of as many participants as ROS 2 has on a machine that it does not leave.
+# Not every loopback interface has multicast to find others by. So they are looked for,
+# too, at the ports of as many as ROS 2 expects where it stays on its machine.
 _CONFIGURATION = """
 <CycloneDDS><Domain>
   <General><Interfaces><NetworkInterface {interface}/></Interfaces></General>

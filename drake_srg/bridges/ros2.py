@@ -46,7 +46,8 @@ class Ros2Bridge(Bridge):
 
     Nothing is told on `ros_discovery_info`: Humble writes it in another way than Jazzy,
     and each throws on what the other writes. So `ros2 topic` finds all topics, and
-    `ros2 node list` no node.
+    `ros2 node list` no node. Packets that are no DDS are dropped by Cyclone DDS, which
+    writes a line on each to stderr.
 
     Args:
         inbox: Where commands go; its topics are subscribed to.
@@ -72,10 +73,10 @@ class Ros2Bridge(Bridge):
         name: str = "drake_srg",
     ):
         self._store = get_typestore(Stores.ROS2_HUMBLE)
-        self._domain = domain_id(domain)
+        self.domain = domain_id(domain)
         with contextlib.ExitStack() as stack:
             self._participant = stack.enter_context(
-                open_participant(self._domain, interface, name)
+                open_participant(self.domain, interface, name)
             )
             kinds = {topic.name: topic.type for topic in inbox.topics.values()}
             subscribed = {name: self._topic(name, kinds[name]) for name in kinds}
@@ -99,7 +100,7 @@ class Ros2Bridge(Bridge):
     @property
     def status(self) -> str:
         """The domain, for people."""
-        return f"ROS 2 in domain {self._domain}"
+        return f"ROS 2 in domain {self.domain}"
 
     def has_subscribers(self, topic: str) -> bool:
         """Whether somebody listens to a topic."""

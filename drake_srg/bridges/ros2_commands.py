@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from operator import itemgetter
 from typing import Any
 
@@ -82,21 +82,28 @@ class CommandReader:
     def _run(self) -> None:
         while not self._closing.read():
             self._waitset.wait(duration(seconds=1))
-            self._check_types()
             self._take()
+            self._check_types()
 
     def _take(self) -> None:
-        samples = []
+        # While one reader is looked at, others get older messages: once more, then.
+        samples = found = list(self._waiting())
+        while found and len(samples) < _DEPTH:
+            found = list(self._waiting())
+            samples = samples + found
+        # Of several topics that command the same, the last message counts.
+        for _, name, cdr in sorted(samples, key=itemgetter(0)):
+            self._receive(name, cdr)
+
+    def _waiting(self) -> Iterator[tuple[int, str, bytes]]:
+        """Time of sending [ns], topic and data of what waits in the readers."""
         for name, kind, reader in self._readers:
             for sample in reader.take(_DEPTH):
                 info = sample.sample_info
                 if info.valid_data and (
                     kind == "reliable" or self._offers_best_effort(reader, info)
                 ):
-                    samples.append((info.source_timestamp, name, sample.cdr))
-        # Of several topics that command the same, the last message counts.
-        for _, name, cdr in sorted(samples, key=itemgetter(0)):
-            self._receive(name, cdr)
+                    yield info.source_timestamp, name, sample.cdr
 
     def _receive(self, topic: str, cdr: bytes) -> None:
         kind = self._inbox.topics[topic].type
@@ -121,7 +128,7 @@ class CommandReader:
 
     def _check_types(self) -> None:
         """Warn of those who publish a command as something else."""
-        for writer in self._publications.take(_DEPTH):
+        for writer in self._publications.take(10):
             if writer.topic_name is None:  # of a writer that has left
                 continue
             topic = self._inbox.topics.get(writer.topic_name.removeprefix("rt"))

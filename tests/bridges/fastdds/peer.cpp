@@ -1,0 +1,251 @@
+// A peer of the ROS 2 bridge that shares no code with it: eProsima's Fast DDS and Fast
+// CDR, with its defaults and the settings of rmw_fastrtps_cpp. Run as `peer DOMAIN`.
+//
+// Orders come as lines, each is answered by one:
+//   grasp INT | kuka NUMBER...  publishes a command
+//   raw HEX                     publishes these bytes on /grasp as they are
+//   joint_states | image        how many came since, and the last one's fields, an
+//                               image's bytes as a sum
+//   matched                     how many readers of commands, writers of topics there are
+
+#include <cstring>
+#include <iostream>
+#include <mutex>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include <fastcdr/Cdr.h>
+#include <fastcdr/FastBuffer.h>
+#include <fastdds/dds/domain/DomainParticipant.hpp>
+#include <fastdds/dds/domain/DomainParticipantFactory.hpp>
+#include <fastdds/dds/publisher/DataWriter.hpp>
+#include <fastdds/dds/publisher/Publisher.hpp>
+#include <fastdds/dds/subscriber/DataReader.hpp>
+#include <fastdds/dds/subscriber/SampleInfo.hpp>
+#include <fastdds/dds/subscriber/Subscriber.hpp>
+#include <fastdds/dds/topic/TopicDataType.hpp>
+
+using namespace eprosima::fastdds::dds;
+using eprosima::fastcdr::Cdr;
+using eprosima::fastcdr::FastBuffer;
+using eprosima::fastrtps::rtps::InstanceHandle_t;
+using eprosima::fastrtps::rtps::SerializedPayload_t;
+
+struct Int32 {
+  static constexpr const char* name = "std_msgs::msg::dds_::Int32_";
+  static constexpr uint32_t size = 256;
+  int32_t data = 0;
+  std::string raw;  // sent in place of the data, where there is any
+  void write(Cdr& cdr) const { cdr << data; }
+  void read(Cdr& cdr) { cdr >> data; }
+};
+
+struct Float64MultiArray {
+  static constexpr const char* name = "std_msgs::msg::dds_::Float64MultiArray_";
+  static constexpr uint32_t size = 1024;
+  std::vector<double> data;
+  std::string raw;
+  void write(Cdr& cdr) const { cdr << uint32_t{0} << uint32_t{0} << data; }
+  void read(Cdr&) {}
+};
+
+struct Header {
+  int32_t sec;
+  uint32_t nanosec;
+  std::string frame_id;
+  void read(Cdr& cdr) { cdr >> sec >> nanosec >> frame_id; }
+};
+
+struct JointState {
+  static constexpr const char* name = "sensor_msgs::msg::dds_::JointState_";
+  static constexpr uint32_t size = 16384;
+  Header header;
+  std::vector<std::string> names;
+  std::vector<double> position, velocity, effort;
+  std::string raw;
+  void write(Cdr&) const {}
+  void read(Cdr& cdr) {
+    header.read(cdr);
+    cdr >> names >> position >> velocity >> effort;
+  }
+  std::string text() const {
+    std::ostringstream out;
+    out << header.sec << " " << header.nanosec;
+    for (const auto& n : names) out << " " << n;
+    for (const auto* values : {&position, &velocity, &effort})
+      for (double value : *values) out << " " << value;
+    return out.str();
+  }
+};
+
+struct Image {
+  static constexpr const char* name = "sensor_msgs::msg::dds_::Image_";
+  static constexpr uint32_t size = 1 << 20;
+  Header header;
+  uint32_t height, width, step;
+  std::string encoding;
+  uint8_t is_bigendian;
+  std::vector<uint8_t> data;
+  std::string raw;
+  void write(Cdr&) const {}
+  void read(Cdr& cdr) {
+    header.read(cdr);
+    cdr >> height >> width >> encoding >> is_bigendian >> step >> data;
+  }
+  std::string text() const {
+    uint64_t sum = 0;
+    for (size_t i = 0; i < data.size(); ++i) sum += (i % 251 + 1) * data[i];
+    std::ostringstream out;
+    out << header.frame_id << " " << height << " " << width << " " << encoding << " "
+        << step << " " << data.size() << " " << sum;
+    return out.str();
+  }
+};
+
+template <class M>
+class RosType : public TopicDataType {
+ public:
+  RosType() {
+    setName(M::name);
+    m_typeSize = M::size;
+    auto_fill_type_object(false);
+    auto_fill_type_information(false);
+  }
+  bool serialize(void* data, SerializedPayload_t* payload) override {
+    const M& message = *static_cast<M*>(data);
+    if (!message.raw.empty()) {
+      payload->length = message.raw.size();
+      std::memcpy(payload->data, message.raw.data(), message.raw.size());
+      return true;
+    }
+    FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->max_size);
+    Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+    payload->encapsulation = CDR_LE;
+    cdr.serialize_encapsulation();
+    message.write(cdr);
+    payload->length = cdr.getSerializedDataLength();
+    return true;
+  }
+  bool deserialize(SerializedPayload_t* payload, void* data) override {
+    try {
+      FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->length);
+      Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+      cdr.read_encapsulation();
+      static_cast<M*>(data)->read(cdr);
+      return true;
+    } catch (const eprosima::fastcdr::exception::Exception& error) {
+      std::cerr << M::name << ": " << error.what() << std::endl;
+      return false;
+    }
+  }
+  std::function<uint32_t()> getSerializedSizeProvider(void*) override {
+    return [] { return M::size; };
+  }
+  void* createData() override { return new M; }
+  void deleteData(void* data) override { delete static_cast<M*>(data); }
+  bool getKey(void*, InstanceHandle_t*, bool) override { return false; }
+};
+
+struct Peer {
+  explicit Peer(uint32_t domain)
+      : participant(DomainParticipantFactory::get_instance()->create_participant(
+            domain, PARTICIPANT_QOS_DEFAULT)),
+        publisher(participant->create_publisher(PUBLISHER_QOS_DEFAULT)),
+        subscriber(participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT)) {}
+
+  template <class M>
+  Topic* topic(const std::string& name) {
+    TypeSupport type(new RosType<M>());
+    type.register_type(participant);
+    return participant->create_topic("rt/" + name, M::name, TOPIC_QOS_DEFAULT);
+  }
+  template <class M>
+  DataWriter* writer(const std::string& name) {
+    DataWriterQos qos = DATAWRITER_QOS_DEFAULT;
+    qos.endpoint().history_memory_policy =
+        eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+    qos.data_sharing().off();
+    qos.history().depth = 10;
+    return publisher->create_datawriter(topic<M>(name), qos);
+  }
+  template <class M>
+  DataReader* reader(const std::string& name, ReliabilityQosPolicyKind reliability) {
+    DataReaderQos qos = DATAREADER_QOS_DEFAULT;
+    qos.endpoint().history_memory_policy =
+        eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+    qos.data_sharing().off();
+    qos.reliability().kind = reliability;
+    qos.history().depth = 10;
+    return subscriber->create_datareader(topic<M>(name), qos);
+  }
+
+  DomainParticipant* participant;
+  Publisher* publisher;
+  Subscriber* subscriber;
+};
+
+template <class M>
+std::string last(DataReader* reader) {
+  M message;
+  SampleInfo info;
+  int count = 0;
+  while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK)
+    if (info.valid_data) ++count;
+  return std::to_string(count) + (count ? " " + message.text() : "");
+}
+
+std::string unhex(const std::string& digits) {
+  std::string bytes;
+  for (size_t i = 0; i + 1 < digits.size(); i += 2)
+    bytes += static_cast<char>(std::stoi(digits.substr(i, 2), nullptr, 16));
+  return bytes;
+}
+
+int main(int, char** argv) {
+  Peer peer(std::stoul(argv[1]));
+  DataWriter* grasp = peer.writer<Int32>("grasp");
+  DataWriter* kuka = peer.writer<Float64MultiArray>("kuka");
+  DataReader* joint_states =
+      peer.reader<JointState>("joint_states", RELIABLE_RELIABILITY_QOS);
+  DataReader* image =
+      peer.reader<Image>("camera/color/image_raw", BEST_EFFORT_RELIABILITY_QOS);
+  std::cout << "ready" << std::endl;
+  for (std::string line; std::getline(std::cin, line);) {
+    std::istringstream words(line);
+    std::string order, answer;
+    words >> order;
+    if (order == "grasp" || order == "raw") {
+      Int32 message;
+      if (order == "grasp") {
+        words >> message.data;
+      } else {
+        words >> answer;
+        message.raw = unhex(answer);
+      }
+      answer = grasp->write(&message) ? "ok" : "failed";
+    } else if (order == "kuka") {
+      Float64MultiArray message;
+      for (double value; words >> value;) message.data.push_back(value);
+      answer = kuka->write(&message) ? "ok" : "failed";
+    } else if (order == "joint_states") {
+      answer = last<JointState>(joint_states);
+    } else if (order == "image") {
+      answer = last<Image>(image);
+    } else if (order == "matched") {
+      PublicationMatchedStatus written;
+      SubscriptionMatchedStatus read;
+      for (DataWriter* writer : {grasp, kuka}) {
+        writer->get_publication_matched_status(written);
+        answer += std::to_string(written.current_count) + " ";
+      }
+      for (DataReader* reader : {joint_states, image}) {
+        reader->get_subscription_matched_status(read);
+        answer += std::to_string(read.current_count) + " ";
+      }
+    }
+    std::cout << answer << std::endl;
+  }
+  peer.participant->delete_contained_entities();
+  DomainParticipantFactory::get_instance()->delete_participant(peer.participant);
+}

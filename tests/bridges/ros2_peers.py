@@ -1,0 +1,88 @@
+"""Processes that speak DDS with the ROS 2 bridge, and a domain for them alone."""
+
+import json
+import random
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from drake_srg.bridges.commands import CommandError, CommandTopic
+
+
+def free_domain():
+    """A domain that nobody on this machine takes part in."""
+    # Above 100 its ports are among those that the system gives to anybody.
+    for domain in random.SystemRandom().sample(range(1, 101), 100):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                # Of the first participant: DDSI's formula.
+                probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
+            except OSError:
+                continue
+        return domain
+    raise OSError("all domains are in use")
+
+
+def command_topics():
+    """The station's topics; what came is told by the topic's name."""
+
+    def topic(name, kind, size=None):
+        def convert(data):
+            values = np.atleast_1d(np.asarray(data, dtype=float))
+            if size is not None and values.size != size:
+                raise CommandError("length", f"needs {size}")
+            if not np.isfinite(values).all():
+                raise CommandError("finite", "is not finite")
+            return {name: values, "last": name}
+
+        return CommandTopic(name, f"std_msgs/msg/{kind}", convert)
+
+    return [
+        topic("/grasp", "Int32"),
+        topic("/startgrasp", "Bool"),
+        topic("/position_grasp", "Float64MultiArray", 4),
+        topic("/kuka", "Float64MultiArray", 7),
+    ]
+
+
+class Peer:
+    """A process that answers every line with a line; see the program."""
+
+    def __init__(self, *command):
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self.read()
+
+    def read(self):
+        line = self._process.stdout.readline()
+        assert line, "the peer has ended"
+        return line.strip()
+
+    def ask(self, line):
+        self._process.stdin.write(f"{line}\n")
+        self._process.stdin.flush()
+        return self.read()
+
+    def signal(self, number):
+        self._process.send_signal(number)
+
+    def close(self):
+        self._process.kill()
+        self._process.wait(5.0)
+        self._process.stdin.close()
+        self._process.stdout.close()
+
+
+class CyclonePeer(Peer):
+    """Methods are those of `dds_peer.Peer`."""
+
+    def __init__(self, domain):
+        program = Path(__file__).with_name("dds_peer.py")
+        super().__init__(sys.executable, program, str(domain))
+
+    def __getattr__(self, order):
+        return lambda *arguments: json.loads(self.ask(json.dumps([order, *arguments])))
