@@ -144,12 +144,12 @@ class SubscriberConnection(asyncio.Protocol):
         publication = self._publications.get(topic)
         if publication is None:
             topics = ", ".join(sorted(self._publications))
-            raise MismatchError(f"{topic} is not published here, but {topics}")
+            raise MismatchError(f"{topic!r:.99} is not published here, but {topics}")
         type = publication.type
         if md5sum not in (ANY, type.md5sum):
             raise MismatchError(
-                f"{self.info.peer} wants {topic} as {header.get('type', 'a type')} "
-                f"with MD5 sum {md5sum}; it is {type.name} with {type.md5sum}"
+                f"{self.info.peer!r:.99} wants {topic} as {header.get('type')!r:.99} "
+                f"with MD5 sum {md5sum!r:.99}; it is {type.name} with {type.md5sum}"
             )
         self._deadline.cancel()
         self._publication = publication

@@ -87,7 +87,7 @@ class SlaveApi:
 
     def shutdown(self, caller: str, reason: str = "") -> list[Any]:
         """End the node."""
-        self._shutdown(f"{caller}: {reason}")
+        self._shutdown(f"{caller!r:.99}: {reason!r:.99}")
         return [1, "shutdown", 0]
 
     def getPid(self, caller: str) -> list[Any]:

@@ -142,11 +142,11 @@ class Subscription:
     def _check(self, header: dict[str, str]) -> None:
         """Raise a MismatchError unless a publisher's header fits."""
         if "error" in header:
-            raise MismatchError(f"it refuses us: {header['error']:.200}")
+            raise MismatchError(f"it refuses us: {header['error']!r:.200}")
         md5sum = header.get("md5sum")
         if md5sum not in (ANY, self.type.md5sum):
             raise MismatchError(
-                f"it sends {header.get('type', 'a type')} with MD5 sum {md5sum}; "
+                f"it sends {header.get('type')!r:.99} with MD5 sum {md5sum!r:.99}; "
                 f"allowed is {self.type.name} with {self.type.md5sum}"
             )
 

@@ -51,7 +51,7 @@ async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT)
     except Exception as error:  # there is no end of what can be wrong with a text
         raise XmlRpcError(f"{uri} does not answer as ROS: {one_line(error)}") from error
     if code != 1:
-        raise XmlRpcError(f"{uri}: {status}")
+        raise XmlRpcError(f"{uri} answers {status!r:.200}")
     return value
 
 

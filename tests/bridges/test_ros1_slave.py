@@ -56,10 +56,12 @@ def test_calls_that_cannot_be_answered(ros1_bridge, ros1_master, method):
 def test_requests_that_are_none(ros1_bridge, ros1_master, told, garbage):
     host, port = ros1_bridge._node.uri[7:-1].split(":")
     for _ in range(2):
-        with socket.create_connection((host, int(port)), timeout=5.0) as connection:
+        with (
+            contextlib.suppress(OSError),  # closed before all is sent, maybe
+            socket.create_connection((host, int(port)), timeout=5.0) as connection,
+        ):
             connection.sendall(garbage)
             connection.shutdown(socket.SHUT_WR)
-            with contextlib.suppress(ConnectionResetError):
-                assert connection.recv(1) == b""
+            assert connection.recv(1) == b""
     assert len(told.about("a request is refused")) == 1
     assert ros1_master.node.getPid("/x")[0] == 1

@@ -88,7 +88,7 @@ def test_a_command_out_of_range_is_warned_of(
     [
         (INT32, b"\xff\xff\xff\xff", "length of 4294967295 bytes"),
         (INT32 | {"md5sum": ARRAY_MD5}, int32(1), f"std_msgs/Int32 with {INT32_MD5}"),
-        ({"error": "go away"}, b"", "refuses us: go away"),
+        ({"error": "go\x1b away"}, b"", "refuses us: 'go\\x1b away'"),
         ({}, b"\x05\0\0\0hello", "a header"),
     ],
 )
