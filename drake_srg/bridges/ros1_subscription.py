@@ -136,6 +136,8 @@ class Subscription:
                     else:
                         publisher.connection.count(len(content))
                         self._receive(content)
+            if frames.pending:
+                raise TcprosError("it ended in the middle of a message")
         finally:
             writer.close()
 

@@ -111,7 +111,7 @@ def test_publishers_come_and_go(ros1_bridge, inbox, ros1_master, ros1_publisher,
     ros1_master.tell("/grasp", ros1_publisher.uri)
     vanishing = ros1_publisher.accept(**INT32)
     vanishing.sendall(int32(5)[:6])
-    vanishing.close()  # in the middle of a message; it comes again
+    vanishing.close()  # it comes again
     first = ros1_publisher.accept(**INT32)
     with contextlib.closing(peers.Publisher()) as other:
         ros1_master.tell("/grasp", ros1_publisher.uri, other.uri)
@@ -123,7 +123,8 @@ def test_publishers_come_and_go(ros1_bridge, inbox, ros1_master, ros1_publisher,
         first.close()
         second.sendall(int32(40))
         assert taken(inbox, "closure") == [0.4]
-    assert told == []
+    (text,) = told
+    assert "in the middle of a message" in text
 
 
 @pytest.mark.parametrize(
