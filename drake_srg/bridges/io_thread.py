@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from concurrent import futures
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
@@ -31,9 +32,9 @@ class IoThread:
         future = asyncio.run_coroutine_threadsafe(coroutine, self.loop)
         try:
             return future.result(timeout)
-        except TimeoutError:
+        except futures.TimeoutError:  # up to Python 3.10 not the one of builtins
             future.cancel()
-            raise
+            raise TimeoutError(f"not done within {timeout:g} s") from None
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
         """Call a function there soon, without waiting for it."""

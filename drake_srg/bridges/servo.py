@@ -147,6 +147,7 @@ class ServoBridge(Bridge):
         # not there any more is found out by the kernel.
         with connection, contextlib.suppress(OSError):
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             while data := await loop.sock_recv(connection, _CHUNK):
                 await loop.sock_sendall(connection, self._answer(reader, data))
 
