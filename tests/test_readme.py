@@ -8,7 +8,9 @@ import pytest
 
 from drake_srg.cli import _parser
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+PAGES = README + (ROOT / "docs" / "bridges.md").read_text()
 
 
 @pytest.mark.parametrize("code", re.findall(r"```python\n(.*?)```", README, re.DOTALL))
@@ -20,8 +22,9 @@ def test_python(code, capsys):
 
 
 def test_commands_parse():
-    commands = re.findall(r"^drake-srg run kitchen.*?(?=\s*#|$)", README, re.MULTILINE)
-    assert len(commands) > 3
+    pattern = r"^drake-srg (?:run|serve) [a-z].*?(?=\s*#|$)"
+    commands = re.findall(pattern, PAGES, re.MULTILINE)
+    assert len(commands) > 7
     for command in commands:
         _parser().parse_args(shlex.split(command)[1:])
 
@@ -30,4 +33,4 @@ def test_links_lead_somewhere():
     links = re.findall(r"\]\((?!http)([^)]+)\)", README)
     assert links
     for link in links:
-        assert (Path(__file__).parents[1] / link).exists(), link
+        assert (ROOT / link).exists(), link

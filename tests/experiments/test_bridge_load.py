@@ -79,6 +79,6 @@ def test_a_station_that_cannot_be_served_says_why():
 
 
 def test_the_figure_shows_both_wires():
-    cases = {Case(wire, "idle"): loaded() for wire in bridge_load.WIRES}
+    cases = {Case(wire, "1 kHz"): loaded() for wire in bridge_load.WIRES}
     titles = [axes.get_title(loc="left") for axes in draw(cases, 0.005).axes]
     assert titles == list(bridge_load.WIRES)
