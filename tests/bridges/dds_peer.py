@@ -183,6 +183,19 @@ class Peer:
     def subscribers(self, name):
         return len(self.writers[name][0].get_matched_subscriptions())
 
+    def introduce(self):
+        """Return when all writers are known to who subscribes to /grasp.
+
+        Others learn of writers in their order, so this makes one more and waits until
+        its message, a 0, has been confirmed.
+        """
+        topic = Topic(self.participant, "rt/grasp", Int32)
+        writer = DataWriter(self.participant, topic, qos(True, 10))
+        while not writer.get_matched_subscriptions():
+            time.sleep(0.001)
+        writer.write(Int32(0))
+        writer.wait_for_acks(10 * 10**9)
+
     def publish(self, name, *values):
         writer, kind = self.writers[name]
         for value in values:

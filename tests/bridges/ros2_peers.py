@@ -5,6 +5,7 @@ import random
 import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -71,10 +72,10 @@ class Peer:
         self._process.send_signal(number)
 
     def close(self):
-        self._process.kill()
-        self._process.wait(5.0)
-        self._process.stdin.close()
-        self._process.stdout.close()
+        with self._process:  # closes the pipes, which ends the program, and waits
+            killer = threading.Timer(5.0, self._process.kill)
+            killer.start()
+        killer.cancel()
 
 
 class CyclonePeer(Peer):

@@ -1,8 +1,11 @@
+import os
 import random
 import signal
 import socket
+import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from drake_srg.bridges.ros2 import Ros2Bridge
 from drake_srg.bridges.topics import camera_topics
 from drake_srg.recording import ros_topics
 
+EXAMPLE = Path(__file__).parents[2] / "examples" / "ros2_client.py"
 JOINT_STATES = ros_topics.joint_states({"arm": ["a", "b"]})
 STATE = np.array([0.1, 0.2, 0.3, 0.4])
 CAMERA = camera_topics("ceiling", CameraInfo(640, 480, 500.0, 510.0, 320.0, 240.0))
@@ -65,12 +69,17 @@ def subscribe(peer, bridge, topic, kind, reliable=True):
     assert wait_until(lambda: bridge.has_subscribers(topic) and peer.matched(topic))
 
 
-def advertise(peer, *topics, reliable=True):
-    """Publishers that the bridge's readers know: all, or the best-effort ones alone."""
+def advertise(inbox, peer, *topics, reliable=True):
+    """Make publishers that are known to the bridge and know of it."""
+    # Two readers, or that for best effort alone.
     readers = 2 if reliable else 1
     for topic in topics:
         peer.advertise(topic, COMMANDS[topic][0], reliable)
         assert wait_until(lambda topic=topic: peer.subscribers(topic) == readers)
+    peer.introduce()
+    assert received(inbox, 1)
+    inbox.take()
+    inbox.received = 0
 
 
 def received(inbox, count):
@@ -138,7 +147,7 @@ def test_another_process_reads_what_is_published(bridge, peer, topic, values, ex
 def test_commands_of_another_process_are_obeyed_once_each(
     inbox, bridge, peer, told, reliable
 ):
-    advertise(peer, *COMMANDS, reliable=reliable)
+    advertise(inbox, peer, *COMMANDS, reliable=reliable)
     for i, (topic, (_, data)) in enumerate(COMMANDS.items()):
         peer.publish(topic, data)
         assert received(inbox, i + 1)
@@ -148,13 +157,13 @@ def test_commands_of_another_process_are_obeyed_once_each(
 
 def test_of_several_topics_the_last_message_counts(inbox, bridge, peer):
     topics = ["/kuka", "/grasp"]
-    advertise(peer, *topics)
+    advertise(inbox, peer, *topics)
     for i in range(20):
         random.Random(i).shuffle(topics)
         for topic in topics:
             peer.publish(topic, COMMANDS[topic][1])
         assert received(inbox, 2 * i + 2)
-        # The first of all messages of a reliable writer DDS may hold back for a moment.
+        # The first message of a reliable writer may have to wait for a heartbeat.
         assert inbox.take()["last"] == topics[1] or i == 0
 
 
@@ -197,7 +206,7 @@ def test_others_are_told_what_ros_2_tells(bridge, peer):
 
 
 def test_1_khz_on_all_topics_loses_nothing(inbox, bridge, peer):
-    advertise(peer, *COMMANDS)
+    advertise(inbox, peer, *COMMANDS)
     last = {topic: data for topic, (_, data) in COMMANDS.items()}
     peer.stream(1000, 500, last)
     assert received(inbox, 2000)
@@ -207,7 +216,7 @@ def test_1_khz_on_all_topics_loses_nothing(inbox, bridge, peer):
 
 
 def test_bad_commands_are_refused_with_one_warning_a_kind(inbox, bridge, peer, told):
-    advertise(peer, "/kuka")
+    advertise(inbox, peer, "/kuka")
     good = COMMANDS["/kuka"][1]
     for data in (good, [0.0] * 6, [0.0] * 8, [float("nan")] * 7, [float("inf")] * 7):
         peer.publish("/kuka", data)
@@ -271,7 +280,7 @@ def test_a_peer_that_vanishes_is_forgotten(inbox, bridge, peer):
     bridge.publish(JOINT_STATES, 0.0, [STATE, None])
     assert wait_until(lambda: not bridge.has_subscribers("/joint_states"))
     other = CyclonePeer(bridge.domain)
-    advertise(other, "/grasp")
+    advertise(inbox, other, "/grasp")
     other.publish("/grasp", 7)
     assert received(inbox, 1)
     other.close()
@@ -286,7 +295,7 @@ def test_noise_on_its_ports_disturbs_nothing(inbox, bridge, peer, told):
                 data = header + generator.randbytes(generator.randrange(1, 200))
                 for port in (first, first + 1, first + 10, first + 11):
                     noise.sendto(data, ("127.0.0.1", port))
-    advertise(peer, "/grasp")
+    advertise(inbox, peer, "/grasp")
     peer.publish("/grasp", 3)
     assert received(inbox, 1)
     assert told == []
@@ -319,7 +328,7 @@ def test_two_domains_in_one_process_do_not_mix(inbox, bridge, told):
     others = CommandInbox(command_topics(), Warnings(told.append))
     other = Ros2Bridge(others, TOPICS, domain=free_domain())
     peer = CyclonePeer(other.domain)
-    advertise(peer, "/grasp")
+    advertise(others, peer, "/grasp")
     peer.publish("/grasp", 5)
     assert received(others, 1)
     assert inbox.received == 0
@@ -332,6 +341,35 @@ def test_a_domain_is_open_once_in_a_process(inbox, bridge):
         Ros2Bridge(inbox, [], domain=bridge.domain)
     bridge.close()
     Ros2Bridge(inbox, [], domain=bridge.domain).close()
+
+
+def test_the_example_closes_and_opens_the_gripper(inbox):
+    joints = ["joint_1", "left_base_joint", "right_base_joint"]
+    topic = ros_topics.joint_states({"gripper": joints})
+    bridge = Ros2Bridge(inbox, [topic], domain=free_domain())
+    client = subprocess.Popen(
+        [sys.executable, "-u", EXAMPLE],
+        env={**os.environ, "ROS_DOMAIN_ID": str(bridge.domain)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    closure = 0.0
+
+    def serve():
+        nonlocal closure
+        closure = inbox.take().get("/grasp", [closure])[0]
+        state = np.array([9.0, 0.01 * closure, 0.02 * closure, 0.0, 0.0, 0.0])
+        bridge.publish(topic, 0.0, [state, None])
+        return client.poll() is not None
+
+    assert wait_until(serve, timeout=20.0)
+    bridge.close()
+    output, _ = client.communicate()
+    assert client.returncode == 0
+    assert inbox.received == 2
+    closed, opened = output.split("grasp 0\n")
+    assert closed.count("left_base_joint 1.00 rad, right_base_joint 2.00 rad") == 3
+    assert opened.count("left_base_joint 0.00 rad, right_base_joint 0.00 rad") == 3
 
 
 def test_the_status_tells_the_domain(bridge):

@@ -9,8 +9,9 @@
 //   matched                     how many readers of commands, writers of topics there are
 
 #include <cstring>
+#include <functional>
 #include <iostream>
-#include <mutex>
+#include <memory>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -25,6 +26,7 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 
 using namespace eprosima::fastdds::dds;
 using eprosima::fastcdr::Cdr;
@@ -147,10 +149,20 @@ class RosType : public TopicDataType {
   bool getKey(void*, InstanceHandle_t*, bool) override { return false; }
 };
 
+// Without shared memory, which Cyclone DDS does not speak, and which stays behind in
+// /dev/shm when a test kills this program.
+DomainParticipantQos by_udp() {
+  DomainParticipantQos qos = PARTICIPANT_QOS_DEFAULT;
+  qos.transport().use_builtin_transports = false;
+  qos.transport().user_transports.push_back(
+      std::make_shared<eprosima::fastdds::rtps::UDPv4TransportDescriptor>());
+  return qos;
+}
+
 struct Peer {
   explicit Peer(uint32_t domain)
       : participant(DomainParticipantFactory::get_instance()->create_participant(
-            domain, PARTICIPANT_QOS_DEFAULT)),
+            domain, by_udp())),
         publisher(participant->create_publisher(PUBLISHER_QOS_DEFAULT)),
         subscriber(participant->create_subscriber(SUBSCRIBER_QOS_DEFAULT)) {}
 
