@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from drake_srg.arm.drivers import AddJerkLimits
 from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.goals import goal_pose
@@ -200,10 +201,28 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
     )
 
 
-def MakeScriptedPlanner(scenario: Scenario) -> ScriptedPlanner:
-    """Make what plays a scenario's script."""
+def MakeScriptedPlanner(scenario: Scenario) -> System:
+    """Make what plays a scenario's script: a `ScriptedPlanner`, or one in a diagram.
+
+    Where the scenario has `messages`, `arm_reference` in that diagram makes motion of
+    the arm's targets.
+    """
     assert scenario.arm is not None
-    return ScriptedPlanner(np.array(scenario.arm.home), scenario.script)
+    home = np.array(scenario.arm.home)
+    if scenario.messages is None:
+        return ScriptedPlanner(home, scenario.script)
+    builder = DiagramBuilder()
+    messages = builder.AddNamedSystem(
+        "messages", ScriptedPlanner(home, scenario.script, jumps=True)
+    )
+    reference = AddJerkLimits(builder, scenario.arm)
+    position = "position_commanded"
+    builder.Connect(messages.GetOutputPort(position), reference.get_input_port())
+    builder.ExportOutput(reference.get_output_port(), position)
+    for name, port in output_ports(messages).items():
+        if name != position:
+            builder.ExportOutput(port, name)
+    return builder.Build()
 
 
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:

@@ -22,9 +22,10 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.disturbances import Force, Push, Topple
-from drake_srg.errors import ScenarioError
+from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.gripper.drivers import GripperDriver
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.messages import MessagesConfig, message_script
 from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario_checks import check_scenario
 from drake_srg.types import Box, Cylinder, Sphere, positive
@@ -207,6 +208,9 @@ class Scenario:
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
     # What arm and gripper do, step by step, instead of what localizer and planner find.
     script: list[ScriptStep] = dc.field(default_factory=list)
+    # Messages that arm and gripper get, as a client of the thesis sends them: loaded,
+    # they are the script. The arm's targets are reached within `arm.limits`.
+    messages: MessagesConfig | None = None
     # What happens to objects besides.
     disturbances: list[Push | Topple | Force] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
@@ -261,6 +265,7 @@ def load_scenario(
     scenario: Scenario = load_typed(
         Scenario, draw_distributions(tree, int(seed or 0), origin), origin
     )
+    _play_messages(scenario, origin)
     check_scenario(scenario, origin)
     _draw_positions(scenario, origin)
     return scenario
@@ -298,6 +303,19 @@ def _load_tree(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
     merged: dict[str, Any] = merge(_load_tree(base_path, (*seen, path)), tree)
     return merged
+
+
+def _play_messages(scenario: Scenario, origin: str) -> None:
+    """Make the script of what is sent."""
+    if scenario.messages is None:
+        return
+    if scenario.script:
+        raise ScenarioError(
+            f"{origin}: messages: replace the script, which must be empty"
+        )
+    with scenario_errors(origin):
+        num_joints = len(scenario.arm.home) if scenario.arm else 0
+        scenario.script = message_script(scenario.messages, num_joints)
 
 
 def _draw_positions(scenario: Scenario, origin: str) -> None:

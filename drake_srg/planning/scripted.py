@@ -69,12 +69,16 @@ class ScriptedPlanner(LeafSystem):
     Args:
         home: Where the arm is at first, shape (N,) [rad or m].
         script: The steps, at least one.
+        jumps: Whether `position_commanded` changes at once where a step begins, too:
+            then it needs something that makes motion of that.
 
     Raises:
         ValueError: If there is no step, or one's arm position has another size.
     """
 
-    def __init__(self, home: Vector, script: Sequence[ScriptStep]) -> None:
+    def __init__(
+        self, home: Vector, script: Sequence[ScriptStep], *, jumps: bool = False
+    ) -> None:
         super().__init__()
         if not script:
             raise ValueError("script: needs at least one step")
@@ -85,6 +89,7 @@ class ScriptedPlanner(LeafSystem):
                     f"script[{i}].arm: has {len(step.arm)} entries, the arm has {n}"
                 )
         self._script = list(script)
+        self._jumps = jumps
         self._ends = np.cumsum([step.duration for step in script])
         # Row i: where step i begins; the last row: where the script ends.
         self._positions = _filled(
@@ -124,9 +129,12 @@ class ScriptedPlanner(LeafSystem):
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
         i = min(self._step(context), len(self._script) - 1)
+        start, end = self._positions[i], self._positions[i + 1]
+        if self._jumps:
+            output.SetFromVector(end)
+            return
         duration = self._script[i].duration
         s = (context.get_time() - self._ends[i]) / duration + 1.0
-        start, end = self._positions[i], self._positions[i + 1]
         output.SetFromVector(start + minimum_jerk_blend(s) * (end - start))
 
     def _calc_closure(self, context: Context, output: BasicVector) -> None:

@@ -1,4 +1,4 @@
-"""What stands around the robots: table, floor, goal marker, lid, soup can."""
+"""What stands around the robots: table, floor, pedestal, marker, lid, soup can."""
 
 from __future__ import annotations
 
@@ -54,6 +54,24 @@ def Floor() -> Files:
     low, high = (-3, -3, -0.85), (3, 3, -0.75)
     model.AddLink("floor", [_Box("floor", "floor", low, high, 0, WOOD)], None)
     return model.Finish("sdf/floor.sdf")
+
+
+def Pedestal() -> Files:
+    """Returns a column beside the table; the origin is the middle of its top.
+
+    It stands on the floor when its top is 17.5 mm above the table's: on it, a can is
+    taken at mid height by a hand 68.4 mm above the table's top.
+    """
+    model = Model("pedestal", {"wood": (0.77, 0.65, 0.47)}, "A column on the floor.")
+    half, foot, floor = 0.055, 0.11, -0.75 - 0.0175
+    low, high = (-half, -half, floor + 0.03), (half, half, 0)
+    pieces = [
+        _Box("column", "wood", low, high, 0.001, WOOD),
+        _Box("foot", "wood", (-foot, -foot, floor), (foot, foot, low[2]), 0.001, WOOD),
+    ]
+    model.AddLink("pedestal", pieces, None)
+    model.AddFrame("top", "pedestal")
+    return model.Finish("sdf/pedestal.sdf")
 
 
 def Marker() -> Files:
@@ -138,4 +156,12 @@ def Can() -> Files:
 
 def Build() -> Files:
     """Returns the files of all props."""
-    return {**Table(), **Floor(), **Marker(), **Lid(), **Can(), **Cradle()}
+    return {
+        **Table(),
+        **Floor(),
+        **Marker(),
+        **Lid(),
+        **Can(),
+        **Cradle(),
+        **Pedestal(),
+    }
