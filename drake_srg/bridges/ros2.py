@@ -40,9 +40,14 @@ _SENSOR = (Policy.Reliability.BestEffort, Policy.History.KeepLast(5))
 class Ros2Bridge(Bridge):
     """A node of ROS 2 that obeys commands and publishes topics.
 
-    On DDS a topic is `rt/NAME`, its type named as ROS 2 does, its data XCDR1; user data
-    tell the type's hash, as since Iron. Topics have ROS 2's default QoS (reliable), the
-    sensors' that for sensors (best effort); commands may be published with any.
+    On DDS a topic is `rt/NAME`, its type is named as by ROS 2, its data is XCDR1, and
+    its user data tell the type's hash, as since Iron. Topics have ROS 2's default QoS
+    (reliable), the sensors' that for sensors (best effort); commands may have any.
+
+    On the loopback interface, Fast DDS finds it as it is; Cyclone DDS does with
+    ROS_LOCALHOST_ONLY=1. Images of 640 x 480 overflow the 208 KiB that Linux has for
+    what a socket receives: Fast DDS may lose half of them unless it is given 4 MiB
+    (`sysctl net.core.rmem_default`, or its own settings); Cyclone DDS asks for more.
 
     Nothing is told on `ros_discovery_info`: Humble writes it in another way than Jazzy,
     and each throws on what the other writes. So `ros2 topic` finds all topics, and
@@ -79,7 +84,7 @@ class Ros2Bridge(Bridge):
                 open_participant(self.domain, interface, name)
             )
             kinds = {topic.name: topic.type for topic in inbox.topics.values()}
-            subscribed = {name: self._topic(name, kinds[name]) for name in kinds}
+            subscribed = {topic: self._topic(topic, kinds[topic]) for topic in kinds}
             self._writers = {
                 topic.name: DataWriter(
                     self._participant,
