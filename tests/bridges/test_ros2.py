@@ -1,11 +1,8 @@
-import os
 import random
 import signal
 import socket
-import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +15,6 @@ from drake_srg.bridges.ros2 import Ros2Bridge
 from drake_srg.bridges.topics import camera_topics
 from drake_srg.recording import ros_topics
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "ros2_client.py"
 JOINT_STATES = ros_topics.joint_states({"arm": ["a", "b"]})
 STATE = np.array([0.1, 0.2, 0.3, 0.4])
 CAMERA = camera_topics("ceiling", CameraInfo(640, 480, 500.0, 510.0, 320.0, 240.0))
@@ -341,35 +337,6 @@ def test_a_domain_is_open_once_in_a_process(inbox, bridge):
         Ros2Bridge(inbox, [], domain=bridge.domain)
     bridge.close()
     Ros2Bridge(inbox, [], domain=bridge.domain).close()
-
-
-def test_the_example_closes_and_opens_the_gripper(inbox):
-    joints = ["joint_1", "left_base_joint", "right_base_joint"]
-    topic = ros_topics.joint_states({"gripper": joints})
-    bridge = Ros2Bridge(inbox, [topic], domain=free_domain())
-    client = subprocess.Popen(
-        [sys.executable, "-u", EXAMPLE],
-        env={**os.environ, "ROS_DOMAIN_ID": str(bridge.domain)},
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    closure = 0.0
-
-    def serve():
-        nonlocal closure
-        closure = inbox.take().get("/grasp", [closure])[0]
-        state = np.array([9.0, 0.01 * closure, 0.02 * closure, 0.0, 0.0, 0.0])
-        bridge.publish(topic, 0.0, [state, None])
-        return client.poll() is not None
-
-    assert wait_until(serve, timeout=20.0) or client.kill()
-    bridge.close()
-    output, _ = client.communicate()
-    assert client.returncode == 0
-    assert inbox.received == 2
-    closed, opened = output.split("grasp 0\n")
-    assert closed.count("left_base_joint 1.00 rad, right_base_joint 2.00 rad") == 3
-    assert opened.count("left_base_joint 0.00 rad, right_base_joint 0.00 rad") == 3
 
 
 def test_the_status_tells_the_domain(bridge):
