@@ -1,22 +1,18 @@
 """The command drake-srg."""
 
 import argparse
-import contextlib
-import functools
-import math
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
-from drake_srg import doctor
+from drake_srg import cli_serve, doctor
 from drake_srg.errors import ScenarioError, scenario_errors
-from drake_srg.status_line import StatusLine
 
 # Exit codes.
 SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
@@ -69,39 +65,8 @@ def _parser() -> argparse.ArgumentParser:
         "serve", help="run a scenario's station under the commands of ROS or a driver"
     )
     _add_scenario(serve)
-    serve.add_argument("--ros1", action="store_true", help="be a node of ROS 1")
-    serve.add_argument(
-        "--master", metavar="URI", help="of ROS 1 (default: $ROS_MASTER_URI)"
-    )
-    serve.add_argument("--ros2", action="store_true", help="be a node of ROS 2")
-    serve.add_argument(
-        "--domain", type=int, metavar="N", help="of ROS 2 (default: $ROS_DOMAIN_ID)"
-    )
-    serve.add_argument(
-        "--servo",
-        metavar="tcp:PORT|pty",
-        help="be the gripper's servo, for the real one's driver (HOST: tcp:HOST:PORT)",
-    )
-    serve.add_argument(
-        "--host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="this machine's address to be reached at (default: %(default)s)",
-    )
-    serve.add_argument(
-        "--rate",
-        type=_rate,
-        default=1.0,
-        metavar="FACTOR",
-        help="simulated seconds in a real one; 0: as fast as it can (default: 1)",
-    )
-    serve.add_argument(
-        "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
-    )
-    serve.add_argument(
-        "--no-record", action="store_true", help="write no recording.mcap"
-    )
-    serve.set_defaults(run=_serve)
+    cli_serve.add_arguments(serve)
+    serve.set_defaults(run=cli_serve.serve)
 
     listing = commands.add_parser("list", help="list the scenarios")
     listing.set_defaults(run=_list)
@@ -190,60 +155,6 @@ def _run(options: argparse.Namespace) -> int:
         for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
             print(out / Path(path).name)
     return SUCCESS if metrics.success else TASK_FAILED
-
-
-def _rate(text: str) -> float:
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = math.nan
-    if not 0.0 <= rate < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: must be a number from 0 on")
-    return rate
-
-
-def _serve(options: argparse.Namespace) -> int:
-    from drake_srg.bridges.connecting import BridgeOptions
-    from drake_srg.bridges.serve import Serve
-    from drake_srg.scenario import load_scenario
-
-    bridges = BridgeOptions(
-        ros1=options.ros1 or options.master is not None,
-        master=options.master,
-        ros2=options.ros2 or options.domain is not None,
-        domain=options.domain,
-        servo=options.servo,
-        host=options.host,
-    )
-    if not (bridges.ros1 or bridges.ros2 or bridges.servo):
-        return _complain("serve: needs at least one of --ros1, --ros2 and --servo")
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    name = Path(options.scenario).stem
-    out: Path = options.out or Path("out") / "served" / name
-    status = StatusLine(sys.stdout)
-    try:
-        with _stop_on_signals() as stop:
-            served = Serve(
-                scenario,
-                functools.partial(bridges.connect, scenario),
-                name=name,
-                rate=options.rate,
-                out=None if options.no_record else out,
-                stop=stop,
-                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
-                report=status.show,
-            )
-    except OSError as error:
-        return _complain(f"serve: {error.strerror or error}")
-    finally:
-        status.close()
-    print(
-        f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
-        f"{served.commands} commands"
-    )
-    if served.recording is not None:
-        print(served.recording)
-    return SUCCESS
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -342,25 +253,6 @@ def _end_on_sigterm() -> None:
     """Let a request to terminate end what runs as Ctrl-C does."""
     if threading.current_thread() is threading.main_thread():  # Python's own limit
         signal.signal(signal.SIGTERM, signal.default_int_handler)
-
-
-@contextlib.contextmanager
-def _stop_on_signals() -> Iterator[threading.Event]:
-    """Set an event at Ctrl-C and SIGTERM; the second time, they do what they did."""
-    stop = threading.Event()
-    before: dict[int, Any] = {}
-
-    def end(number: int, _: object) -> None:
-        stop.set()
-        signal.signal(number, before[number])
-
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        before = {n: signal.signal(n, end) for n in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _complain(message: str) -> int:
