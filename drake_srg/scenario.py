@@ -310,9 +310,7 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
     if scenario.messages is None:
         return
     if scenario.script:
-        raise ScenarioError(
-            f"{origin}: messages: replace the script, which must be empty"
-        )
+        raise ScenarioError(f"{origin}: script: must be empty, the messages replace it")
     with scenario_errors(origin):
         num_joints = len(scenario.arm.home) if scenario.arm else 0
         scenario.script = message_script(scenario.messages, num_joints)

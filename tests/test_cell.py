@@ -5,7 +5,7 @@ import pytest
 from helpers import port_table
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.cell import MakeCell, MakePlanner, _targets
+from drake_srg.cell import MakeCell, MakePlanner, MakeScriptedPlanner, _targets
 from drake_srg.errors import ScenarioError
 from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.scripted import ScriptStep
@@ -158,3 +158,19 @@ def test_cells_are_freed(leaked, scenario):
     assert len(leaked()) > 6  # otherwise this would test nothing
     del simulator
     assert leaked() == []
+
+
+def test_targets_in_messages_are_reached_with_limited_jerk():
+    scenario = load_scenario("thesis_kitchen")
+    planner = MakeScriptedPlanner(scenario)
+    assert port_table(planner)[1].keys() == {
+        *("position_commanded", "closure_commanded", "force_limit", "mode", "status"),
+    }
+    simulator = Simulator(planner)
+    simulator.AdvanceTo(20.0 + 1.0)  # the first 500 messages are for home
+    q = planner.GetOutputPort("position_commanded").Eval(simulator.get_context())
+    target = scenario.script[1].arm
+    # Half a second at 80 degrees/s³, then half a second at 40 degrees/s².
+    ahead = np.deg2rad(80.0 * 0.5**3 / 6.0 + 10.0 * 0.5 + 40.0 * 0.5**2 / 2.0)
+    assert q[3] == pytest.approx(ahead)
+    assert 0.0 < q[3] < target[3]

@@ -393,3 +393,15 @@ def test_the_scenarios_are_listed_by_name():
     assert "kitchen" in list_scenarios()
     for name in list_scenarios():
         assert (module.SCENARIOS / f"{name}.yaml").is_file()
+
+
+def test_messages_become_the_script():
+    scenario = load_scenario("thesis_kitchen")
+    duration = sum(step.duration for step in scenario.script)
+    messages = scenario.messages
+    assert duration == pytest.approx(messages.number() / messages.rate + messages.rest)
+    with pytest.raises(ScenarioError, match=r"script: must be empty, the messages"):
+        load_scenario("thesis_kitchen", overrides=["script=[{duration: 1.0}]"])
+    unknown = "messages.sequence=[{routine: gripp}]"
+    with pytest.raises(ScenarioError, match=r"'gripp' is not .* did you mean 'grip'"):
+        load_scenario("thesis_kitchen", overrides=[unknown])
