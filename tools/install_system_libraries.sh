@@ -21,13 +21,5 @@ for entry in $needed; do
         *) missing="$missing ${entry#*:}" ;;
     esac
 done
-[ -n "$missing" ] || exit 0
-
-if [ "$(id -u)" -ne 0 ]; then
-    echo "Missing system libraries. Run:" >&2
-    echo "sudo apt-get update && sudo apt-get install -y --no-install-recommends$missing" >&2
-    exit 1
-fi
-apt-get update
 # shellcheck disable=SC2086  # the packages are words
-apt-get install -y --no-install-recommends $missing
+sh "$(dirname "$0")/apt_install.sh" 'system libraries' $missing
