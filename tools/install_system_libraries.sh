@@ -5,6 +5,10 @@
 # RenderEngineVtk without a display the other two (EGL alone crashes in VTK).
 # drake_srg/doctor.py names the same packages; tests/test_doctor.py compares them.
 set -eu
+here=${0%/*}
+[ "$here" != "$0" ] || here=.
+# shellcheck source=tools/apt_install.sh
+. "$here/apt_install.sh"
 
 # shared library : package
 needed='
@@ -22,4 +26,4 @@ for entry in $needed; do
     esac
 done
 # shellcheck disable=SC2086  # the packages are words
-sh "$(dirname "$0")/apt_install.sh" 'system libraries' $missing
+apt_install 'system libraries' $missing

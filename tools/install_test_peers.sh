@@ -3,6 +3,10 @@
 # another implementation of DDS. Silent when nothing is missing; without root it prints
 # the line to run. The package itself needs none of these.
 set -eu
+here=${0%/*}
+[ "$here" != "$0" ] || here=.
+# shellcheck source=tools/apt_install.sh
+. "$here/apt_install.sh"
 
 needed='ros-core python3-rospy python3-std-msgs python3-sensor-msgs libfastrtps-dev g++'
 
@@ -14,4 +18,4 @@ for package in $needed; do
     esac
 done
 # shellcheck disable=SC2086  # the packages are words
-sh "$(dirname "$0")/apt_install.sh" 'packages for the tests of the bridges' $missing
+apt_install 'packages for the tests of the bridges' $missing
