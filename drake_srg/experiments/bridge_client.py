@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
+import functools
+import os
 import re
 import shutil
 import socket
@@ -27,6 +29,23 @@ _PATIENCE = 60.0  # for something to begin or to end, then it is broken [s]
 # Makes the client's side of a wire: what it hears comes into the inbox, what it says
 # are the topics.
 MakeBridge = Callable[[CommandInbox, Sequence[Topic]], Bridge]
+
+
+WIRES = ("ROS 1", "ROS 2")
+
+
+@dc.dataclass(frozen=True)
+class MeetingPlace:
+    """Where a station and a client meet each other, and nobody else.
+
+    Attributes:
+        arguments: Of `drake-srg serve`.
+        make_station, make_client: Make their sides, one a process.
+    """
+
+    arguments: Sequence[str]
+    make_station: MakeBridge
+    make_client: MakeBridge
 
 
 @dc.dataclass(frozen=True)
@@ -103,6 +122,31 @@ def ros1_master() -> Iterator[str]:
     finally:
         process.terminate()
         process.wait()
+
+
+@contextlib.contextmanager
+def meeting_place(wire: str) -> Iterator[MeetingPlace]:
+    """Return where to meet on one of `WIRES`; goes with the context.
+
+    Raises:
+        ScenarioError: If this machine has no roscore.
+        ImportError: If a package is missing.
+    """
+    if wire == "ROS 1":
+        from drake_srg.bridges.ros1 import Ros1Bridge
+
+        with ros1_master() as uri:
+            yield MeetingPlace(
+                ("--ros1", "--master", uri),
+                functools.partial(Ros1Bridge, master=uri),
+                functools.partial(Ros1Bridge, master=uri, name="/client"),
+            )
+    else:
+        from drake_srg.bridges.ros2 import Ros2Bridge
+
+        domain = os.getpid() % 233
+        make = functools.partial(Ros2Bridge, domain=domain)
+        yield MeetingPlace(("--ros2", "--domain", str(domain)), make, make)
 
 
 class Client:

@@ -8,11 +8,7 @@ long until the station, asked by topic, says that it does what it is told?
 from __future__ import annotations
 
 import dataclasses as dc
-import functools
-import os
 import time as wall
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -20,11 +16,11 @@ import numpy.typing as npt
 
 from drake_srg.bridges.serve import control_period
 from drake_srg.experiments.bridge_client import (
+    WIRES,
     Client,
-    MakeBridge,
     Served,
     ServedProcess,
-    ros1_master,
+    meeting_place,
 )
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
@@ -37,7 +33,6 @@ DURATION = 60.0  # of each load [s]
 # Messages on each topic [1/s]; the slow ones come at all times between the station's
 # looks for commands, every 5 ms.
 LOADS = {"1 kHz": 1000.0, "27 Hz": 27.0}
-WIRES = ("ROS 1", "ROS 2")
 # Real time and what is simulated may differ by this share.
 PACE_TOLERANCE = 0.01
 # What a command may take beyond a control period, on the wires and in the processes.
@@ -145,10 +140,10 @@ def load_rows(case: Case, loaded: Loaded, period: float) -> list[Row]:
 
 def load_station(wire: str, rate: float, duration: float) -> Loaded:
     """Command a served station on all topics, `rate` messages a second on each."""
-    with _wire(wire) as (arguments, make_bridge):
-        station = ServedProcess(SCENARIO, "--no-record", *arguments)
+    with meeting_place(wire) as place:
+        station = ServedProcess(SCENARIO, "--no-record", *place.arguments)
         try:
-            client = Client(make_bridge)
+            client = Client(place.make_client)
             try:
                 sent, times, delays, last = _command(client, rate, duration)
             finally:
@@ -160,31 +155,11 @@ def load_station(wire: str, rate: float, duration: float) -> Loaded:
 
 def run_free(scenario: str, duration: float) -> Served:
     """Let a station run as fast as it can, for a real time [s]; nobody commands it."""
-    with _wire("ROS 2") as (arguments, _):
-        station = ServedProcess(scenario, "--no-record", "--rate", "0", *arguments)
+    with meeting_place("ROS 2") as place:
+        arguments = ("--no-record", "--rate", "0", *place.arguments)
+        station = ServedProcess(scenario, *arguments)
         wall.sleep(duration)
         return station.stop()
-
-
-@contextmanager
-def _wire(wire: str) -> Iterator[tuple[list[str], MakeBridge]]:
-    """What `serve` and a client need to meet each other, and nobody else."""
-    if wire == "ROS 1":
-        from drake_srg.bridges.ros1 import Ros1Bridge
-
-        with ros1_master() as uri:
-            yield (
-                ["--ros1", "--master", uri],
-                functools.partial(Ros1Bridge, master=uri, name="/client"),
-            )
-    else:
-        from drake_srg.bridges.ros2 import Ros2Bridge
-
-        domain = os.getpid() % 233
-        yield (
-            ["--ros2", "--domain", str(domain)],
-            functools.partial(Ros2Bridge, domain=domain, name="client"),
-        )
 
 
 def _command(

@@ -1,0 +1,182 @@
+"""The SRG thesis's demonstration, commanded by messages over ROS 1 and ROS 2.
+
+A client in a process of its own sends the thesis's 5752 messages, at the thesis's pace,
+to a station that is served in real time. A witness, who sees the truth and commands
+nothing, tells what becomes of the can.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import multiprocessing as mp
+import threading
+import time as wall
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.bridges.bridge import Bridge
+from drake_srg.bridges.commands import CommandInbox
+from drake_srg.bridges.serve import Serve, Served
+from drake_srg.experiments.bridge_client import Client, MakeBridge, meeting_place
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.recording.ros_topics import Topic
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.types import Vector
+
+# Driver and wire go together: both are the same to each other.
+CASES = {"thesis_kitchen": "ROS 1", "thesis_kitchen_tendon": "ROS 2"}
+# The can stands where it stood, upright.
+PLACEMENT, TILT = 0.003, 5.0  # m, degrees
+# Flange of the iiwa 14 above its base with the arm straight up: 360, 420, 400 and 126
+# mm. A can in the hand is higher.
+STRAIGHT_UP = 1.306  # m
+PACE_TOLERANCE = 0.01
+
+
+@dc.dataclass(frozen=True)
+class Witnessed:
+    """What became of the can.
+
+    Attributes:
+        sent: Messages.
+        served: What the station says.
+        time: Shape (K,) [s].
+        position: Of the can's centre in world, shape (K, 3) [m].
+        tilt: Of the can's axis against the vertical, shape (K,) [degrees].
+    """
+
+    sent: int
+    served: Served
+    time: Vector
+    position: Vector
+    tilt: Vector
+
+
+class Witness(Bridge):
+    """Sees where an object is, ten times a second."""
+
+    ports: Collection[str] = ("object_poses_cheat",)
+
+    def __init__(self, object_name: str):
+        self.rows: list[tuple[float, Any]] = []
+        self._object = object_name
+        self._next = 0.0
+
+    def update(self, time: float, values: Mapping[str, Any]) -> None:
+        """Remember where it is now."""
+        if time >= self._next:
+            self._next = time + 0.1
+            self.rows.append((time, values["object_poses_cheat"][self._object]))
+
+
+def run(track: Track) -> ExperimentResult:
+    """Serve both scenarios to a client."""
+    witnessed = {
+        scenario: demonstrate(scenario, CASES[scenario]) for scenario in track([*CASES])
+    }
+    rows = [row for name, one in witnessed.items() for row in rows_of(name, one)]
+    tables: dict[str, Mapping[str, npt.ArrayLike]] = {
+        name: {
+            "time_s": one.time,
+            **{f"{axis}_m": one.position[:, i] for i, axis in enumerate("xyz")},
+            "tilt_deg": one.tilt,
+        }
+        for name, one in witnessed.items()
+    }
+    return ExperimentResult(rows, tables, draw(witnessed))
+
+
+def rows_of(scenario: str, one: Witnessed) -> list[Row]:
+    """Judge a demonstration."""
+    name = f"{scenario}, {CASES[scenario]}"
+    moved = 1e3 * (one.position[-1] - one.position[0])
+    highest = float(one.position[:, 2].max())
+    pace = one.served.sim_time / one.served.wall_time
+    return [
+        Row.within(name, "messages that came", one.sent, one.served.commands, ""),
+        Row.within(name, "pace", 1.0, pace, "", absolute=PACE_TOLERANCE),
+        Row.at_least(name, "highest", STRAIGHT_UP, highest, "m"),
+        Row.at_most(
+            name,
+            "put back, beside where it stood",
+            1e3 * PLACEMENT,
+            float(np.linalg.norm(moved)),
+            "mm",
+        ),
+        Row.at_most(name, "tilt at the end", TILT, float(one.tilt[-1]), "degrees"),
+    ]
+
+
+def demonstrate(name: str, wire: str, overrides: Sequence[str] = ()) -> Witnessed:
+    """Serve a scenario to a client that sends its messages, in real time."""
+    scenario = load_scenario(name, overrides=overrides)
+    witness = Witness(scenario.task.pick)
+    stop = threading.Event()
+    with meeting_place(wire) as place:
+        client = mp.get_context("spawn").Process(
+            target=_send, args=(name, list(overrides), place.make_client), daemon=True
+        )
+
+        def connect(inbox: CommandInbox, topics: Sequence[Topic]) -> list[Bridge]:
+            bridges = [place.make_station(inbox, topics), witness]
+            client.start()
+            threading.Thread(target=end, daemon=True).start()
+            return bridges
+
+        def end() -> None:
+            client.join()
+            stop.set()
+
+        served = Serve(scenario, connect, name=name, stop=stop)
+    times, poses = zip(*witness.rows, strict=True)
+    axes = np.array([X_WO.rotation().matrix()[:, 2] for X_WO in poses])
+    return Witnessed(
+        len(list(messages(scenario))),
+        served,
+        np.array(times),
+        np.array([X_WO.translation() for X_WO in poses]),
+        np.rad2deg(np.arccos(np.clip(axes[:, 2], -1.0, 1.0))),
+    )
+
+
+def messages(scenario: Scenario) -> Iterator[dict[str, Any]]:
+    """The messages of a scenario, one after the other: topic to data."""
+    assert scenario.messages is not None
+    for step in scenario.script:
+        for _ in range(round(step.duration * scenario.messages.rate)):
+            if step.arm is not None:
+                yield {"/kuka": step.arm}
+            elif step.closure is not None:
+                yield {"/grasp": round(100 * step.closure)}
+
+
+def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
+    """Run as the client."""
+    scenario = load_scenario(name, overrides=overrides)
+    assert scenario.messages is not None
+    client = Client(make_bridge)
+    start = wall.monotonic()
+    for i, message in enumerate(messages(scenario)):
+        wall.sleep(max(start + i / scenario.messages.rate - wall.monotonic(), 0.0))
+        client.send(message)
+    wall.sleep(scenario.messages.rest)
+    client.close()
+
+
+def draw(witnessed: Mapping[str, Witnessed]) -> Any:
+    """Draw the can's height, and how far it is beside where it stood."""
+    figure = make_figure(9.0, 3.6)
+    axes = figure.subplots(1, len(witnessed), sharey=True, squeeze=False)[0]
+    for ax, (name, one) in zip(axes, witnessed.items(), strict=True):
+        style_axes(ax, xlabel="time [s]", ylabel="[m]")
+        ax.plot(one.time, one.position[:, 2], label="height")
+        beside = np.linalg.norm((one.position - one.position[0])[:, :2], axis=1)
+        ax.plot(one.time, beside, label="beside its place")
+        ax.set_title(f"{name}, {CASES[name]}", loc="left", fontsize=9)
+        ax.legend(fontsize=8)
+    return figure

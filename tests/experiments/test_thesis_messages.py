@@ -1,0 +1,76 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from drake_srg.bridges.serve import Served
+from drake_srg.experiments.thesis_messages import (
+    CASES,
+    Witnessed,
+    demonstrate,
+    draw,
+    messages,
+    rows_of,
+)
+from drake_srg.scenario import load_scenario
+
+NAME = "thesis_kitchen"
+WELL = Witnessed(
+    sent=5752,
+    served=Served(240.0, 240.0, 5752, None),
+    time=np.array([0.0, 120.0, 240.0]),
+    position=np.array([[-0.8, 0.0, 0.07], [0.0, 0.0, 1.4], [-0.799, 0.0, 0.07]]),
+    tilt=np.array([0.0, 90.0, 0.1]),
+)
+
+
+def failed(one):
+    return [row.quantity for row in rows_of(NAME, one) if not row.passed]
+
+
+def test_a_can_that_is_carried_and_put_back_passes():
+    assert failed(WELL) == []
+
+
+@pytest.mark.parametrize(
+    "fault, quantity",
+    [
+        ({"sent": 5753}, "messages that came"),
+        ({"served": Served(200.0, 240.0, 5752, None)}, "pace"),
+        ({"position": WELL.position * [1.0, 1.0, 0.9]}, "highest"),
+        (
+            {"position": np.add(WELL.position, [[0.0], [0.0], [0.004]])},
+            "put back, beside where it stood",
+        ),
+        ({"tilt": np.array([0.0, 90.0, 90.0])}, "tilt at the end"),
+    ],
+)
+def test_what_goes_wrong_is_found(fault, quantity):
+    assert quantity in failed(dc.replace(WELL, **fault))
+
+
+def test_the_messages_are_the_thesis_s():
+    sent = list(messages(load_scenario(NAME)))
+    assert len(sent) == 5752
+    topics = [next(iter(message)) for message in sent]
+    assert topics.count("/kuka") == 5752 - 2002
+    grip = [m["/grasp"] for m in sent if "/grasp" in m]
+    assert grip == [i // 10 for i in [*range(1001), *range(1000, -1, -1)]]
+    np.testing.assert_allclose(
+        np.rad2deg(sent[500]["/kuka"]), [5, -71, 0, 110, 0, 90, 0]
+    )
+
+
+def test_a_short_demonstration_over_the_wire():
+    overrides = ["messages.rate=500", "messages.rest=0.3"]
+    overrides += ["messages.sequence=[{routine: closehalf, mode: close}]"]
+    one = demonstrate(NAME, "ROS 2", overrides)
+    assert one.sent == one.served.commands == 501
+    assert 1.3 < one.served.sim_time < 20.0
+    np.testing.assert_allclose(one.position[-1], one.position[0], atol=1e-3)
+    assert one.tilt.max() < 1.0
+
+
+def test_the_figure_shows_every_case():
+    axes = draw(dict.fromkeys(CASES, WELL)).axes
+    assert [ax.get_title(loc="left").split(",")[0] for ax in axes] == [*CASES]
