@@ -6,12 +6,13 @@ from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell import MakeCell
+from drake_srg.cell import AddLocalizer, MakeCell
 from drake_srg.contacts import ContactReader
 from drake_srg.lifetime import LeafSystem
 from drake_srg.ports import output_ports
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.station import MakeStation
 
 RATE = 250.0  # messages/s: the fingers close and open in 4 s
 # Seconds that each pose has: a little more than the arm needs within its limits. A
@@ -101,3 +102,15 @@ def test_only_friction_lifts_the_can(name, override, lifted):
     z = result.log["object_pose.soup_can"][:, 2]
     assert (z[-1] > z[0] + 0.2) == lifted
     assert result.metrics.failure == "misplaced"  # it did not come back
+
+
+def test_the_ceiling_camera_finds_the_can():
+    scenario = load_scenario("thesis_kitchen")
+    builder = DiagramBuilder()
+    station = builder.AddSystem(MakeStation(scenario))
+    localizer = AddLocalizer(builder, scenario, station)
+    diagram = builder.Build()
+    context = localizer.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    (blob,) = localizer.GetOutputPort("blobs").Eval(context)
+    truth = [*scenario.objects["soup_can"].position, 0.0175 + 0.0509]
+    np.testing.assert_allclose(blob.position, truth, atol=0.5e-3)  # the kitchen's aim

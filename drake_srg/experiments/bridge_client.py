@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses as dc
 import functools
+import multiprocessing as mp
 import os
 import re
 import shutil
@@ -12,6 +13,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time as wall
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -57,6 +59,19 @@ class Served:
     seen_time: float  # from its first words to the request to end [s]
     commands: int
     warnings: str  # what it wrote on standard error
+
+
+def wait_for(connected: Callable[[], bool]) -> None:
+    """Wait until client and station know each other.
+
+    Raises:
+        ScenarioError: If they do not within a minute.
+    """
+    end = wall.monotonic() + _PATIENCE
+    while not connected():
+        if wall.monotonic() > end:
+            raise ScenarioError("client and station do not connect")
+        wall.sleep(0.05)
 
 
 class ServedProcess:
@@ -177,12 +192,11 @@ class Client:
         ]
         inbox = CommandInbox(heard, Warnings(lambda text: None))
         self._bridge = make_bridge(inbox, list(self._topics.values()))
-        end = wall.monotonic() + _PATIENCE
-        while not (self.arm and self.closure and self._is_heard()):
-            if wall.monotonic() > end:
-                self.close()
-                raise ScenarioError("bridge_load: client and station do not connect")
-            wall.sleep(0.05)
+        try:
+            wait_for(lambda: bool(self.arm and self.closure) and self._is_heard())
+        except ScenarioError:
+            self.close()
+            raise
 
     def send(self, values: Mapping[str, Any]) -> None:
         """Publish on topics, by their names."""
@@ -195,6 +209,27 @@ class Client:
 
     def _is_heard(self) -> bool:
         return all(self._bridge.has_subscribers(name) for name in self._topics)
+
+
+@contextlib.contextmanager
+def watcher(make_bridge: MakeBridge, topic: str, type: str) -> Iterator[None]:
+    """Let a process of its own listen to a topic."""
+    process = mp.get_context("spawn").Process(
+        target=_watch, args=(make_bridge, topic, type), daemon=True
+    )
+    process.start()
+    try:
+        yield
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _watch(make_bridge: MakeBridge, topic: str, type: str) -> None:
+    heard = CommandTopic(topic, type, lambda data: {})
+    bridge = make_bridge(CommandInbox([heard], Warnings(lambda text: None)), [])
+    with contextlib.closing(bridge):
+        threading.Event().wait()  # until it is terminated
 
 
 def _number(name: str, type: str, convert: Callable[[Any], Any]) -> Topic:

@@ -7,6 +7,7 @@ long until the station, asked by topic, says that it does what it is told?
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses as dc
 import time as wall
 from typing import Any
@@ -14,13 +15,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.bridges.serve import control_period
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.serve import control_period, served_camera
+from drake_srg.bridges.topics import COLOR, camera_topics
 from drake_srg.experiments.bridge_client import (
     WIRES,
     Client,
     Served,
     ServedProcess,
     meeting_place,
+    wait_for,
+    watcher,
 )
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
@@ -43,6 +48,8 @@ STEP, REST = 0.01, 0.8
 # What a joint is moved by that is not at rest: in a first period of 5 ms it is jerk
 # times time cubed over 6, 3e-8 [rad].
 _MOVED = 1e-9
+# Images that are sent, of 640 x 480 pixels, and what one may cost who sends it [s].
+IMAGES, IMAGE_COST = 100, 0.003
 # How fast these run when nothing holds them back.
 FREE = ("kitchen", "kitchen_tendon", "kitchen_fast", "assistive_arm", "gripper_bench")
 FREE_DURATION = 8.0  # s
@@ -91,8 +98,19 @@ def run(track: Track) -> ExperimentResult:
             loaded[case] = load_station(case.wire, LOADS[case.load], DURATION)
         else:
             served[case] = run_free(case.scenario, FREE_DURATION)
+    costs = {wire: image_costs(wire) for wire in WIRES}
     period = control_period(load_scenario(SCENARIO))
     rows = [row for case in loaded for row in load_rows(case, loaded[case], period)]
+    rows += [
+        Row.at_most(
+            f"{wire}, image",
+            "cost of sending, median",
+            1e3 * IMAGE_COST,
+            1e3 * float(np.median(cost)),
+            "ms",
+        )
+        for wire, cost in costs.items()
+    ]
     rows += [
         Row.info(
             case.scenario, "real-time factor, free", one.sim_time / one.wall_time, ""
@@ -160,6 +178,30 @@ def run_free(scenario: str, duration: float) -> Served:
         station = ServedProcess(scenario, *arguments)
         wall.sleep(duration)
         return station.stop()
+
+
+def image_costs(wire: str) -> Vector:
+    """Time that it takes a station to send an image, once for each of `IMAGES` [s]."""
+    scenario = load_scenario(SCENARIO)
+    camera = served_camera(scenario)
+    assert camera is not None
+    topic = camera_topics(*camera)[COLOR]
+    pixels = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+    costs = []
+    with (
+        meeting_place(wire) as place,
+        contextlib.closing(
+            place.make_station(CommandInbox([], Warnings(lambda text: None)), [topic])
+        ) as bridge,
+        watcher(place.make_client, topic.name, topic.type),
+    ):
+        wait_for(lambda: bridge.has_subscribers(COLOR))
+        for i in range(IMAGES):
+            wall.sleep(0.03)
+            start = wall.perf_counter()
+            bridge.publish(topic, 0.1 * i, [pixels])
+            costs.append(wall.perf_counter() - start)
+    return np.array(costs)
 
 
 def _command(

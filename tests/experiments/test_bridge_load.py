@@ -69,8 +69,16 @@ def test_a_short_load_of_a_real_station(wire):
     one = bridge_load.load_station(wire, rate=50.0, duration=2.0)
     assert one.sent == one.served.commands == 400
     assert one.last == 0.0
-    assert one.served.warnings == ""
+    # A busy machine may be too slow; nothing else may be wrong.
+    warnings = one.served.warnings.splitlines()
+    assert [line for line in warnings if "cannot keep" not in line] == []
     assert len(one.delays) >= 5 and np.isfinite(one.delays).all()
+
+
+def test_the_cost_of_images_is_that_of_all(monkeypatch):
+    monkeypatch.setattr(bridge_load, "IMAGES", 5)
+    costs = bridge_load.image_costs("ROS 2")
+    assert costs.shape == (5,) and (costs > 0.0).all()
 
 
 def test_a_station_that_cannot_be_served_says_why():
