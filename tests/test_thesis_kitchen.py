@@ -1,4 +1,4 @@
-"""The thesis's demonstration in a fifth of its time; docs/kitchen.md has the whole."""
+"""The thesis's demonstration in a quarter of its time; docs/kitchen.md has the whole."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
 
-RATE = 250.0  # messages/s: the fingers close and open in 4 s
+RATE = 125.0  # messages/s: the fingers close and open in 8 s
 # Seconds that each pose has: a little more than the arm needs within its limits. A
 # motion that began before the last one has ended would lead past other places.
 POSES = {
