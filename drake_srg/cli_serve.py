@@ -37,6 +37,12 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         help="this machine's address to be reached at (default: %(default)s)",
     )
     serve.add_argument(
+        "--name",
+        default="drake_srg",
+        metavar="NODE",
+        help="of the node, for several beside each other (default: %(default)s)",
+    )
+    serve.add_argument(
         "--rate",
         type=_rate,
         default=1.0,
@@ -67,26 +73,32 @@ def serve(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: For bad input, and where an address or a folder cannot be used.
     """
-    from drake_srg.bridges.connecting import BridgeOptions
-    from drake_srg.bridges.serve import Serve
-    from drake_srg.scenario import load_scenario
-
-    bridges = BridgeOptions(
-        ros1=options.ros1 or options.master is not None,
-        master=options.master,
-        ros2=options.ros2 or options.domain is not None,
-        domain=options.domain,
-        servo=options.servo,
-        host=options.host,
-    )
-    if not (bridges.ros1 or bridges.ros2 or bridges.servo):
-        raise ScenarioError("serve: needs at least one of --ros1, --ros2 and --servo")
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    name = Path(options.scenario).stem
-    out: Path = options.out or Path("out") / "served" / name
     status = StatusLine(sys.stdout)
-    try:
-        with _stop_on_signals() as stop:
+    with _stop_on_signals() as stop, contextlib.closing(status):
+        # Only now: what is asked to stop while it imports Drake shall not be torn.
+        from drake_srg.bridges.connecting import BridgeOptions
+        from drake_srg.bridges.serve import Serve
+        from drake_srg.scenario import load_scenario
+
+        bridges = BridgeOptions(
+            ros1=options.ros1 or options.master is not None,
+            master=options.master,
+            ros2=options.ros2 or options.domain is not None,
+            domain=options.domain,
+            servo=options.servo,
+            host=options.host,
+            name=options.name,
+        )
+        if not (bridges.ros1 or bridges.ros2 or bridges.servo):
+            raise ScenarioError(
+                "serve: needs at least one of --ros1, --ros2 and --servo"
+            )
+        scenario = load_scenario(
+            options.scenario, seed=options.seed, overrides=options.set
+        )
+        name = Path(options.scenario).stem
+        out: Path = options.out or Path("out") / "served" / name
+        try:
             served = Serve(
                 scenario,
                 functools.partial(bridges.connect, scenario),
@@ -97,10 +109,11 @@ def serve(options: argparse.Namespace) -> int:
                 tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
                 report=status.show,
             )
-    except OSError as error:
-        raise ScenarioError(f"serve: {error.strerror or error}") from error
-    finally:
-        status.close()
+        except BrokenPipeError:  # the reader of the status line has gone
+            raise
+        except OSError as error:
+            where = f"{error.filename}: " if error.filename else ""
+            raise ScenarioError(f"serve: {where}{error.strerror or error}") from error
     print(
         f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
         f"{served.commands} commands"
@@ -112,7 +125,10 @@ def serve(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _stop_on_signals() -> Iterator[threading.Event]:
-    """Set an event at Ctrl-C and SIGTERM; the second time, they do what they did."""
+    """Set an event where the user asks for an end; asking again does what it did.
+
+    That is Ctrl-C, SIGTERM, and SIGHUP of a terminal that is closed.
+    """
     stop = threading.Event()
     before: dict[int, Any] = {}
 
@@ -121,7 +137,8 @@ def _stop_on_signals() -> Iterator[threading.Event]:
         signal.signal(number, before[number])
 
     if threading.current_thread() is threading.main_thread():  # Python's own limit
-        before = {n: signal.signal(n, end) for n in (signal.SIGINT, signal.SIGTERM)}
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = {number: signal.signal(number, end) for number in numbers}
     try:
         yield stop
     finally:

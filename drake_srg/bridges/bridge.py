@@ -27,6 +27,11 @@ class Bridge:
         """Where it is reached, for people, as in "ROS 1 at http://localhost:11311"."""
         return ""
 
+    @property
+    def closed(self) -> bool:
+        """Whether it has ended by itself, and nobody can reach it any more."""
+        return False
+
     def has_subscribers(self, topic: str) -> bool:
         """Whether somebody listens to a topic."""
         return False

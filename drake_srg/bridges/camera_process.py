@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing as mp
 import os
 import signal
@@ -13,12 +14,15 @@ from typing import Any
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
 from drake_srg.cameras import AddRemoteCameras
 from drake_srg.cell import AddLocalizer
 from drake_srg.ports import Ports
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
+
+_PATIENCE = 2.0  # with what should end [s]
 
 # Called with the time of the picture [s], a topic and the values its `convert` takes.
 Show = Callable[[float, str, tuple[Any, ...]], None]
@@ -31,8 +35,8 @@ class CameraProcess:
         scenario: Of the plant; without soft objects, which only a plant knows.
         camera: Which of its cameras is shown.
         state: Of the plant at the start, for the cameras to prepare themselves.
-        show: Called, in a thread of this, with what is seen.
-        failed: Called there, once, if the process ends by itself.
+        show: Called, in a thread of this, with what is seen; does not raise.
+        warnings: Hears of trouble.
     """
 
     def __init__(
@@ -41,16 +45,24 @@ class CameraProcess:
         camera: str,
         state: Vector,
         show: Show,
-        failed: Callable[[], None],
+        warnings: Warnings,
     ):
-        self._show, self._failed = show, failed
+        self._show, self._warnings = show, warnings
+        self._closing = False
         self._idle = threading.Event()
         context = mp.get_context("spawn")  # threads do not survive a fork
         self._connection, theirs = context.Pipe()
         # Objects of Drake's schema do not pickle; their text does.
         arguments = (theirs, yaml_dump_typed(scenario), camera, state)
         self._process = context.Process(target=_render, args=arguments, daemon=True)
-        self._process.start()
+        # Ctrl-C in a terminal is for this process; there it would come before there is
+        # anybody to ignore it.
+        signals = {signal.SIGINT, signal.SIGHUP}
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
         theirs.close()
         self._thread = threading.Thread(
             target=self._receive, name="cameras", daemon=True
@@ -76,39 +88,43 @@ class CameraProcess:
 
     def close(self) -> None:
         """End the process."""
-        self._failed = lambda: None
+        self._closing = True
         self._process.terminate()
+        self._process.join(_PATIENCE)
+        self._process.kill()  # whatever keeps it
         self._process.join()
-        self._thread.join()
+        self._thread.join(_PATIENCE)
         self._connection.close()
 
     def _receive(self) -> None:
-        try:
-            self._connection.recv()  # that it is ready
-            while True:
-                self._idle.set()
-                time, pictures = self._connection.recv()
-                for topic, values in pictures.items():
-                    self._show(time, topic, values)
-        except (EOFError, OSError):
-            self._idle.clear()
-            self._failed()
+        while True:
+            try:
+                message = self._connection.recv()
+            except (EOFError, OSError):
+                self._idle.clear()
+                if not self._closing:
+                    self._warnings.warn(
+                        "cameras end",
+                        "the cameras' process has ended: no pictures any more",
+                    )
+                return
+            time, pictures = message
+            for topic, values in pictures.items():
+                self._show(time, topic, values)
+            self._idle.set()
 
 
 def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
     """Run as the process: look whenever it is told to."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent
     os.environ.setdefault("LP_NUM_THREADS", "0")  # the other cores have work
     viewer = _Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
     # Renderers prepare themselves when they are first looked through.
     viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
-    connection.send(None)
-    while True:
-        try:
+    with contextlib.suppress(EOFError, OSError):  # the parent is gone
+        connection.send((0.0, {}))  # ready
+        while True:
             time, state, topics = connection.recv()
             connection.send((time, viewer.look(time, state, topics)))
-        except (EOFError, OSError):
-            return
 
 
 class _Viewer:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
+import re
 from collections.abc import Sequence
 
 from drake_srg.bridges.bridge import Bridge
@@ -24,6 +25,7 @@ class BridgeOptions:
     domain: int | None = None  # None: as ROS 2 finds it
     servo: str | None = None  # tcp:PORT, tcp:HOST:PORT or pty; None: no servo
     host: str = "127.0.0.1"  # address of this machine that peers reach
+    name: str = "drake_srg"  # of the node
 
     def connect(
         self, scenario: Scenario, inbox: CommandInbox, topics: Sequence[Topic]
@@ -44,16 +46,33 @@ class BridgeOptions:
 
             # Imported where they are made: their packages are optional.
             try:
+                if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", self.name):
+                    raise ValueError(
+                        f"--name {self.name}: must be letters, digits and underscores, "
+                        "a letter first"
+                    )
                 if self.ros1:
                     from drake_srg.bridges.ros1 import Ros1Bridge
 
-                    add(Ros1Bridge(inbox, topics, master=self.master, host=self.host))
+                    add(
+                        Ros1Bridge(
+                            inbox,
+                            topics,
+                            master=self.master,
+                            host=self.host,
+                            name=f"/{self.name}",
+                        )
+                    )
                 if self.ros2:
                     from drake_srg.bridges.ros2 import Ros2Bridge
 
                     add(
                         Ros2Bridge(
-                            inbox, topics, domain=self.domain, interface=self.host
+                            inbox,
+                            topics,
+                            domain=self.domain,
+                            interface=self.host,
+                            name=self.name,
                         )
                     )
                 if self.servo is not None:

@@ -9,6 +9,7 @@ from concurrent import futures
 from typing import Any, TypeVar
 
 _T = TypeVar("_T")
+_PATIENCE = 5.0  # with a task that does not end when it is cancelled [s]
 
 
 class IoThread:
@@ -41,10 +42,10 @@ class IoThread:
         self.loop.call_soon_threadsafe(function, *arguments)
 
     def stop(self) -> None:
-        """Cancel what still runs there and end the thread."""
+        """Cancel what still runs there and end the thread, if it lets itself."""
         if self._thread.is_alive():
             self.loop.call_soon_threadsafe(self.loop.stop)
-            self._thread.join()
+            self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
         asyncio.set_event_loop(self.loop)

@@ -8,6 +8,10 @@ import time as wall
 from collections import deque
 from collections.abc import Callable
 
+# Too slow is what does less than this share of its rate in two windows of this length
+# [s, real] one after the other: a stall is not.
+_KEPT, _WINDOW = 0.97, 5.0
+
 
 class Pacer:
     """Lets simulated time pass at a multiple of real time, or as fast as it can.
@@ -31,9 +35,11 @@ class Pacer:
         self._rate, self._stop = rate, stop
         self._patience, self._clock = patience, clock
         self.lost = 0.0  # real time given up [s]
+        self.too_slow: float | None = None  # simulated over real time, where it is
         self._start = clock()  # when simulated time was 0, or would have been
         # (real, simulated) times of the last second or so.
         self._recent: deque[tuple[float, float]] = deque([(self._start, 0.0)])
+        self._window, self._slow_windows = (self._start, 0.0), 0
 
     def wait(self, time: float) -> None:
         """Wait until it is time for the simulated `time` [s]."""
@@ -45,9 +51,20 @@ class Pacer:
             elif ahead < -self._patience:
                 self.lost -= ahead
                 self._start -= ahead
+            self._judge(now, time)
         self._recent.append((now, time))
         while now - self._recent[0][0] > 1.0 and len(self._recent) > 2:
             self._recent.popleft()
+
+    def _judge(self, now: float, time: float) -> None:
+        """See, at the end of a window, whether it is too slow."""
+        real, simulated = self._window
+        if now - real >= _WINDOW:
+            factor = (time - simulated) / (now - real)
+            slow = factor < _KEPT * self._rate
+            self._slow_windows = self._slow_windows + 1 if slow else 0
+            self.too_slow = factor if self._slow_windows > 1 else None
+            self._window = (now, time)
 
     @property
     def factor(self) -> float:

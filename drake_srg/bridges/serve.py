@@ -11,17 +11,15 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
 
 from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.camera_process import CameraProcess
 from drake_srg.bridges.commands import CommandInbox, Warnings, station_topics
+from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
+from drake_srg.bridges.pictures import Pictures
 from drake_srg.bridges.served_station import AddServedStation
-from drake_srg.bridges.topics import camera_topics
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.ports import Ports, output_ports
 from drake_srg.recorders import AddRosbagRecorder, recorded_topics
@@ -29,10 +27,7 @@ from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
-from drake_srg.types import Vector
 
-# Time between pictures [s, simulated]; rendering decides how many there really are.
-_CAMERA_PERIOD = 0.1
 # Time between status reports [s, real].
 _STATUS_PERIOD = 0.5
 
@@ -104,7 +99,6 @@ def Serve(
             if out is not None:
                 bag = AddRosbagRecorder(builder, station, scenario, out)
                 recording = stack.enter_context(bag).path
-                recording.unlink(missing_ok=True)  # what is there then is of this run
             joints = () if scenario.gripper is None else scenario.gripper.joint_names
             plant = builder.GetSubsystemByName("plant")
             inbox = CommandInbox(
@@ -117,30 +111,22 @@ def Serve(
             simulator.set_target_realtime_rate(0.0)  # the pacer's
             _fix_defaults(simulator)
             simulator.Initialize()
-        camera = served_camera(scenario)
-        pictures = {} if camera is None else camera_topics(*camera)
-        bridges = connect(inbox, [*topics, *pictures.values()])
-        for bridge in bridges:
+        pictures = Pictures(scenario, warnings)
+        outlet = Outlet(connect(inbox, [*topics, *pictures.topics.values()]), warnings)
+        for bridge in outlet.bridges:
             stack.callback(bridge.close)
-        _check_ports(name, bridges, station)
-        outlet = _Outlet(simulator, topics, bridges)
-        if camera is not None:
-            cameras = CameraProcess(
-                scenario,
-                camera[0],
-                outlet.plant_state(),
-                show=lambda time, topic, values: outlet.send(
-                    pictures[topic], time, values
-                ),
-                failed=lambda: warnings.warn(
-                    "cameras", "the cameras' process has ended: no pictures any more"
-                ),
-            )
-            stack.callback(cameras.close)
-            outlet.cameras, outlet.pictures = cameras, list(pictures)
+        stack.callback(pictures.close)
+        _check_ports(name, outlet.bridges, station)
         start = wall.monotonic()
         try:
-            _run(simulator, scenario, name, rate, inbox, outlet, stop, report)
+            _run(
+                _Loop(name, simulator, topics, pictures, inbox, outlet),
+                control_period(scenario),
+                name,
+                rate,
+                stop,
+                report,
+            )
         except ScenarioError as error:
             failure = error
         elapsed = wall.monotonic() - start
@@ -148,19 +134,6 @@ def Serve(
         raise failure
     time = simulator.get_context().get_time()
     return Served(time, elapsed, inbox.received, recording)
-
-
-def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
-    """Return name and intrinsics of the camera that clients see through, if any.
-
-    It is the localizer's first, or else the scenario's.
-    """
-    if any(config.soft for config in scenario.objects.values()):
-        return None
-    for name in (*scenario.localizer.cameras, *scenario.cameras):
-        color, _ = scenario.cameras[name].MakeCameras()
-        return name, color.core().intrinsics()
-    return None
 
 
 def _check_ports(name: str, bridges: Sequence[Bridge], station: Ports) -> None:
@@ -181,84 +154,71 @@ def _fix_defaults(simulator: Simulator) -> None:
         port.FixValue(simulator.get_mutable_context(), [0.0])
 
 
-class _Outlet:
-    """What goes from the station to the bridges."""
-
-    cameras: CameraProcess | None = None
-    pictures: Sequence[str] = ()
+class _Loop:
+    """One step of what is served: commands in, a control period, what is told out."""
 
     def __init__(
-        self, simulator: Simulator, topics: Sequence[Topic], bridges: Sequence[Bridge]
+        self,
+        name: str,
+        simulator: Simulator,
+        topics: Sequence[Topic],
+        pictures: Pictures,
+        inbox: CommandInbox,
+        outlet: Outlet,
     ) -> None:
-        self.bridges = bridges
-        self._topics = topics
-        self._context = simulator.get_context()
-        self._ports = output_ports(simulator.get_system())
-        self._wanted = sorted({name for bridge in bridges for name in bridge.ports})
-        self._next_picture = 0.0
+        self._name, self._simulator = name, simulator
+        self.inbox, self.outlet = inbox, outlet
+        self._topics, self._pictures = topics, pictures
+        self._diagram = simulator.get_system()
+        self._context = simulator.get_mutable_context()
+        self._ports = output_ports(self._diagram)
+        self._wanted = sorted({name for b in outlet.bridges for name in b.ports})
 
-    def plant_state(self) -> Vector:
-        """The plant's [q; v] now."""
-        return np.array(self._ports["plant.state"].Eval(self._context))
-
-    def tell(self, time: float) -> None:
-        """Send what the station is like at `time`, now."""
-        values = {name: self._ports[name].Eval(self._context) for name in self._wanted}
-        for bridge in self.bridges:
-            bridge.update(time, {name: values[name] for name in bridge.ports})
+    def advance(self, time: float) -> None:
+        """Obey what was commanded, until a time [s], and tell what came of it."""
+        for name, value in self.inbox.take().items():
+            self._diagram.GetInputPort(name).FixValue(self._context, value)
+        with failure_time(self._name, self._simulator):
+            self._simulator.AdvanceTo(time)
+        values = {name: self._value(name) for name in self._wanted}
+        self.outlet.update(time, values)
         for topic in self._topics:
-            if self._has_subscribers(topic.name):
-                ports = (self._ports.get(name) for name in topic.ports)
-                self.send(topic, time, [p and p.Eval(self._context) for p in ports])
-        if self.cameras and self.cameras.idle and time >= self._next_picture:
-            wanted = [name for name in self.pictures if self._has_subscribers(name)]
-            if wanted:
-                self.cameras.look(time, self.plant_state(), wanted)
-                self._next_picture = time + _CAMERA_PERIOD
+            if self.outlet.has_subscribers(topic.name):
+                told = [self._value(name) for name in topic.ports]
+                self.outlet.send(topic, time, told)
+        self._pictures.look(time, lambda: self._value("plant.state"), self.outlet)
 
-    def send(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send a message to whom it may concern."""
-        for bridge in self.bridges:
-            if bridge.has_subscribers(topic.name):
-                bridge.publish(topic, time, values)
-
-    def _has_subscribers(self, topic: str) -> bool:
-        return any(bridge.has_subscribers(topic) for bridge in self.bridges)
+    def _value(self, name: str) -> Any:
+        port = self._ports.get(name)
+        return None if port is None else port.Eval(self._context)
 
 
 def _run(
-    simulator: Simulator,
-    scenario: Scenario,
+    loop: _Loop,
+    period: float,
     name: str,
     rate: float,
-    inbox: CommandInbox,
-    outlet: _Outlet,
     stop: threading.Event,
     report: Callable[[str], None],
 ) -> None:
-    """Step from look to look at the inbox until it is stopped."""
-    diagram, context = simulator.get_system(), simulator.get_mutable_context()
-    period = control_period(scenario)
+    """Step from look to look at the inbox until it is stopped, or nobody is left."""
     pacer = Pacer(rate or math.inf, stop)
-    addresses = ", ".join(bridge.status for bridge in outlet.bridges)
+    bridges = loop.outlet.bridges
     step, reported = 0, -math.inf
-    while not stop.is_set():
+    while not stop.is_set() and not all(bridge.closed for bridge in bridges):
         if wall.monotonic() - reported >= _STATUS_PERIOD:
             reported = wall.monotonic()
             report(
-                f"{name}: {addresses}; {step * period:.1f} s at {pacer.factor:.2f} x "
-                f"real time, {inbox.received} commands"
+                f"{name}: {loop.outlet.status}; {step * period:.1f} s at "
+                f"{pacer.factor:.2f} x real time, {loop.inbox.received} commands"
             )
-        for port, value in inbox.take().items():
-            diagram.GetInputPort(port).FixValue(context, value)
         step += 1
-        with failure_time(name, simulator):
-            simulator.AdvanceTo(step * period)
-        outlet.tell(step * period)
+        loop.advance(step * period)
         pacer.wait(step * period)
-        if pacer.lost:
-            inbox.warnings.warn(
+        if pacer.too_slow is not None:
+            loop.inbox.warnings.warn(
                 "pace",
                 f"this machine cannot keep {rate:g} x real time with {name}, it does "
-                f"{pacer.factor:.2f}; ask for less by --rate, or for a faster scenario",
+                f"{pacer.too_slow:.2f}; ask for less by --rate, or for a faster "
+                "scenario",
             )

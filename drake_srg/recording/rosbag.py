@@ -91,8 +91,12 @@ class RosbagRecorder(Recorder):
         """Finish the recording and put it in its place."""
         if self._writer is None:
             return
-        self._writer.close()
-        self._writer = None
+        writer, self._writer = self._writer, None
+        try:
+            writer.close()
+        except OSError as error:  # the disk is full, say
+            self._output.discard()
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
         (self._bag / self._output.path.name).replace(self._output.path)
         self._output.commit()
 

@@ -15,7 +15,7 @@ class FakeBridge(Bridge):
         self.ports = ports
         self.messages = {}  # topic name to list of (time, values)
         self.updates = []  # (time, values)
-        self.closed = False
+        self.is_closed = False
         self.time = 0.0
         self._wanted, self._act = wanted, act
 
@@ -35,4 +35,4 @@ class FakeBridge(Bridge):
         self._act(self)
 
     def close(self):
-        self.closed = True
+        self.is_closed = True

@@ -1,10 +1,14 @@
+import os
+import signal
 import threading
+import time
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.bridges.camera_process import CameraProcess
+from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, COLOR
 from drake_srg.plant import MakePlant
 from drake_srg.scenario import load_scenario
@@ -17,19 +21,20 @@ class Shown:
 
     def __init__(self):
         self.pictures = []
-        self.came, self.failed = threading.Event(), threading.Event()
+        self.came = threading.Event()
+        self.told = []
 
     def show(self, time, topic, values):
         self.pictures.append((time, topic, values))
         self.came.set()
 
-    def wait_until_idle(self, cameras):
-        ends = threading.Event()
-        for _ in range(600):
-            if cameras.idle:
-                return
-            ends.wait(0.1)
-        raise TimeoutError
+
+def wait_until(condition):
+    for _ in range(600):
+        if condition():
+            return
+        time.sleep(0.1)
+    raise TimeoutError
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +50,9 @@ def shown():
 @pytest.fixture
 def cameras(plant, shown):
     state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
-    process = CameraProcess(SCENARIO, "ceiling", state, shown.show, shown.failed.set)
-    shown.wait_until_idle(process)
+    warnings = Warnings(shown.told.append)
+    process = CameraProcess(SCENARIO, "ceiling", state, shown.show, warnings)
+    wait_until(lambda: process.idle)
     yield process
     process.close()
 
@@ -60,8 +66,8 @@ def test_it_shows_the_state_that_it_is_told(plant, shown, cameras):
     plant.SetFreeBodyPose(context, body, X_WO)
     cameras.look(2.5, plant.GetPositionsAndVelocities(context), [BLOBS])
     assert shown.came.wait(60.0)
-    ((time, topic, (blobs,)),) = shown.pictures
-    assert (time, topic) == (2.5, BLOBS)
+    ((seen_at, topic, (blobs,)),) = shown.pictures
+    assert (seen_at, topic) == (2.5, BLOBS)
     (blob,) = blobs
     np.testing.assert_allclose(blob.position[:2], [0.7, 0.1], atol=0.001)
 
@@ -73,8 +79,28 @@ def test_who_asks_for_nothing_leaves_it_idle(plant, cameras):
 
 def test_its_end_is_told_and_looking_goes_on_without(plant, shown, cameras):
     cameras._process.kill()  # as somebody short of memory would
-    assert shown.failed.wait(10.0)
+    wait_until(lambda: shown.told)
+    assert "process has ended" in shown.told[0]
     assert not cameras.idle
     state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
+    cameras.look(1.0, state, [COLOR])  # does nothing, and does not raise
+    cameras.close()
+    assert len(shown.told) == 1
+
+
+def test_a_process_that_does_not_react_is_ended_all_the_same(cameras):
+    os.kill(cameras._process.pid, signal.SIGSTOP)
+    cameras.close()
+    assert not cameras._process.is_alive()
+
+
+def test_its_end_on_request_is_no_news(shown, cameras):
+    cameras.close()
+    assert shown.told == []
+
+
+def test_ctrl_c_in_the_terminal_is_not_for_it(plant, shown, cameras):
+    os.kill(cameras._process.pid, signal.SIGINT)
+    state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
     cameras.look(1.0, state, [COLOR])
-    assert shown.pictures == []
+    assert shown.came.wait(60.0)

@@ -56,13 +56,19 @@ def test_a_long_stall_is_given_up():
     wall = Wall()
     pacer = run(wall, 1.0, 2000, work=lambda step: 3.0 if step == 500 else 0.001)
     assert pacer.lost == pytest.approx(3.0 - 0.005)
+    assert pacer.too_slow is None
     assert wall.time - 100.0 == pytest.approx(10.0 + pacer.lost)
 
 
 def test_what_is_too_slow_says_how_slow():
     pacer = run(Wall(), 1.0, 2000, work=0.010)
     assert pacer.factor == pytest.approx(0.5, rel=0.01)
-    assert pacer.lost > 0.0
+    assert pacer.too_slow == pytest.approx(0.5, rel=0.01)
+
+
+def test_what_is_slow_at_its_start_only_is_not_too_slow():
+    pacer = run(Wall(), 1.0, 4000, work=lambda step: 0.010 if step < 500 else 0.001)
+    assert pacer.too_slow is None
 
 
 def test_a_stop_ends_a_wait():

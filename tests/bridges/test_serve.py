@@ -5,7 +5,9 @@ import pytest
 from rosbags.rosbag2 import Reader
 
 from bridges.fake_bridge import FakeBridge
-from drake_srg.bridges.serve import Serve, served_camera
+from drake_srg.bridges import pacing
+from drake_srg.bridges.pictures import served_camera
+from drake_srg.bridges.serve import Serve
 from drake_srg.errors import ScenarioError
 from drake_srg.scenario import load_scenario
 
@@ -75,7 +77,7 @@ def test_it_tells_the_topics_every_control_period(commanded):
     np.testing.assert_allclose(times, 0.005 * np.arange(1, 301))
     assert served.sim_time == pytest.approx(1.5)
     assert served.commands == 2
-    assert bridge.closed
+    assert bridge.is_closed
 
 
 def test_a_command_is_in_effect_one_control_period_later(commanded):
@@ -217,8 +219,53 @@ def test_an_unwritable_folder_is_told_at_once(tmp_path):
         serve(nothing, until=0.01, out=tmp_path / "file" / "x")
 
 
-def test_what_is_too_slow_says_so_once():
+def test_what_is_too_slow_says_so_once(monkeypatch):
+    monkeypatch.setattr(pacing, "_WINDOW", 0.2)  # s
     told = []
     serve(nothing, until=3.0, rate=100.0, tell=told.append)
     (text,) = told
     assert "cannot keep 100 x real time with kitchen" in text
+
+
+def test_a_bridge_that_fails_is_warned_of_once_and_nothing_stops():
+    class Failing(FakeBridge):
+        def publish(self, topic, time, values):
+            raise KeyError("nobody thought of this")
+
+    told, stop = [], threading.Event()
+    good = FakeBridge(
+        wanted=lambda name: name == "/clock",
+        act=lambda bridge: stop.set() if bridge.time > 0.05 else None,
+    )
+    bad = Failing(wanted=lambda name: name == "/clock")
+    Serve(
+        load_scenario("kitchen"),
+        lambda inbox, topics: [
+            *bad.connect(inbox, topics),
+            *good.connect(inbox, topics),
+        ],
+        rate=0.0,
+        stop=stop,
+        tell=told.append,
+    )
+    assert len(good.messages["/clock"]) > 10
+    (text,) = told
+    assert text.startswith("Failing /clock: ") and "nobody thought" in text
+
+
+def test_when_the_last_bridge_has_ended_so_does_the_station():
+    class Ending(FakeBridge):
+        @property
+        def closed(self):
+            return self.time > 0.0525
+
+    bridge = Ending(wanted=lambda name: False)
+    served = Serve(load_scenario("kitchen"), bridge.connect, rate=0.0)
+    assert served.sim_time == pytest.approx(0.055)
+
+
+def test_a_start_that_fails_leaves_the_last_recording(tmp_path):
+    (tmp_path / "recording.mcap").write_text("of the last run")
+    with pytest.raises(ScenarioError):
+        serve(nothing, until=0.01, ports=["gripper.speed"], out=tmp_path)
+    assert (tmp_path / "recording.mcap").read_text() == "of the last run"

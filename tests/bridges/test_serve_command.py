@@ -25,6 +25,7 @@ COMMAND = (sys.executable, "-m", "drake_srg.cli", "serve")
         (["kitchen", "--ros1", "--master", "roscore"], "roscore"),
         (["kitchen", "--servo", "tcp:0"], "!SrgTendonDriver"),
         (["gripper_bench", "--servo", "rs485"], "rs485"),
+        (["kitchen", "--ros2", "--name", "my node"], "--name my node: must be letters"),
         (["gripper_bench", "--servo", "tcp:99999"], "99999"),
     ],
 )
@@ -39,7 +40,7 @@ def test_bad_input_is_one_line_that_helps(arguments, words, capsys):
     assert words in error
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_it_stops_cleanly_with_its_recording_complete(tmp_path, number):
     process = subprocess.Popen(
         [*COMMAND, "gripper_bench", "--servo", "tcp:0", "--out", str(tmp_path)],
@@ -75,3 +76,20 @@ def test_a_port_that_is_taken_is_named(tmp_path):
     assert ended.returncode == cli.BAD_INPUT
     assert ended.stderr.count("\n") == 1 and "in use" in ended.stderr
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("delay", [0.15, 0.5, 1.0])
+def test_asked_to_stop_while_it_starts_it_does_so_quietly(delay):
+    arguments = ["gripper_bench", "--servo", "tcp:0", "--no-record"]
+    process = subprocess.Popen(
+        [*COMMAND, *arguments],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(delay)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert "Traceback" not in errors
+    assert process.returncode in (cli.SUCCESS, cli.BAD_INPUT, -signal.SIGINT)
