@@ -63,6 +63,11 @@ class Warnings:
             self._told.add(kind)
         self._tell(message)
 
+    def forget(self, kind: str) -> None:
+        """Tell of this kind again: it is over, and what comes next is news."""
+        with self._lock:
+            self._told.discard(kind)
+
 
 class CommandInbox:
     """The commands that came since they were last taken, from any thread.

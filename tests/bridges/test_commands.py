@@ -169,3 +169,14 @@ def test_threads_may_command_at_once():
     assert inbox.received == 8000
     assert len(told) == 1
     assert inbox.take() == {f"port_{k}": [k + 4 * 999] for k in range(4)}
+
+
+def test_trouble_that_was_over_is_told_again(told):
+    warnings = Warnings(told.append)
+    for _ in range(2):
+        warnings.warn("master", "gone")
+        warnings.warn("master", "still gone")
+    warnings.forget("master")
+    warnings.forget("something else")
+    warnings.warn("master", "gone again")
+    assert told == ["gone", "gone again"]
