@@ -1,4 +1,4 @@
-"""The thesis's demonstration in a quarter of its time; docs/kitchen.md has the whole."""
+"""The thesis's demonstration in a quarter of its time; see docs/kitchen.md."""
 
 import numpy as np
 import pytest
