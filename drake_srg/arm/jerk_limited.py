@@ -115,7 +115,12 @@ class JerkLimitedReference(LeafSystem):
         move.current_velocity = velocity
         move.current_acceleration = acceleration
         move.target_position = target
-        ruckig.Ruckig(self._n).calculate(move, trajectory)
+        result = ruckig.Ruckig(self._n).calculate(move, trajectory)
+        if result != ruckig.Result.Working:
+            raise RuntimeError(
+                f"Ruckig finds no motion ({result}) from {position} at {velocity}, "
+                f"{acceleration} to {target}"
+            )
         moved = np.array(trajectory.at_time(self._period))
         arrived = np.array(trajectory.independent_min_durations) <= self._period
         moved = np.where(arrived, [target, np.zeros(self._n), np.zeros(self._n)], moved)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read
+import ruckig
+from helpers import fix, port_table, read, update
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
@@ -187,3 +188,19 @@ def test_limits_fit_the_joints():
 def test_it_can_be_freed(leaked):
     Motion().go([1.0, 1.0], 2)
     assert leaked() == []
+
+
+def test_where_no_motion_is_found_none_is_made(monkeypatch):
+    class Helpless:
+        def __init__(self, n):
+            pass
+
+        def calculate(self, move, trajectory):
+            return ruckig.Result.ErrorExecutionTimeCalculation
+
+    system = JerkLimitedReference(np.zeros(1), JerkLimits(), 0.005)
+    context = system.CreateDefaultContext()
+    fix(system, context, position_desired=1.0)
+    monkeypatch.setattr(ruckig, "Ruckig", Helpless)
+    with pytest.raises(RuntimeError, match="Ruckig finds no motion"):
+        update(system, context)
