@@ -21,6 +21,9 @@ from drake_srg.installing import pip_install, this_package
 from drake_srg.recording.ros_topics import Topic
 
 _DEFAULT_MASTER = "http://localhost:11311"
+# To be registered takes some ms; so who makes a bridge sees whether there is a roscore
+# [s, real].
+_REGISTRATION_TIMEOUT = 1.0
 
 
 class Ros1Bridge(Bridge):
@@ -28,7 +31,7 @@ class Ros1Bridge(Bridge):
 
     It does not need a roscore to be made: it waits for one, and registers again when
     there is a new one. Where it is told to shut down, as by `rosnode kill`, it does,
-    and the simulation goes on without it.
+    and is `closed`.
 
     Args:
         inbox: Where commands go; every one that arrives is deserialized, which takes
@@ -36,9 +39,10 @@ class Ros1Bridge(Bridge):
         topics: What is published. A subscriber that reads too slowly loses the oldest
             messages.
         master: Its URI; None: $ROS_MASTER_URI, or http://localhost:11311.
-        host: Address of this machine that is listened at and told to peers, which must
-            be able to reach it. $ROS_IP and $ROS_HOSTNAME are not looked at: what is
-            said there for other nodes does not open this one to the network.
+        host: Address or network interface of this machine. It is listened at, and
+            peers are told its address, which they must be able to reach. $ROS_IP and
+            $ROS_HOSTNAME are not looked at: what is said there for other nodes does
+            not open this one to the network.
         name: Of the node. Where there was one of this name, the master shuts it down.
 
     Raises:
@@ -76,7 +80,11 @@ class Ros1Bridge(Bridge):
         )
         self._io = IoThread("ros1")
         self._io.loop.set_exception_handler(self._fault)
-        self._io.call(self._node.start())
+        try:
+            self._io.call(self._node.start(_REGISTRATION_TIMEOUT))
+        except BaseException:
+            self.close()
+            raise
 
     @property
     def status(self) -> str:
@@ -85,6 +93,11 @@ class Ros1Bridge(Bridge):
             return "ROS 1 shut down"
         waiting = "" if self._node.registered else " (waiting for roscore)"
         return f"ROS 1 at {self._node.master}{waiting}"
+
+    @property
+    def closed(self) -> bool:
+        """Whether it was told to shut down, or closed."""
+        return self._node.closed
 
     def has_subscribers(self, topic: str) -> bool:
         """Whether somebody listens to a topic."""

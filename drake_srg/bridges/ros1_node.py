@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 from urllib.parse import urlsplit
 
+from drake_srg.bridges.addresses import Resolver, own_address
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.ros1_publication import Publication, SubscriberConnection
 from drake_srg.bridges.ros1_slave import SlaveApi
@@ -19,6 +20,8 @@ from drake_srg.bridges.ros1_xmlrpc import XmlRpcError, call, serve
 _POLL_PERIOD = 1.0
 # For all goodbyes together [s, real].
 _GOODBYE_TIMEOUT = 0.5
+# The master is looked up whatever becomes of the hosts of peers.
+_resolver = Resolver()
 
 
 class Ros1Node:
@@ -29,7 +32,8 @@ class Ros1Node:
     Args:
         name: As in "/drake_srg".
         master: URI, as in "http://localhost:11311".
-        host: Address of this machine that it listens at and that peers are told.
+        host: Address or network interface of this machine; it listens there, and
+            peers are told its address.
         publications: What it publishes.
         subscriptions: What it subscribes to.
         warnings: Hears of trouble.
@@ -49,11 +53,7 @@ class Ros1Node:
         warnings: Warnings,
     ):
         _check_uri(master)
-        if host in ("", "0.0.0.0", "*"):
-            raise ValueError(
-                f"host is {host!r}; allowed is the address of this machine that peers "
-                "reach, as in 127.0.0.1"
-            )
+        host = own_address(host)
         self.master = master
         self.registered = False
         self.closed = False
@@ -61,6 +61,8 @@ class Ros1Node:
         self._publications = {p.topic: p for p in publications}
         self._subscriptions = {s.topic: s for s in subscriptions}
         self._connections: set[SubscriberConnection] = set()
+        self._servers: list[asyncio.Server] = []
+        self._tasks: list[asyncio.Task[None]] = []
         with contextlib.ExitStack() as stack:
             self._listeners = [
                 stack.enter_context(socket.create_server((host, 0))) for _ in range(2)
@@ -76,26 +78,35 @@ class Ros1Node:
             self._be_shut_down,
         )
 
-    async def start(self) -> None:
-        """Listen to peers, and look for the master from now on."""
+    async def start(self, timeout: float) -> None:
+        """Listen to peers, and look for the master from now on.
+
+        Args:
+            timeout: How long to wait until it is registered for the first time, or the
+                master is not there [s, real].
+        """
         slave, tcpros = self._listeners
         loop = asyncio.get_running_loop()
-        self._servers = [
-            await serve(slave, self._api.answer, self._refuse),
-            await loop.create_server(self._connect, sock=tcpros),
-        ]
-        self._registration = asyncio.create_task(self._stay_registered())
+        self._servers.append(await serve(slave, self._api.answer, self._refuse))
+        self._servers.append(await loop.create_server(self._connect, sock=tcpros))
+        tried = asyncio.Event()
+        self._tasks.append(asyncio.create_task(self._stay_registered(tried)))
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(tried.wait(), timeout)
 
     async def close(self) -> None:
         """Say goodbye to the master and all peers."""
         if self.closed:
             return
         self.closed, self.registered = True, False
-        self._registration.cancel()
+        for task in self._tasks:
+            task.cancel()
         for subscription in self._subscriptions.values():
             subscription.close()
         for server in self._servers:
             server.close()
+        for listener in self._listeners:
+            listener.close()
         for connection in list(self._connections):
             connection.abort()
         await asyncio.gather(
@@ -106,14 +117,20 @@ class Ros1Node:
                     self._name,
                     topic,
                     self.uri,
+                    resolver=_resolver,
                     timeout=_GOODBYE_TIMEOUT,
                 )
-                for kind, topic, _ in self._topics()
+                for kind, topics in (
+                    ("Publisher", self._publications),
+                    ("Subscriber", self._subscriptions),
+                )
+                for topic in topics
             ),
             return_exceptions=True,
         )
 
-    async def _stay_registered(self) -> None:
+    async def _stay_registered(self, tried: asyncio.Event) -> None:
+        """Register whenever the master does not know us; tell of the first try."""
         while True:
             try:
                 if self.registered:
@@ -124,28 +141,30 @@ class Ros1Node:
                 if not self.registered:
                     await self._register()
                     self.registered = True
+                    self._warnings.forget("ROS 1 master")
             except (XmlRpcError, TypeError) as error:
                 self._warnings.warn(
                     "ROS 1 master", f"ROS 1: roscore {error}; waiting for it"
                 )
+            tried.set()
             await asyncio.sleep(_POLL_PERIOD)
 
     async def _register(self) -> None:
-        for kind, topic, type in self._topics():
-            peers = await self._call(f"register{kind}", topic, type, self.uri)
-            if kind == "Subscriber":
-                self._subscriptions[topic].update(map(str, peers))
+        for topic, publication in self._publications.items():
+            await self._call(
+                "registerPublisher", topic, publication.type.name, self.uri
+            )
+        for topic, subscription in self._subscriptions.items():
+            updates, type = subscription.updates, subscription.type.name
+            peers = await self._call("registerSubscriber", topic, type, self.uri)
+            # Else the master has told of newer ones while its answer was on the way.
+            if subscription.updates == updates:
+                subscription.update(map(str, peers))
 
     async def _call(self, method: str, *arguments: Any) -> Any:
-        return await call(self.master, method, self._name, *arguments)
-
-    def _topics(self) -> list[tuple[str, str, str]]:
-        """Role as the master's API calls it, topic and type of each."""
-        published, subscribed = self._publications, self._subscriptions
-        return [
-            *(("Publisher", t, p.type.name) for t, p in published.items()),
-            *(("Subscriber", t, s.type.name) for t, s in subscribed.items()),
-        ]
+        return await call(
+            self.master, method, self._name, *arguments, resolver=_resolver
+        )
 
     def _connect(self) -> SubscriberConnection:
         return SubscriberConnection(
@@ -156,9 +175,7 @@ class Ros1Node:
         self._warnings.warn("ROS 1 request", f"ROS 1: a request is refused: {reason}")
 
     def _be_shut_down(self, reason: str) -> None:
-        self._warnings.warn(
-            "ROS 1 shutdown", f"ROS 1: told to shut down ({reason}); goes on without"
-        )
+        self._warnings.warn("ROS 1 shutdown", f"ROS 1: told to shut down ({reason})")
         self._goodbye = asyncio.create_task(self.close())
 
 

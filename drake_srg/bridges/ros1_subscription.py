@@ -6,6 +6,7 @@ import asyncio
 import dataclasses as dc
 from collections.abc import Callable, Iterable
 
+from drake_srg.bridges.addresses import Resolver
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.ros1_xmlrpc import TIMEOUT, call
 from drake_srg.bridges.tcpros import (
@@ -24,6 +25,8 @@ from drake_srg.errors import one_line
 _RETRY, _RETRY_MAX = 0.5, 4.0
 # Read at once at most [bytes]; other connections have their turn in between.
 _CHUNK = 2**16
+# Names of publishers' machines that are not found are the commonest fault of ROS 1.
+_resolver = Resolver()
 
 
 @dc.dataclass
@@ -44,6 +47,9 @@ class Subscription:
         type: Its type.
         receive: Called with each message, serialized.
         warnings: Hears of publishers that do not fit.
+
+    Attributes:
+        updates: How many lists of publishers there have been.
     """
 
     def __init__(
@@ -58,6 +64,7 @@ class Subscription:
         self._name, self._receive, self._warnings = name, receive, warnings
         self._publishers: dict[str, _Publisher] = {}
         self._listed: set[str] = set()
+        self.updates = 0
 
     @property
     def connections(self) -> list[Connection]:
@@ -67,6 +74,7 @@ class Subscription:
 
     def update(self, publishers: Iterable[str]) -> None:
         """Take the master's list of publishers, by URI."""
+        self.updates += 1
         self._listed = set(publishers)
         for uri in self._publishers.keys() - self._listed:
             if self._publishers[uri].connection is None:
@@ -107,10 +115,12 @@ class Subscription:
     async def _read(self, uri: str, publisher: _Publisher) -> None:
         """Connect to a publisher and receive until one of both is closed."""
         protocols = [["TCPROS"]]
-        answer = await call(uri, "requestTopic", self._name, self.topic, protocols)
+        answer = await call(
+            uri, "requestTopic", self._name, self.topic, protocols, resolver=_resolver
+        )
         match answer:
             case ["TCPROS", str(host), int(port)] if 0 < port < 2**16:
-                connecting = asyncio.open_connection(host, port)
+                connecting = _connect(host, port)
             case _:
                 raise TcprosError(f"it answers {answer!r:.100} when asked for TCPROS")
         reader, writer = await asyncio.wait_for(connecting, TIMEOUT)
@@ -156,3 +166,9 @@ class Subscription:
         self._warnings.warn(
             f"ROS 1 {self.topic} {kind}", f"ROS 1: {self.topic}: {message}"
         )
+
+
+async def _connect(
+    host: str, port: int
+) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    return await asyncio.open_connection(await _resolver.address(host), port)

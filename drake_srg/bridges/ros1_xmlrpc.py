@@ -14,6 +14,7 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
+from drake_srg.bridges.addresses import Resolver
 from drake_srg.errors import one_line
 
 # Allowed of a request or an answer [bytes]: as of TCPROS frames.
@@ -29,13 +30,20 @@ class XmlRpcError(ConnectionError):
     """A peer that does not answer, or not as ROS says."""
 
 
-async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT) -> Any:
+async def call(
+    uri: str,
+    method: str,
+    *arguments: Any,
+    resolver: Resolver,
+    timeout: float = TIMEOUT,
+) -> Any:
     """Call a method of ROS's master or node API; return the value of its answer.
 
     Args:
         uri: Of the peer, as in "http://localhost:11311".
         method: As in "requestTopic".
         arguments: Of the method, the caller's name first.
+        resolver: Looks up the peer.
         timeout: For everything [s, real].
 
     Raises:
@@ -43,9 +51,11 @@ async def call(uri: str, method: str, *arguments: Any, timeout: float = TIMEOUT)
     """
     request = xmlrpc.client.dumps(arguments, method).encode()
     try:
-        body = await asyncio.wait_for(_exchange(uri, request), timeout)
+        body = await asyncio.wait_for(_exchange(uri, request, resolver), timeout)
         answers: Any = xmlrpc.client.loads(body)[0]
         ((code, status, value),) = answers
+    except socket.gaierror as error:
+        raise XmlRpcError(f"{uri}: host not found") from error
     except (OSError, asyncio.TimeoutError) as error:
         raise XmlRpcError(f"{uri} does not answer") from error
     except Exception as error:  # there is no end of what can be wrong with a text
@@ -94,9 +104,10 @@ def _answer(request: bytes, answer: Answer) -> bytes:
     return xmlrpc.client.dumps(result, methodresponse=True).encode()
 
 
-async def _exchange(uri: str, request: bytes) -> bytes:
+async def _exchange(uri: str, request: bytes, resolver: Resolver) -> bytes:
     address = urlsplit(uri)
-    reader, writer = await asyncio.open_connection(address.hostname, address.port)
+    host = await resolver.address(address.hostname or "")
+    reader, writer = await asyncio.open_connection(host, address.port)
     try:
         target = f"POST {address.path or '/'} HTTP/1.0\r\nHost: {address.netloc}"
         writer.write(_message(target.encode(), request))

@@ -54,7 +54,7 @@ def show(message, topic):
 
 def publish(topic, kind, values):
     if topic not in publishers:
-        publishers[topic] = rospy.Publisher(topic, TYPES[kind], queue_size=100)
+        publishers[topic] = rospy.Publisher(topic, TYPES[kind], queue_size=1000)
     end = time.time() + 5.0
     while not publishers[topic].get_num_connections() and time.time() < end:
         time.sleep(0.01)

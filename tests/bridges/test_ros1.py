@@ -15,6 +15,7 @@ from bridges.ros1_peers import (
     taken,
     wait_until,
 )
+from drake_srg.bridges import ros1_node
 from drake_srg.bridges.ros1 import Ros1Bridge
 
 
@@ -46,8 +47,17 @@ def test_a_master_that_comes_later_is_waited_for(inbox, told, impatient):
         assert wait_until(lambda: "waiting" in bridge.status)
         with contextlib.closing(peers.Master(port)) as master:
             assert wait_until(lambda: len(master.registered) == 6)
-    assert len(told) == 1
-    assert "waiting for it" in told[0]
+            assert wait_until(lambda: "waiting" not in bridge.status)
+        assert wait_until(lambda: "waiting" in bridge.status)
+        time.sleep(0.2)
+    assert len(told) == 3  # once each time that it was gone
+    assert all("waiting for it" in text for text in told)
+
+
+def test_the_first_status_knows_the_master(inbox, ros1_master):
+    bridge = Ros1Bridge(inbox, TOPICS, master=ros1_master.uri)
+    with contextlib.closing(bridge):
+        assert bridge.status == f"ROS 1 at {ros1_master.uri}"
 
 
 def test_a_publisher_survives_its_master(
@@ -59,6 +69,23 @@ def test_a_publisher_survives_its_master(
     assert wait_until(lambda: len(ros1_master.registered) == 6)
     connection.sendall(int32(7))
     assert taken(inbox, "closure") == [0.07]
+
+
+def test_the_news_of_a_master_count_more_than_its_older_answer(
+    inbox, ros1_publisher, impatient
+):
+    class Busy(peers.Master):
+        def _register(self, role, node, topic, type, uri):
+            answer = super()._register(role, node, topic, type, uri)
+            if topic == "/grasp":
+                self.tell(topic, ros1_publisher.uri)  # before the answer is sent
+            return answer
+
+    with contextlib.closing(Busy()) as master:
+        bridge = Ros1Bridge(inbox, TOPICS, master=master.uri)
+        with contextlib.closing(bridge):
+            ros1_publisher.accept(**INT32).sendall(int32(7))
+            assert taken(inbox, "closure") == [0.07]
 
 
 def test_close_does_not_wait_for_a_master_that_hangs(inbox):
@@ -79,8 +106,56 @@ def test_a_master_that_cannot_be(inbox, uri):
 
 
 def test_a_host_that_peers_cannot_reach(inbox):
-    with pytest.raises(ValueError, match=r"allowed is the address of this machine"):
+    with pytest.raises(ValueError, match=r"host is '0.0.0.0'; allowed is one IPv4"):
         Ros1Bridge(inbox, [], host="0.0.0.0")
+
+
+def test_an_interface_for_a_host(inbox, ros1_master):
+    bridge = Ros1Bridge(inbox, TOPICS, master=ros1_master.uri, host="lo")
+    with contextlib.closing(bridge):
+        ((_, _, uri), *_) = ros1_master.registered.values()
+        assert uri.startswith("http://127.0.0.1:")
+
+
+def test_a_node_that_cannot_start_leaves_nothing_behind(inbox, monkeypatch):
+    listeners = []
+
+    async def fail(listener, *_):
+        listeners.append(listener)
+        raise OSError("no")
+
+    monkeypatch.setattr(ros1_node, "serve", fail)
+    with pytest.raises(OSError, match="no"):
+        Ros1Bridge(inbox, TOPICS, master="http://127.0.0.1:9")
+    assert listeners[0].fileno() == -1
+    assert not [t for t in threading.enumerate() if t.name == "ros1"]
+
+
+def test_hosts_of_publishers_that_are_not_found_keep_nobody_waiting(
+    inbox, ros1_master, ros1_publisher, impatient, monkeypatch, told
+):
+    given_up, real = threading.Event(), socket.getaddrinfo
+
+    def getaddrinfo(host, *arguments, **options):
+        if str(host).startswith("robot"):
+            given_up.wait(20.0)
+            raise socket.gaierror(-3, "Temporary failure in name resolution")
+        return real(host, *arguments, **options)
+
+    monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
+    uri = ros1_master.uri.replace("127.0.0.1", "localhost")
+    with contextlib.closing(Ros1Bridge(inbox, TOPICS, master=uri)) as bridge:
+        robots = [f"http://robot{i}:1234/" for i in range(40)]
+        ros1_master.tell("/grasp", *robots, ros1_publisher.uri)
+        ros1_publisher.accept(**INT32).sendall(int32(7))
+        assert taken(inbox, "closure") == [0.07]
+        ros1_master.registered.clear()  # as if there were a new one
+        assert wait_until(lambda: len(ros1_master.registered) == 6)
+        start = time.monotonic()
+        bridge.close()
+        assert time.monotonic() - start < 1.5  # as where the master hangs
+    assert not told.about("roscore")
+    given_up.set()
 
 
 def test_the_master_of_the_environment(inbox, monkeypatch):
@@ -96,8 +171,10 @@ def test_being_shut_down_leaves_the_simulation_alone(
     ros1_bridge, inbox, ros1_master, told
 ):
     connection, _ = peers.subscribe(ros1_master.node, "/clock", md5sum="*")
+    assert not ros1_bridge.closed
     assert ros1_master.node.shutdown("/rosnode", "user request")[0] == 1
-    assert wait_until(lambda: ros1_bridge.status == "ROS 1 shut down")
+    assert wait_until(lambda: ros1_bridge.closed)
+    assert ros1_bridge.status == "ROS 1 shut down"
     assert wait_until(lambda: ros1_master.registered == {})
     with pytest.raises(ConnectionError):
         peers.receive(connection, 1)

@@ -112,9 +112,13 @@ def test_rospy_sees_everything(bridge, client):
 
 
 def test_messages_that_come_fast_are_all_heard(bridge, client, inbox):
+    client.publish("/grasp", "std_msgs/Int32")  # nothing, but advertise it
+    # Rospy may take the connection to a bridge before this one for it.
+    assert wait_until(lambda: bridge._node._subscriptions["/grasp"].connections)
     for i in range(10):
         client.publish("/grasp", "std_msgs/Int32", *range(i, 90), 100)
-    assert wait_until(lambda: inbox.received == sum(91 - i for i in range(10)))
+    count = sum(91 - i for i in range(10))
+    assert wait_until(lambda: inbox.received == count), inbox.received
     assert inbox.take()["closure"] == [1.0]
 
 
@@ -160,6 +164,17 @@ def test_rosnode_kill(bridge, roscore):
     assert wait_until(lambda: "/drake_srg" not in roscore.run("rosnode", "list"))
 
 
+def test_a_second_node_of_the_same_name_ends_the_first(bridge, roscore, inbox):
+    def other():
+        node = Ros1Bridge(inbox, [], master=roscore.uri, name="/other")
+        return contextlib.closing(node)
+
+    with other() as first, other() as second:
+        assert wait_until(lambda: first.closed)
+        assert not second.closed
+    assert not bridge.closed
+
+
 def test_roscpp(bridge, roscore, tmp_path):
     """Rosbag's recorder is written in C++ and takes any type."""
     bag = tmp_path / "out.bag"
@@ -190,4 +205,4 @@ def test_a_roscore_that_is_restarted(roscore_of_its_own, tmp_path):
                 assert taken(inbox, "arm") == [value]
             roscore.close()
             assert wait_until(lambda: "waiting" in bridge.status, 3.0)
-    assert [text for text in told if "waiting for it" in text] == told[:1]
+    assert len([text for text in told if "waiting for it" in text]) == 3
