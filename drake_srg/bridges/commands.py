@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import threading
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ class Warnings:
 class CommandInbox:
     """The commands that came since they were last taken, from any thread.
 
-    Every command is of its topic's last message that was no fault; what several topics
+    Every command is of its topic's last message that was no fault; what several sources
     say of one port goes by the order in which they came.
 
     Args:
@@ -86,6 +87,7 @@ class CommandInbox:
         self.received = 0  # messages, good and bad
         self._lock = threading.Lock()
         self._values: dict[str, Vector] = {}
+        self._sources: dict[str, str] = {}  # of what holds at each port
 
     def receive(self, topic: str, data: Any) -> None:
         """Check a message's `data` and keep what it commands, or warn of it."""
@@ -94,18 +96,37 @@ class CommandInbox:
         except CommandError as error:
             self.refuse(topic, error.kind, str(error))
             return
-        self.put(values)
+        self.put(values, topic)
+        self.count()
 
-    def put(self, values: PortValues) -> None:
-        """Keep what somebody commands who has checked it."""
+    def put(self, values: PortValues, source: str) -> None:
+        """Keep what a source commands that has checked it."""
         with self._lock:
-            self.received += 1
-            self._values.update(values)
+            self._put(values, source)
+
+    def amend(self, values: PortValues, source: str) -> None:
+        """As `put`, unless another source has commanded one of the ports since."""
+        with self._lock:
+            if all(self._sources.get(port) == source for port in values):
+                self._put(values, source)
+
+    def source(self, port: str) -> str | None:
+        """Return who commanded a port last."""
+        with self._lock:
+            return self._sources.get(port)
+
+    def _put(self, values: PortValues, source: str) -> None:
+        self._values.update(values)
+        self._sources.update(dict.fromkeys(values, source))
+
+    def count(self, messages: int = 1) -> None:
+        """Count messages, good and bad."""
+        with self._lock:
+            self.received += messages
 
     def refuse(self, topic: str, kind: str, reason: str) -> None:
         """Count a message that is not obeyed, and warn of it."""
-        with self._lock:
-            self.received += 1
+        self.count()
         self.warnings.warn(
             f"{topic} {kind}", f"{topic}: {reason}; the last good command holds"
         )
@@ -117,6 +138,37 @@ class CommandInbox:
         return values
 
 
+_CLOSURE = "gripper.closure_commanded"
+_SINGLE_JOINTS = "gripper.joint_position_commanded"
+_ARM = "arm.position_desired"
+# What commands a gripper; closure counts where none of these says otherwise.
+_GRIPPER_PORTS = (
+    _SINGLE_JOINTS,
+    "gripper.motor_position_commanded",
+    "gripper.motor_torque_commanded",
+    "gripper.force_limit",
+)
+
+
+def gripper_command(
+    inputs: Iterable[str], values: PortValues, joints: int = 1
+) -> dict[str, Vector]:
+    """Return a command of the whole gripper, so that its source alone is in force.
+
+    What other sources said at ports that `values` does not name is given up: NaN.
+
+    Args:
+        inputs: Names of the station's input ports.
+        values: What is commanded, by input port.
+        joints: Number of the gripper's joints that can be commanded.
+    """
+    return {
+        port: np.full(joints if port == _SINGLE_JOINTS else 1, np.nan)
+        for port in _GRIPPER_PORTS
+        if port in inputs
+    } | dict(values)
+
+
 def station_topics(
     plant: MultibodyPlant, inputs: Iterable[str], gripper_joints: Iterable[str] = ()
 ) -> list[CommandTopic]:
@@ -125,7 +177,7 @@ def station_topics(
     `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
     one a finger joint), `/startgrasp` (Bool, false holds the gripper where it is),
     `/kuka` (Float64MultiArray, rad, one a joint of the arm). Of the first two,
-    and of what the gripper's servo is told, the last counts.
+    and of what the gripper's servo is told, the last counts, see `gripper_command`.
 
     Args:
         plant: With the model instances `arm` and `gripper`, where there are such.
@@ -135,17 +187,12 @@ def station_topics(
     """
     inputs, joints = set(inputs), list(gripper_joints)
     topics = []
-    single = "gripper.joint_position_commanded"
-    # What would override closure, given up.
-    free = {
-        port: np.full(size, np.nan)
-        for port, size in (
-            (single, len(joints)),
-            ("gripper.motor_position_commanded", 1),
-            ("gripper.motor_torque_commanded", 1),
-        )
-        if port in inputs
-    }
+
+    def gripper(port: str, value: Vector) -> PortValues:
+        return gripper_command(inputs, {port: value}, len(joints))
+
+    def arm(port: str, value: Vector) -> PortValues:
+        return {port: value}
 
     def grasp(data: Any) -> PortValues:
         percent = int(data)
@@ -153,22 +200,24 @@ def station_topics(
             raise CommandError(
                 "range", f"is {percent}; allowed are 0 (open) to 100 (closed)"
             )
-        return {"gripper.closure_commanded": np.array([percent / 100.0]), **free}
+        return gripper(_CLOSURE, np.array([percent / 100.0]))
 
     def hold(data: Any) -> PortValues:
         return {"gripper.hold": np.array([0.0 if data else 1.0])}
 
-    if "gripper.closure_commanded" in inputs:
+    if _CLOSURE in inputs:
         topics.append(CommandTopic("/grasp", "std_msgs/msg/Int32", grasp))
     if "gripper.hold" in inputs:
         topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
     arrays = {}
     if joints:
-        arrays["/position_grasp"] = (single, _limits(plant, "gripper", joints))
-    if "arm.position_desired" in inputs:
-        arrays["/kuka"] = ("arm.position_desired", _limits(plant, "arm"))
-    for name, (port, limits) in arrays.items():
-        topics.append(_position_topic(name, port, limits, obeyed=port in inputs))
+        limits = _limits(plant, "gripper", joints)
+        arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
+    if _ARM in inputs:
+        arrays["/kuka"] = (_ARM, _limits(plant, "arm"), arm)
+    for name, (port, limits, command) in arrays.items():
+        convert = _positions(limits, partial(command, port), obeyed=port in inputs)
+        topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
     return topics
 
 
@@ -189,10 +238,13 @@ def _limits(
     )
 
 
-def _position_topic(
-    name: str, port: str, limits: tuple[Vector, Vector], *, obeyed: bool
-) -> CommandTopic:
-    """The topic that sets the positions of a model's joints [rad or m]."""
+def _positions(
+    limits: tuple[Vector, Vector],
+    command: Callable[[Vector], PortValues],
+    *,
+    obeyed: bool,
+) -> Callable[[Any], PortValues]:
+    """What checks the positions of a model's joints [rad or m], and commands them."""
     lower, upper = limits
 
     def convert(data: Any) -> PortValues:
@@ -213,6 +265,6 @@ def _position_topic(
                 f"number {i + 1} is {values[i]:g}; "
                 f"allowed are {lower[i]:g} to {upper[i]:g}",
             )
-        return {port: values}
+        return command(values)
 
-    return CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert)
+    return convert

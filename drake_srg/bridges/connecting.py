@@ -83,7 +83,7 @@ class BridgeOptions:
                             "--servo: needs a gripper with a motor of its own, "
                             "!SrgTendonDriver, as kitchen_tendon has"
                         )
-                    add(ServoBridge(inbox, self.servo, scenario.gripper.drive))
+                    add(ServoBridge(inbox, self.servo, scenario.gripper))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()

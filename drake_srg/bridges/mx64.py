@@ -18,12 +18,16 @@ from drake_srg.gripper.motor_temperature import MotorTemperatureConfig, motor_lo
 from drake_srg.gripper.tendon import TendonDriveConfig
 
 _COUNTS = 4096 / math.tau  # of the encoder, per rad
-# Position with the fingers open and the wires taut: the 2500 counts in which they
-# close, clockwise and so downwards, are the middle of a turn.
+# Position with the fingers open and the wires taut: 2500 counts from there, clockwise
+# and so downwards, are the middle of a turn. SAKE's 100 % are 2500 counts, the 29.1 mm
+# of wire that both joints of a finger take over all of their range. Calibrated on
+# nothing, these fingers end 1837 counts or 21.4 mm from open, where the pads meet:
+# there is SAKE's zero, 1461, and they are fully open at 73 %.
 _OPEN = 3298
 # Units, e-manual.
 _SPEED = 0.114 * math.tau / 60  # rad/s
 _CURRENT = 4.5e-3  # A
+_VOLTAGE = 0.1  # V
 _FULL = 1023  # a torque limit or load of 100 %: the stall torque
 _CLOCKWISE = 1024  # bit of speeds, loads and torques
 
@@ -33,6 +37,8 @@ _CLOCKWISE = 1024  # bit of speeds, loads and torques
 # 20 s with 2 A, and not with 1 A (forum.robotis.com, "Moment of dynamixel").
 _OVERLOAD_TIME = 10.0  # s
 _SUSTAINED = _FULL // 5
+
+_WRITING = (Instruction.WRITE, Instruction.REG_WRITE, Instruction.SYNC_WRITE)
 
 
 @dc.dataclass(frozen=True)
@@ -64,18 +70,33 @@ class Mx64:
     with the moving speed; else no torque at all. The torque limit counts in 1/1023 of
     the stall torque; beyond `drive.full_scale` it allows no more than that.
 
+    The motor may be taken from it, see `release`: then it commands nothing, and does
+    not look at the load, until it is written again that the motor moves.
+
     Clockwise, positions fall and the gripper closes. PID gains, punch, goal
     acceleration, baud rate, return delay and LEDs are kept and do nothing; factory
     reset and endless turning are refused.
 
     Args:
         drive: The motor.
+        heat: Its currents and its supply.
         warn: Called with a kind and words on what is refused, and of shutdowns.
+
+    Attributes:
+        table: The registers.
+        writes: Packets for it that would write, good and bad, so far.
     """
 
-    def __init__(self, drive: TendonDriveConfig, warn: Callable[[str, str], None]):
+    def __init__(
+        self,
+        drive: TendonDriveConfig,
+        heat: MotorTemperatureConfig,
+        warn: Callable[[str, str], None],
+    ):
         self.table = ControlTable()
-        self._drive = drive
+        self.table["present_voltage"] = min(round(heat.supply_voltage / _VOLTAGE), 255)
+        self.writes = 0
+        self._drive, self._heat = drive, heat
         self._warn = warn
         self._registered: tuple[int, bytes] | None = None
         self._engaged = False  # whether a master has moved the motor
@@ -99,7 +120,7 @@ class Mx64:
         """
         table, drive = self.table, self._drive
         step, self._time = max(time - self._time, 0.0), time
-        amperes = motor_load(drive, pwm, speed) * MotorTemperatureConfig().stall_current
+        amperes = motor_load(drive, pwm, speed) * self._heat.stall_current
         table["present_position"] = self._position(angle)
         table["present_speed"] = _directed(speed / _SPEED)
         table["present_load"] = load = _directed(drive.full_scale * pwm * _FULL)
@@ -107,8 +128,8 @@ class Mx64:
         table["current"] = min(max(2048 - round(amperes / _CURRENT), 0), 4095)
         table["moving"] = int(table["present_speed"] != 0)
         table["realtime_tick"] = int(time * 1000) % 32768
-        self._protect(load & ~_CLOCKWISE)
-        if not self._positioning:
+        self._protect(load & ~_CLOCKWISE if self._engaged else 0)
+        if not (self._positioning and self._engaged):
             self._target = angle
             if not table["torque_enable"]:
                 table["goal_position"] = table["present_position"]
@@ -132,8 +153,12 @@ class Mx64:
             goal = table["goal_torque"]
             sign = 1.0 if goal & _CLOCKWISE else -1.0
             amperes = (goal & ~_CLOCKWISE) * _CURRENT
-            torque = sign * amperes / MotorTemperatureConfig().stall_current / full
+            torque = sign * amperes / self._heat.stall_current / full
         return MotorCommand(math.nan, torque, limit)
+
+    def release(self) -> None:
+        """Leave the motor to somebody else."""
+        self._engaged = False
 
     @property
     def _positioning(self) -> bool:
@@ -188,6 +213,7 @@ class Mx64:
         own, level = table["id"], table["status_return_level"]
         if packet.id not in (own, BROADCAST):
             return b""
+        self.writes += packet.code in _WRITING
         data, error = b"", Error(0)
         try:
             if not packet.intact:
@@ -242,6 +268,8 @@ class Mx64:
             self._overload = False
             self._unloaded_at = self._time
         moving = {"goal_position", "torque_enable", "torque_control_mode"}
+        if table["torque_control_mode"]:
+            moving.add("goal_torque")
         self._engaged |= bool(written & moving)
 
     def _sync_write(self, address: int, length: int, blocks: bytes) -> None:

@@ -28,9 +28,8 @@ class ServoClient:
         self._sleep, self._elapsed = sleep, elapsed
         self.zero = 0
         self.sent = []
-        # A timeout of 0.2 s is SAKE's; opened, closed and opened, too. Machines with
-        # more to do than to answer tests get more time.
-        self._line = serial.serial_for_url(url, baudrate=57600, timeout=1.0)
+        # The timeout is SAKE's; opened, closed and opened, too.
+        self._line = serial.serial_for_url(url, baudrate=57600, timeout=0.2)
         self._line.close()
         self._line.open()
         self.read(3, 1)

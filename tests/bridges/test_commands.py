@@ -85,6 +85,45 @@ def test_of_grasp_and_position_grasp_the_last_counts(inbox):
     assert np.isnan(inbox.take()[SINGLE]).all()
 
 
+@pytest.mark.parametrize(
+    ("topic", "data", "port"),
+    [
+        ("/grasp", 50, "gripper.closure_commanded"),
+        ("/position_grasp", [0.1] * 4, SINGLE),
+    ],
+)
+def test_who_commands_the_gripper_gives_up_all_that_others_said(
+    kitchen, topic, data, port
+):
+    others = {
+        "gripper.force_limit": 1,
+        "gripper.motor_position_commanded": 1,
+        "gripper.motor_torque_commanded": 1,
+        SINGLE: 4,
+    }
+    topics = station_topics(kitchen, [*INPUTS, *others], JOINT_NAMES)
+    inbox = CommandInbox(topics, Warnings(print))
+    inbox.put({name: np.ones(size) for name, size in others.items()}, "servo")
+    inbox.receive(topic, data)
+    values = inbox.take()
+    assert np.isfinite(values.pop(port)).all()
+    others.pop(port, None)
+    assert {name: value.size for name, value in values.items()} == others
+    assert all(np.isnan(value).all() for value in values.values())
+
+
+def test_a_source_goes_on_until_another_commands(inbox):
+    port = "gripper.closure_commanded"
+    inbox.amend({port: np.array([0.1])}, "servo")
+    assert inbox.take() == {}
+    inbox.put({port: np.array([0.2])}, "servo")
+    inbox.amend({port: np.array([0.3])}, "servo")
+    assert (inbox.take()[port], inbox.source(port)) == ([0.3], "servo")
+    inbox.receive("/grasp", 40)
+    inbox.amend({port: np.array([0.3])}, "servo")
+    assert (inbox.take()[port], inbox.source(port)) == ([0.4], "/grasp")
+
+
 def test_kuka_takes_seven_angles_within_the_limits(inbox, told):
     inside, outside = 0.999 * IIWA_LIMITS, 1.001 * IIWA_LIMITS
     inbox.receive("/kuka", inside)

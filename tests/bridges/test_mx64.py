@@ -13,6 +13,7 @@ from drake_srg.bridges.dynamixel import (
     PacketReader,
 )
 from drake_srg.bridges.mx64 import Mx64
+from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
 from drake_srg.gripper.tendon import TendonDriveConfig
 
 DRIVE = TendonDriveConfig()
@@ -23,9 +24,10 @@ COUNT = math.tau / 4096  # rad
 class Servo(Mx64):
     """With the registers that a master writes and reads, and words that it hears."""
 
-    def __init__(self):
+    def __init__(self, **heat):
         self.heard = []
-        super().__init__(DRIVE, lambda kind, words: self.heard.append(kind))
+        heat = MotorTemperatureConfig(**heat)
+        super().__init__(DRIVE, heat, lambda kind, words: self.heard.append(kind))
         self.now = 0.0
 
     def send(self, code, parameters=b"", number=1):
@@ -99,6 +101,16 @@ def test_voltage_temperature_and_current(servo):
     assert servo.read("present_temperature") == 32
     # 400 of 1023 of 4.1 A, in 4.5 mA, counted down as it winds clockwise.
     assert servo.read("current") == 2048 - round(400 / 1023 * 4.1 / 4.5e-3)
+
+
+def test_currents_and_voltage_are_the_motors():
+    servo = Servo(stall_current=8.2, supply_voltage=14.8)
+    servo.moves(pwm=0.5)
+    assert servo.read("present_voltage") == 148
+    assert servo.read("current") == 2048 - round(400 / 1023 * 8.2 / 4.5e-3)
+    servo.write("torque_control_mode", 1)
+    servo.write("goal_torque", 1024 + 100)
+    assert servo.command().torque == pytest.approx(0.45 / 8.2 * 1023 / 800)
 
 
 # Commands.
@@ -188,6 +200,30 @@ def test_a_moving_speed_makes_the_goal_approach(servo):
     assert servo.command().position == pytest.approx(math.pi)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("goal_position", 2000), ("torque_enable", 0), ("goal_torque", 1024 + 100)],
+)
+def test_released_it_commands_nothing_until_it_is_told_to_move(servo, name, value):
+    servo.write("torque_control_mode", 1)
+    servo.release()
+    assert servo.command() is None
+    servo.write("torque_limit", 104)
+    assert servo.command() is None
+    servo.write(name, value)
+    assert servo.command() is not None
+
+
+def test_a_profile_begins_where_somebody_else_has_left_the_motor(servo):
+    servo.write("moving_speed", 100)
+    servo.write("goal_position", 1000)
+    servo.moves(lasting=1.0)
+    servo.release()
+    servo.moves(angle=2.0, lasting=1.0)
+    servo.write("goal_position", 1000)
+    assert servo.command().position == pytest.approx(2.0)
+
+
 # What protects it.
 
 
@@ -234,6 +270,14 @@ def test_a_load_within_the_limit_is_no_overload(servo):
     servo.write("goal_position", 1000)
     servo.moves(pwm=0.9, lasting=30.0)
     assert servo.read("torque_limit") == 1023
+
+
+def test_what_others_load_the_motor_with_is_not_held_against_it(servo):
+    servo.write("goal_position", 1000)
+    servo.write("torque_limit", 104)
+    servo.release()
+    servo.moves(pwm=1.0 / 3.0, lasting=30.0)
+    assert servo.read("torque_limit") == 104
 
 
 def test_what_shutdown_does_not_name_is_told_alone(servo):

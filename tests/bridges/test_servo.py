@@ -1,4 +1,6 @@
 import contextlib
+import errno
+import os
 import socket
 import struct
 import threading
@@ -11,8 +13,9 @@ import pytest
 
 from bridges.conftest import wait_until
 from bridges.servo_client import ServoClient
+from drake_srg.bridges import servo
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.dynamixel import Instruction, Packet
+from drake_srg.bridges.dynamixel import Instruction, Packet, PacketReader
 from drake_srg.bridges.serve import Serve
 from drake_srg.bridges.servo import ServoBridge
 from drake_srg.scenario import load_scenario
@@ -93,7 +96,7 @@ def line(station):
 
 def connect(bridge):
     host, _, port = bridge.address.rpartition(":")
-    return socket.create_connection((host, int(port)), timeout=5.0)
+    return socket.create_connection((host.strip("[]"), int(port)), timeout=5.0)
 
 
 def answers(connection):
@@ -148,6 +151,71 @@ def test_an_overload_is_recovered_from(station):
     station.sleep(0.1)
     assert station.commands["gripper.motor_torque_commanded"] == [0.0]
     assert len(station.warnings) == 1
+
+
+# Others who command the same gripper.
+
+
+def grasp(percent=50):
+    """What another source commands: closure, and nothing of the motor."""
+    ports = ("motor_position_commanded", "motor_torque_commanded", "force_limit")
+    free = {f"gripper.{port}": np.array([np.nan]) for port in ports}
+    return {"gripper.closure_commanded": np.array([percent / 100.0]), **free}
+
+
+@pytest.fixture
+def quiet():
+    """A bridge whose motor does nothing: (bridge, inbox, client)."""
+    inbox = CommandInbox([], Warnings(print))
+    with contextlib.closing(ServoBridge(inbox, "tcp:0")) as bridge:
+        client = ServoClient(f"socket://{bridge.address}", lambda _: None)
+        bridge.update(0.0, motor())
+        inbox.take()
+        yield bridge, inbox, client
+        client.close()
+
+
+def motor(angle=0.0):
+    return dict(
+        zip(
+            ServoBridge.ports, map(np.array, ([angle, 0.0], [0.0], [25.0])), strict=True
+        )
+    )
+
+
+def test_what_is_written_again_counts_again_after_another_source(quiet):
+    bridge, inbox, client = quiet
+    client.write(30, 2500)
+    first = inbox.take()
+    inbox.put(grasp(), "/grasp")
+    bridge.update(0.005, motor())
+    inbox.take()
+    client.write(30, 2500)
+    np.testing.assert_equal(inbox.take(), first)
+    assert np.isfinite(first["gripper.motor_position_commanded"]).all()
+
+
+def test_another_source_interrupts_a_slow_motion(quiet):
+    bridge, inbox, client = quiet
+    client.write(32, 20)
+    client.write(30, 1000)
+    inbox.put(grasp(), "/grasp")
+    for k in range(100):
+        bridge.update(0.005 * k, motor())
+    client.write(34, 104)  # moves nothing
+    np.testing.assert_equal(inbox.take(), grasp())
+
+
+def test_packets_that_write_are_counted_once_good_or_bad(quiet):
+    bridge, inbox, client = quiet
+    before = inbox.received
+    client.write(32, 2)
+    client.write(30, 1000)
+    client.read(36, 2)
+    for k in range(100):
+        bridge.update(0.005 * k, motor())
+    client.send(3, 0, 1)  # read only
+    assert inbox.received == before + 3
 
 
 # An independent master.
@@ -225,6 +293,23 @@ def test_where_it_cannot_be(where):
         ServoBridge(CommandInbox([], Warnings(print)), where)
 
 
+@pytest.mark.parametrize("host", ["nowhere.invalid", "a..b"])  # RFC 6761: nobody's
+def test_a_host_that_is_not_found_is_told(host):
+    with pytest.raises(OSError, match="HOST must be an address or a name of this mach"):
+        ServoBridge(CommandInbox([], Warnings(print)), f"tcp:{host}:0")
+
+
+def test_it_listens_at_ipv6_addresses():
+    try:
+        socket.create_server(("::1", 0), family=socket.AF_INET6).close()
+    except OSError:
+        pytest.skip("this machine has no IPv6")
+    with FakeStation("tcp:[::1]:0") as station:
+        assert station.bridge.address.startswith("[::1]:")
+        with connect(station.bridge) as connection:
+            assert answers(connection)
+
+
 def test_a_taken_port_is_told(station):
     threads = threading.active_count()
     where = f"tcp:{station.bridge.address}"
@@ -292,6 +377,45 @@ def test_who_reads_no_replies_stops_nobody_else(line):
         with contextlib.suppress(TimeoutError):
             slow.sendall(PING * 2000)
         assert answers(other)
+
+
+def test_too_many_open_files_are_no_end(station, line, monkeypatch):
+    monkeypatch.setattr(servo, "_PAUSE", 0.05)
+    real, failures = socket.socket.accept, iter(range(3))
+
+    def accept(self):
+        if next(failures, None) is not None:
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+        return real(self)
+
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    assert answers(line())
+    assert next(failures, None) is None
+    (text,) = station.warnings
+    assert "Too many open files" in text
+
+
+def test_at_a_terminal_replies_are_whole_or_lost(monkeypatch):
+    read = Packet(1, Instruction.READ, bytes([0, 74])).encode()
+    with FakeStation("pty") as station:
+        line = os.open(station.bridge.address, os.O_RDWR | os.O_NOCTTY)
+        os.set_blocking(line, False)
+        end = time.monotonic() + 1.0
+        while time.monotonic() < end:  # many more replies than fit in
+            with contextlib.suppress(BlockingIOError):
+                os.write(line, 50 * read)
+            time.sleep(0.01)
+        reader, replies, idle = PacketReader(), 0, 0
+        while idle < 20:
+            try:
+                replies += len(list(reader.feed(os.read(line, 100), 0.0)))
+                idle = 0
+            except BlockingIOError:
+                time.sleep(0.01)
+                idle += 1
+        os.close(line)
+    assert replies > 20
+    assert reader.dropped == len(reader._buffer) == 0
 
 
 # The gripper itself.
