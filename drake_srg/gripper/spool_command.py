@@ -50,14 +50,16 @@ class SpoolCommand(LeafSystem):
         - motor_torque_commanded (optional)
         output_ports:
         - angle_desired
+        - torque_desired
 
     `closure_commanded` (1) is 0 open .. 1 closed, clipped, a NaN ignored. A finite
     `motor_position_commanded` (1), a spool angle [rad], goes before it. While
     `motor_torque_commanded` (1) is finite, so that the motor obeys that, the target
     goes with the spool, for position control to take over from there. While `hold`
-    (1) is nonzero, the target (and so the grip) is kept if one of the sensors,
-    `triggered` (4), fired when the hold began; else the spool stays where it was then:
-    the angle in `motor_state` (2). `angle_desired` (1) [rad] is updated every
+    (1) is nonzero, the target, or the torque if it winds, (and so the grip) is kept if
+    one of the sensors, `triggered` (4), fired when the hold began; else the spool stays
+    where it was then: the angle in `motor_state` (2). `angle_desired` (1) [rad] and
+    `torque_desired` (1), NaN where the motor goes by the angle, are updated every
     `config.period`.
     """
 
@@ -67,7 +69,8 @@ class SpoolCommand(LeafSystem):
         super().__init__()
         self.config = config or SpoolCommandConfig()
         self._spool_radius = spool_radius
-        state = self.DeclareDiscreteState(2)  # target [rad], holding
+        # target [rad], holding, torque
+        state = self.DeclareDiscreteState([0.0, 0.0, np.nan])
         self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
         self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
         self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
@@ -78,12 +81,16 @@ class SpoolCommand(LeafSystem):
         self._torque = self.DeclareVectorInputPort(
             name="motor_torque_commanded", size=1
         )
-        self.DeclareVectorOutputPort(
-            name="angle_desired",
-            size=1,
-            calc=self._calc_angle_desired,
-            prerequisites_of_calc={self.discrete_state_ticket(state)},
-        )
+        for name, calc in (
+            ("angle_desired", self._calc_angle_desired),
+            ("torque_desired", self._calc_torque_desired),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name,
+                size=1,
+                calc=calc,
+                prerequisites_of_calc={self.discrete_state_ticket(state)},
+            )
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=self.config.period, offset_sec=0.0, update=self._update
         )
@@ -91,21 +98,27 @@ class SpoolCommand(LeafSystem):
     def _calc_angle_desired(self, context: Context, output: BasicVector) -> None:
         output[0] = context.get_discrete_state(0)[0]
 
+    def _calc_torque_desired(self, context: Context, output: BasicVector) -> None:
+        output[0] = context.get_discrete_state(0)[2]
+
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        target, was_holding = context.get_discrete_state(0).value()
+        target, was_holding, torque = context.get_discrete_state(0).value()
         holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
         closure = self._closure.Eval(context)[0]
-        position, torque = (
+        position, torque_commanded = (
             port.Eval(context)[0] if port.HasValue(context) else np.nan
             for port in (self._position, self._torque)
         )
+        angle = self._motor.Eval(context)[0]
+        gripping = self._triggered.Eval(context).any() and not torque <= 0.0
+        if not holding:
+            torque = torque_commanded
+            if np.isfinite(position):
+                target = position
+            elif np.isfinite(closure):
+                target = spool_angle(closure, self._spool_radius, self.config)
+        elif not was_holding and not gripping:
+            target, torque = angle, np.nan
         if np.isfinite(torque):
-            target = self._motor.Eval(context)[0]
-        elif holding:
-            if not was_holding and not self._triggered.Eval(context).any():
-                target = self._motor.Eval(context)[0]
-        elif np.isfinite(position):
-            target = position
-        elif np.isfinite(closure):
-            target = spool_angle(closure, self._spool_radius, self.config)
-        discrete_state.set_value([target, float(holding)])
+            target = angle
+        discrete_state.set_value([target, float(holding), torque])

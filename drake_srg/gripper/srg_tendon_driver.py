@@ -120,8 +120,9 @@ def AddSrgTendonDriver(
 
     A finite `motor_position_commanded` (1), a spool angle [rad], goes before closure; a
     finite `motor_torque_commanded` (1), a fraction of the torque at full PWM, before
-    both and before `hold`. A motor without power is one with a torque of 0: the springs
-    turn it back. See `SpoolCommand` and `GripperServo`.
+    both. `hold` goes before all of them, but not before `force_limit`. A motor without
+    power is one with a torque of 0: the springs turn it back. See `SpoolCommand` and
+    `GripperServo`.
 
     Call `SetTendonDynamics` before the plant is finalized.
 
@@ -160,20 +161,22 @@ def AddSrgTendonDriver(
     inner.Connect(motor_state, servo.GetInputPort("state_measured"))
     inner.Connect(sensing.triggered, command.GetInputPort("triggered"))
     inner.Connect(sensing.state_measured, drive.GetInputPort("state_measured"))
-    inner.Connect(command.get_output_port(), reference.get_input_port())
+    inner.Connect(command.GetOutputPort("angle_desired"), reference.get_input_port())
+    inner.Connect(
+        command.GetOutputPort("torque_desired"), servo.GetInputPort("torque_commanded")
+    )
     inner.Connect(reference.get_output_port(), servo.GetInputPort("reference"))
     inner.Connect(servo.get_output_port(), drive.GetInputPort("pwm"))
     inner.Connect(servo.get_output_port(), temperature.GetInputPort("pwm"))
     inner.Connect(motor_state, temperature.GetInputPort("motor_state"))
     inner.Connect(drive.GetOutputPort("joint_torque"), joints.get_input_port())
 
-    for name in ("closure_commanded", "hold", "motor_position_commanded"):
+    for name in (
+        *("closure_commanded", "hold"),
+        *("motor_position_commanded", "motor_torque_commanded"),
+    ):
         inner.ExportInput(command.GetInputPort(name), name)
     inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
-    torque = inner.ExportInput(
-        servo.GetInputPort("torque_commanded"), "motor_torque_commanded"
-    )
-    inner.ConnectInput(torque, command.GetInputPort("motor_torque_commanded"))
     inner.ExportOutput(servo.get_output_port(), "pwm")
     for name in ("motor_state", "wire_force"):
         inner.ExportOutput(drive.GetOutputPort(name), name)

@@ -38,7 +38,7 @@ def test_ports():
             "motor_position_commanded": 1,
             "motor_torque_commanded": 1,
         },
-        {"angle_desired": 1},
+        {"angle_desired": 1, "torque_desired": 1},
     )
 
 
@@ -93,6 +93,46 @@ def test_the_motors_own_position_goes_before_closure():
 
 def test_hold_goes_before_the_motors_own_position():
     command, context = make(motor=(1.2, 0.0), motor_position_commanded=2.0, hold=1.0)
+    assert target(command, context) == 1.2
+
+
+def torque(command, context, **inputs):
+    target(command, context, **inputs)
+    return read(command, context, "torque_desired")[0]
+
+
+def test_the_motors_own_torque_is_obeyed_until_it_is_no_number():
+    command, context = make()
+    assert np.isnan(read(command, context, "torque_desired")[0])
+    assert np.isnan(torque(command, context))
+    assert torque(command, context, motor_torque_commanded=0.3) == 0.3
+    assert np.isnan(torque(command, context, motor_torque_commanded=np.nan))
+
+
+@pytest.mark.parametrize("triggered", [(0, 0, 0, 0), (0, 0, 1, 0)])
+def test_hold_goes_before_the_motors_own_torque(triggered):
+    command, context = make(closure=0.5, triggered=triggered)
+    target(command, context)
+    before = target(command, context, hold=1.0)
+    assert np.isnan(torque(command, context, motor_torque_commanded=-0.5))
+    assert target(command, context, motor_state=[1.0, 0.0]) == before
+    assert torque(command, context, hold=0.0) == -0.5
+
+
+@pytest.mark.parametrize(
+    ("touching", "before", "kept"),
+    [(True, 0.3, 0.3), (False, 0.3, np.nan), (True, 0.0, np.nan), (True, -0.3, np.nan)],
+)
+def test_hold_keeps_a_grip_that_is_a_torque(touching, before, kept):
+    command, context = make(
+        motor=(1.2, 0.0),
+        triggered=(0, 0, touching, 0),
+        motor_torque_commanded=before,
+    )
+    target(command, context)
+    assert torque(command, context, hold=1.0) == pytest.approx(kept, nan_ok=True)
+    held = torque(command, context, motor_torque_commanded=0.9)
+    assert held == pytest.approx(kept, nan_ok=True)
     assert target(command, context) == 1.2
 
 
