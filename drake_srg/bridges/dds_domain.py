@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import ipaddress
 import os
-import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from xml.sax.saxutils import quoteattr
 
 from cyclonedds.core import DDSException
 from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.qos import Policy, Qos
+
+from drake_srg.bridges.addresses import own_address
 
 # From 233 on, the UDP ports that DDSI's formula gives a domain are above 65535.
 _MAX_DOMAIN = 232
@@ -19,12 +18,13 @@ _MAX_DOMAIN = 232
 # too, at the ports of as many as ROS 2 expects where it stays on its machine.
 _CONFIGURATION = """
 <CycloneDDS><Domain>
-  <General><Interfaces><NetworkInterface {interface}/></Interfaces></General>
+  <General><Interfaces><NetworkInterface address="{address}"/></Interfaces></General>
   <Discovery>
     <ParticipantIndex>auto</ParticipantIndex>
     <MaxAutoParticipantIndex>32</MaxAutoParticipantIndex>
     <Peers AddLocalhost="true"/>
   </Discovery>
+  <Internal><MaxSampleSize>{max_size} B</MaxSampleSize></Internal>
 </Domain></CycloneDDS>
 """
 
@@ -44,15 +44,21 @@ def domain_id(domain: int | None) -> int:
 
 @contextmanager
 def open_participant(
-    domain: int, interface: str, name: str
+    domain: int, interface: str, name: str, max_size: int
 ) -> Iterator[DomainParticipant]:
     """Open a DDS domain and take part in it; close all that was made in it at the end.
 
+    Where the environment has a CYCLONEDDS_URI, that decides instead of `interface` and
+    `max_size`. Otherwise Cyclone DDS tells others of the interface's address alone and
+    sends there alone; but its sockets take in what arrives for their ports at any
+    interface, which no setting changes.
+
     Args:
         domain: Its number.
-        interface: Address or name of the network interface to use; ignored where the
-            environment has a CYCLONEDDS_URI.
+        interface: IPv4 address or name of the network interface to use.
         name: Of the participant.
+        max_size: Of a sample that is sent or received [bytes]. What is larger is
+            dropped, and Cyclone DDS writes a line on it to stderr.
 
     Raises:
         ValueError: If this machine has no such interface, or the domain is open in this
@@ -60,7 +66,7 @@ def open_participant(
         OSError: If Cyclone DDS does not open it; it has written to stderr why.
     """
     configuration = os.environ.get("CYCLONEDDS_URI") or _CONFIGURATION.format(
-        interface=_interface(interface)
+        address=own_address(interface), max_size=max_size
     )
     try:
         entity = Domain(domain, configuration)
@@ -76,27 +82,3 @@ def open_participant(
         yield DomainParticipant(domain, qos)
     finally:
         entity.__del__()  # deletes what is in it, whoever still refers to that
-
-
-def _interface(interface: str) -> str:
-    """Cyclone DDS's attribute that names an interface, checked."""
-    try:
-        address = ipaddress.ip_address(interface)
-    except ValueError:
-        attribute = "name"
-    else:
-        attribute = "address"
-    try:
-        if attribute == "name":
-            socket.if_nametoindex(interface)
-        else:
-            family = socket.AF_INET if address.version == 4 else socket.AF_INET6
-            with socket.socket(family, socket.SOCK_DGRAM) as probe:
-                probe.bind((interface, 0))
-    except OSError as error:
-        names = [name for _, name in socket.if_nameindex()]
-        raise ValueError(
-            f"no network interface {interface!r}; allowed are this machine's addresses "
-            f"and {', '.join(names)}"
-        ) from error
-    return f"{attribute}={quoteattr(interface)}"

@@ -25,7 +25,7 @@ from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox
 from drake_srg.bridges.dds_domain import domain_id, open_participant
 from drake_srg.bridges.dds_types import payload_type
-from drake_srg.bridges.ros2_commands import CommandReader
+from drake_srg.bridges.ros2_commands import COMMAND_LIMIT, CommandReader
 from drake_srg.recording.ros_topics import Topic
 
 # rmw_qos_profile_default and rmw_qos_profile_sensor_data of ROS 2; but to wait for slow
@@ -49,6 +49,9 @@ class Ros2Bridge(Bridge):
     what a socket receives: Fast DDS may lose half of them unless it is given 4 MiB
     (`sysctl net.core.rmem_default`, or its own settings); Cyclone DDS asks for more.
 
+    A command may have 1 MiB; larger ones are dropped. So are pictures of more than four
+    bytes for each pixel that a topic of CameraInfo tells of.
+
     Nothing is told on `ros_discovery_info`: Humble writes it in another way than Jazzy,
     and each throws on what the other writes. So `ros2 topic` finds all topics, and
     `ros2 node list` no node. Packets that are no DDS are dropped by Cyclone DDS, which
@@ -58,8 +61,9 @@ class Ros2Bridge(Bridge):
         inbox: Where commands go; its topics are subscribed to.
         topics: What is published.
         domain: 0 to 232; None: the environment's ROS_DOMAIN_ID, or else 0.
-        interface: Address or name of the network interface to use. Where the
-            environment has a CYCLONEDDS_URI, that decides alone.
+        interface: IPv4 address or name of the network interface to use. Where the
+            environment has a CYCLONEDDS_URI, that decides alone. Sockets are bound to
+            all interfaces in any case; others are neither told of them nor answered.
         name: Of the DDS participant.
 
     Raises:
@@ -81,7 +85,7 @@ class Ros2Bridge(Bridge):
         self.domain = domain_id(domain)
         with contextlib.ExitStack() as stack:
             self._participant = stack.enter_context(
-                open_participant(self.domain, interface, name)
+                open_participant(self.domain, interface, name, self._max_size(topics))
             )
             kinds = {topic.name: topic.type for topic in inbox.topics.values()}
             subscribed = {topic: self._topic(topic, kinds[topic]) for topic in kinds}
@@ -131,6 +135,16 @@ class Ros2Bridge(Bridge):
 
     def _make(self, kind: str, *values: Any, **fields: Any) -> Any:
         return self._store.types[kind](*values, **fields)
+
+    def _max_size(self, topics: Sequence[Topic]) -> int:
+        """Largest message [bytes]: a command, or a picture with what is around it."""
+        infos = (
+            topic.convert(self._make, 0.0)
+            for topic in topics
+            if topic.type == "sensor_msgs/msg/CameraInfo"
+        )
+        pixels = max((info.height * info.width for info in infos), default=0)
+        return COMMAND_LIMIT + 4 * pixels
 
     def _topic(self, name: str, kind: str) -> DdsTopic[Any]:
         return DdsTopic(self._participant, f"rt{name}", payload_type(self._store, kind))

@@ -30,9 +30,18 @@ _RELIABILITIES = {
     "reliable": Policy.Reliability.Reliable(max_blocking_time=0),
     "best effort": Policy.Reliability.BestEffort,
 }
-# What may wait to be taken: 1 kHz for a second, should this process not get to run. Of
-# more, the last are kept.
-_DEPTH = 1000
+# Allowed of a message [bytes]: as of TCPROS frames. Commands are a thousandth of it.
+COMMAND_LIMIT = 2**20
+# What may wait to be taken, of each topic: 1 kHz for a tenth of a second, should this
+# thread not get to run. Of more, the last are kept. (Whatever their size is, which
+# nobody but the domain limits: hence no more.)
+_DEPTH = 100
+# Samples that are taken out at once, all of them in memory.
+_BATCH = 10
+# Writers that are remembered; of more, the oldest are asked for again.
+_MAX_WRITERS = 1000
+# For the thread's end, and between tries after a fault [s, real].
+_PATIENCE, _RETRY = 2.0, 0.1
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
 # Makes a reader of a topic with policies of one's choice.
@@ -65,6 +74,7 @@ class CommandReader:
             for kind, policy in _RELIABILITIES.items()
         ]
         self._is_best_effort: dict[int, bool] = {}  # by publication handle
+        self._closed = threading.Event()
         self._publications = BuiltinDataReader(participant, BuiltinTopicDcpsPublication)
         self._closing = GuardCondition(participant)
         self._waitset = WaitSet(participant)
@@ -76,14 +86,20 @@ class CommandReader:
 
     def close(self) -> None:
         """End the thread."""
+        self._closed.set()
         self._closing.set(True)
-        self._thread.join()
+        self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
-        while not self._closing.read():
-            self._waitset.wait(duration(seconds=1))
-            self._take()
-            self._check_types()
+        while not self._closed.is_set():
+            try:
+                self._waitset.wait(duration(seconds=1))
+                self._take()
+                self._check_types()
+            except Exception as error:  # nothing ends commands but close()
+                if not self._closed.wait(_RETRY):
+                    text = f"ROS 2: reading commands fails: {error!r}"
+                    self._inbox.warnings.warn("ROS 2 fault", text)
 
     def _take(self) -> None:
         # While one reader is looked at, others get older messages: once more, then.
@@ -98,11 +114,16 @@ class CommandReader:
     def _waiting(self) -> Iterator[tuple[int, str, bytes]]:
         """Time of sending [ns], topic and data of what waits in the readers."""
         for name, kind, reader in self._readers:
-            for sample in reader.take(_DEPTH):
+            for sample in reader.take(_BATCH):
                 info = sample.sample_info
-                if info.valid_data and (
-                    kind == "reliable" or self._offers_best_effort(reader, info)
+                if not info.valid_data or (
+                    kind == "best effort" and not self._offers_best_effort(reader, info)
                 ):
+                    continue
+                if len(sample.cdr) > COMMAND_LIMIT:
+                    reason = f"has {len(sample.cdr)} bytes; allowed are {COMMAND_LIMIT}"
+                    self._inbox.refuse(name, "size", reason)
+                else:
                     yield info.source_timestamp, name, sample.cdr
 
     def _receive(self, topic: str, cdr: bytes) -> None:
@@ -118,6 +139,8 @@ class CommandReader:
         """Whether a sample's writer is one whom the reliable reader does not hear."""
         handle = info.publication_handle
         if handle not in self._is_best_effort:
+            if len(self._is_best_effort) >= _MAX_WRITERS:
+                del self._is_best_effort[next(iter(self._is_best_effort))]
             writer = reader.get_matched_publication_data(handle)
             # A writer that is gone already may have been such.
             self._is_best_effort[handle] = (

@@ -43,16 +43,16 @@ def test_the_environment_may_be_wrong(monkeypatch, text):
 def test_a_domain_opens_and_closes_again_and_again(interface, domain):
     domain = free_domain() if domain is None else domain
     for _ in range(3):
-        with open_participant(domain, interface, "test") as participant:
+        with open_participant(domain, interface, "test", 2**20) as participant:
             assert participant.get_domain_id() == domain
 
 
-@pytest.mark.parametrize("interface", ["198.51.100.1", "nothing", ""])
+@pytest.mark.parametrize("interface", ["198.51.100.1", "::1", "0.0.0.0", ""])
 def test_an_interface_that_is_none_is_refused(interface):
-    message = f"no network interface '{re.escape(interface)}'; allowed are .*lo"
+    message = f"host is '{re.escape(interface)}'; allowed is one IPv4 address"
     with (
         pytest.raises(ValueError, match=message),
-        open_participant(free_domain(), interface, "test"),
+        open_participant(free_domain(), interface, "test", 2**20),
     ):
         pass
 
@@ -62,11 +62,11 @@ def test_a_cyclonedds_uri_decides_alone(monkeypatch, capfd):
     domain = free_domain()
     with (
         pytest.raises(OSError, match=f"does not open domain {domain}"),
-        open_participant(domain, "127.0.0.1", "test"),
+        open_participant(domain, "127.0.0.1", "test", 2**20),
     ):
         pass
     assert "Nonsense" in capfd.readouterr().err
     interface = '<Interfaces><NetworkInterface name="lo"/></Interfaces>'
     monkeypatch.setenv("CYCLONEDDS_URI", f"<General>{interface}</General>")
-    with open_participant(domain, "nothing", "test"):
+    with open_participant(domain, "nothing", "test", 2**20):
         pass

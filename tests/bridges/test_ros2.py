@@ -10,8 +10,10 @@ from pydrake.systems.sensors import CameraInfo
 
 from bridges.conftest import wait_until
 from bridges.ros2_peers import CyclonePeer, command_topics, free_domain
+from drake_srg.bridges import ros2_commands
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.ros2 import Ros2Bridge
+from drake_srg.bridges.ros2_commands import COMMAND_LIMIT
 from drake_srg.bridges.topics import camera_topics
 from drake_srg.recording import ros_topics
 
@@ -219,6 +221,62 @@ def test_bad_commands_are_refused_with_one_warning_a_kind(inbox, bridge, peer, t
     assert received(inbox, 5)
     assert inbox.take()["/kuka"].tolist() == good
     assert len(told) == 2
+
+
+def test_commands_that_are_huge_are_refused(inbox, bridge, peer, told, capfd):
+    advertise(inbox, peer, "/kuka")
+    good = COMMANDS["/kuka"][1]
+    # Up to the largest picture they come as far as here, then Cyclone DDS drops them.
+    for data in good, [0.0] * (COMMAND_LIMIT // 8), [0.0] * (COMMAND_LIMIT // 2):
+        peer.publish("/kuka", data)
+    assert received(inbox, 2)
+    assert inbox.take()["/kuka"].tolist() == good
+    peer.publish("/kuka", good)
+    assert received(inbox, 3)
+    (warning,) = told
+    assert warning.startswith("/kuka: has 10485")
+    assert capfd.readouterr().err.count("dropping oversize") == 1
+
+
+def test_the_largest_picture_is_not_too_large(bridge):
+    camera = camera_topics(
+        "ceiling", CameraInfo(1920, 1080, 900.0, 900.0, 960.0, 540.0)
+    )
+    depth = np.zeros((1080, 1920), np.float32)
+    message = camera["/camera/depth/image_raw"].convert(bridge._make, 0.0, depth)
+    size = len(bridge._store.serialize_cdr(message, IMAGE.type))
+    assert size < bridge._max_size([*TOPICS, *camera.values()])
+
+
+def test_a_fault_does_not_end_commands(inbox, bridge, peer, told, monkeypatch):
+    advertise(inbox, peer, "/grasp")
+    receive = inbox.receive
+
+    def fail(topic, data):
+        if data < 3:
+            raise RuntimeError("nobody expected it")
+        receive(topic, data)
+
+    monkeypatch.setattr(inbox, "receive", fail)
+    for value in range(4):
+        peer.publish("/grasp", value)
+        time.sleep(0.15)
+    assert received(inbox, 1)
+    assert inbox.take()["/grasp"] == [3.0]
+    assert len(told) == 1
+    assert "nobody expected it" in told[0]
+
+
+def test_writers_that_are_forgotten_are_asked_for_again(
+    inbox, bridge, peer, monkeypatch
+):
+    monkeypatch.setattr(ros2_commands, "_MAX_WRITERS", 1)
+    advertise(inbox, peer, "/grasp", "/startgrasp", reliable=True)
+    advertise(inbox, peer, "/kuka", reliable=False)
+    for _ in range(3):
+        for topic in "/grasp", "/kuka", "/startgrasp":
+            peer.publish(topic, COMMANDS[topic][1])
+    assert received(inbox, 9)
 
 
 def test_a_topic_of_another_type_is_warned_of_once(inbox, bridge, peer, told):
