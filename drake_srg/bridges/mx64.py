@@ -21,9 +21,9 @@ _COUNTS = 4096 / math.tau  # of the encoder, per rad
 # Position with the fingers open and the wires taut: 2500 counts from there, clockwise
 # and so downwards, are the middle of a turn. SAKE's 100 % are 2500 counts, 29.1 mm of
 # wire, about what a finger takes over all of the range of both its joints (28.8 mm
-# here). Calibrated on nothing, the fingers end where their pads meet: after 19.7 mm, and
-# 1.7 mm more that the wires stretch under 43 N. SAKE's zero is then at about 1460, and
-# the fingers are fully open at 73 or 74 % already.
+# here). Calibrated on nothing, the fingers end where their pads meet: after 19.7 mm,
+# and up to 1.7 mm more that the wires stretch under 43 N, which goes back while the
+# zero is read. That is then at 1456 to 1537, the fingers fully open at 70 to 74 %.
 _OPEN = 3298
 # Units, e-manual.
 _SPEED = 0.114 * math.tau / 60  # rad/s
