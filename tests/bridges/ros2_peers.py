@@ -10,7 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
+from bridges.ros1_peers import wait_until
 from drake_srg.bridges.commands import CommandError, CommandTopic
+
+COMMANDS = {
+    "/grasp": ("Int32", 42),
+    "/startgrasp": ("Bool", True),
+    "/position_grasp": ("Float64MultiArray", [0.1, 0.2, 0.3, 0.4]),
+    "/kuka": ("Float64MultiArray", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7]),
+}
 
 
 def free_domain():
@@ -87,3 +95,20 @@ class CyclonePeer(Peer):
 
     def __getattr__(self, order):
         return lambda *arguments: json.loads(self.ask(json.dumps([order, *arguments])))
+
+
+def advertise(inbox, peer, *topics, reliable=True):
+    """Make publishers that are known to the bridge and know of it."""
+    # Two readers, or that for best effort alone.
+    readers = 2 if reliable else 1
+    for topic in topics:
+        peer.advertise(topic, COMMANDS[topic][0], reliable)
+        assert wait_until(lambda topic=topic: peer.subscribers(topic) == readers)
+    peer.introduce()
+    assert received(inbox, 1)
+    inbox.take()
+    inbox.received = 0
+
+
+def received(inbox, count):
+    return wait_until(lambda: inbox.received >= count) and inbox.received == count
