@@ -96,7 +96,7 @@ class Subscription:
 
     async def _follow(self, uri: str, publisher: _Publisher) -> None:
         """Receive from a publisher while it is listed, or sends."""
-        retry = _RETRY
+        retry, worked = _RETRY, False
         while uri in self._listed:
             try:
                 await self._read(uri, publisher)
@@ -104,7 +104,8 @@ class Subscription:
                 kind = type(error).__name__
                 self._warn(kind, f"{uri}: {error}; connection closed")
             except (OSError, ValueError, asyncio.TimeoutError) as error:
-                if publisher.connection is None:
+                # Who has just left may be listed for a moment still.
+                if publisher.connection is None and not worked:
                     text = one_line(error) or "no answer"
                     self._warn("unreachable", f"{uri} cannot be reached: {text}")
             worked, publisher.connection = publisher.connection is not None, None

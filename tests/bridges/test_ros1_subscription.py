@@ -16,6 +16,7 @@ from bridges.ros1_peers import (
     taken,
     wait_until,
 )
+from drake_srg.bridges import ros1_subscription
 
 
 def test_commands_arrive(ros1_bridge, inbox, ros1_master, ros1_publisher, told):
@@ -125,6 +126,27 @@ def test_publishers_come_and_go(ros1_bridge, inbox, ros1_master, ros1_publisher,
         assert taken(inbox, "closure") == [0.4]
     (text,) = told
     assert "in the middle of a message" in text
+
+
+def test_who_leaves_is_missed_only_if_it_stays_listed(
+    ros1_bridge, inbox, ros1_master, ros1_publisher, told, monkeypatch
+):
+    ros1_master.tell("/grasp", ros1_publisher.uri)
+    connection = ros1_publisher.accept(**INT32)
+    connection.sendall(int32(5))
+    assert taken(inbox, "closure") == [0.05]
+    told_at_attempts = []
+
+    async def nobody_answers(uri, *arguments, **options):
+        told_at_attempts.append(list(told))
+        raise ConnectionRefusedError("nobody there")
+
+    monkeypatch.setattr(ros1_subscription, "call", nobody_answers)
+    connection.close()
+    assert wait_until(lambda: told)
+    assert told_at_attempts[:2] == [[], []]  # not told of the first one
+    (text,) = told
+    assert "cannot be reached" in text
 
 
 @pytest.mark.parametrize(
