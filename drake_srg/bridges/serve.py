@@ -172,14 +172,21 @@ class _Loop:
         self._diagram = simulator.get_system()
         self._context = simulator.get_mutable_context()
         self._ports = output_ports(self._diagram)
+        # Of a continuous plant the integrator decides: a control period is one step.
+        plant = self._diagram.GetSubsystemByName("plant")
+        self._plant_step = plant.time_step() or math.inf
         self._wanted = sorted({name for b in outlet.bridges for name in b.ports})
 
-    def advance(self, time: float) -> None:
-        """Obey what was commanded, until a time [s], and tell what came of it."""
+    def advance(self, until: float) -> None:
+        """Obey what was commanded, go on until a time [s], and tell how it goes.
+
+        It is told after the plant's first step, which shows what the commands do: all
+        steps of a control period take real time, and clients wait.
+        """
         for name, value in self.inbox.take().items():
             self._diagram.GetInputPort(name).FixValue(self._context, value)
-        with failure_time(self._name, self._simulator):
-            self._simulator.AdvanceTo(time)
+        time = min(self._context.get_time() + self._plant_step, until)
+        self._advance_to(time)
         values = {name: self._value(name) for name in self._wanted}
         self.outlet.update(time, values)
         for topic in self._topics:
@@ -187,6 +194,12 @@ class _Loop:
                 told = [self._value(name) for name in topic.ports]
                 self.outlet.send(topic, time, told)
         self._pictures.look(time, lambda: self._value("plant.state"), self.outlet)
+        if time < until:  # CENIC knows no step of nothing
+            self._advance_to(until)
+
+    def _advance_to(self, time: float) -> None:
+        with failure_time(self._name, self._simulator):
+            self._simulator.AdvanceTo(time)
 
     def _value(self, name: str) -> Any:
         port = self._ports.get(name)
