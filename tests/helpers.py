@@ -51,7 +51,21 @@ def needs_debian(*programs):
     """
     missing = [p for p in programs if not (shutil.which(p) or Path(p).is_file())]
     if missing:
-        message = f"{', '.join(missing)} missing: sh tools/install_test_peers.sh"
-        if "DRAKE_SRG_REQUIRE_ROS" in os.environ:
-            pytest.fail(message)
-        pytest.skip(message)
+        _do_without(f"{', '.join(missing)} missing: sh tools/install_test_peers.sh")
+
+
+def needs_pty():
+    """Skip, or fail, likewise where there are no pseudo terminals, as in a chroot."""
+    try:
+        ends = os.openpty()
+    except OSError as error:
+        _do_without(f"no pseudo terminals here: {error}")
+    else:
+        for end in ends:
+            os.close(end)
+
+
+def _do_without(message):
+    if "DRAKE_SRG_REQUIRE_ROS" in os.environ:
+        pytest.fail(message)
+    pytest.skip(message)

@@ -44,11 +44,13 @@ def test_a_master_that_comes_later_is_waited_for(inbox, told, impatient):
         with contextlib.closing(peers.Master(port)) as master:
             assert wait_until(lambda: bridge.status == f"ROS 1 at {uri}")
             assert len(master.registered) == 6
-        assert wait_until(lambda: "waiting" in bridge.status)
+        assert wait_until(lambda: len(told) == 2)
+        assert "waiting" in bridge.status
         with contextlib.closing(peers.Master(port)) as master:
             assert wait_until(lambda: len(master.registered) == 6)
             assert wait_until(lambda: "waiting" not in bridge.status)
-        assert wait_until(lambda: "waiting" in bridge.status)
+        assert wait_until(lambda: len(told) == 3)
+        assert "waiting" in bridge.status
         time.sleep(0.2)
     assert len(told) == 3  # once each time that it was gone
     assert all("waiting for it" in text for text in told)

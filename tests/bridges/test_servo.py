@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import dynamixel_sdk
 import numpy as np
 import pytest
+from helpers import needs_pty
 
 from bridges.conftest import wait_until
 from bridges.servo_client import ServoClient
@@ -31,6 +32,8 @@ class FakeStation(threading.Thread):
 
     def __init__(self, where):
         super().__init__(daemon=True)
+        if where == "pty":
+            needs_pty()
         self.warnings = []
         self.inbox = CommandInbox([], Warnings(self.warnings.append))
         self.bridge = ServoBridge(self.inbox, where)
@@ -282,6 +285,9 @@ def test_it_says_where_it_is(station):
     host, _, port = station.bridge.address.rpartition(":")
     assert host == "127.0.0.1"
     assert station.bridge.status == f"servo at tcp:127.0.0.1:{port}"
+
+
+def test_it_says_at_which_terminal_it_is():
     with FakeStation("pty") as other:
         assert other.bridge.status == f"servo at {other.bridge.address}"
         assert other.bridge.address.startswith("/dev/")
@@ -320,6 +326,8 @@ def test_a_taken_port_is_told(station):
 
 @pytest.mark.parametrize("where", ["tcp:0", "pty"])
 def test_closed_it_leaves_nothing(where):
+    if where == "pty":
+        needs_pty()
     threads = threading.active_count()
     bridge = ServoBridge(CommandInbox([], Warnings(print)), where)
     client = connect(bridge) if where == "tcp:0" else None
