@@ -12,6 +12,7 @@ from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.goals import goal_pose
 from drake_srg.gripper.drivers import LinkageDriver
+from drake_srg.object_config import ObjectConfig
 from drake_srg.objects import known_shape, object_body, object_shape
 from drake_srg.planning.grasps import Hand
 from drake_srg.planning.linkage_hand import LinkageHand
@@ -22,7 +23,7 @@ from drake_srg.planning.srg_hand import SrgHand
 from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.plant import AddDirectives
 from drake_srg.ports import Ports, output_ports
-from drake_srg.scenario import ObjectConfig, Scenario, is_continuous
+from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.station import AddStation, MakeStation
 from drake_srg.types import Vector
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget

@@ -42,18 +42,43 @@ def key_generator(seed: int, key: str) -> RandomGenerator:
     return RandomGenerator(int.from_bytes(digest[:4], "little"))
 
 
-def draw_distributions(tree: Any, seed: int, origin: str, key: str = "") -> Any:
-    """Return `tree` with every distribution of Drake's schema replaced by a draw."""
+def draw_distributions(
+    tree: Any,
+    seed: int,
+    origin: str,
+    values: dict[str, Any] | None = None,
+    key: str = "",
+) -> Any:
+    """Return `tree` with every distribution of Drake's schema replaced by a draw.
+
+    Args:
+        tree: As `parse_yaml` returns it.
+        seed: Of all draws.
+        origin: File or option to name in errors.
+        values: Gets what is drawn, by its key; of vectors each entry.
+        key: Dotted path of `tree`.
+
+    Raises:
+        ScenarioError: If a distribution's numbers do not make one.
+    """
     if isinstance(tree, Mapping):
         if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
-            return _draw(tree, seed, origin, key)
+            drawn = _draw(tree, seed, origin, key)
+            if values is None:
+                return drawn
+            values |= (
+                {f"{key}[{i}]": x for i, x in enumerate(drawn)}
+                if isinstance(drawn, list)
+                else {key: drawn}
+            )
+            return drawn
         return {
-            k: draw_distributions(v, seed, origin, join(key, k))
+            k: draw_distributions(v, seed, origin, values, join(key, k))
             for k, v in tree.items()
         }
     if isinstance(tree, list):
         return [
-            draw_distributions(v, seed, origin, f"{key}[{i}]")
+            draw_distributions(v, seed, origin, values, f"{key}[{i}]")
             for i, v in enumerate(tree)
         ]
     return tree

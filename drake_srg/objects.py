@@ -18,8 +18,8 @@ from pydrake.multibody.tree import (
 )
 
 from drake_srg.errors import ScenarioError
+from drake_srg.object_config import ObjectConfig
 from drake_srg.parsing import ConfigureParser
-from drake_srg.scenario import ObjectConfig
 from drake_srg.soft_objects import AddSoftObject
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 

@@ -6,13 +6,13 @@ field may be one of Drake's distributions, drawn from `random_seed`.
 """
 
 import dataclasses as dc
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from pydrake.common import RandomGenerator
-from pydrake.common.schema import Transform, UniformVectorX
+from pydrake.common.schema import UniformVectorX
 from pydrake.geometry import SceneGraphConfig
 from pydrake.multibody.parsing import ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
@@ -20,92 +20,36 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.clutter import add_clutter
 from drake_srg.distributions import draw_distributions, key_generator
 from drake_srg.disturbances import Force, Push, Topple
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.gripper.drivers import GripperDriver
+from drake_srg.object_config import ClutterConfig, ObjectConfig
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.messages import MessagesConfig, message_script
 from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario_checks import check_scenario
-from drake_srg.types import Box, Cylinder, Sphere, positive
-from drake_srg.yaml_loading import load_typed, merge, parse_yaml, set_key
+from drake_srg.scenario_files import SCENARIOS, list_scenarios, load_tree
+from drake_srg.types import positive
+from drake_srg.yaml_loading import load_typed
 
-SCENARIOS = Path(__file__).parent / "scenarios"
-
-
-@dc.dataclass(kw_only=True)
-class ColorRangeConfig:
-    """Colours by which the localizer finds an object, bounds inclusive."""
-
-    lower: list[float] = dc.field(
-        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
-    )
-    upper: list[float] = dc.field(
-        default_factory=lambda: [360.0, 1.0, 1.0], metadata={"length": 3}
-    )
-    # hsv: hue in degrees (lower above upper wraps through red), saturation and value
-    # 0 .. 1. rgb: 0 .. 1.
-    space: str = dc.field(default="hsv", metadata={"among": ("hsv", "rgb")})
-
-
-@dc.dataclass(kw_only=True)
-class SoftConfig:
-    """What a soft object is made of: an elastic, isotropic solid.
-
-    The defaults are those of a dry kitchen sponge of flexible polyurethane foam, 30
-    kg/m³ (Gibson and Ashby, Cellular Solids, 2nd ed., ch. 5, for open cells): modulus
-    (30 / 1200)² of the solid's 45 MPa, Poisson's ratio a third.
-    """
-
-    youngs_modulus: float = dc.field(default=28.0e3, metadata=positive())  # Pa
-    # Linear tetrahedra lock as this comes near 0.5.
-    poissons_ratio: float = dc.field(default=0.33, metadata={"ge": 0.0, "le": 0.45})
-    # Viscosity over stiffness [s]: loss factor over angular frequency.
-    damping: float = dc.field(default=0.01, metadata={"ge": 0.0})
-
-
-@dc.dataclass(kw_only=True)
-class ObjectConfig:
-    """An object that can be moved; at the start it stands upright on the table."""
-
-    # Model with one link, or else `shape`. Where the link has one collision geometry, a
-    # cylinder, box or ball around its origin, the localizer and the planner know that
-    # shape. Any other object is one that they neither see nor pick; its origin is under
-    # it, on the table.
-    model: str | None = None
-    shape: Cylinder | Box | Sphere | None = None
-    # Makes a `shape`, a box, of finite elements; a script can pick it, the planner not.
-    # The plant must have the contact approximation `sap` and steps of up to 5 ms.
-    soft: SoftConfig | None = None
-    # kg; with a model, null keeps the model's.
-    mass: float | None = dc.field(default=None, metadata=positive())
-    # Coulomb friction coefficient; with a model, null keeps the model's.
-    friction: float | None = dc.field(default=None, metadata={"ge": 0.0})
-    # Edge length of the facets that stand for round geometry in contact [m]; null keeps
-    # the model's, or takes 0.3 of a shape's radius. For a soft object, longest edge of
-    # the cells that are cut into elements; null takes a quarter of its least extent.
-    resolution: float | None = dc.field(default=None, metadata=positive())
-    # Hydroelastic modulus [Pa]; null keeps the model's, or takes 50 MPa for a shape. A
-    # light object rattles on a stiff support where contact is too stiff for the step.
-    modulus: float | None = dc.field(default=None, metadata=positive())
-    # Red, green, blue 0 .. 1: what a `shape` is painted with and what the localizer
-    # looks for.
-    color: list[float] = dc.field(
-        default_factory=lambda: [0.8, 0.1, 0.1],
-        metadata={"length": 3, "ge": 0.0, "le": 1.0},
-    )
-    # What the localizer looks for, where `color` and its default tolerance do not do.
-    color_range: ColorRangeConfig | None = None
-    # [x, y] of the centre on the table, in world [m]; null draws it in `task.region`.
-    position: list[float] | None = dc.field(default=None, metadata={"length": 2})
-    yaw: float = 0.0  # rad, about the vertical
-    # Where the object is at the start, in world or in the frame `base_frame` of a model
-    # among the directives, instead of `position` and `yaw`: lying, on something, in the
-    # hand.
-    pose: Transform | None = None
-    present: bool = True  # false leaves the object out
-    covered: bool = False  # true puts a lid over it that hides it from the cameras
+__all__ = [
+    "SCENARIOS",
+    "Drawn",
+    "LocalizerConfig",
+    "PlaceConfig",
+    "RecordingConfig",
+    "RegionConfig",
+    "Scenario",
+    "TableConfig",
+    "TaskConfig",
+    "draw_scenario",
+    "is_continuous",
+    "list_scenarios",
+    "load_scenario",
+    "load_tree",
+]
 
 
 @dc.dataclass(kw_only=True)
@@ -151,8 +95,10 @@ class TaskConfig:
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
     # How often; every second time the object goes back to where it was first found.
     repeat: int = dc.field(default=1, metadata={"ge": 1})
-    # Where objects without a position may stand.
+    # Where objects without a position may stand, and how far from each other's centres
+    # [m]: 0.15 leaves room for an open finger of the SRG between two of them.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
+    spacing: float = dc.field(default=0.15, metadata=positive())
 
 
 @dc.dataclass(kw_only=True)
@@ -203,6 +149,8 @@ class Scenario:
     # The top on which objects stand, of a table among the directives.
     table: TableConfig = dc.field(default_factory=TableConfig)
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
+    # More objects, as many as are drawn; loaded, they are among `objects`.
+    clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
     task: TaskConfig = dc.field(default_factory=TaskConfig)
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
@@ -221,9 +169,42 @@ def is_continuous(scenario: Scenario) -> bool:
     return bool(scenario.plant_config.time_step == 0.0)
 
 
-def list_scenarios() -> list[str]:
-    """Return the names of the scenarios that come with the package."""
-    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
+@dc.dataclass(frozen=True)
+class Drawn:
+    """A scenario with nothing left to chance, and what chance made of it."""
+
+    scenario: Scenario
+    # What was drawn, by the key that `--set` knows it by: `objects.soup_can.mass`; of
+    # vectors each entry, `objects.soup_can.position[0]`.
+    values: Mapping[str, float | int | str]
+
+
+def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Drawn:
+    """Draw what is random in a tree of `load_tree`, load it and check it.
+
+    Args:
+        tree: It is not changed.
+        origin: File or name to begin errors with.
+        seed: Replaces `random_seed`.
+
+    Raises:
+        ScenarioError: With one line that says what is wrong, where, what is allowed.
+    """
+    tree = dict(tree)
+    if seed is not None:
+        tree["random_seed"] = seed
+    # The seed is needed for the draws, so it is checked before them.
+    seed = load_typed(
+        Scenario, {"random_seed": tree.get("random_seed", 0)}, origin
+    ).random_seed
+    values: dict[str, Any] = {}
+    tree = add_clutter(tree, int(seed or 0), origin, values)
+    drawn = draw_distributions(tree, int(seed or 0), origin, values)
+    scenario: Scenario = load_typed(Scenario, drawn, origin)
+    _play_messages(scenario, origin)
+    check_scenario(scenario, origin)
+    _draw_positions(scenario, origin, values)
+    return Drawn(scenario, values)
 
 
 def load_scenario(
@@ -243,66 +224,7 @@ def load_scenario(
     Raises:
         ScenarioError: With one line that says what is wrong, where, what is allowed.
     """
-    tree = _load_tree(Path(name) if str(name).endswith(".yaml") else _builtin(name))
-    for override in overrides:
-        key, equals, value = override.partition("=")
-        if not (key and equals):
-            raise ScenarioError(f"--set {override}: must be KEY=VALUE")
-        if key.split(".")[0] == "object":
-            task = tree.get("task")
-            picked = task.get("pick") if isinstance(task, dict) else None
-            if not (picked and isinstance(picked, str)):
-                raise ScenarioError(f"--set {key}: the scenario picks no object")
-            key = f"objects.{picked}{key.removeprefix('object')}"
-        set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
-    origin = str(name)
-    if seed is not None:
-        tree["random_seed"] = seed
-    # The seed is needed for the draws, so it is checked before them.
-    seed = load_typed(
-        Scenario, {"random_seed": tree.get("random_seed", 0)}, origin
-    ).random_seed
-    scenario: Scenario = load_typed(
-        Scenario, draw_distributions(tree, int(seed or 0), origin), origin
-    )
-    _play_messages(scenario, origin)
-    check_scenario(scenario, origin)
-    _draw_positions(scenario, origin)
-    return scenario
-
-
-def _builtin(name: str | Path) -> Path:
-    if name not in list_scenarios():
-        raise ScenarioError(
-            f"scenario {str(name)!r} is unknown; allowed: {', '.join(list_scenarios())}"
-            " or a path that ends in .yaml"
-        )
-    return SCENARIOS / f"{name}.yaml"
-
-
-def _load_tree(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeError:
-        raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
-    except (OSError, ValueError) as error:  # ValueError: of a null in the path
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
-    tree = parse_yaml(text, path.name)
-    if tree is None:
-        tree = {}
-    if not isinstance(tree, dict):
-        raise ScenarioError(f"{path.name}: must be a mapping of keys to values")
-    base = tree.pop("base", None)
-    if base is None:
-        return tree
-    if not isinstance(base, str):
-        raise ScenarioError(f"{path.name}: base: must be a scenario's name or path")
-    base_path = path.parent / base if base.endswith(".yaml") else _builtin(base)
-    if base_path in seen:
-        raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
-    merged: dict[str, Any] = merge(_load_tree(base_path, (*seen, path)), tree)
-    return merged
+    return draw_scenario(load_tree(name, overrides), str(name), seed).scenario
 
 
 def _play_messages(scenario: Scenario, origin: str) -> None:
@@ -316,10 +238,10 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
         scenario.script = message_script(scenario.messages, num_joints)
 
 
-def _draw_positions(scenario: Scenario, origin: str) -> None:
+def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:
     """Draw where the objects without a position stand, clear of the others."""
     taken = [np.array(o.position) for o in scenario.objects.values() if o.position]
-    region = scenario.task.region
+    region, spacing = scenario.task.region, scenario.task.spacing
     uniform = UniformVectorX(np.array(region.min), np.array(region.max))
     # The picked object comes first: the others must not change where it stands.
     objects = sorted(
@@ -333,12 +255,14 @@ def _draw_positions(scenario: Scenario, origin: str) -> None:
         )
         for _ in range(1000):
             position = np.asarray(uniform.Sample(generator))
-            # 0.15 m leaves room for an open finger between two objects.
-            if all(np.linalg.norm(position - other) > 0.15 for other in taken):
+            if all(np.linalg.norm(position - p) > spacing for p in taken):
                 break
         else:
             raise ScenarioError(
                 f"{origin}: task.region: no free place for {name!r}; make it larger"
             )
         obj.position = [float(x) for x in position]
+        values |= {
+            f"objects.{name}.position[{i}]": x for i, x in enumerate(obj.position)
+        }
         taken.append(position)

@@ -28,7 +28,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import ModelInstanceIndex
 
 from drake_srg.errors import ScenarioError
-from drake_srg.scenario import ObjectConfig
+from drake_srg.object_config import ObjectConfig
 from drake_srg.soft_mesh import box_mesh, vtk_text
 from drake_srg.types import Box, Vector
 

@@ -15,9 +15,9 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.object_config import ObjectConfig
 from drake_srg.objects import AddObject, object_body
 from drake_srg.parsing import ConfigureParser
-from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Cylinder
 
 SEED = 20240607

@@ -6,8 +6,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.errors import ScenarioError
+from drake_srg.object_config import ObjectConfig
 from drake_srg.objects import AddObject, X_FO_start, known_shape, object_shape
-from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"

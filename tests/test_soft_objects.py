@@ -11,8 +11,9 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.contacts import ContactReader
 from drake_srg.errors import ScenarioError
 from drake_srg.experiments.rig import Rig, bench_scenario
+from drake_srg.object_config import ObjectConfig, SoftConfig
 from drake_srg.objects import AddObject, object_shape
-from drake_srg.scenario import ObjectConfig, SoftConfig, load_scenario
+from drake_srg.scenario import load_scenario
 from drake_srg.soft_objects import nearest_pose
 from drake_srg.station import MakeStation
 from drake_srg.types import Box, Sphere

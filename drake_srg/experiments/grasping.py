@@ -11,8 +11,9 @@ from pydrake.math import RollPitchYaw, RotationMatrix
 from drake_srg.errors import ScenarioError
 from drake_srg.experiments.rig import Rig, bench_scenario, shake
 from drake_srg.gripper.drivers import SrgTendonDriver
+from drake_srg.object_config import ObjectConfig
 from drake_srg.objects import known_shape
-from drake_srg.scenario import ObjectConfig, Scenario
+from drake_srg.scenario import Scenario
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # what the gantry's joint positions count from [m]

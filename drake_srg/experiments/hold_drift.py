@@ -16,8 +16,8 @@ from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.rig import Rig, bench_scenario
+from drake_srg.object_config import ObjectConfig
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
-from drake_srg.scenario import ObjectConfig
 from drake_srg.types import Box, Vector
 
 HOLD = 10.0  # s

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from drake_srg.scenario import ObjectConfig
+from drake_srg.object_config import ObjectConfig
 from drake_srg.yaml_loading import load_typed, parse_yaml
 
 _OBJECTS = Path(__file__).parent / "objects.yaml"

@@ -18,8 +18,9 @@ from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import FINGERS
+from drake_srg.object_config import ObjectConfig
 from drake_srg.recording.figure import make_figure, style_axes
-from drake_srg.scenario import ObjectConfig, Scenario
+from drake_srg.scenario import Scenario
 from drake_srg.types import Cylinder, Vector
 
 # A cylinder of 68 mm, wide as the soup can; long enough to lie on the cradle. Painted

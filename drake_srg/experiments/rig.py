@@ -28,16 +28,11 @@ from pydrake.systems.framework import DiagramBuilder, PortDataType
 from drake_srg.contacts import ContactReader
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.metrics import pose_to_row
+from drake_srg.object_config import ObjectConfig
 from drake_srg.planning.scripted import minimum_jerk_blend
 from drake_srg.recorders import output_ports
 from drake_srg.recording.video import VideoRecorder
-from drake_srg.scenario import (
-    LocalizerConfig,
-    ObjectConfig,
-    Scenario,
-    is_continuous,
-    load_scenario,
-)
+from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous, load_scenario
 from drake_srg.simulation import failure_time
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector

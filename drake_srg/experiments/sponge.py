@@ -14,8 +14,8 @@ from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.moment_arms import base_moment_arm
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import JOINT_NAMES
+from drake_srg.object_config import ObjectConfig, SoftConfig
 from drake_srg.objects import object_body
-from drake_srg.scenario import ObjectConfig, SoftConfig
 from drake_srg.types import Box, Vector
 
 # A piece of a dry kitchen sponge, x, y (across the hand) and z [m], and its density

@@ -18,7 +18,7 @@ from drake_srg.experiments.grasping import (
 )
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.rig import Rig, bench_scenario
-from drake_srg.scenario import ObjectConfig
+from drake_srg.object_config import ObjectConfig
 from drake_srg.types import Box, Cylinder, Sphere
 
 angles = st.tuples(*[st.floats(-180.0, 180.0)] * 3).map(np.deg2rad)

@@ -9,7 +9,7 @@ from drake_srg.errors import ScenarioError
 from drake_srg.experiments import rig as rig_module
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.rig import Rig, bench_scenario
-from drake_srg.scenario import ObjectConfig
+from drake_srg.object_config import ObjectConfig
 from drake_srg.types import Sphere
 
 BALL = ObjectConfig(shape=Sphere(0.03), mass=0.1, friction=0.8)

@@ -21,9 +21,9 @@ from drake_srg.gripper.touch import (
     ContactForceSensors,
     TouchConfig,
 )
+from drake_srg.object_config import ObjectConfig, SoftConfig
 from drake_srg.objects import AddObject, object_body
 from drake_srg.parsing import ConfigureParser
-from drake_srg.scenario import ObjectConfig, SoftConfig
 from drake_srg.types import Box
 
 MASS, G = 0.1, 9.81
