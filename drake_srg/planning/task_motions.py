@@ -8,22 +8,24 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeAlias
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.grasp_search import (
+    SUPPORT_OVERLAP,
+    Candidate,
+    GraspSearch,
+    carrying,
+    place_target,
+)
 from drake_srg.planning.grasps import Grasp, Hand
-from drake_srg.planning.hand_target import HandTarget
-from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
 from drake_srg.planning.moves import FREEDOMS, Moves, NoPathError, TaskFailure
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath
 from drake_srg.planning.planning_scene import PlanningScene
-from drake_srg.types import Cylinder, Failure, Mode, Shape, Vector
+from drake_srg.types import Failure, Mode, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-# A held object may overlap its support by this much in the plan [m], because it is
-# planned to stand on it.
-_SUPPORT_OVERLAP = -0.003
 # What a carried object may lean more than where it was taken [rad].
 _UPRIGHT = 0.004
 
@@ -38,15 +40,6 @@ class TaskMotions:
 
     grasp: Grasp
     motions: Mapping[Mode, Trajectory]
-
-
-@dc.dataclass(frozen=True)
-class _Candidate:
-    grasp: Grasp
-    X_WO: RigidTransform  # of the object, the end up that shall be
-    q_grasp: Vector
-    q_place: Vector
-    score: float
 
 
 class TaskPlanner:
@@ -72,6 +65,7 @@ class TaskPlanner:
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
         self._moves = Moves(scene, hand, config)
+        self._search = GraspSearch(scene, hand, self.q_home, config)
 
     def plan(
         self,
@@ -110,10 +104,10 @@ class TaskPlanner:
             X_WO_goal: Where it shall be [m].
             obstacles: Other objects and their poses [m].
         """
-        place = self._place_target(grasp, X_WO_goal)
+        place = place_target(grasp, X_WO_goal, self.config.place_height)
         try:
             with self._standing(obstacles):
-                with self._carrying(shape, grasp):
+                with carrying(self.scene, shape, grasp):
                     above = place.Shifted(self.config.lift_height * _UP)
                     path = self._moves.straight(q_start, above)
                     path = np.vstack([path, self._moves.straight(path[-1], place)[1:]])
@@ -135,11 +129,11 @@ class TaskPlanner:
         # are only checked against what moves, so it hangs from the distant hand.
         self.scene.set_fingers({})
         X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO_goal
-        with self.scene.holding(shape, X_GO, margin=_SUPPORT_OVERLAP):
+        with self.scene.holding(shape, X_GO, margin=SUPPORT_OVERLAP):
             clearance = self.scene.clearance(self.q_home)
         if clearance.spare < 0.0 and "held_object" in clearance.bodies:
             return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
-        candidates, failures = self._candidates(X_WO, shape, X_WO_goal)
+        candidates, failures = self._search.candidates(X_WO, shape, X_WO_goal)
         no_path = []
         for candidate in candidates:
             try:
@@ -188,77 +182,12 @@ class TaskPlanner:
                 stack.enter_context(self.scene.standing(shape, X_WO))
             yield
 
-    @contextlib.contextmanager
-    def _carrying(self, shape: Shape, grasp: Grasp) -> Iterator[None]:
-        self.scene.set_fingers(grasp.fingers_closed)
-        with self.scene.holding(shape, grasp.X_GO, margin=_SUPPORT_OVERLAP):
-            yield
-
-    def _candidates(
-        self, X_WO_seen: RigidTransform, shape: Shape, X_WO_goal: RigidTransform
-    ) -> tuple[list[_Candidate], list[TaskFailure]]:
-        """Grasps that can be reached at both ends, the best first; or why none is."""
-        candidates: list[_Candidate] = []
-        no_pick: list[tuple[Grasp, IkFailure]] = []
-        no_place: list[tuple[Grasp, IkFailure]] = []
-        choices = [
-            (X_WO, grasp)
-            for X_WO in self._ends_up(X_WO_seen, shape)
-            for grasp in self.hand.grasps(shape, X_WO.rotation().col(2))
-        ]
-        for X_WO, grasp in choices:
-            self.scene.set_fingers(grasp.fingers_open)
-            with self.scene.standing(shape, X_WO, touchable=True):
-                pick = SolveInverseKinematics(
-                    self.scene, grasp.pick_target(X_WO), q_nominal=self.q_home
-                )
-            if isinstance(pick, IkFailure):
-                no_pick.append((grasp, pick))
-                continue
-            with self._carrying(shape, grasp):
-                place = SolveInverseKinematics(
-                    self.scene,
-                    self._place_target(grasp, X_WO_goal),
-                    q_nominal=self.q_home,
-                    q_guess=pick.q,
-                )
-            if isinstance(place, IkFailure):
-                no_place.append((grasp, place))
-                continue
-            # Reach: how far the joints are from home [rad²]. Clearance counts up to
-            # 5 cm, and 1 cm as much as 0.5 rad². A leaning hand tilts what it holds:
-            # 5 degrees, 4 mm beside the goal, count 3.5 rad².
-            spare = min(
-                0.05,
-                *(s.clearance.distance for s in (pick, place) if s.clearance),
-            )
-            score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
-            candidates.append(_Candidate(grasp, X_WO, pick.q, place.q, score))
-        # The narrowest miss, of angles or of distances, tells most.
-        step, missed = ("place", no_place) if no_place else ("pick", no_pick)
-        failures = [
-            TaskFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
-            for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
-        ]
-        return sorted(candidates, key=lambda c: c.score), failures
-
-    def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
-        """The object's pose with either end up, where that is not settled."""
-        if X_WO.rotation().col(2)[2] >= np.cos(self.hand.upright_within):
-            return [X_WO]
-        if not isinstance(shape, Cylinder):
-            return [X_WO]
-        return [
-            X_WO,
-            X_WO @ RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0] * 3),
-        ]
-
     def _motions(
         self,
         q_start: Vector,
         shape: Shape,
         X_WO_goal: RigidTransform,
-        candidate: _Candidate,
+        candidate: Candidate,
     ) -> dict[Mode, Trajectory]:
         scene, grasp, X_WO = self.scene, candidate.grasp, candidate.X_WO
         motions: dict[Mode, Trajectory] = {}
@@ -276,7 +205,7 @@ class TaskPlanner:
                 self._moves.joint_path(q_start, back[-1]), self._moves.free
             )
 
-        with self._carrying(shape, grasp):
+        with carrying(self.scene, shape, grasp):
             q_pick = candidate.q_grasp
             up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)
             motions[Mode.LIFT] = self._moves.timed(
@@ -306,21 +235,15 @@ class TaskPlanner:
             )
         return motions
 
-    def _place_target(
-        self, grasp: Grasp, X_WO_goal: RigidTransform, **tolerance: float
-    ) -> HandTarget:
-        """Where the hand lets go: a little above the goal."""
-        released = dc.replace(grasp, p_GO=grasp.p_GO + grasp.release_shift_G)
-        place = released.target(X_WO_goal, **tolerance)
-        return place.Shifted(self.config.place_height * _UP)
-
     def _transfer(
-        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: _Candidate
+        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
     ) -> tuple[Vector, Vector, Vector]:
         """Posture at the goal, the way down to it, and the way across."""
         scene, grasp = self.scene, candidate.grasp
         lift = self.config.lift_height * _UP
-        place = self._place_target(grasp, X_WO_goal, angle_tolerance=_UPRIGHT)
+        place = place_target(
+            grasp, X_WO_goal, self.config.place_height, angle_tolerance=_UPRIGHT
+        )
         # Straight across keeps the object upright. Where that does not go, any way.
         across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
         if not isinstance(across, PathFailure):

@@ -1,0 +1,134 @@
+"""Looks for grasps that the arm reaches at the object and at its goal."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Iterator
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.grasps import Grasp, Hand
+from drake_srg.planning.hand_target import HandTarget
+from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
+from drake_srg.planning.moves import TaskFailure
+from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.types import Cylinder, Shape, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+# A held object may overlap its support by this much in the plan [m], because it is
+# planned to stand on it.
+SUPPORT_OVERLAP = -0.003
+
+
+@dc.dataclass(frozen=True)
+class Candidate:
+    """A grasp with the arm's postures at both ends."""
+
+    grasp: Grasp
+    X_WO: RigidTransform  # of the object, the end up that shall be
+    q_grasp: Vector  # shape (N,) [rad]
+    q_place: Vector  # shape (N,) [rad]
+    score: float  # the less, the better
+
+
+class GraspSearch:
+    """Searches with a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        hand: How that gripper takes things.
+        q_home: Where the arm rests, shape (N,) [rad].
+        config: Distances.
+    """
+
+    def __init__(
+        self, scene: PlanningScene, hand: Hand, q_home: Vector, config: PlannerConfig
+    ) -> None:
+        self._scene = scene
+        self._hand = hand
+        self._q_home = q_home
+        self._config = config
+
+    def candidates(
+        self, X_WO_seen: RigidTransform, shape: Shape, X_WO_goal: RigidTransform
+    ) -> tuple[list[Candidate], list[TaskFailure]]:
+        """Grasps that can be reached at both ends, the best first; or why none is.
+
+        Args:
+            X_WO_seen: The object's pose [m]; its turn about its z does not count.
+            shape: Its shape.
+            X_WO_goal: Where it shall be [m].
+        """
+        candidates: list[Candidate] = []
+        no_pick: list[tuple[Grasp, IkFailure]] = []
+        no_place: list[tuple[Grasp, IkFailure]] = []
+        choices = [
+            (X_WO, grasp)
+            for X_WO in self._ends_up(X_WO_seen, shape)
+            for grasp in self._hand.grasps(shape, X_WO.rotation().col(2))
+        ]
+        for X_WO, grasp in choices:
+            self._scene.set_fingers(grasp.fingers_open)
+            with self._scene.standing(shape, X_WO, touchable=True):
+                pick = SolveInverseKinematics(
+                    self._scene, grasp.pick_target(X_WO), q_nominal=self._q_home
+                )
+            if isinstance(pick, IkFailure):
+                no_pick.append((grasp, pick))
+                continue
+            with carrying(self._scene, shape, grasp):
+                place = SolveInverseKinematics(
+                    self._scene,
+                    place_target(grasp, X_WO_goal, self._config.place_height),
+                    q_nominal=self._q_home,
+                    q_guess=pick.q,
+                )
+            if isinstance(place, IkFailure):
+                no_place.append((grasp, place))
+                continue
+            # Reach: how far the joints are from home [rad²]. Clearance counts up to
+            # 5 cm, and 1 cm as much as 0.5 rad². A leaning hand tilts what it holds:
+            # 5 degrees, 4 mm beside the goal, count 3.5 rad².
+            spare = min(
+                0.05,
+                *(s.clearance.distance for s in (pick, place) if s.clearance),
+            )
+            score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
+            candidates.append(Candidate(grasp, X_WO, pick.q, place.q, score))
+        # The narrowest miss, of angles or of distances, tells most.
+        step, missed = ("place", no_place) if no_place else ("pick", no_pick)
+        failures = [
+            TaskFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
+            for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
+        ]
+        return sorted(candidates, key=lambda c: c.score), failures
+
+    def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
+        """The object's pose with either end up, where that is not settled."""
+        if X_WO.rotation().col(2)[2] >= np.cos(self._hand.upright_within):
+            return [X_WO]
+        if not isinstance(shape, Cylinder):
+            return [X_WO]
+        return [
+            X_WO,
+            X_WO @ RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0] * 3),
+        ]
+
+
+def place_target(
+    grasp: Grasp, X_WO_goal: RigidTransform, height: float, **tolerance: float
+) -> HandTarget:
+    """Where the hand lets go: `height` [m] above the goal."""
+    released = dc.replace(grasp, p_GO=grasp.p_GO + grasp.release_shift_G)
+    return released.target(X_WO_goal, **tolerance).Shifted(height * _UP)
+
+
+@contextlib.contextmanager
+def carrying(scene: PlanningScene, shape: Shape, grasp: Grasp) -> Iterator[None]:
+    """Within the context, the hand of `scene` holds `shape`, which may stand."""
+    scene.set_fingers(grasp.fingers_closed)
+    with scene.holding(shape, grasp.X_GO, margin=SUPPORT_OVERLAP):
+        yield
