@@ -13,6 +13,7 @@ from pydrake.systems.sensors import ApplyCameraConfig
 
 from drake_srg.plant import AddDirectives, AddObjects
 from drake_srg.scenario import Scenario
+from drake_srg.vision.camera_errors import CameraErrors
 
 
 def AddCameras(
@@ -81,10 +82,24 @@ def _AddSensors(
         sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
         # Not by GetOutputPort: that, of a system that Drake made, keeps its builder
         # alive where the garbage collector cannot see it (Drake 1.51.1).
-        for port, exported in (
-            (sensor.color_image_output_port(), "color_image"),
-            (sensor.depth_image_32F_output_port(), "depth_image"),
-            (sensor.body_pose_in_world_output_port(), "body_pose_in_world"),
-        ):
-            ports[f"camera_{name}.{exported}"] = port
+        seen = {
+            "color_image": sensor.color_image_output_port(),
+            "depth_image": sensor.depth_image_32F_output_port(),
+            "body_pose_in_world": sensor.body_pose_in_world_output_port(),
+        }
+        if name in scenario.camera_errors:
+            depth = sensor.default_depth_render_camera().core().intrinsics()
+            errors = builder.AddNamedSystem(
+                f"camera_errors_{name}",
+                CameraErrors(
+                    scenario.camera_errors[name],
+                    focal=depth.focal_x(),
+                    seed=scenario.random_seed,
+                    name=name,
+                ),
+            )
+            for port, source in seen.items():
+                builder.Connect(source, errors.GetInputPort(port))
+                seen[port] = errors.GetOutputPort(port)
+        ports |= {f"camera_{name}.{port}": source for port, source in seen.items()}
     return ports

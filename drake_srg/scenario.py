@@ -32,6 +32,7 @@ from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario_checks import check_scenario
 from drake_srg.scenario_files import SCENARIOS, list_scenarios, load_tree
 from drake_srg.types import positive
+from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.yaml_loading import load_typed
 
 __all__ = [
@@ -146,6 +147,8 @@ class Scenario:
     arm: ArmPositionDriver | None = None
     gripper: GripperDriver | None = None
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
+    # How they differ from ideal ones, by their names; those without an entry do not.
+    camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
     # The top on which objects stand, of a table among the directives.
     table: TableConfig = dc.field(default_factory=TableConfig)
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)

@@ -208,6 +208,7 @@ def _check_cameras(
     allowed = ", ".join(scenario.cameras) or "none"
     video = scenario.recording.video_camera
     for key, used in (
+        ("camera_errors", list(scenario.camera_errors)),
         ("localizer.cameras", scenario.localizer.cameras),
         ("recording.bag_cameras", scenario.recording.bag_cameras),
         ("recording.video_camera", [video] if video else []),
