@@ -13,7 +13,7 @@ from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.goals import goal_pose
 from drake_srg.gripper.drivers import LinkageDriver
 from drake_srg.object_config import ObjectConfig
-from drake_srg.objects import known_shape, object_body, object_shape
+from drake_srg.objects import known_shape, object_body, object_shape, simple_shape
 from drake_srg.planning.grasps import Hand
 from drake_srg.planning.linkage_hand import LinkageHand
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
@@ -164,7 +164,7 @@ def AddDisturber(
             body = object_body(plant, plant.GetModelInstanceByName(name))
             # A copy: the plant's own would keep its diagram alive.
             inertia = copy.copy(plant.get_body(body).default_spatial_inertia())
-            target = Target(name, body, inertia, known_shape(name, config))
+            target = Target(name, body, inertia, simple_shape(name, config))
             disturbances.append((disturbance, target))
     if not disturbances:
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.objects import known_shape
+from drake_srg.objects import simple_shape
 from drake_srg.planning.sightings import lean, standing_at
 from drake_srg.scenario import Scenario
 from drake_srg.types import Shape, Sphere
@@ -29,7 +29,7 @@ def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform
         X_WO_start: Where the object was first found [m].
     """
     pick, place = scenario.task.pick, scenario.task.place
-    shape = known_shape(pick, scenario.objects[pick])
+    shape = simple_shape(pick, scenario.objects[pick])
     if scenario.script or shape is None:
         height = X_WO_start.translation()[2]
         return RigidTransform(X_WO_start.rotation(), [*place.position, height])
@@ -46,7 +46,7 @@ def final_tilt(
     What did not stand at first may be set down on either end.
     """
     pick = scenario.task.pick
-    if isinstance(known_shape(pick, scenario.objects[pick]), Sphere):
+    if isinstance(simple_shape(pick, scenario.objects[pick]), Sphere):
         return None
     X_WO_goal = final_pose(scenario, X_WO_start)
     goal = X_WO_goal.rotation().col(2)

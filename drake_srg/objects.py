@@ -54,17 +54,19 @@ _TEMPLATE = """<?xml version="1.0"?>
 
 
 def object_shape(name: str, config: ObjectConfig) -> Shape:
-    """Return the shape that the localizer and the planner know.
+    """Return the shape that the localizer and the planner take an object for.
 
     Raises:
         ScenarioError: If a model cannot be read or has not just one simple geometry, or
-            the object is soft.
+            the object is soft or not known.
     """
     if config.soft is not None:
         raise ScenarioError(
             f"objects.{name}.soft: a soft object cannot be localized and planned with; "
             "pick it by a script"
         )
+    if not config.known:
+        raise ScenarioError(f"objects.{name}.known: must be true of what is picked")
     shape = known_shape(name, config)
     if shape is None:
         raise ScenarioError(
@@ -75,6 +77,17 @@ def object_shape(name: str, config: ObjectConfig) -> Shape:
 
 
 def known_shape(name: str, config: ObjectConfig) -> Shape | None:
+    """Return the shape that localizer and planner take an object for; None: neither.
+
+    Raises:
+        ScenarioError: If a model cannot be read.
+    """
+    if not config.known or (shape := simple_shape(name, config)) is None:
+        return None
+    return shape.scaled(config.known_scale)
+
+
+def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
     """Return the shape of an object, None where it is not a single simple one.
 
     Raises:

@@ -30,8 +30,9 @@ from drake_srg.objects import (
     AddObject,
     SetDefaultObjectPose,
     X_FO_start,
-    known_shape,
+    simple_shape,
 )
+from drake_srg.occlusion import AddCard
 from drake_srg.parsing import ConfigureParser
 from drake_srg.preflight import check_constraints
 from drake_srg.scenario import Scenario
@@ -116,12 +117,14 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
     """
     height = scenario.table.height
     for name, config in scenario.objects.items():
-        X_WO = X_FO_start(config, known_shape(name, config), height)
+        X_WO = X_FO_start(config, simple_shape(name, config), height)
         if config.pose is not None and config.pose.base_frame not in (None, "world"):
             X_WO = _X_WF_start(scenario, name, config.pose.base_frame) @ X_WO
         if config.present:
             model = AddObject(plant, name, config)
             SetDefaultObjectPose(plant, model, X_WO)
+        if config.occlusion is not None and plant.geometry_source_is_registered():
+            AddCard(plant, scenario, name, X_WO.translation())
         if config.covered:
             x, y = X_WO.translation()[:2]
             AddFixture(plant, f"lid_of_{name}", _LID, [x, y, height])

@@ -90,7 +90,9 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
     arm = gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
-        driver = AddGripperDriver(builder, plant, gripper, scenario.gripper)
+        driver = AddGripperDriver(
+            builder, plant, gripper, scenario.gripper, scenario.random_seed
+        )
         builder.Connect(
             scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
         )
@@ -106,12 +108,18 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         AddDirectives(control_plant, scenario)
         control_plant.Finalize()
         driver = AddArmPositionDriver(
-            builder, plant, arm, gripper, control_plant, scenario.arm
+            builder,
+            plant,
+            arm,
+            gripper,
+            control_plant,
+            scenario.arm,
+            scenario.random_seed,
         )
         ports.inputs["arm.position_commanded"] = driver.GetInputPort(
             "position_commanded"
         )
-        ports.outputs["arm.state_measured"] = plant.get_state_output_port(arm)
+        ports.outputs["arm.state_measured"] = driver.GetOutputPort("state_measured")
         ports.outputs["arm.torque_measured"] = plant.get_net_actuation_output_port(arm)
 
     if scenario.cameras:

@@ -29,6 +29,10 @@ class Cylinder:
         """Extent along the object's z [m]."""
         return self.length
 
+    def scaled(self, factor: float) -> "Cylinder":
+        """The same shape in another size."""
+        return Cylinder(factor * self.radius, factor * self.length)
+
 
 @dc.dataclass
 class Box:
@@ -44,6 +48,10 @@ class Box:
         """Extent along the object's z [m]."""
         return self.size[2]
 
+    def scaled(self, factor: float) -> "Box":
+        """The same shape in another size."""
+        return Box([factor * side for side in self.size])
+
 
 @dc.dataclass
 class Sphere:
@@ -55,6 +63,10 @@ class Sphere:
     def height(self) -> float:
         """Extent along the object's z [m]."""
         return 2.0 * self.radius
+
+    def scaled(self, factor: float) -> "Sphere":
+        """The same shape in another size."""
+        return Sphere(factor * self.radius)
 
 
 Shape: TypeAlias = Cylinder | Box | Sphere

@@ -102,7 +102,7 @@ def test_modulus_overrides_that_of_contact(config):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_given_shape_is_the_known_one(shape):
-    assert object_shape("thing", ObjectConfig(shape=shape)) is shape
+    assert object_shape("thing", ObjectConfig(shape=shape)) == shape
 
 
 def sdf(path, geometry, count=1):

@@ -13,11 +13,13 @@ from pydrake.systems.framework import (
     DiagramBuilder,
 )
 from pydrake.systems.primitives import (
+    PassThrough,
     StateInterpolatorWithDiscreteDerivative,
     ZeroOrderHold,
 )
 
 from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
+from drake_srg.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 
@@ -48,6 +50,9 @@ class ArmPositionDriver:
     period: float = dc.field(default=0.005, metadata=positive())
     # Of the motion to targets that may jump, where `AddJerkLimits` makes it.
     limits: JerkLimits = dc.field(default_factory=JerkLimits)
+    # Torque that the motors can give, over that of the model.
+    motor_strength: float = dc.field(default=1.0, metadata=positive())
+    errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
 
 
 class GravityCompensation(LeafSystem):
@@ -118,6 +123,8 @@ def SetArmGains(
             )
     for actuator, kp, kd in zip(actuators, config.kp, config.kd, strict=True):
         actuator.set_controller_gains(PdControllerGains(p=kp, d=kd))
+        if config.motor_strength != 1.0:
+            actuator.set_effort_limit(config.motor_strength * actuator.effort_limit())
 
 
 def AddArmPositionDriver(
@@ -127,6 +134,7 @@ def AddArmPositionDriver(
     gripper: ModelInstanceIndex | None,
     control_plant: MultibodyPlant,
     config: ArmPositionDriver | None = None,
+    seed: int = 0,
 ) -> Diagram:
     """Add the driver of an arm to a diagram and connect it to the (finalized) plant.
 
@@ -140,11 +148,15 @@ def AddArmPositionDriver(
         output_ports:
         - desired_state
         - actuation
+        - state_measured
 
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the plant's PD
     actuators. To these `actuation` adds the torques that hold arm and gripper against
     gravity, from the measured states and `control_plant`: a finalized plant with the
     arm and the gripper and no other moving body.
+
+    `state_measured` (2N), [q; v], is the arm's state with what `config.errors` make of
+    it, drawn from `seed`.
     """
     config = config or ArmPositionDriver()
     inner = DiagramBuilder()
@@ -155,7 +167,6 @@ def AddArmPositionDriver(
             n, config.period, suppress_initial_transient=True
         ),
     )
-    inner.ExportInput(interpolator.get_input_port(), "position_commanded")
     inner.ExportOutput(interpolator.get_output_port(), "desired_state")
 
     instances = {"arm": arm} if gripper is None else {"arm": arm, "gripper": gripper}
@@ -165,8 +176,29 @@ def AddArmPositionDriver(
             control_plant, [plant.GetModelInstanceName(i) for i in instances.values()]
         ),
     )
-    for i, name in enumerate(instances):
+    inputs = [
         inner.ExportInput(gravity.get_input_port(i), f"{name}_state")
+        for i, name in enumerate(instances)
+    ]
+    errors = config.errors
+    if errors == ArmErrorsConfig():
+        inner.ExportInput(interpolator.get_input_port(), "position_commanded")
+        measured = inner.AddNamedSystem("encoders", PassThrough(2 * n))
+        state = measured.get_input_port()
+    else:
+        command = inner.AddNamedSystem(
+            "command_errors",
+            CommandErrors(n, errors.latency, errors.backlash, config.period),
+        )
+        inner.ExportInput(command.get_input_port(), "position_commanded")
+        inner.Connect(command.GetOutputPort("delayed"), interpolator.get_input_port())
+        measured = inner.AddNamedSystem(
+            "encoders", EncoderErrors(n, errors, config.period, seed, "arm")
+        )
+        inner.Connect(command.GetOutputPort("play"), measured.GetInputPort("play"))
+        state = measured.GetInputPort("state")
+    inner.ConnectInput(inputs[0], state)
+    inner.ExportOutput(measured.get_output_port(), "state_measured")
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(config.period, n))
     inner.Connect(gravity.get_output_port(), hold.get_input_port())
     inner.ExportOutput(hold.get_output_port(), "actuation")

@@ -12,7 +12,7 @@ from drake_srg.errors import ScenarioError
 from drake_srg.experiments.rig import Rig, bench_scenario, shake
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.object_config import ObjectConfig
-from drake_srg.objects import known_shape
+from drake_srg.objects import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
@@ -103,7 +103,7 @@ def _reach(thing: ObjectConfig, u_O: Vector) -> float:
 
     NaN of a model that is not a single shape.
     """
-    match known_shape("thing", thing):
+    match simple_shape("thing", thing):
         case Box(size):
             return float(0.5 * np.abs(u_O) @ np.asarray(size))
         case Cylinder(radius, length):

@@ -43,6 +43,7 @@ def AddJointServos(
     names: Sequence[str],
     config: GripperServoConfig,
     *,
+    strength: float,
     state_measured: OutputPort,
     reference: OutputPort,
 ) -> None:
@@ -56,12 +57,15 @@ def AddJointServos(
         gripper: Its model instance.
         names: Of the joints, in the order of `state_measured` and `reference`.
         config: Gains.
+        strength: Torque at full PWM, over the effort limit.
         state_measured: Of the joints, [q; v].
         reference: What they shall follow, [q; v; a].
     """
     limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
     order = joint_to_actuator(plant, gripper, names)
-    motors = inner.AddNamedSystem("motors", MatrixGain(np.diag(limits) @ order))
+    motors = inner.AddNamedSystem(
+        "motors", MatrixGain(strength * np.diag(limits) @ order)
+    )
     servo = inner.AddNamedSystem("servo", GripperServo(config))
     inner.Connect(state_measured, servo.GetInputPort("state_measured"))
     inner.Connect(reference, servo.GetInputPort("reference"))

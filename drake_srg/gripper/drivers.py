@@ -41,8 +41,16 @@ def AddGripperDriver(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
     config: GripperDriver,
+    seed: int = 0,
 ) -> Diagram:
     """Add the driver that a configuration asks for; see the drivers for their ports.
+
+    Args:
+        builder: Of the diagram.
+        plant: Finalized.
+        gripper: Its model instance.
+        config: Of the driver; its class chooses one.
+        seed: Of the encoders' noise.
 
     Raises:
         ScenarioError: If the gripper has not the joints that it drives.
@@ -60,8 +68,8 @@ def AddGripperDriver(
         )
     match config:
         case SrgPositionDriver():
-            return AddSrgPositionDriver(builder, plant, gripper, config)
+            return AddSrgPositionDriver(builder, plant, gripper, config, seed)
         case SrgTendonDriver():
-            return AddSrgTendonDriver(builder, plant, gripper, config)
+            return AddSrgTendonDriver(builder, plant, gripper, config, seed)
         case LinkageDriver():
-            return AddLinkageDriver(builder, plant, gripper, config)
+            return AddLinkageDriver(builder, plant, gripper, config, seed)

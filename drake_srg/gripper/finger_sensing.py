@@ -14,6 +14,7 @@ from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.gripper.grasp_detector import GraspDetector, GraspDetectorConfig
 from drake_srg.gripper.proximity import AddProximitySensors, ProximityConfig
 from drake_srg.gripper.touch import AddContactForceSensors, TouchConfig
+from drake_srg.joint_errors import AddEncoderNoise, JointErrorsConfig
 from drake_srg.types import Vector
 
 TRIGGERS = ("proximity", "touch")
@@ -31,6 +32,7 @@ class FingerSensingConfig:
     proximity: ProximityConfig = dc.field(default_factory=ProximityConfig)
     touch: TouchConfig = dc.field(default_factory=TouchConfig)
     grasp_detector: GraspDetectorConfig = dc.field(default_factory=GraspDetectorConfig)
+    errors: JointErrorsConfig = dc.field(default_factory=JointErrorsConfig)
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -57,15 +59,22 @@ def AddFingerSensing(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
     config: FingerSensingConfig,
+    *,
+    period: float,
+    seed: int,
 ) -> FingerSensing:
     """Add encoders, proximity and touch sensors and the grasp detector to a driver.
 
     Exports the inputs `plant_state` (the gripper's, in the plant's order),
     `query_object`, `contact_results` and `body_poses`, and the outputs
     `state_measured`, `proximity`, `contact_force`, `contact_wrench` and `grasped`.
+    The encoders' noise is drawn every `period` [s], from `seed`.
     """
     encoders = builder.AddNamedSystem(
         "encoders", MatrixGain(_joint_selector(plant, gripper, config.joint_names))
+    )
+    state_measured = AddEncoderNoise(
+        builder, encoders.get_output_port(), config.errors, period, seed, "gripper"
     )
     layout = config.layout
     proximity = AddProximitySensors(builder, plant, gripper, layout, config.proximity)
@@ -81,14 +90,12 @@ def AddFingerSensing(
     builder.ExportInput(proximity.get_input_port(), "query_object")
     for name in ("contact_results", "body_poses"):
         builder.ExportInput(touch.GetInputPort(name), name)
-    builder.ExportOutput(encoders.get_output_port(), "state_measured")
+    builder.ExportOutput(state_measured, "state_measured")
     builder.ExportOutput(proximity.GetOutputPort("proximity"), "proximity")
     for name in ("contact_force", "contact_wrench"):
         builder.ExportOutput(touch.GetOutputPort(name), name)
     builder.ExportOutput(detector.get_output_port(), "grasped")
-    return FingerSensing(
-        encoders.get_output_port(), triggered, detector.get_output_port()
-    )
+    return FingerSensing(state_measured, triggered, detector.get_output_port())
 
 
 def _joint_selector(

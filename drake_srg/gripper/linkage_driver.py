@@ -13,6 +13,8 @@ from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConf
 from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
+from drake_srg.joint_errors import AddLatency
+from drake_srg.types import positive
 
 
 def _default_servo() -> GripperServoConfig:
@@ -50,6 +52,8 @@ class LinkageDriver(FingerSensingConfig):
     )
     master_slave: MasterSlaveConfig = dc.field(default_factory=MasterSlaveConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
+    # Torque at full PWM, over the model's effort limit: supplies sag, motors differ.
+    motor_strength: float = dc.field(default=1.0, metadata=positive())
 
 
 def AddLinkageDriver(
@@ -57,6 +61,7 @@ def AddLinkageDriver(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
     config: LinkageDriver | None = None,
+    seed: int = 0,
 ) -> Diagram:
     """Add the driver of a linkage gripper to a diagram with its (finalized) plant.
 
@@ -86,13 +91,19 @@ def AddLinkageDriver(
     """
     config = config or LinkageDriver()
     inner = DiagramBuilder()
-    sensing = AddFingerSensing(inner, plant, gripper, config)
+    period = config.servo.period
+    sensing = AddFingerSensing(inner, plant, gripper, config, period=period, seed=seed)
     reference = inner.AddNamedSystem(
         "master_slave_reference", MasterSlaveReference(config.master_slave)
     )
     inner.Connect(sensing.state_measured, reference.GetInputPort("state_measured"))
     inner.Connect(sensing.grasped, reference.GetInputPort("grasped"))
-    for name in ("closure_commanded", "joint_position_commanded", "hold"):
+    latency = config.errors.latency
+    closure = AddLatency(
+        inner, reference.GetInputPort("closure_commanded"), latency, period
+    )
+    inner.ExportInput(closure, "closure_commanded")
+    for name in ("joint_position_commanded", "hold"):
         inner.ExportInput(reference.GetInputPort(name), name)
     AddJointServos(
         inner,
@@ -100,6 +111,7 @@ def AddLinkageDriver(
         gripper,
         config.joint_names,
         config.servo,
+        strength=config.motor_strength,
         state_measured=sensing.state_measured,
         reference=reference.get_output_port(),
     )

@@ -18,6 +18,8 @@ from drake_srg.gripper.underactuation import (
     UnderactuationConfig,
     UnderactuationLogic,
 )
+from drake_srg.joint_errors import AddLatency
+from drake_srg.types import positive
 
 
 def _default_servo() -> GripperServoConfig:
@@ -62,6 +64,8 @@ class SrgPositionDriver(FingerSensingConfig):
     )
     minimum_jerk: MinimumJerkConfig = dc.field(default_factory=MinimumJerkConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
+    # Torque at full PWM, over the model's effort limit: supplies sag, motors differ.
+    motor_strength: float = dc.field(default=1.0, metadata=positive())
 
 
 def AddSrgPositionDriver(
@@ -69,6 +73,7 @@ def AddSrgPositionDriver(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
     config: SrgPositionDriver | None = None,
+    seed: int = 0,
 ) -> Diagram:
     """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
 
@@ -100,7 +105,8 @@ def AddSrgPositionDriver(
     """
     config = config or SrgPositionDriver()
     inner = DiagramBuilder()
-    sensing = AddFingerSensing(inner, plant, gripper, config)
+    period = config.servo.period
+    sensing = AddFingerSensing(inner, plant, gripper, config, period=period, seed=seed)
     logic = inner.AddNamedSystem(
         "underactuation_logic", UnderactuationLogic(config.underactuation)
     )
@@ -111,7 +117,12 @@ def AddSrgPositionDriver(
     inner.Connect(sensing.state_measured, logic.GetInputPort("state_measured"))
     inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
     inner.Connect(logic.get_output_port(), reference.get_input_port())
-    for name in ("closure_commanded", "joint_position_commanded", "hold"):
+    latency = config.errors.latency
+    closure = AddLatency(
+        inner, logic.GetInputPort("closure_commanded"), latency, period
+    )
+    inner.ExportInput(closure, "closure_commanded")
+    for name in ("joint_position_commanded", "hold"):
         inner.ExportInput(logic.GetInputPort(name), name)
     AddJointServos(
         inner,
@@ -119,6 +130,7 @@ def AddSrgPositionDriver(
         gripper,
         config.joint_names,
         config.servo,
+        strength=config.motor_strength,
         state_measured=sensing.state_measured,
         reference=reference.get_output_port(),
     )

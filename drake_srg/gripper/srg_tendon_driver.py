@@ -24,6 +24,7 @@ from drake_srg.gripper.motor_temperature import (
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.spool_command import SpoolCommand, SpoolCommandConfig
 from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
+from drake_srg.joint_errors import AddLatency
 
 
 def _default_motor_servo() -> GripperServoConfig:
@@ -85,6 +86,7 @@ def AddSrgTendonDriver(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex,
     config: SrgTendonDriver | None = None,
+    seed: int = 0,
 ) -> Diagram:
     """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
 
@@ -136,7 +138,8 @@ def AddSrgTendonDriver(
             "before the plant is finalized"
         )
     inner = DiagramBuilder()
-    sensing = AddFingerSensing(inner, plant, gripper, config)
+    period = config.servo.period
+    sensing = AddFingerSensing(inner, plant, gripper, config, period=period, seed=seed)
     command = inner.AddNamedSystem(
         "spool_command", SpoolCommand(config.drive.spool_radius, config.spool)
     )
@@ -145,10 +148,10 @@ def AddSrgTendonDriver(
     )
     servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
     # The wires are a spring of the fingers' own time scale: as often as the plant.
-    period = plant.time_step()
-    if period == 0.0:
+    step = plant.time_step()
+    if step == 0.0:
         raise ValueError("wires need a discrete plant, this one is continuous")
-    drive = inner.AddNamedSystem("tendon_drive", TendonDrive(config.drive, period))
+    drive = inner.AddNamedSystem("tendon_drive", TendonDrive(config.drive, step))
     temperature = inner.AddNamedSystem(
         "motor_temperature", MotorTemperature(config.drive, config.temperature)
     )
@@ -171,8 +174,13 @@ def AddSrgTendonDriver(
     inner.Connect(motor_state, temperature.GetInputPort("motor_state"))
     inner.Connect(drive.GetOutputPort("joint_torque"), joints.get_input_port())
 
+    latency = config.errors.latency
+    closure = AddLatency(
+        inner, command.GetInputPort("closure_commanded"), latency, period
+    )
+    inner.ExportInput(closure, "closure_commanded")
     for name in (
-        *("closure_commanded", "hold"),
+        "hold",
         *("motor_position_commanded", "motor_torque_commanded"),
     ):
         inner.ExportInput(command.GetInputPort(name), name)

@@ -60,7 +60,7 @@ class Arm:
 def test_ports():
     assert port_table(Arm().driver) == (
         {"position_commanded": 7, "arm_state": 14, "gripper_state": 8},
-        {"desired_state": 14, "actuation": 7},
+        {"desired_state": 14, "actuation": 7, "state_measured": 14},
     )
 
 

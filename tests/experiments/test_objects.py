@@ -3,7 +3,7 @@ import pytest
 
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.rig import Rig, bench_scenario
-from drake_srg.objects import known_shape
+from drake_srg.objects import simple_shape
 from drake_srg.types import Box, Cylinder
 
 NOT_CONVEX = {"mug", "bowl", "squeeze_bottle", "wrench"}
@@ -30,7 +30,7 @@ def test_shapes_and_masses_are_those_of_the_table():
 
 def test_only_the_ones_that_are_not_convex_have_several_pieces():
     for name, config in household_objects().items():
-        assert (known_shape(name, config) is None) == (name in NOT_CONVEX)
+        assert (simple_shape(name, config) is None) == (name in NOT_CONVEX)
 
 
 def test_each_call_returns_objects_of_its_own():
