@@ -7,6 +7,7 @@ from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from pydrake.math import RigidTransform
 
 Vector: TypeAlias = npt.NDArray[np.float64]
 
@@ -94,6 +95,14 @@ class Blob:
     axis: Vector
     quality: float  # 0 .. 1, share of the expected outline that was seen
     flags: frozenset[BlobFlag] = frozenset()
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Something unknown that stands about: the box around what is seen of it."""
+
+    shape: Box
+    X_WO: RigidTransform  # the box's pose in world [m]
 
 
 class Mode(enum.Enum):
