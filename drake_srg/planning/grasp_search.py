@@ -11,9 +11,9 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.grasps import Grasp, Hand
-from drake_srg.planning.hand_target import HandTarget
+from drake_srg.planning.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.inverse_kinematics import IkFailure, SolveInverseKinematics
-from drake_srg.planning.moves import TaskFailure
+from drake_srg.planning.moves import FREEDOMS, TaskFailure
 from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.types import Cylinder, Shape, Vector
 
@@ -21,6 +21,10 @@ _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because it is
 # planned to stand on it.
 SUPPORT_OVERLAP = -0.003
+# In so many directions about its axis an object is approached where the nearest one is
+# blocked; each stands for a sector of 45 degrees.
+_TURNS = 8
+_PALM_Y = np.array([0.0, 1.0, 0.0])
 
 
 @dc.dataclass(frozen=True)
@@ -53,7 +57,12 @@ class GraspSearch:
         self._config = config
 
     def candidates(
-        self, X_WO_seen: RigidTransform, shape: Shape, X_WO_goal: RigidTransform
+        self,
+        X_WO_seen: RigidTransform,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        *,
+        turned: bool = False,
     ) -> tuple[list[Candidate], list[TaskFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is.
 
@@ -61,20 +70,23 @@ class GraspSearch:
             X_WO_seen: The object's pose [m]; its turn about its z does not count.
             shape: Its shape.
             X_WO_goal: Where it shall be [m].
+            turned: Whether to look for each grasp from all around the object's axis,
+                and not for the posture alone that is nearest to home.
         """
         candidates: list[Candidate] = []
         no_pick: list[tuple[Grasp, IkFailure]] = []
         no_place: list[tuple[Grasp, IkFailure]] = []
         choices = [
-            (X_WO, grasp)
+            (X_WO, grasp, target)
             for X_WO in self._ends_up(X_WO_seen, shape)
             for grasp in self._hand.grasps(shape, X_WO.rotation().col(2))
+            for target in self._pick_targets(grasp, X_WO, turned)
         ]
-        for X_WO, grasp in choices:
+        for X_WO, grasp, target in choices:
             self._scene.set_fingers(grasp.fingers_open)
             with self._scene.standing(shape, X_WO, touchable=True):
                 pick = SolveInverseKinematics(
-                    self._scene, grasp.pick_target(X_WO), q_nominal=self._q_home
+                    self._scene, target, q_nominal=self._q_home
                 )
             if isinstance(pick, IkFailure):
                 no_pick.append((grasp, pick))
@@ -105,6 +117,20 @@ class GraspSearch:
             for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
         ]
         return sorted(candidates, key=lambda c: c.score), failures
+
+    def _pick_targets(
+        self, grasp: Grasp, X_WO: RigidTransform, turned: bool
+    ) -> list[HandTarget]:
+        target = grasp.pick_target(X_WO)
+        if not turned:
+            return [target]
+        if self._scene.num_joints < FREEDOMS:
+            return []  # the arm has no choice
+        # The palm's y is across the axis in every grasp.
+        angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)
+        across = [X_WO.rotation() @ [np.cos(a), np.sin(a), 0.0] for a in angles]
+        turns = [AxisTarget(_PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
+        return [dc.replace(target, axes=(*target.axes, turn)) for turn in turns]
 
     def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
         """The object's pose with either end up, where that is not settled."""

@@ -17,10 +17,10 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.config import PlannerConfig
 from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.replanning import Replanner
-from drake_srg.planning.sightings import Sightings
+from drake_srg.planning.sightings import Sightings, View
 from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.planning.transitions import Observation, transition
-from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Shape
+from drake_srg.types import Failure, Mode, PlannerStatus, Shape
 
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
@@ -45,6 +45,7 @@ class PickAndPlacePlanner(LeafSystem):
         - gripper_state
         - grasped
         - proximity
+        - obstacles (optional)
         output_ports:
         - position_commanded
         - closure_commanded
@@ -53,7 +54,8 @@ class PickAndPlacePlanner(LeafSystem):
 
     Inputs: `blobs` (list[Blob]), evaluated only when the planner looks; `arm_state`
     (2N) and `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once
-    both fingers sense something; `proximity` (m), signed distances [m].
+    both fingers sense something; `proximity` (m), signed distances [m]; `obstacles`
+    (list[Obstacle]), evaluated with `blobs`: motions keep clear of them.
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (Mode); `status` (PlannerStatus).
@@ -116,6 +118,9 @@ class PickAndPlacePlanner(LeafSystem):
         self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
         self._proximity = self.DeclareVectorInputPort(
             name="proximity", size=hand.num_sensors
+        )
+        self._obstacles = self.DeclareAbstractInputPort(
+            name="obstacles", model_value=AbstractValue.Make([])
         )
         self._state = self.DeclareAbstractState(
             AbstractValue.Make(PlannerMemory(q_rest=task_planner.q_home))
@@ -187,7 +192,7 @@ class PickAndPlacePlanner(LeafSystem):
             case Mode.PRE_GRASP if self._looks(
                 context, memory, self.config.look_before_grasp
             ):
-                memory = self._replanner.compare(self._see(context), memory)
+                memory = self._replanner.compare(self._see(context), memory, time)
             case Mode.TRANSFER if self._looks(
                 context, memory, self.config.look_before_place
             ):
@@ -202,9 +207,11 @@ class PickAndPlacePlanner(LeafSystem):
             state.get_mutable_abstract_state(int(self._state)).set_value(memory)
         return EventStatus.Succeeded()
 
-    def _see(self, context: Context) -> list[Blob]:
-        blobs: list[Blob] = self._blobs.Eval(context)
-        return blobs
+    def _see(self, context: Context) -> View:
+        known = self._obstacles.HasValue(context)
+        return View(
+            self._blobs.Eval(context), self._obstacles.Eval(context) if known else ()
+        )
 
     def _looks(self, context: Context, memory: PlannerMemory, wanted: bool) -> bool:
         """Whether it is time for the look that a mode ends with, where it is wanted."""
@@ -240,6 +247,7 @@ class PickAndPlacePlanner(LeafSystem):
                 arrived=arrived,
                 ready=time >= memory.ready_at,
                 moved=memory.moved,
+                failure=memory.failure if mode is Mode.TRANSFER else None,
                 holding=arrived and self._holding(context, memory),
             )
         at_goal = memory.failure is None and self._replanner.is_at_goal(

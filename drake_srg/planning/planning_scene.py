@@ -260,6 +260,17 @@ class PlanningScene:
                     return clearance
         return None
 
+    def touches(self, q: Vector, shape: Shape, X_WO: RigidTransform) -> bool:
+        """Whether arm, gripper or what it holds are in `shape` at `X_WO` [m]."""
+        with self.standing(shape, X_WO):
+            found = self._checker.CalcRobotClearance(self.positions(q), 0.0)
+            pairs = zip(found.robot_indices(), found.other_indices(), strict=True)
+            return any(
+                other == self._obstacle.index()
+                and spare + float(self._checker.GetPaddingBetween(body, other)) <= 0.0
+                for (body, other), spare in zip(pairs, found.distances(), strict=True)
+            )
+
     @contextlib.contextmanager
     def holding(
         self, shape: Shape, X_GO: RigidTransform, *, margin: float | None = None

@@ -4,23 +4,31 @@ from __future__ import annotations
 
 import dataclasses as dc
 import time as wall
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.grasps import Grasp
 from drake_srg.planning.moves import TaskFailure
 from drake_srg.planning.planner_memory import PlannerMemory
-from drake_srg.planning.sightings import Sightings, is_certain, lean, standing_at
-from drake_srg.planning.task_motions import TaskPlanner
-from drake_srg.types import Blob, Failure, Mode, Sphere
+from drake_srg.planning.sightings import (
+    Sightings,
+    View,
+    is_certain,
+    lean,
+    standing_at,
+)
+from drake_srg.planning.task_motions import Obstacles, TaskMotions, TaskPlanner
+from drake_srg.types import Blob, Failure, Mode, Sphere, Vector
 
 # An object seen this far from where the motions take it has moved [m], [rad]: more than
 # the localisation may be off, and what fingers that close on it still make up for.
 _MOVED, _TURNED = 0.003, np.deg2rad(5.0)
 # An object seen further than this from its place in the hand is not in it [m].
 _LOST = 0.03
+_ORDER = {mode: i for i, mode in enumerate(Mode)}  # of a cycle
 _STANDING = np.deg2rad(5.0)  # lean of an object that counts as standing on its goal
 
 
@@ -57,25 +65,24 @@ class Replanner:
         back = memory.X_WO_return if memory.cycles % 2 else None
         return back or self._goal
 
-    def is_at_goal(self, blobs: Sequence[Blob], memory: PlannerMemory) -> bool:
+    def is_at_goal(self, view: View, memory: PlannerMemory) -> bool:
         """Whether the object is seen where this cycle shall take it."""
-        blob, goal = self._sightings.best(blobs), self.goal(memory)
+        blob, goal = self._sightings.best(view), self.goal(memory)
         if blob is None:
             return False
         X_WO = self._sightings.pose(blob)
         turn = lean(X_WO.rotation().col(2), goal.rotation().col(2))
         return distance(X_WO, goal) <= self._tolerance and turn <= _STANDING
 
-    def plan(
-        self, blobs: Sequence[Blob], memory: PlannerMemory, time: float
-    ) -> PlannerMemory:
+    def plan(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Look for the object, and plan the whole cycle from where the arm is."""
-        blob = self._sightings.best(blobs)
+        blob = self._sightings.best(view)
         memory = dc.replace(memory, looks=memory.looks + 1)
         if blob is None:
             return self._not_seen(memory, time)
         start = wall.perf_counter()
-        X_WO, obstacles = self._sightings.pose(blob), self._sightings.obstacles(blobs)
+        X_WO = self._sightings.pose(blob)
+        obstacles = self._obstacles(view, memory, memory.q_rest, memory.fingers)
         result = self._task_planner.plan(
             memory.q_rest, X_WO, self._shape, self.goal(memory), obstacles
         )
@@ -93,7 +100,7 @@ class Replanner:
                     memory, failure=result.failure, message=result.message
                 )
             # There may be a way from home where there is none from here.
-            return memory if self._is_home(memory) else self.escape(memory, time)
+            return memory if self._at_home(memory.q_rest) else self.escape(memory, time)
         if memory.localization is None:
             memory = dc.replace(
                 memory,
@@ -115,58 +122,95 @@ class Replanner:
             ready_at=time,
         )
         # The arm may hide it.
-        return memory if self._is_home(memory) else self.escape(memory, time)
+        return memory if self._at_home(memory.q_rest) else self.escape(memory, time)
 
-    def _is_home(self, memory: PlannerMemory) -> bool:
-        return np.allclose(memory.q_rest, self._task_planner.q_home, atol=1e-6)
+    def _obstacles(
+        self,
+        view: View,
+        memory: PlannerMemory,
+        q: Vector,
+        fingers: Mapping[str, float],
+    ) -> Obstacles:
+        """What stands about: seen now, or earlier where the arm may hide it now."""
+        seen = self._sightings.obstacles(view)
+        if seen:
+            seen = self._task_planner.others(q, fingers, seen)
+        return seen if self._at_home(q) else (*memory.obstacles, *seen)
 
-    def compare(self, blobs: Sequence[Blob], memory: PlannerMemory) -> PlannerMemory:
-        """See whether the object is still where the motions take it."""
-        blob, X_WO = self._sightings.best(blobs), memory.X_WO
+    def _at_home(self, q: Vector) -> bool:
+        return np.allclose(q, self._task_planner.q_home, atol=1e-6)
+
+    def compare(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
+        """See whether the object is still where the motions take it, and they free."""
+        blob, X_WO = self._sightings.best(view), memory.X_WO
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
-        if blob is None or X_WO is None or not is_certain(blob):  # behind the hand
-            return memory
         if memory.detours >= self._config.max_attempts:
             return memory  # what never stands still has to be tried
+        motions = memory.motions
+        if view.obstacles and motions is not None:
+            q, fingers = memory.position(time), motions.grasp.fingers_open
+            obstacles = self._obstacles(view, memory, q, fingers)
+            if self._obstruction(motions, memory.mode, obstacles):
+                return dc.replace(memory, moved=True, detours=memory.detours + 1)
+        if blob is None or X_WO is None or not is_certain(blob):  # behind the hand
+            return memory
         X_WO_seen = self._sightings.pose(blob)
         turn = lean(X_WO_seen.rotation().col(2), X_WO.rotation().col(2))
         moved = distance(X_WO_seen, X_WO) > _MOVED or turn > _TURNED
         return dc.replace(memory, moved=moved, detours=memory.detours + moved)
 
-    def correct(
-        self, blobs: Sequence[Blob], memory: PlannerMemory, time: float
-    ) -> PlannerMemory:
+    def _obstruction(
+        self, task: TaskMotions, mode: Mode, obstacles: Obstacles
+    ) -> str | None:
+        """What is in the way of the motions that follow those of `mode`."""
+        rest = {m: t for m, t in task.motions.items() if _ORDER[m] > _ORDER[mode]}
+        task = dc.replace(task, motions=rest)
+        return self._task_planner.obstruction(task, self._shape, obstacles)
+
+    def correct(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See where the object is in the hand, and plan the rest from there."""
-        blob, motions = self._sightings.best(blobs), memory.motions
+        blob, motions = self._sightings.best(view), memory.motions
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
-        if blob is None or motions is None or not is_certain(blob):  # behind the hand
+        hidden = blob is None or not is_certain(blob)  # behind the hand
+        if motions is None or (hidden and not view.obstacles):
             return memory
         q, grasp = memory.position(time), motions.grasp
-        X_GW = self._task_planner.scene.X_WG(q).inverse()
-        p_GO = X_GW @ blob.position
-        if np.linalg.norm(p_GO - grasp.p_GO) > _LOST:
-            return dc.replace(memory, lost=True)
-        if not isinstance(self._shape, Sphere):
-            axis_G = X_GW.rotation() @ blob.axis
-            axis_G = np.copysign(1.0, axis_G @ grasp.axis_G) * axis_G
-            grasp = dc.replace(grasp, axis_G=axis_G)
+        if blob is not None and not hidden:
+            grasp = self._in_hand(grasp, blob, q)
+            if np.linalg.norm(grasp.p_GO - motions.grasp.p_GO) > _LOST:
+                return dc.replace(memory, lost=True)
+        obstacles = memory.obstacles
+        if view.obstacles:
+            obstacles = self._obstacles(view, memory, q, grasp.fingers_closed)
         start = wall.perf_counter()
         result = self._task_planner.plan_place(
-            q,
-            dc.replace(grasp, p_GO=p_GO),
-            self._shape,
-            self.goal(memory),
-            memory.obstacles,
+            q, grasp, self._shape, self.goal(memory), obstacles
         )
         memory = dc.replace(
             memory,
             planning_wall=memory.planning_wall + wall.perf_counter() - start,
             ready_at=time + self._config.latency,
+            obstacles=obstacles,
         )
         if isinstance(result, TaskFailure):
-            return memory  # with the motions as they were
+            if not view.obstacles:
+                return memory  # with the motions as they were
+            hit = self._obstruction(motions, memory.mode, obstacles)
+            if hit is None:
+                return memory
+            return dc.replace(memory, failure=Failure.BLOCKED, message=hit)
         rest = {**motions.motions, **result.motions}
         return dc.replace(memory, motions=dc.replace(result, motions=rest))
+
+    def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> Grasp:
+        """The grasp as it is seen with the arm at `q`."""
+        X_GW = self._task_planner.scene.X_WG(q).inverse()
+        grasp = dc.replace(grasp, p_GO=X_GW @ blob.position)
+        if isinstance(self._shape, Sphere):
+            return grasp
+        axis_G = X_GW.rotation() @ blob.axis
+        axis_G = np.copysign(1.0, axis_G @ grasp.axis_G) * axis_G
+        return dc.replace(grasp, axis_G=axis_G)
 
     def escape(self, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Plan back from where the arm is, and home."""

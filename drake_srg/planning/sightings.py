@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -9,13 +10,29 @@ from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps import pose_along
 from drake_srg.planning.task_motions import Obstacles
-from drake_srg.types import Blob, BlobFlag, Cylinder, Shape, Sphere, Vector
+from drake_srg.types import (
+    Blob,
+    BlobFlag,
+    Cylinder,
+    Obstacle,
+    Shape,
+    Sphere,
+    Vector,
+)
 
 _UP = np.array([0.0, 0.0, 1.0])
 
 
+@dc.dataclass(frozen=True)
+class View:
+    """What is seen when the planner looks."""
+
+    blobs: Sequence[Blob]
+    obstacles: Sequence[Obstacle] = ()  # what is none of the objects that are known
+
+
 class Sightings:
-    """Reads lists of blobs for one object to take and others to keep clear of.
+    """Reads views for one object to take and others to keep clear of.
 
     Args:
         object_name: Whose blobs tell where the object is.
@@ -36,9 +53,9 @@ class Sightings:
         self._others = dict(others)
         self._upright = np.cos(upright_within)
 
-    def best(self, blobs: Sequence[Blob]) -> Blob | None:
+    def best(self, view: View) -> Blob | None:
         """The most trustworthy blob of the object, None where it is not seen."""
-        own = [blob for blob in blobs if blob.object_name == self.object_name]
+        own = [blob for blob in view.blobs if blob.object_name == self.object_name]
         return max(
             own,
             key=lambda b: (is_certain(b), not b.flags, b.quality),
@@ -49,13 +66,14 @@ class Sightings:
         """The object's pose X_WO [m]; its turn about its axis has no meaning."""
         return self._pose(self.shape, blob)
 
-    def obstacles(self, blobs: Sequence[Blob]) -> Obstacles:
-        """The other objects that are seen."""
-        return tuple(
+    def obstacles(self, view: View) -> Obstacles:
+        """The other objects and the obstacles that are seen."""
+        known = tuple(
             (shape, self._pose(shape, blob))
-            for blob in blobs
+            for blob in view.blobs
             if (shape := self._others.get(blob.object_name)) is not None
         )
+        return known + tuple((seen.shape, seen.X_WO) for seen in view.obstacles)
 
     def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
         # What stands on something level is upright, whatever an image says of it.

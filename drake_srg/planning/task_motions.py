@@ -23,9 +23,13 @@ from drake_srg.planning.grasps import Grasp, Hand
 from drake_srg.planning.moves import FREEDOMS, Moves, NoPathError, TaskFailure
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath
 from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.trajectories import motion_samples
 from drake_srg.types import Failure, Mode, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
+# Grasps whose motions are planned before the planner gives up. More are there only
+# where the hand is turned about the object; a search for a way takes up to 5 s each.
+_MOST_CANDIDATES = 8
 # What a carried object may lean more than where it was taken [rad].
 _UPRIGHT = 0.004
 
@@ -133,22 +137,68 @@ class TaskPlanner:
             clearance = self.scene.clearance(self.q_home)
         if clearance.spare < 0.0 and "held_object" in clearance.bodies:
             return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
-        candidates, failures = self._search.candidates(X_WO, shape, X_WO_goal)
-        no_path = []
-        for candidate in candidates:
-            try:
-                motions = self._motions(q_start, shape, X_WO_goal, candidate)
-                return TaskMotions(candidate.grasp, motions)
-            except NoPathError as error:
-                no_path.append(error.failure)
-        # The grasps that came furthest tell what is in the way.
-        failures = no_path or failures
-        if not failures:
+        reasons: list[TaskFailure] = []
+        for turned in (False, True):
+            candidates, failures = self._search.candidates(
+                X_WO, shape, X_WO_goal, turned=turned
+            )
+            no_path = []
+            for candidate in candidates[:_MOST_CANDIDATES]:
+                try:
+                    motions = self._motions(q_start, shape, X_WO_goal, candidate)
+                    return TaskMotions(candidate.grasp, motions)
+                except NoPathError as error:
+                    no_path.append(error.failure)
+            # The grasps that came furthest tell what is in the way.
+            reasons = reasons or no_path or failures
+            # From another side there may be a way past what blocks; nothing else.
+            blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
+            if not blocked:
+                break
+        if not reasons:
             return TaskFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
         # What only the surroundings forbid is worth knowing before what no arm
         # posture reaches.
-        blocked = [f for f in failures if f.failure is Failure.BLOCKED]
-        return (blocked or failures)[0]
+        return (blocked or reasons)[0]
+
+    def others(
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
+    ) -> Obstacles:
+        """Those of `obstacles` that are not the arm itself, seen by a camera.
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            fingers: Angles of the gripper's joints by name [rad].
+            obstacles: Shapes and their poses [m].
+        """
+        self.scene.set_fingers(fingers)
+        return tuple(o for o in obstacles if not self.scene.touches(q, *o))
+
+    def obstruction(
+        self, task: TaskMotions, shape: Shape, obstacles: Obstacles
+    ) -> str | None:
+        """Say what of `obstacles` is in the way of motions, in words; None: nothing.
+
+        Half of every margin may be used up by what images of the same thing differ by.
+
+        Args:
+            task: The motions.
+            shape: The object's that is taken.
+            obstacles: Other objects and their poses [m].
+        """
+        slack = 0.5 * min(self.config.clearance, self.config.hand_clearance)
+        with self._standing(obstacles):
+            for mode, motion in task.motions.items():
+                with contextlib.ExitStack() as stack:
+                    if mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
+                        stack.enter_context(carrying(self.scene, shape, task.grasp))
+                    else:
+                        self.scene.set_fingers(task.grasp.fingers_open)
+                    samples = motion_samples(self.scene, motion)
+                    hit = self.scene.first_hit(samples, slack)
+                if hit is not None:
+                    return f"{mode.value}: {hit}"
+        return None
 
     def plan_escape(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()

@@ -119,7 +119,7 @@ def TimeOptimalTrajectory(
             )
         trajectory = _WithinLimits(scene, motion, limits, ramp)
         # A straight line stays straight and has been checked.
-        samples = _Samples(scene, trajectory) if len(waypoints) > 2 else ()
+        samples = motion_samples(scene, trajectory) if len(waypoints) > 2 else ()
         hit = scene.first_hit(samples, _GRAZE)
         if hit is None:
             return trajectory
@@ -224,8 +224,8 @@ def _Ramped(control: Vector, step: float) -> BsplineTrajectory:
     return BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
 
 
-def _Samples(scene: PlanningScene, trajectory: Trajectory) -> Vector:
-    """Configurations along the motion, as close as the scene's step."""
+def motion_samples(scene: PlanningScene, trajectory: Trajectory) -> Vector:
+    """Configurations along a motion, as close as the scene's step, shape (K, N)."""
     times = np.linspace(0.0, trajectory.end_time(), 1000)
     q = trajectory.vector_values(times).T
     moved = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ scene.levers))

@@ -54,6 +54,7 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     ],
     Mode.TRANSFER: [
         (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (lambda o, t, c: o.arrived and o.failure is not None, Mode.FAILED),
         (lambda o, t, c: o.arrived and o.ready, Mode.PLACE),
     ],
     Mode.PLACE: [(lambda o, t, c: o.arrived, Mode.RELEASE)],

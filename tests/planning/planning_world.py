@@ -55,6 +55,7 @@ class FakeTaskPlanner:
         self.hand = SrgHand(["above"], [], 0.4)
         self.grasp = self.hand.grasps(CAN, np.array([0.0, 0.0, 1.0]))[0]
         self.result = self.escape = self.place = None  # in place of motions
+        self.hit = None  # what is said to be in the way
         self.calls, self.places = [], []
 
     def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=()):
@@ -66,9 +67,17 @@ class FakeTaskPlanner:
 
     def plan_place(self, q_start, grasp, shape, X_WO_goal, obstacles=()):
         self.places.append((q_start, grasp, shape, X_WO_goal))
+        self.obstacles = obstacles
         if self.place is not None:
             return self.place
         return self._motions(q_start, MOVING[MOVING.index(Mode.PLACE) :])
+
+    def others(self, q, fingers, obstacles):
+        return tuple(obstacles)
+
+    def obstruction(self, task, shape, obstacles):
+        self.checked = list(task.motions)
+        return self.hit if obstacles else None
 
     def _motions(self, q_start, modes):
         n = len(modes)
@@ -98,7 +107,7 @@ def make_planner(repeat=1, **config):
 
 
 class Camera(LeafSystem):
-    """Sees what it is told to, and counts how often it is asked."""
+    """Sees what it is told to, and counts how often it is asked for blobs."""
 
     def __init__(self):
         super().__init__()
@@ -106,6 +115,12 @@ class Camera(LeafSystem):
         self.evaluations = 0
         self.DeclareAbstractOutputPort(
             name="blobs", alloc=lambda: AbstractValue.Make([]), calc=self._look
+        )
+        self.obstacles = list
+        self.DeclareAbstractOutputPort(
+            name="obstacles",
+            alloc=lambda: AbstractValue.Make([]),
+            calc=lambda context, output: output.set_value(self.obstacles()),
         )
 
     def _look(self, context, output):
@@ -117,6 +132,7 @@ class World:
     """A planner between a camera, an arm that follows and fingers that hold.
 
     What happens otherwise is told by replacing `where` (the blobs seen in a mode),
+    `unknown` (the obstacles seen in a mode),
     `holding` (whether the fingers hold something in a mode), `base_angle` and
     `arm_follows`. `like` makes a world with the systems of another.
     """
@@ -126,9 +142,10 @@ class World:
             builder = DiagramBuilder()
             self.camera = builder.AddSystem(Camera())
             self.planner = builder.AddSystem(make_planner(**config))
-            builder.Connect(
-                self.camera.get_output_port(), self.planner.GetInputPort("blobs")
-            )
+            for name in ("blobs", "obstacles"):
+                builder.Connect(
+                    self.camera.GetOutputPort(name), self.planner.GetInputPort(name)
+                )
             diagram = builder.Build()
         else:
             diagram, self.camera, self.planner = like.diagram, like.camera, like.planner
@@ -143,6 +160,7 @@ class World:
         self.seen, self.trace, self.commands = [], [], []
         self.began, self.closures = {}, {}
         self.where = lambda mode: [blob(GOAL if mode is Mode.HOME else START)]
+        self.unknown = lambda mode: []
         self.holding = lambda mode: True
         self.base_angle = self.task_planner.grasp.base_angle
         self.arm_follows = True
@@ -158,6 +176,7 @@ class World:
     def run(self, limit=60.0):
         """Lets time pass until the planner has ended; returns its status."""
         self.camera.blobs = self._look
+        self.camera.obstacles = lambda: self.unknown(self.status.mode)
         self._sense()
         while self.time < limit:
             self._simulator.AdvancePendingEvents()

@@ -17,8 +17,11 @@ ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
 
 def test_ports():
     planner = make_planner()
-    inputs = {planner.get_input_port(i).get_name() for i in range(5)}
-    assert inputs == {"blobs", "arm_state", "gripper_state", "grasped", "proximity"}
+    inputs = {
+        planner.get_input_port(i).get_name() for i in range(planner.num_input_ports())
+    }
+    required = {"blobs", "arm_state", "gripper_state", "grasped", "proximity"}
+    assert inputs == required | {"obstacles"}
     outputs = {planner.get_output_port(i).get_name() for i in range(4)}
     assert outputs == {"position_commanded", "closure_commanded", "mode", "status"}
     assert planner.GetOutputPort("position_commanded").size() == 2

@@ -3,9 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 from planning_world import CAN, CUP, blob
+from pydrake.math import RigidTransform
 
-from drake_srg.planning.sightings import Sightings, lean
-from drake_srg.types import BlobFlag, Sphere
+from drake_srg.planning.sightings import Sightings, View, lean
+from drake_srg.types import BlobFlag, Box, Obstacle, Sphere
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -24,9 +25,9 @@ def test_the_best_blob_is_one_without_flags():
         blob([0, 0, 0], quality=1.0), flags=frozenset({BlobFlag.OCCLUDED})
     )
     plain = blob([1, 0, 0], quality=0.5)
-    assert sightings().best([doubtful, plain]) is plain
-    assert sightings().best([doubtful]) is doubtful
-    assert sightings().best([blob([0, 0, 0], name="cup")]) is None
+    assert sightings().best(View([doubtful, plain])) is plain
+    assert sightings().best(View([doubtful])) is doubtful
+    assert sightings().best(View([blob([0, 0, 0], name="cup")])) is None
 
 
 def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
@@ -34,7 +35,7 @@ def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
         dc.replace(blob([0, 0, 0], quality=quality), flags=frozenset({flag}))
         for quality, flag in ((0.4, BlobFlag.OCCLUDED), (0.9, BlobFlag.UNCERTAIN))
     )
-    assert sightings().best([uncertain, hidden]) is hidden
+    assert sightings().best(View([uncertain, hidden])) is hidden
 
 
 @pytest.mark.parametrize(
@@ -54,9 +55,11 @@ def test_a_ball_is_upright_whatever_is_said_of_its_axis():
 
 def test_obstacles_are_the_others():
     seen = [blob([0, 0, 0]), blob([1, 0, 0], name="cup"), blob([2, 0, 0], name="fork")]
-    ((shape, X_WO),) = sightings().obstacles(seen)
-    assert shape is CUP
+    unknown = Obstacle(Box(), RigidTransform([3, 0, 0]))
+    (cup, X_WO), box = sightings().obstacles(View(seen, [unknown]))
+    assert cup is CUP
     np.testing.assert_array_equal(X_WO.translation(), [1, 0, 0])
+    assert box == (unknown.shape, unknown.X_WO)
 
 
 def test_a_line_has_no_sign():
