@@ -48,7 +48,7 @@ def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) 
     sight = _SHARE_OF_DISTANCE * (p_WO - p_WC)
     R_WCard = _facing(sight, config.direction)
     radius = _SHARE_OF_DISTANCE * _half_width(scenario, name)  # as the card has it
-    side = 4.0 * radius
+    side = 2.4 * radius  # no more than that is hidden
     aside = radius * (1.0 - 2.0 * config.share) + 0.5 * side
     X_WCard = RigidTransform(R_WCard, p_WC + sight + aside * R_WCard.matrix()[:, 0])
     plant.RegisterVisualGeometry(
