@@ -1,0 +1,144 @@
+"""Writes what a sweep has found into one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import importlib.resources
+from pathlib import Path
+from xml.etree import ElementTree
+
+from drake_srg.errors import ScenarioError
+from drake_srg.recording.output import OutputFile
+from drake_srg.sweeps import report_page as page
+from drake_srg.sweeps.report_causes import effects
+from drake_srg.sweeps.report_elements import (
+    Element,
+    code,
+    definitions,
+    element,
+    folded,
+    paragraph,
+    section,
+)
+from drake_srg.sweeps.report_trials import Trials, command
+from drake_srg.sweeps.report_worst import worst
+from drake_srg.sweeps.rows import Sweep, read_rows, read_sweep, sampled_columns
+
+# The page loads nothing, whatever stands in it.
+_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; media-src data:"
+)
+
+
+def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
+    """Write the report of a sweep, also of one that is not over; returns its path.
+
+    Args:
+        folder: Of the sweep, as `drake-srg sweep --out` was given it.
+        output: The .html file; None: report.html in `folder`.
+
+    Raises:
+        ScenarioError: If there is no sweep, if no trial is over, or if a row cannot be
+            read.
+        OSError: If the page cannot be written.
+    """
+    folder = Path(folder)
+    sweep = read_sweep(folder)
+    table = read_rows(folder)
+    if not table.num_rows:
+        raise ScenarioError(f"{folder}: no trial of this sweep is over yet")
+    html = _page(sweep, Trials(table, sampled_columns(table)), folder)
+    file = OutputFile(folder / "report.html" if output is None else output)
+    file.path.write_text(
+        "<!DOCTYPE html>\n" + ElementTree.tostring(html, "unicode", "html") + "\n",
+        encoding="utf-8",
+    )
+    return file.commit()
+
+
+def _page(sweep: Sweep, trials: Trials, folder: Path) -> Element:
+    rerun = functools.partial(_rerun, sweep)
+    style = importlib.resources.files(__package__).joinpath("report.css")
+    return element(
+        "html",
+        element(
+            "head",
+            element("meta", charset="utf-8"),
+            element("meta", http_equiv="Content-Security-Policy", content=_POLICY),
+            element(
+                "meta", name="viewport", content="width=device-width, initial-scale=1"
+            ),
+            element("title", f"{sweep.scenario}: {len(trials):,} trials"),
+            element("style", style.read_text(encoding="utf-8")),
+        ),
+        element(
+            "body",
+            element("header", *_header(sweep, trials)),
+            element(
+                "main",
+                page.summary(trials),
+                page.failures(trials, rerun),
+                effects(trials),
+                page.distributions(trials),
+                worst(trials, folder, rerun),
+                page.totals(trials),
+                _origin(sweep),
+            ),
+        ),
+        lang="en",
+    )
+
+
+def _header(sweep: Sweep, trials: Trials) -> list[Element]:
+    repeat = command(
+        *("sweep", sweep.scenario, "--trials", str(sweep.trials)),
+        *("--seed", str(sweep.seed)),
+        overrides=sweep.overrides,
+    )
+    done = f"{len(trials):,} trials"
+    lines = [
+        element("h1", sweep.scenario),
+        paragraph(f"{done}, seed {sweep.seed}, begun {_date(sweep)}"),
+        element("pre", code(repeat), class_="command"),
+    ]
+    if len(trials) < sweep.trials:
+        lines.append(
+            element(
+                "p",
+                f"{len(trials):,} of {sweep.trials:,} trials are over: the sweep runs, "
+                "or was interrupted. Quick ones may be too many among them. The "
+                "command above finishes it, with the sweep's --out and --resume.",
+                class_="notice",
+                role="note",
+            )
+        )
+    return lines
+
+
+def _rerun(sweep: Sweep, seed: int) -> str:
+    return command(
+        "run", sweep.scenario, "--seed", str(seed), overrides=sweep.overrides
+    )
+
+
+def _date(sweep: Sweep) -> str:
+    started = datetime.datetime.fromisoformat(sweep.started)
+    return f"{started:%Y-%m-%d %H:%M %Z}".rstrip()
+
+
+def _origin(sweep: Sweep) -> Element:
+    versions = ", ".join(f"{name} {is_}" for name, is_ in sweep.versions.items())
+    return section(
+        "Scenario and versions",
+        definitions(
+            [
+                ("Scenario", sweep.scenario),
+                ("Overrides", " ".join(sweep.overrides) or "none"),
+                ("Versions", versions),
+                ("Engine", f"{sweep.engine}, {sweep.jobs} at once"),
+                ("Begun", _date(sweep)),
+            ]
+        ),
+        folded("The scenario as it was swept", element("pre", code(sweep.tree))),
+    )

@@ -1,0 +1,237 @@
+"""The section of a report that tells what the outcome of trials depends on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_srg.sweeps import report_plots as plots
+from drake_srg.sweeps.report_effects import (
+    FALSE_DISCOVERIES,
+    Bin,
+    Effect,
+    Relation,
+    median_bins,
+    rank_effects,
+    success_bins,
+)
+from drake_srg.sweeps.report_elements import (
+    Child,
+    Element,
+    code,
+    element,
+    figure,
+    folded,
+    in_part,
+    number,
+    paragraph,
+    percent,
+    section,
+    table,
+)
+from drake_srg.sweeps.report_trials import Trials
+
+_OPEN_EFFECTS = 12  # of the plots against quantities; more are folded away
+
+
+def effects(trials: Trials) -> Element:
+    """What failures, placement error and cycle time depend on, ranked."""
+    ranked = rank_effects(
+        trials.quantities(),
+        trials.success,
+        trials.placement_error,
+        trials.cycle_time,
+    )
+    title = "What matters"
+    if not ranked:
+        return section(title, paragraph("Nothing was varied between the trials."))
+    found = [effect for effect in ranked if effect.significant]
+    return section(
+        title,
+        _verdict(ranked, trials),
+        *([_found(found, trials)] if found else []),
+        *_rates(ranked, trials),
+        *_medians(ranked, trials),
+        folded("All quantities in a table", _all_effects(ranked), _method()),
+    )
+
+
+def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
+    """Success rates against all quantities."""
+    binned = [success_bins(effect.values, trials.success) for effect in ranked]
+    # A common axis, down to the lowest interval, in steps of 5 %.
+    lowest = min(b.bounds[0] for row in binned for b in row)
+    axis = math.floor(20.0 * lowest) / 20.0, 1.0
+    figures = []
+    for effect, row in zip(ranked, binned, strict=True):
+        relation, words, kind = effect.failure, "no comparison", "words"
+        if relation is not None and relation.significant:
+            words = f"fails {_where(relation, 0.5)}, p {_p(relation.p)}"
+            kind = "words found"
+        elif relation is not None:
+            words = f"no effect seen, p {_p(relation.p)}"
+        plot = plots.against(
+            row,
+            axis=axis,
+            text=lambda share: f"{100.0 * share:.3g} %",
+            label=f"Success rate against {effect.name}: {words}",
+            strokes=effect.values[~trials.success & np.isfinite(effect.values)],
+        )
+        figures.append(figure(effect.name, words, plot, kind))
+    told = any(effect.failure is not None for effect in ranked)
+    return [
+        element("h3", "Success against each quantity"),
+        paragraph(
+            "Bins of about equal numbers of trials, with Wilson's 95 % interval; each "
+            "stroke at the foot is a failed trial. Those that matter most come first."
+        ),
+        *in_part(figures, _OPEN_EFFECTS if told else 0, _grid),
+    ]
+
+
+def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
+    """Placement error and cycle time against the quantities that matter for them."""
+    figures = []
+    for name, unit, outcome, relations in (
+        (
+            "Placement error",
+            "mm",
+            1e3 * trials.placement_error,
+            [effect.placement for effect in ranked],
+        ),
+        ("Cycle time", "s", trials.cycle_time, [effect.cycle for effect in ranked]),
+    ):
+        known = np.where(trials.success, outcome, np.nan)
+        for effect, relation in zip(ranked, relations, strict=True):
+            if relation is None or not relation.significant:
+                continue
+            rows = median_bins(effect.values, known)
+            words = f"{name} [{unit}] is larger {_where(relation, 0.0)}"
+            plot = plots.against(
+                rows,
+                axis=(min(b.bounds[0] for b in rows), max(b.bounds[1] for b in rows)),
+                text=number,
+                label=f"{words} of {effect.name}",
+            )
+            figures.append(figure(effect.name, words, plot))
+    if not figures:
+        return []
+    return [
+        element("h3", "Placement error and cycle time"),
+        paragraph(
+            "Medians of the trials that succeeded, in bins likewise; bars hold the "
+            "middle half of them. Only quantities that matter are drawn."
+        ),
+        *in_part(figures, _OPEN_EFFECTS, _grid),
+    ]
+
+
+def _grid(figures: Sequence[Element]) -> Element:
+    return element("div", *figures, class_="plots")
+
+
+def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
+    n, failed = len(ranked), int(np.count_nonzero(~trials.success))
+    causes = sum(e.failure is not None and e.failure.significant for e in ranked)
+    words = f"{n} quantities were varied. " if n > 1 else "One quantity was varied. "
+    if failed == 0:
+        words += "No trial failed, so none of them can be a cause of failures."
+    elif failed == len(trials):
+        words += "All trials failed, so nothing tells which of them is a cause."
+    elif causes:
+        words += (
+            f"Failures depend on {causes} of them"
+            f" (at most {100 * FALSE_DISCOVERIES:g} % of such findings are expected false)."
+        )
+    else:
+        words += (
+            "Nothing stands out as a cause of failures: failed and successful trials "
+            "differ in none of them by more than chance."
+        )
+        if failed < 10:
+            words += f" With {failed} failed, only strong effects would show."
+    return paragraph(words)
+
+
+def _found(found: Sequence[Effect], trials: Trials) -> Element:
+    """What each of the quantities that matter does, in words."""
+    items = []
+    for effect in found:
+        words: list[str] = []
+        if effect.failure is not None and effect.failure.significant:
+            rates = _ends(success_bins(effect.values, trials.success))
+            words.append(f"failures are {_where(effect.failure, 0.5)} ({rates})")
+        for name, relation in (
+            ("the placement error is larger", effect.placement),
+            ("the cycle is longer", effect.cycle),
+        ):
+            if relation is not None and relation.significant:
+                rho = f"ρ {relation.strength:.2f}"
+                words.append(f"{name} {_where(relation, 0.0)} ({rho})")
+        items.append(element("li", code(effect.name), f": {'; '.join(words)}."))
+    return element("ol", *items)
+
+
+def _ends(rows: Sequence[Bin]) -> str:
+    """The worst and the best bin in words."""
+
+    def words(b: Bin) -> str:
+        rate = f"{percent(b.outcome, b.trials)} succeed"
+        if b.low == b.high:
+            return f"{rate} at {number(b.low)}"
+        return f"{rate} from {number(b.low)} to {number(b.high)}"
+
+    worst = min(rows, key=lambda b: b.outcome)
+    best = max(rows, key=lambda b: b.outcome)
+    return f"{words(worst)}, {words(best)}"
+
+
+def _where(relation: Relation, neutral: float) -> str:
+    """Which values of a quantity have more of an outcome."""
+    more = relation.strength > neutral
+    if relation.ends:
+        return "at both ends" if more else "in the middle"
+    return "at high values" if more else "at low values"
+
+
+def _all_effects(ranked: Sequence[Effect]) -> Element:
+    def cell(relation: Relation | None, symbol: str) -> Child:
+        if relation is None:
+            return "-"
+        ends = " of ends" if relation.ends else ""
+        text = f"{symbol}{ends} {relation.strength:.2f}, p {_p(relation.p)}"
+        return element("strong", text) if relation.significant else text
+
+    return table(
+        ["Quantity", "from", "to", "Failures", "Placement error", "Cycle time"],
+        [
+            (
+                code(e.name),
+                number(float(np.nanmin(e.values))),
+                number(float(np.nanmax(e.values))),
+                cell(e.failure, "AUC"),
+                cell(e.placement, "ρ"),
+                cell(e.cycle, "ρ"),
+            )
+            for e in ranked
+        ],
+        "All quantities",
+    )
+
+
+def _method() -> Element:
+    return paragraph(
+        "AUC: the probability that a failed trial has a larger value than one that "
+        "succeeded; 0.5 means no difference (test of Mann and Whitney, exact for few "
+        "failures). ρ: Spearman's rank correlation among trials that succeeded. Each "
+        "is calculated with the value and with its distance from the median (“of "
+        "ends”); the more significant one is shown, its p-value doubled. p is adjusted "
+        "for the number of quantities after Benjamini and Hochberg; bold: at most "
+        f"{FALSE_DISCOVERIES:g}. Effects of two quantities together are not sought."
+    )
+
+
+def _p(p: float) -> str:
+    return "< 1e-6" if p < 1e-6 else f"{p:.2g}"
