@@ -1,0 +1,169 @@
+"""Makes a LeRobot data set of the recordings of a sweep.
+
+Each trial is an episode, each image time a frame of it; see docs/dataset.md. The format
+is `drake_srg.sweeps.dataset_format`'s.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import json
+import tempfile
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from drake_srg.errors import ScenarioError, one_line
+from drake_srg.sweeps.dataset_recording import Layout, read_images, read_signals
+from drake_srg.sweeps.dataset_writer import DatasetWriter
+from drake_srg.yaml_loading import parse_yaml
+
+_RECORDING, _METRICS = "recording.mcap", "metrics.json"
+
+
+@dc.dataclass(frozen=True)
+class Dataset:
+    """What was made: numbers of episodes, of those successful, and of frames."""
+
+    path: Path
+    episodes: int
+    successes: int
+    frames: int
+    fps: int
+
+
+def make_dataset(
+    sweep: Path,
+    out: Path | None = None,
+    *,
+    fps: int | None = None,
+    only_success: bool = False,
+    progress: bool = False,
+) -> Dataset:
+    """Make a LeRobot data set of the trials of a sweep that were recorded.
+
+    It appears under its name when it is complete; what is interrupted leaves nothing.
+
+    Args:
+        sweep: Folder of a sweep made with `--record all` (or failures).
+        out: Folder to make; default: `dataset` in that of the sweep.
+        fps: Frames per second; None: all images. A divisor of the images' rate.
+        only_success: Whether to leave out trials that failed.
+        progress: Whether to show a progress bar.
+
+    Raises:
+        ImportError: If rosbags or PyAV is missing.
+        OSError: If `out` cannot be written.
+        ScenarioError: If there are no recordings, or not all alike; if `fps` does not
+            fit; or if `out` exists.
+    """
+    out = sweep / "dataset" if out is None else out
+    if out.exists():
+        raise ScenarioError(f"-o {out}: exists; choose another folder, or remove it")
+    task, robot = _task_and_robot(sweep)
+    trials = _recorded_trials(sweep, only_success)
+    layout = read_signals(trials[0] / _RECORDING).layout
+    fps = _whole_rate(layout.rate) if fps is None else fps
+    every = _stride(layout.rate, fps)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    successes = 0
+    with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
+        root = Path(folder) / out.name
+        with DatasetWriter(root, layout, fps, task=task, robot=robot) as writer:
+            for trial in tqdm(trials, unit="episode", disable=not progress):
+                successes += _add_trial(writer, trial, layout, every)
+            writer.finish()
+        root.rename(out)
+    return Dataset(out, len(trials), successes, writer.frames, fps)
+
+
+def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -> bool:
+    """Add a trial as an episode, one of so many images a frame; was it a success?"""
+    signals = read_signals(trial / _RECORDING)
+    if signals.layout != layout:
+        raise ScenarioError(
+            f"{trial} has {signals.layout}, the trials before it have {layout}; "
+            "those of a data set must be recorded alike"
+        )
+    metrics = _metrics(trial)
+    writer.add(
+        dc.replace(
+            signals, state=signals.state[::every], action=signals.action[::every]
+        ),
+        {
+            camera: read_images(trial / _RECORDING, camera, every)
+            for camera in layout.cameras
+        },
+        success=metrics["success"],
+        about={
+            "trial": int(trial.name),
+            "seed": metrics["seed"],
+            "failure": metrics["failure"],
+        },
+    )
+    return bool(metrics["success"])
+
+
+def _task_and_robot(sweep: Path) -> tuple[str, str]:
+    """What was done, in words, and the scenario's name."""
+    path = sweep / "sweep.json"
+    try:
+        about = json.loads(path.read_text(encoding="utf-8"))
+        pick = parse_yaml(about["tree"], str(path))["task"]["pick"]
+        scenario = Path(about["scenario"]).stem
+    except FileNotFoundError:
+        raise ScenarioError(f"{sweep}: is no sweep's folder: no sweep.json") from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise ScenarioError(f"{path}: is not a sweep's: {one_line(error)}") from error
+    return f"Pick up the {pick.replace('_', ' ')} and place it on its goal.", scenario
+
+
+def _recorded_trials(sweep: Path, only_success: bool) -> list[Path]:
+    """Folders of the trials' recordings, in order; metrics.json is written last."""
+    folders = sorted((sweep / "recordings").glob("[0-9]*[0-9]"))
+    trials = [
+        folder
+        for folder in folders
+        if (folder / _RECORDING).exists() and (folder / _METRICS).exists()
+    ]
+    if not trials:
+        raise ScenarioError(
+            f"{sweep}: has no recordings; make the sweep with --record all"
+        )
+    if only_success:
+        trials = [folder for folder in trials if _metrics(folder)["success"]]
+        if not trials:
+            raise ScenarioError(f"{sweep}: --only-success: no recorded trial succeeded")
+    return trials
+
+
+def _metrics(trial: Path) -> dict[str, Any]:
+    metrics: dict[str, Any] = json.loads((trial / _METRICS).read_text("utf-8"))
+    return metrics
+
+
+def _whole_rate(rate: Fraction) -> int:
+    if rate.denominator != 1:
+        raise ScenarioError(
+            f"images come at {float(rate):g} Hz, and a data set has a whole number of "
+            f"frames per second; {_allowed(rate)}"
+        )
+    return rate.numerator
+
+
+def _stride(rate: Fraction, fps: int) -> int:
+    """Every how many images there is a frame."""
+    if fps < 1 or (rate / fps).denominator != 1:
+        raise ScenarioError(
+            f"--fps {fps}: images come at {float(rate):g} Hz; {_allowed(rate)}"
+        )
+    return (rate / fps).numerator
+
+
+def _allowed(rate: Fraction) -> str:
+    fitting = [f for f in range(1, int(rate) + 1) if (rate / f).denominator == 1]
+    if fitting:
+        return f"allowed for --fps: {', '.join(map(str, fitting))}"
+    return "record with a recording.bag_camera_period of 1, 1/2, 1/3 ... s"

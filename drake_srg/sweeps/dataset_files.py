@@ -1,0 +1,84 @@
+"""Where the files of a LeRobot data set are, and its Parquet files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+CHUNK_SIZE = 1000  # files a folder, as LeRobot's
+
+
+class FilePlace(NamedTuple):
+    """A file among those that hold one thing: the number of its folder and its own."""
+
+    chunk: int
+    file: int
+
+    def path(self, folder: Path, suffix: str) -> Path:
+        """Return the file's path."""
+        return folder / f"chunk-{self.chunk:03d}" / f"file-{self.file:03d}{suffix}"
+
+
+def next_place(place: FilePlace | None) -> FilePlace:
+    """Return the place after one; the first after none."""
+    if place is None:
+        return FilePlace(0, 0)
+    if place.file + 1 < CHUNK_SIZE:
+        return FilePlace(place.chunk, place.file + 1)
+    return FilePlace(place.chunk + 1, 0)
+
+
+class ParquetFiles:
+    """Writes tables into Parquet files of a limited size, a row group each.
+
+    Use it as a context manager: the files are complete when it ends.
+
+    Args:
+        folder: Where chunk-000/file-000.parquet and so on are made.
+        schema: Of the tables.
+        limit: Size of a file [bytes], met by estimate from above; a table that is
+            larger has one of its own.
+
+    Raises:
+        OSError: If a file cannot be written.
+    """
+
+    def __init__(self, folder: Path, schema: pa.Schema, limit: int):
+        self._folder, self._schema, self._limit = folder, schema, limit
+        self._place: FilePlace | None = None
+        self._size = 0
+        self._writer: Any = None
+
+    def place(self, size: int) -> FilePlace:
+        """Where a table of that size in memory [bytes] goes that is written next."""
+        if self._place is None or self._size + size > self._limit:
+            self.close()
+            self._place = next_place(self._place)
+            self._size = 0
+        return self._place
+
+    def append(self, table: pa.Table) -> FilePlace:
+        """Append a table; returns where it is."""
+        place = self.place(table.nbytes)
+        if self._writer is None:
+            path = place.path(self._folder, ".parquet")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = pq.ParquetWriter(path, self._schema, compression="snappy")
+        self._writer.write_table(table)
+        self._size += table.nbytes
+        return place
+
+    def close(self) -> None:
+        """Finish the file that is open, if any."""
+        writer, self._writer = self._writer, None
+        if writer is not None:
+            writer.close()
+
+    def __enter__(self) -> ParquetFiles:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()

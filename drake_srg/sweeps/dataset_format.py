@@ -1,0 +1,192 @@
+"""The LeRobotDataset format, version 3.0: its features, tables and info.json.
+
+Published in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by LeRobot's own
+reader and writer (https://github.com/huggingface/lerobot, 0.4 and later):
+
+| file | |
+|---|---|
+| `meta/info.json` | version, features, frames per second, where files are |
+| `meta/stats.json` | statistics of all features, over all frames |
+| `meta/tasks.parquet` | what is to be done, in words, by number |
+| `meta/episodes/chunk-000/file-000.parquet` | an episode a row: where its frames are |
+| `data/chunk-000/file-000.parquet` | a frame a row: all features but images |
+| `videos/CAMERA/chunk-000/file-000.mp4` | images, many episodes in one file |
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pyarrow as pa
+
+from drake_srg.sweeps.dataset_files import CHUNK_SIZE
+from drake_srg.sweeps.dataset_recording import Layout
+from drake_srg.sweeps.dataset_statistics import STATISTICS
+from drake_srg.sweeps.dataset_video import CODEC, PIXEL_FORMAT
+
+VERSION = "v3.0"
+MEGABYTE = 1024**2  # as LeRobot counts
+DATA_MB, VIDEO_MB = 100, 200  # the largest files, LeRobot's defaults
+
+Feature = dict[str, Any]
+
+# What an episode tells of its trial: columns of ours beside LeRobot's, for filters.
+TRIAL = {
+    "trial": pa.int64(),
+    "seed": pa.int64(),
+    "success": pa.bool_(),
+    "failure": pa.string(),  # the planner's word; null of a success
+}
+
+_SCALARS = {
+    "next.done": "bool",
+    "next.success": "bool",
+    "timestamp": "float32",
+    "frame_index": "int64",
+    "episode_index": "int64",
+    "index": "int64",
+    "task_index": "int64",
+}
+_ARROW = {"bool": pa.bool_(), "float32": pa.float32(), "int64": pa.int64()}
+
+
+def video_key(camera: str) -> str:
+    """Return the feature of a camera's images."""
+    return f"observation.images.{camera}"
+
+
+def make_features(layout: Layout, fps: int) -> dict[str, Feature]:
+    """Return the features of a data set, as info.json holds them."""
+    features: dict[str, Feature] = {
+        "observation.state": _vector(layout.joints),
+        "action": _vector(layout.commands),
+    }
+    for camera, (height, width) in layout.cameras.items():
+        features[video_key(camera)] = {
+            "dtype": "video",
+            "shape": [height, width, 3],
+            "names": ["height", "width", "channels"],
+            "info": {
+                "video.height": height,
+                "video.width": width,
+                "video.codec": CODEC,
+                "video.pix_fmt": PIXEL_FORMAT,
+                "video.is_depth_map": False,
+                "video.fps": fps,
+                "video.channels": 3,
+                "has_audio": False,
+            },
+        }
+    for name, dtype in _SCALARS.items():
+        features[name] = {"dtype": dtype, "shape": [1], "names": None}
+    return features
+
+
+def _vector(names: Sequence[str]) -> Feature:
+    return {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+
+
+def make_info(
+    features: Mapping[str, Feature], fps: int, robot: str, episodes: int, frames: int
+) -> dict[str, Any]:
+    """Return info.json of a data set with one task."""
+    file = "chunk-{chunk_index:03d}/file-{file_index:03d}"
+    return {
+        "codebase_version": VERSION,
+        "robot_type": robot,
+        "total_episodes": episodes,
+        "total_frames": frames,
+        "total_tasks": 1,
+        "chunks_size": CHUNK_SIZE,
+        "data_files_size_in_mb": DATA_MB,
+        "video_files_size_in_mb": VIDEO_MB,
+        "fps": fps,
+        "splits": {"train": f"0:{episodes}"},
+        "data_path": f"data/{file}.parquet",
+        "video_path": f"videos/{{video_key}}/{file}.mp4",
+        "features": dict(features),
+    }
+
+
+def data_schema(features: Mapping[str, Feature]) -> pa.Schema:
+    """Return the columns of a frame."""
+    return pa.schema(
+        [(n, _column(f)) for n, f in features.items() if f["dtype"] != "video"]
+    )
+
+
+def _column(feature: Feature) -> pa.DataType:
+    kind, (size,) = _ARROW[feature["dtype"]], feature["shape"]
+    return kind if feature["names"] is None else pa.list_(kind, size)
+
+
+def episode_schema(features: Mapping[str, Feature]) -> pa.Schema:
+    """Return the columns of an episode."""
+    integer, number = pa.int64(), pa.float64()
+    columns = {
+        "episode_index": integer,
+        "tasks": pa.list_(pa.string()),
+        "length": integer,
+        "data/chunk_index": integer,
+        "data/file_index": integer,
+        "dataset_from_index": integer,
+        "dataset_to_index": integer,
+    }
+    for name, feature in features.items():
+        if feature["dtype"] == "video":
+            columns[f"videos/{name}/chunk_index"] = integer
+            columns[f"videos/{name}/file_index"] = integer
+            columns[f"videos/{name}/from_timestamp"] = number
+            columns[f"videos/{name}/to_timestamp"] = number
+    for name, feature in features.items():
+        for statistic in STATISTICS:
+            kind = _statistic(feature, statistic)
+            columns[f"stats/{name}/{statistic}"] = kind
+    columns["meta/episodes/chunk_index"] = integer
+    columns["meta/episodes/file_index"] = integer
+    return pa.schema([*columns.items(), *TRIAL.items()])
+
+
+def _statistic(feature: Feature, statistic: str) -> pa.DataType:
+    """The column of one of an episode's statistics."""
+    if statistic == "count":
+        return pa.list_(pa.int64())
+    if feature["dtype"] == "video":
+        return pa.list_(pa.list_(pa.list_(pa.float64())))  # (3, 1, 1)
+    if statistic in ("min", "max") and feature["dtype"] != "float32":
+        return pa.list_(_ARROW[feature["dtype"]])
+    return pa.list_(pa.float64())
+
+
+def tasks_table(tasks: Sequence[str]) -> pa.Table:
+    """Return tasks.parquet: a frame of pandas whose index is the task in words.
+
+    The schema's metadata says which column is the index:
+    https://pandas.pydata.org/docs/development/developer.html
+    """
+    table = pa.table(
+        {"task_index": pa.array(range(len(tasks)), pa.int64()), "task": list(tasks)}
+    )
+
+    def column(name: str, kind: str, numpy: str) -> dict[str, Any]:
+        return {
+            "name": name,
+            "field_name": name,
+            "pandas_type": kind,
+            "numpy_type": numpy,
+            "metadata": None,
+        }
+
+    pandas = {
+        "index_columns": ["task"],
+        "column_indexes": [],
+        "columns": [
+            column("task_index", "int64", "int64"),
+            column("task", "unicode", "object"),
+        ],
+        "creator": {"library": "pyarrow", "version": pa.__version__},
+        "pandas_version": "2.0.0",  # of the form of this entry
+    }
+    return table.replace_schema_metadata({"pandas": json.dumps(pandas)})

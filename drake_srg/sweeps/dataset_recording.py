@@ -1,0 +1,187 @@
+"""What a data set takes from the recording of a trial."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.errors import ScenarioError, one_line
+from drake_srg.recording.output import require
+
+Image = npt.NDArray[np.uint8]
+
+_JOINTS = "/joint_states"
+_ARM = "/arm/position_commanded"
+_CLOSURE = "/gripper/closure_commanded"
+_CAMERA = re.compile("/camera_(.+)/color/image_raw")
+
+# Simulated time accumulates steps, and messages are stamped in whole nanoseconds.
+_STAMP_TOLERANCE = 1e-6  # s
+
+
+@dc.dataclass(frozen=True)
+class Layout:
+    """What all recordings of a data set have in common.
+
+    Attributes:
+        joints: Names of the measured joints, arm first.
+        commands: Names of what is commanded: the arm's joints, then the gripper.
+        cameras: Name to (height, width) of its images [pixels], sorted.
+        rate: Images per simulated second.
+    """
+
+    joints: tuple[str, ...]
+    commands: tuple[str, ...]
+    cameras: dict[str, tuple[int, int]]
+    rate: Fraction
+
+    def __str__(self) -> str:
+        """The layout in one line, for messages."""
+        sizes = [f"{name} {w}x{h}" for name, (h, w) in self.cameras.items()]
+        return (
+            f"{', '.join(sizes)} at {float(self.rate):g} Hz, "
+            f"{len(self.joints)} joints, {len(self.commands)} commands"
+        )
+
+
+@dc.dataclass(frozen=True)
+class Signals:
+    """Measured and commanded values at the times of a recording's images.
+
+    Attributes:
+        layout: Names, cameras and rate.
+        state: Measured joint positions, shape (K, joints) [rad, or m], interpolated
+            between the messages around the image.
+        action: What was commanded when the image was taken, shape (K, commands): the
+            last message up to then; joint positions [rad, or m], closure 0 .. 1.
+    """
+
+    layout: Layout
+    state: npt.NDArray[np.float32]
+    action: npt.NDArray[np.float32]
+
+
+def read_signals(path: Path) -> Signals:
+    """Read all but the images of a trial's recording.
+
+    Args:
+        path: A recording.mcap, see `drake_srg.recording.rosbag`.
+
+    Raises:
+        ImportError: If rosbags is missing.
+        OSError: If there is no such file.
+        ScenarioError: If it is no recording of a cell with cameras, or if the images
+            do not follow each other evenly.
+    """
+    rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    times: dict[str, list[float]] = {}
+    values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
+    joints: tuple[str, ...] = ()
+    wanted = re.compile("|".join([*values, _CAMERA.pattern]))
+    for connection, time, raw in _raw_messages(rosbag2, path, wanted):
+        times.setdefault(connection.topic, []).append(time * 1e-9)
+        if connection.topic not in values:
+            continue  # images are for later
+        message = store.deserialize_cdr(raw, connection.msgtype)
+        if connection.topic == _JOINTS:
+            joints = tuple(message.name)
+            values[_JOINTS].append(message.position)
+        else:
+            values[connection.topic].append(np.atleast_1d(message.data))
+    for topic, rows in values.items():
+        if not rows:
+            raise ScenarioError(f"{path}: has no messages on {topic}")
+
+    cameras = sorted(match[1] for topic in times if (match := _CAMERA.fullmatch(topic)))
+    if not cameras:
+        raise ScenarioError(
+            f"{path}: has no images; cameras in recording.bag_cameras are recorded, "
+            "every recording.bag_camera_period"
+        )
+    rate, image_times = _even_times(path, {c: times[_topic(c)] for c in cameras})
+    sizes = {c: next(read_images(path, c)).shape[:2] for c in cameras}
+
+    measured, arm = np.array(values[_JOINTS]), np.array(values[_ARM])
+    state = [np.interp(image_times, times[_JOINTS], q) for q in measured.T]
+    action = [
+        _held(image_times, times[_ARM], arm),
+        _held(image_times, times[_CLOSURE], np.array(values[_CLOSURE])),
+    ]
+    commands = (*joints[: arm.shape[1]], "gripper_closure")
+    return Signals(
+        Layout(joints, commands, sizes, rate),
+        np.stack(state, axis=1).astype(np.float32),
+        np.hstack(action).astype(np.float32),
+    )
+
+
+def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
+    """The color images of a camera in order, each of shape (height, width, 3), RGB.
+
+    One at a time, so that a recording of any length takes the same memory. Video needs
+    even sizes: an odd last row or column is left out.
+
+    Args:
+        path: A recording.mcap.
+        camera: Its name.
+        every: Yields the first image and from then on each that is so many further.
+    """
+    rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    wanted = re.compile(re.escape(_topic(camera)))
+    messages = _raw_messages(rosbag2, path, wanted)
+    for connection, _, raw in islice(messages, 0, None, every):
+        message = store.deserialize_cdr(raw, connection.msgtype)
+        height, width = message.height, message.width
+        image = message.data.reshape(height, width, 3)
+        yield image[: height // 2 * 2, : width // 2 * 2]
+
+
+def _topic(camera: str) -> str:
+    return f"/camera_{camera}/color/image_raw"
+
+
+def _raw_messages(
+    rosbag2: Any, path: Path, topics: re.Pattern[str]
+) -> Iterator[tuple[Any, int, bytes]]:
+    """Connection, time [ns] and bytes of all messages of some topics, in order."""
+    try:
+        with rosbag2.Reader(path) as reader:
+            chosen = [c for c in reader.connections if topics.fullmatch(c.topic)]
+            if chosen:  # none would mean all
+                yield from reader.messages(chosen)
+    except rosbag2.ReaderError as error:
+        raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from error
+
+
+def _even_times(
+    path: Path, stamps: Mapping[str, list[float]]
+) -> tuple[Fraction, npt.NDArray[np.float64]]:
+    """Images per second, and their times [s]: multiples of the recorder's period."""
+    first = next(iter(stamps.values()))
+    rate = Fraction(1.0 / first[0]).limit_denominator(1000)
+    times = np.arange(1, len(first) + 1) / float(rate)
+    for camera, found in stamps.items():
+        if len(found) != len(times) or np.abs(found - times).max() > _STAMP_TOLERANCE:
+            raise ScenarioError(
+                f"{path}: the images of camera {camera} do not follow each other "
+                "evenly, together with those of the other cameras"
+            )
+    return rate, times
+
+
+def _held(
+    at: npt.NDArray[np.float64], times: list[float], values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """The last of some values up to each time; before the first one, that."""
+    index = np.searchsorted(times, at + _STAMP_TOLERANCE, side="right") - 1
+    return values[np.maximum(index, 0)]
