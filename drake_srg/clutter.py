@@ -36,7 +36,7 @@ def add_clutter(
     count: int = check_tree(drawn, int, origin, key)
     if not 0 <= count <= _MOST:
         fail(origin, key, f"must be 0 .. {_MOST}, is {count}")
-    templates = clutter.get("of")
+    templates = clutter.get("of", [])
     if not (isinstance(templates, list) and all(map(_is_object, templates))):
         return tree
     if count > 0 and not templates:
