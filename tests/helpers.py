@@ -47,7 +47,7 @@ def port_table(system):
 def needs_debian(*programs):
     """Skip where a program, or a file of an absolute path, is missing.
 
-    With DRAKE_SRG_REQUIRE_ROS in the environment the test fails instead.
+    With DRAKE_SRG_REQUIRE_PEERS in the environment the test fails instead.
     """
     missing = [p for p in programs if not (shutil.which(p) or Path(p).is_file())]
     if missing:
@@ -66,6 +66,6 @@ def needs_pty():
 
 
 def _do_without(message):
-    if "DRAKE_SRG_REQUIRE_ROS" in os.environ:
+    if "DRAKE_SRG_REQUIRE_PEERS" in os.environ:
         pytest.fail(message)
     pytest.skip(message)

@@ -1,7 +1,8 @@
 #!/bin/sh
-# Installs what the tests of the bridges talk to, on Debian and Ubuntu: ROS 1, and
-# another implementation of DDS. Silent when nothing is missing; without root it prints
-# the line to run. The package itself needs none of these.
+# Installs what the tests try our work with, on Debian and Ubuntu: ROS 1, another
+# implementation of DDS, a browser. Silent when nothing is missing; without root it prints
+# the line to run. The package itself needs none of these. (Ubuntu has Chromium as a snap
+# only: there, any other `chromium` on the PATH will do.)
 set -eu
 here=${0%/*}
 [ "$here" != "$0" ] || here=.
@@ -9,6 +10,7 @@ here=${0%/*}
 . "$here/apt_install.sh"
 
 needed='ros-core python3-rospy python3-std-msgs python3-sensor-msgs libfastrtps-dev g++'
+command -v chromium >/dev/null || needed="$needed chromium"
 
 missing=
 for package in $needed; do
@@ -18,4 +20,4 @@ for package in $needed; do
     esac
 done
 # shellcheck disable=SC2086  # the packages are words
-apt_install 'packages for the tests of the bridges' $missing
+apt_install 'packages for the tests' $missing
