@@ -12,8 +12,8 @@ from drake_srg.disturbances import Disturber, Target
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.goals import goal_pose
 from drake_srg.gripper.drivers import LinkageDriver
-from drake_srg.object_config import ObjectConfig
 from drake_srg.objects import known_shape, object_body, object_shape, simple_shape
+from drake_srg.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.planning.grasps import Hand
 from drake_srg.planning.linkage_hand import LinkageHand
 from drake_srg.planning.pick_and_place import PickAndPlacePlanner
@@ -26,9 +26,6 @@ from drake_srg.ports import Ports, output_ports
 from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.station import AddStation, MakeStation
 from drake_srg.types import Vector
-from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
-from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.color import ColorRange
 
 # What a planner commands, and what that is called at the station.
 _COMMANDS = (
@@ -104,6 +101,9 @@ def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         localizer = AddLocalizer(builder, scenario, station)
         planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
+        if scenario.localizer.obstacles:
+            finder = AddObstacleFinder(builder, scenario, station, localizer)
+            builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
         ports.outputs["localizer.blobs"] = localizer.GetOutputPort("blobs")
     AddDisturber(builder, scenario, station, planner)
     ports.outputs |= output_ports(station)
@@ -114,33 +114,6 @@ def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
     ):
         ports.outputs[exported] = planner.GetOutputPort(name)
     return ports
-
-
-def AddLocalizer(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
-) -> BlobLocalizer:
-    """Add the localizer of a scenario, connected to the station's cameras."""
-    around = builder if isinstance(station, Ports) else station
-    sensors = {
-        name: around.GetSubsystemByName(f"rgbd_sensor_{name}")
-        for name in scenario.localizer.cameras
-    }
-    localizer = builder.AddNamedSystem(
-        "localizer",
-        BlobLocalizer(
-            _targets(scenario),
-            {name: CameraModel.from_sensor(sensor) for name, sensor in sensors.items()},
-            min_area=scenario.localizer.min_area,
-            period=scenario.localizer.period,
-        ),
-    )
-    for name in sensors:
-        for port in ("color_image", "depth_image", "body_pose_in_world"):
-            builder.Connect(
-                station.GetOutputPort(f"camera_{name}.{port}"),
-                localizer.GetInputPort(f"{name}.{port}"),
-            )
-    return localizer
 
 
 def AddDisturber(
@@ -289,32 +262,3 @@ def ConnectCommands(
     """Connect what a planner commands to a station."""
     for source, target in _COMMANDS:
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
-
-
-def _targets(scenario: Scenario) -> list[BlobTarget]:
-    targets: list[BlobTarget] = []
-    for name, config in scenario.objects.items():
-        shape = known_shape(name, config)
-        if shape is None:
-            continue  # nothing looks for it
-        with scenario_errors(f"objects.{name}.color_range"):
-            colors = _color_range(config)
-        for other in targets:
-            if (other.shape, other.color) == (shape, colors):
-                raise ScenarioError(
-                    f"objects.{name}: cannot be told from {other.name}; "
-                    "give it another shape, color or color_range"
-                )
-        targets.append(BlobTarget(name, shape, colors))
-    return targets
-
-
-def _color_range(config: ObjectConfig) -> ColorRange:
-    if config.color_range is None:
-        return ColorRange.around(config.color)
-    lower, upper = config.color_range.lower, config.color_range.upper
-    return ColorRange(
-        (lower[0], lower[1], lower[2]),
-        (upper[0], upper[1], upper[2]),
-        config.color_range.space,  # type: ignore[arg-type] # it checks that itself
-    )

@@ -110,6 +110,9 @@ class LocalizerConfig:
     cameras: list[str] = dc.field(default_factory=list)
     # Smallest blob [pixels].
     min_area: int = dc.field(default=50, metadata={"ge": 1})
+    # Whether things that are not known objects are looked for, to keep clear of them:
+    # in `task.region` and around the goal, `task.spacing` beyond.
+    obstacles: bool = False
     # Time between images [s]; 0 renders only when the blobs are asked for.
     period: float = dc.field(default=0.0, metadata={"ge": 0.0})
 

@@ -5,8 +5,9 @@ import pytest
 from helpers import port_table
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.cell import MakeCell, MakePlanner, MakeScriptedPlanner, _targets
+from drake_srg.cell import MakeCell, MakePlanner, MakeScriptedPlanner
 from drake_srg.errors import ScenarioError
+from drake_srg.perception import _targets
 from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario import load_scenario

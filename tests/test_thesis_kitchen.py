@@ -6,9 +6,10 @@ from pydrake.common.value import AbstractValue
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell import AddLocalizer, MakeCell
+from drake_srg.cell import MakeCell
 from drake_srg.contacts import ContactReader
 from drake_srg.lifetime import LeafSystem
+from drake_srg.perception import AddLocalizer
 from drake_srg.ports import output_ports
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate

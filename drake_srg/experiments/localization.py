@@ -14,9 +14,9 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell import AddLocalizer
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.perception import AddLocalizer
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
