@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
@@ -63,6 +63,7 @@ class GraspSearch:
         X_WO_goal: RigidTransform,
         *,
         turned: bool = False,
+        tried: Sequence[str] = (),
     ) -> tuple[list[Candidate], list[TaskFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is.
 
@@ -72,14 +73,16 @@ class GraspSearch:
             X_WO_goal: Where it shall be [m].
             turned: Whether to look for each grasp from all around the object's axis,
                 and not for the posture alone that is nearest to home.
+            tried: Names of grasps that failed: the last choice now, and all more firm.
         """
         candidates: list[Candidate] = []
         no_pick: list[tuple[Grasp, IkFailure]] = []
         no_place: list[tuple[Grasp, IkFailure]] = []
+        firmness = self._config.regrasp_squeeze if tried else 1.0
         choices = [
             (X_WO, grasp, target)
             for X_WO in self._ends_up(X_WO_seen, shape)
-            for grasp in self._hand.grasps(shape, X_WO.rotation().col(2))
+            for grasp in self._hand.grasps(shape, X_WO.rotation().col(2), firmness)
             for target in self._pick_targets(grasp, X_WO, turned)
         ]
         for X_WO, grasp, target in choices:
@@ -116,7 +119,8 @@ class GraspSearch:
             TaskFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
             for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
         ]
-        return sorted(candidates, key=lambda c: c.score), failures
+        candidates.sort(key=lambda c: (tried.count(c.grasp.name), c.score))
+        return candidates, failures
 
     def _pick_targets(
         self, grasp: Grasp, X_WO: RigidTransform, turned: bool

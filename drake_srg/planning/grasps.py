@@ -78,12 +78,15 @@ class Hand(abc.ABC):
     upright_within: float
 
     @abc.abstractmethod
-    def grasps(self, shape: Shape, axis_W: Vector) -> list[Grasp]:
+    def grasps(
+        self, shape: Shape, axis_W: Vector, firmness: float = 1.0
+    ) -> list[Grasp]:
         """Return the ways to take an object; none where it does not fit the hand.
 
         Args:
             shape: The object's.
             axis_W: Its z axis in world, shape (3,).
+            firmness: How much more firmly than usual the hand closes, where it can.
         """
 
 

@@ -81,8 +81,10 @@ class LinkageHand(Hand):
     num_joints = num_sensors = 2
     upright_within = np.deg2rad(3.0)
 
-    def grasps(self, shape: Shape, axis_W: Vector) -> list[Grasp]:
-        """See `Hand`."""
+    def grasps(
+        self, shape: Shape, axis_W: Vector, firmness: float = 1.0
+    ) -> list[Grasp]:
+        """See `Hand`; how firmly it closes is its driver's, not the command's."""
         if not isinstance(shape, Cylinder):
             return []
         if not _LEAST_RADIUS <= shape.radius <= _OPEN_HALF_GAP - 0.003:

@@ -15,6 +15,7 @@ from pydrake.systems.framework import (
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.observing import Senses, arrived, observe, watch_grasp
 from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.replanning import Replanner
 from drake_srg.planning.sightings import Sightings, View
@@ -22,14 +23,12 @@ from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.planning.transitions import Observation, transition
 from drake_srg.types import Failure, Mode, PlannerStatus, Shape
 
-_STILL = 0.05  # joint speed below which the fingers rest [rad/s]
-_CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
-_ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
 _ESCAPE = (Mode.RETREAT, Mode.HOME)
 _LOST_IN = {
     Mode.VERIFY: Failure.NO_GRASP,
     Mode.LIFT: Failure.DROPPED,
     Mode.TRANSFER: Failure.DROPPED,
+    Mode.PLACE: Failure.DROPPED,
 }
 
 
@@ -63,9 +62,11 @@ class PickAndPlacePlanner(LeafSystem):
     The modes follow one another by `transition`, evaluated every `config.period`. The
     planner looks for the object while it is idle, plans all motions at once and moves
     `config.latency` later. A grasp is verified by `grasped` and the fingers' angles
-    before the arm lifts, after it has lifted and before it places. When the object is
-    not in the hand, or in the end not seen on its goal, the planner goes home, looks
-    again and repeats, `config.max_attempts` times at most.
+    before the arm lifts, after it has lifted and before it places; where the object
+    slips out of the hand on the way, the arm stops. When the object is not in the hand,
+    or in the end not seen on its goal, the planner goes home, looks again and repeats,
+    `config.max_attempts` times at most; grasps that have failed come last then, and the
+    hand closes more firmly.
 
     With `config.look_before_grasp` it looks once more when the hand is in front of the
     object, and plans anew where that has moved; with `config.look_before_place`, when
@@ -106,12 +107,12 @@ class PickAndPlacePlanner(LeafSystem):
             tolerance,
             self.config,
         )
-        n, self._n_fingers = len(task_planner.q_home), hand.num_joints
+        self._n, self._n_fingers = len(task_planner.q_home), hand.num_joints
 
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )
-        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * n)
+        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
         self._gripper = self.DeclareVectorInputPort(
             name="gripper_state", size=2 * hand.num_joints
         )
@@ -128,7 +129,7 @@ class PickAndPlacePlanner(LeafSystem):
         state = {self.abstract_state_ticket(self._state)}
         self.DeclareVectorOutputPort(
             name="position_commanded",
-            size=n,
+            size=self._n,
             calc=self._calc_position,
             prerequisites_of_calc={*state, self.time_ticket()},
         )
@@ -186,23 +187,31 @@ class PickAndPlacePlanner(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         time = context.get_time()
         memory = old = self._get(context)
+        senses = self._feel(context)
+        memory = watch_grasp(memory, senses, time, self.config)
+        look = not memory.looked and arrived(memory, senses, time)
         match memory.mode:
             case Mode.IDLE if time >= memory.next_look:
                 memory = self._replanner.plan(self._see(context), memory, time)
-            case Mode.PRE_GRASP if self._looks(
-                context, memory, self.config.look_before_grasp
-            ):
+            case Mode.PRE_GRASP if look and self.config.look_before_grasp:
                 memory = self._replanner.compare(self._see(context), memory, time)
-            case Mode.TRANSFER if self._looks(
-                context, memory, self.config.look_before_place
+            case Mode.TRANSFER if (
+                look and self.config.look_before_place and not memory.lost
             ):
                 memory = self._replanner.correct(self._see(context), memory, time)
             case Mode.HOME if 0.0 < self.config.close_at_home >= memory.due - time:
                 memory = dc.replace(memory, closure=1.0)
-        observation = self._observe(context, memory)
+        observation = observe(
+            memory,
+            senses,
+            time,
+            self.config,
+            lambda: self._replanner.is_at_goal(self._see(context), memory),
+            self._repeat,
+        )
         mode = transition(memory.mode, observation, time - memory.since, self.config)
         if mode is not memory.mode:
-            memory = self._enter(mode, memory, observation, time)
+            memory = self._enter(mode, memory, observation, senses, time)
         if memory is not old:
             state.get_mutable_abstract_state(int(self._state)).set_value(memory)
         return EventStatus.Succeeded()
@@ -213,77 +222,23 @@ class PickAndPlacePlanner(LeafSystem):
             self._blobs.Eval(context), self._obstacles.Eval(context) if known else ()
         )
 
-    def _looks(self, context: Context, memory: PlannerMemory, wanted: bool) -> bool:
-        """Whether it is time for the look that a mode ends with, where it is wanted."""
-        return wanted and not memory.looked and self._arrived(context, memory)
-
-    def _observe(self, context: Context, memory: PlannerMemory) -> Observation:
-        """Evaluate what the mode's transitions need, and only that."""
-        time, mode = context.get_time(), memory.mode
-        if time - memory.started > self.config.time_budget:
-            return Observation(failure=Failure.TIME_BUDGET)
-        if mode is Mode.IDLE:
-            due = time >= memory.ready_at
-            planned = memory.motions is not None
-            stuck = memory.escape is not None
-            return Observation(
-                ready=due and planned,
-                stuck=due and stuck,
-                failure=memory.failure if due and not (planned or stuck) else None,
-            )
-        if mode in (Mode.CLOSE, Mode.VERIFY, Mode.RELEASE):
-            speeds = self._gripper.Eval(context)[self._n_fingers :]
-            return Observation(
-                still=bool(np.max(np.abs(speeds)) < _STILL),
-                holding=self._holding(context, memory),
-                clear=time >= memory.ready_at
-                and bool(np.min(self._proximity.Eval(context)) > _CLEAR),
-            )
-        arrived = self._arrived(context, memory)
-        if not arrived and time > memory.due + self.config.arrival_timeout:
-            return Observation(failure=Failure.STOPPED)
-        if mode is not Mode.HOME or not arrived:
-            return Observation(
-                arrived=arrived,
-                ready=time >= memory.ready_at,
-                moved=memory.moved,
-                failure=memory.failure if mode is Mode.TRANSFER else None,
-                holding=arrived and self._holding(context, memory),
-            )
-        at_goal = memory.failure is None and self._replanner.is_at_goal(
-            self._see(context), memory
-        )
-        attempts = memory.attempts - memory.attempts_before
-        out_of_attempts = attempts >= self.config.max_attempts
-        return Observation(
-            arrived=True,
-            at_goal=at_goal,
-            last_cycle=memory.cycles + 1 >= self._repeat,
-            failure=(memory.failure or Failure.MISPLACED)
-            if out_of_attempts and not at_goal
-            else None,
-        )
-
-    def _arrived(self, context: Context, memory: PlannerMemory) -> bool:
-        if memory.trajectory is None:
-            return True
-        if context.get_time() < memory.due:
-            return False
-        q = self._arm.Eval(context)[: len(memory.q_rest)]
-        goal = memory.trajectory.value(memory.trajectory.end_time())[:, 0]
-        return bool(np.max(np.abs(q - goal)) < _ARRIVED)
-
-    def _holding(self, context: Context, memory: PlannerMemory) -> bool:
-        """Whether both fingers sense something, and not just one another."""
-        if memory.motions is None or memory.lost:
-            return False
-        return bool(self._grasped.Eval(context)[0]) and memory.motions.grasp.holds(
-            self._gripper.Eval(context)[: self._n_fingers],
-            self._proximity.Eval(context),
+    def _feel(self, context: Context) -> Senses:
+        gripper, n = self._gripper.Eval(context), self._n_fingers
+        return Senses(
+            q=self._arm.Eval(context)[: self._n],
+            fingers=gripper[:n],
+            finger_speeds=gripper[n:],
+            grasped=bool(self._grasped.Eval(context)[0]),
+            proximity=self._proximity.Eval(context),
         )
 
     def _enter(
-        self, mode: Mode, memory: PlannerMemory, o: Observation, time: float
+        self,
+        mode: Mode,
+        memory: PlannerMemory,
+        o: Observation,
+        senses: Senses,
+        time: float,
     ) -> PlannerMemory:
         """Begin a mode."""
         if mode in (Mode.IDLE, Mode.FAILED, Mode.DONE):
@@ -296,6 +251,8 @@ class PickAndPlacePlanner(LeafSystem):
             q_rest=memory.position(time),
             ready_at=time,
             looked=False,
+            departed=time,
+            stopped_at=None,
         )
         if motions is not None:
             match mode:
@@ -309,13 +266,18 @@ class PickAndPlacePlanner(LeafSystem):
                     memory = dc.replace(memory, attempts=memory.attempts + 1)
                 case Mode.CLOSE:
                     memory = dc.replace(memory, closure=motions.grasp.closure_closed)
-                case Mode.RELEASE:
+                case Mode.LIFT:
                     memory = dc.replace(
-                        memory,
-                        closure=motions.grasp.closure_open,
-                        failure=_LOST_IN.get(previous),
+                        memory, grip=senses.fingers.copy(), unheld_since=np.inf
                     )
-                    if memory.failure is not None:
+                case Mode.RELEASE:
+                    memory = dc.replace(memory, closure=motions.grasp.closure_open)
+                    if memory.lost or previous is not Mode.PLACE:
+                        memory = dc.replace(
+                            memory,
+                            failure=_LOST_IN[previous],
+                            tried=(*memory.tried, motions.grasp.name),
+                        )
                         memory = self._replanner.escape(memory, time)
         trajectory = motions.motions.get(mode) if motions is not None else None
         if memory.escape is not None:

@@ -49,9 +49,14 @@ class PlannerMemory:
     looked: bool = False  # the look that the mode ends with has been taken
     obstacles: Obstacles = ()  # other objects seen
     escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
-    trajectory: Trajectory | None = None  # of the mode, from `since` on
-    due: float = 0.0  # when that motion is over [s]
+    trajectory: Trajectory | None = None  # of the mode
+    departed: float = 0.0  # when that motion began [s]
+    due: float = 0.0  # when it is over [s]
     stopped_at: float | None = None  # time in the trajectory where a stop began [s]
+    # Angles of the gripper's joints when the arm lifted, shape (n,) [rad].
+    grip: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    unheld_since: float = np.inf  # when the fingers began to sense nothing [s]
+    tried: tuple[str, ...] = ()  # names of grasps that failed in this cycle
     closure: float = 0.0
     # Angles of the gripper's joints, open as they were last, by name [rad].
     fingers: Mapping[str, float] = dc.field(default_factory=dict)
@@ -68,12 +73,23 @@ class PlannerMemory:
         """The commanded position at a time, shape (N,) [rad]."""
         if self.trajectory is None:
             return self.q_rest
-        t = time - self.since
+        t = time - self.departed
         if self.stopped_at is not None:
-            t = min(t, _STOP_TIME)
+            t = min(t - self.stopped_at, _STOP_TIME)
             t = self.stopped_at + t - 0.5 * t * t / _STOP_TIME
         q: Vector = self.trajectory.value(min(t, self.trajectory.end_time()))[:, 0]
         return q
+
+    @property
+    def destination(self) -> Vector:
+        """The position in which the commands end, shape (N,) [rad]."""
+        return self.position(np.inf)
+
+    def stopped(self, time: float) -> PlannerMemory:
+        """A motion that is under way comes to rest along its own path."""
+        if self.trajectory is None or self.stopped_at is not None:
+            return self
+        return dc.replace(self, stopped_at=time - self.departed, due=time + _STOP_TIME)
 
     def status(self) -> PlannerStatus:
         """What the planner says of its task."""
@@ -93,29 +109,32 @@ class PlannerMemory:
         """Forget the motions, but not what went wrong; `mode` begins."""
         memory, previous = self, self.mode
         failure = o.failure or self.failure
-        if previous is Mode.HOME and self.failure is None:
+        if previous is Mode.HOME and self.failure in (None, Failure.DROPPED):
             memory = dc.replace(memory, looks=self.looks + 1)  # for `at_goal`
             if o.at_goal:
+                failure = None
                 memory = dc.replace(
                     memory,
                     cycles=self.cycles + 1,
                     attempts_before=self.attempts,
                     started=time,
                     detours=0,
+                    tried=(),
+                    message="",
                 )
-            elif mode is not Mode.DONE:
+            elif self.failure is None:
                 failure = Failure.MISPLACED
         if failure is not None and previous is not Mode.IDLE:
             memory = dc.replace(memory, message=_MESSAGES.get(failure, self.message))
-        moving = self.trajectory is not None and time < self.due
+        if self.trajectory is not None and time < self.due:
+            memory = memory.stopped(time)
+        else:
+            memory = dc.replace(memory, trajectory=None, stopped_at=None)
         return dc.replace(
             memory,
             mode=mode,
             since=time,
             q_rest=self.position(time),
-            # A motion that is under way comes to rest along its own path.
-            trajectory=self.trajectory if moving else None,
-            stopped_at=time - self.since if moving else None,
             failure=failure,
             motions=None,
             escape=None,

@@ -84,7 +84,12 @@ class Replanner:
         X_WO = self._sightings.pose(blob)
         obstacles = self._obstacles(view, memory, memory.q_rest, memory.fingers)
         result = self._task_planner.plan(
-            memory.q_rest, X_WO, self._shape, self.goal(memory), obstacles
+            memory.q_rest,
+            X_WO,
+            self._shape,
+            self.goal(memory),
+            obstacles,
+            memory.tried,
         )
         memory = dc.replace(
             memory,

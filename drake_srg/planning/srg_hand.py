@@ -77,17 +77,20 @@ class SrgHand(Hand):
     p_GT = np.zeros(3)
     upright_within = _UPRIGHT_WITHIN
 
-    def grasps(self, shape: Shape, axis_W: Vector) -> list[Grasp]:
+    def grasps(
+        self, shape: Shape, axis_W: Vector, firmness: float = 1.0
+    ) -> list[Grasp]:
         """See `Hand`."""
+        squeeze = firmness * self.squeeze
         if isinstance(shape, Box):
             return []  # needs the turn about the vertical, which a Blob does not tell
         if not isinstance(shape, Sphere) and axis_W[2] < np.cos(_UPRIGHT_WITHIN):
             return []
         found: list[SrgGrasp | None] = []
         if Approach.ABOVE.value in self.approaches:
-            found.append(_from_above(shape, self.squeeze))
+            found.append(_from_above(shape, squeeze))
         if Approach.SIDE.value in self.approaches:
-            found += [_from_side(shape, tilt, self.squeeze) for tilt in self.tilts]
+            found += [_from_side(shape, tilt, squeeze) for tilt in self.tilts]
         return [grasp for grasp in found if grasp is not None]
 
 

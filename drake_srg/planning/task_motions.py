@@ -78,6 +78,7 @@ class TaskPlanner:
         shape: Shape,
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
+        tried: Sequence[str] = (),
     ) -> TaskMotions | TaskFailure:
         """Plan the motions from `q_start` over pick and place to home.
 
@@ -87,9 +88,10 @@ class TaskPlanner:
             shape: Its shape.
             X_WO_goal: Where it shall be [m].
             obstacles: Other objects and their poses [m].
+            tried: Names of grasps that failed.
         """
         with self._standing(obstacles):
-            return self._plan(q_start, X_WO, shape, X_WO_goal)
+            return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
 
     def plan_place(
         self,
@@ -128,6 +130,7 @@ class TaskPlanner:
         X_WO: RigidTransform,
         shape: Shape,
         X_WO_goal: RigidTransform,
+        tried: Sequence[str],
     ) -> TaskMotions | TaskFailure:
         # With the arm at home, does the object fit where it shall stand? Fixed things
         # are only checked against what moves, so it hangs from the distant hand.
@@ -140,7 +143,7 @@ class TaskPlanner:
         reasons: list[TaskFailure] = []
         for turned in (False, True):
             candidates, failures = self._search.candidates(
-                X_WO, shape, X_WO_goal, turned=turned
+                X_WO, shape, X_WO_goal, turned=turned, tried=tried
             )
             no_path = []
             for candidate in candidates[:_MOST_CANDIDATES]:

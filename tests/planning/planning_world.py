@@ -58,7 +58,8 @@ class FakeTaskPlanner:
         self.hit = None  # what is said to be in the way
         self.calls, self.places = [], []
 
-    def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=()):
+    def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=(), tried=()):
+        self.tried = tried
         self.calls.append((q_start, X_WO, shape, X_WO_goal))
         self.obstacles = obstacles
         if self.result is not None:

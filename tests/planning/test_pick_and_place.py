@@ -163,6 +163,7 @@ def test_an_object_lost_on_the_way_is_dropped(lost_in):
     world = World(max_attempts=1)
     on_the_way = CYCLE[CYCLE.index(Mode.CLOSE) : CYCLE.index(lost_in)]
     world.holding = lambda mode: mode in on_the_way
+    world.where = lambda mode: [blob(START)]
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.DROPPED)
     assert world.trace[-5:] == [lost_in, *ESCAPE, Mode.FAILED]
