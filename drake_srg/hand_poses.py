@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.plant import AddDirectives
+from drake_srg.plant import MakeModelsPlant
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 
@@ -17,9 +16,7 @@ def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
         scenario: Whose models count.
         arm_states: Rows of the log's `arm.state_measured`, shape (K, 2N).
     """
-    plant = MultibodyPlant(time_step=0.0)
-    AddDirectives(plant, scenario)
-    plant.Finalize()
+    plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()
     arm = plant.GetModelInstanceByName("arm")
     palm = plant.GetFrameByName("palm", plant.GetModelInstanceByName("gripper"))

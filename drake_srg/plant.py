@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
+from pydrake.common.yaml import yaml_dump_typed
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometrySet,
@@ -15,6 +17,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     GetScopedFrameByName,
+    LoadModelDirectivesFromString,
     ModelDirective,
     ModelDirectives,
     Parser,
@@ -34,7 +37,7 @@ from drake_srg.objects import (
 )
 from drake_srg.occlusion import AddCard
 from drake_srg.parsing import ConfigureParser
-from drake_srg.preflight import check_constraints
+from drake_srg.preflight import check_constraints, flat_directives, model_files
 from drake_srg.scenario import Scenario
 
 _LID = "package://drake_srg/sdf/lid.sdf"
@@ -109,6 +112,33 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
         raise ScenarioError(f"directives: {reason}") from None
 
 
+def MakeModelsPlant(scenario: Scenario) -> MultibodyPlant:
+    """Return a finalized plant of a scenario's models without objects and geometry.
+
+    It is for kinematics and gravity. Do not change it: as long as the files stay as
+    they are, everybody gets the same one. Drake needs 20 ms to read even a small model.
+
+    Raises:
+        ScenarioError: If a directive cannot be processed.
+    """
+    parser = Parser(MultibodyPlant(time_step=0.0))
+    ConfigureParser(parser)
+    with scenario_errors("directives"):
+        directives = yaml_dump_typed(flat_directives(scenario, parser))
+        changed = (path.stat().st_mtime_ns for _, path in model_files(scenario))
+        return _models_plant(directives, tuple(changed))
+
+
+@functools.lru_cache(maxsize=8)
+def _models_plant(directives: str, _changed: tuple[int, ...]) -> MultibodyPlant:
+    plant = MultibodyPlant(time_step=0.0)
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    ProcessModelDirectives(LoadModelDirectivesFromString(directives), parser)
+    plant.Finalize()
+    return plant
+
+
 def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
     """Add the objects where they are at the start, and the marker of the goal.
 
@@ -139,9 +169,7 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
 
 def _X_WF_start(scenario: Scenario, name: str, frame: str) -> RigidTransform:
     """Pose in world, at the start, of a frame of a model among the directives."""
-    plant = MultibodyPlant(time_step=0.0)
-    AddDirectives(plant, scenario)
-    plant.Finalize()
+    plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")

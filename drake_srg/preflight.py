@@ -37,7 +37,7 @@ def check_constraints(scenario: Scenario) -> None:
     Raises:
         ScenarioError: If it does not, with the model, the solver and what is allowed.
     """
-    for model, path in _model_files(scenario):
+    for model, path in model_files(scenario):
         text = re.sub("<!--.*?-->", "", path.read_text("utf-8"), flags=re.DOTALL)
         found = [e for e in _ELEMENTS.get(path.suffix, ()) if _count(e, text)]
         for element, why in (
@@ -81,7 +81,7 @@ def _count(element: str, text: str) -> int:
     return len(re.findall(rf"<{element}\b", text))
 
 
-def _model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
+def model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
     """Name and file of each model among the directives, and of what these include.
 
     What cannot be found is left out: the parser will say so.
@@ -89,17 +89,25 @@ def _model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
     plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
     parser = Parser(plant)
     ConfigureParser(parser)
-    packages = parser.package_map()
     try:
-        flat = FlattenModelDirectives(
-            ModelDirectives(directives=scenario.directives), packages
-        )
+        flat = flat_directives(scenario, parser)
     except RuntimeError:
         return
     for directive in flat.directives:
         if (model := directive.add_model) is not None:
-            for path in _with_includes(model.file, packages):
+            for path in _with_includes(model.file, parser.package_map()):
                 yield model.name, path
+
+
+def flat_directives(scenario: Scenario, parser: Parser) -> ModelDirectives:
+    """Return a scenario's directives with those of other files in place of their names.
+
+    Raises:
+        RuntimeError: (Drake's) if a file cannot be read.
+    """
+    return FlattenModelDirectives(
+        ModelDirectives(directives=scenario.directives), parser.package_map()
+    )
 
 
 def _with_includes(url: str, packages: PackageMap) -> Iterator[Path]:

@@ -4,12 +4,11 @@ import contextlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.metrics import MODES
-from drake_srg.plant import AddDirectives
+from drake_srg.plant import MakeModelsPlant
 from drake_srg.ports import Ports, output_ports
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
@@ -100,9 +99,7 @@ def _arm_joints(scenario: Scenario) -> list[Joint]:
     """The arm's joints, in the order of its state; none without an arm."""
     if scenario.arm is None:
         return []
-    plant = MultibodyPlant(time_step=0.0)
-    AddDirectives(plant, scenario)
-    plant.Finalize()
+    plant = MakeModelsPlant(scenario)
     arm = plant.GetModelInstanceByName("arm")
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
     joints = [joint for joint in joints if joint.num_positions() == 1]

@@ -93,6 +93,8 @@ def Simulate(
         OSError: If `out` cannot be written.
     """
     artifacts: dict[str, str | None] = dict.fromkeys(FILES)
+    whole = make_cell is not MakeCell or (record and out is not None)
+    built = scenario if whole else _with_eyes_only(scenario)
     with contextlib.ExitStack() as stack:
         with scenario_errors(name):
             builder = DiagramBuilder()
@@ -103,9 +105,9 @@ def Simulate(
                         "plant_config.time_step: a cell of one's own needs discrete "
                         "steps, greater than 0.0"
                     )
-                cell = AddCell(builder, scenario)
+                cell = AddCell(builder, built)
             else:
-                cell = builder.AddNamedSystem("cell", make_cell(scenario))
+                cell = builder.AddNamedSystem("cell", make_cell(built))
             # Better now than after the run.
             stack.enter_context(output_folder(out))
             if out is not None and record:
@@ -154,6 +156,12 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
         raise ScenarioError(
             f"{name}: the simulation failed at t = {time:.3f} s: {one_line(error)}"
         ) from error
+
+
+def _with_eyes_only(scenario: Scenario) -> Scenario:
+    """The scenario without cameras that nobody looks through unless it is recorded."""
+    seen = {name: scenario.cameras[name] for name in scenario.localizer.cameras}
+    return dc.replace(scenario, cameras=seen)
 
 
 def _warm_up(cell: Diagram) -> None:

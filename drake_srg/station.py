@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.arm.drivers import AddArmPositionDriver
@@ -11,7 +10,7 @@ from drake_srg.errors import scenario_errors
 from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.ground_truth import ObjectPoses
 from drake_srg.objects import object_body
-from drake_srg.plant import AddDirectives, MakePlant
+from drake_srg.plant import MakeModelsPlant, MakePlant
 from drake_srg.ports import Ports
 from drake_srg.scenario import Scenario
 
@@ -104,15 +103,12 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
                 ports.outputs[f"gripper.{name}"] = driver.GetOutputPort(name)
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
-        control_plant = MultibodyPlant(time_step=0.0)
-        AddDirectives(control_plant, scenario)
-        control_plant.Finalize()
         driver = AddArmPositionDriver(
             builder,
             plant,
             arm,
             gripper,
-            control_plant,
+            MakeModelsPlant(scenario),
             scenario.arm,
             scenario.random_seed,
         )
