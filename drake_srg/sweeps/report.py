@@ -23,7 +23,7 @@ from drake_srg.sweeps.report_elements import (
 )
 from drake_srg.sweeps.report_trials import Trials, command
 from drake_srg.sweeps.report_worst import worst
-from drake_srg.sweeps.rows import Sweep, read_rows, read_sweep, sampled_columns
+from drake_srg.sweeps.rows import SweepInfo, read_rows, read_sweep, sampled_columns
 
 # The page loads nothing, whatever stands in it.
 _POLICY = (
@@ -57,7 +57,7 @@ def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
     return file.commit()
 
 
-def _page(sweep: Sweep, trials: Trials, folder: Path) -> Element:
+def _page(sweep: SweepInfo, trials: Trials, folder: Path) -> Element:
     rerun = functools.partial(_rerun, sweep)
     style = importlib.resources.files(__package__).joinpath("report.css")
     return element(
@@ -90,7 +90,7 @@ def _page(sweep: Sweep, trials: Trials, folder: Path) -> Element:
     )
 
 
-def _header(sweep: Sweep, trials: Trials) -> list[Element]:
+def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
     repeat = command(
         *("sweep", sweep.scenario, "--trials", str(sweep.trials)),
         *("--seed", str(sweep.seed)),
@@ -116,18 +116,18 @@ def _header(sweep: Sweep, trials: Trials) -> list[Element]:
     return lines
 
 
-def _rerun(sweep: Sweep, seed: int) -> str:
+def _rerun(sweep: SweepInfo, seed: int) -> str:
     return command(
         "run", sweep.scenario, "--seed", str(seed), overrides=sweep.overrides
     )
 
 
-def _date(sweep: Sweep) -> str:
+def _date(sweep: SweepInfo) -> str:
     started = datetime.datetime.fromisoformat(sweep.started)
     return f"{started:%Y-%m-%d %H:%M %Z}".rstrip()
 
 
-def _origin(sweep: Sweep) -> Element:
+def _origin(sweep: SweepInfo) -> Element:
     versions = ", ".join(f"{name} {is_}" for name, is_ in sweep.versions.items())
     return section(
         "Scenario and versions",
@@ -136,7 +136,7 @@ def _origin(sweep: Sweep) -> Element:
                 ("Scenario", sweep.scenario),
                 ("Overrides", " ".join(sweep.overrides) or "none"),
                 ("Versions", versions),
-                ("Engine", f"{sweep.engine}, {sweep.jobs} at once"),
+                ("Engine", f"{sweep.engine}, {sweep.jobs} trials at a time"),
                 ("Begun", _date(sweep)),
             ]
         ),

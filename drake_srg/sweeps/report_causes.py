@@ -142,8 +142,8 @@ def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
         words += "All trials failed, so nothing tells which of them is a cause."
     elif causes:
         words += (
-            f"Failures depend on {causes} of them"
-            f" (at most {100 * FALSE_DISCOVERIES:g} % of such findings are expected false)."
+            f"Failures depend on {causes} of them (of such findings, at most "
+            f"{100 * FALSE_DISCOVERIES:g} % are expected to be false)."
         )
     else:
         words += (

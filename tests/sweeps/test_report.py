@@ -1,0 +1,198 @@
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from drake_srg.errors import ScenarioError
+from drake_srg.sweeps import report_worst
+from drake_srg.sweeps.report import write_report
+from drake_srg.sweeps.report_elements import element, number, percent
+from drake_srg.sweeps.report_plots import ticks
+from sweeps.made_sweep import CAMERA, FRICTION, UNTRUSTED, made_rows, write_sweep
+
+
+class Page(HTMLParser):
+    """What stands in a page, as a browser would understand it."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.tags, self.ids, self._texts = [], [], []
+        self.feed(html)
+        self.text = " ".join(" ".join(self._texts).split())
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append(tag)
+        self.ids += [value for name, value in attrs if name == "id"]
+
+    def handle_data(self, data):
+        self._texts.append(data)
+
+
+def report(folder, rows, **changes):
+    path = write_report(write_sweep(folder, rows, **changes))
+    return Page(path.read_text(encoding="utf-8"))
+
+
+def test_page_tells_success_claims_failures_and_causes(tmp_path):
+    rows = made_rows(1000)
+    page = report(tmp_path, rows)
+    # 950 of 1000 by Wilson's formula.
+    assert "95.0 % 950 of 1,000 trials; 95 % interval 93.5 % to 96.2 %" in page.text
+    claims = sum(
+        claimed and not success
+        for claimed, success in zip(rows["claimed"], rows["success"], strict=True)
+    )
+    assert claims == rows["failure"].count("misplaced") > 0
+    assert f"Said done, was not {claims} trials" in page.text
+    for reason in ("misplaced", "dropped"):
+        assert f"{reason} {rows['failure'].count(reason)} " in page.text
+    assert "Failures depend on 2 of them" in page.text
+    found = [page.text.index(f"{name} : failures are") for name in (CAMERA, FRICTION)]
+    assert max(found) < page.text.index("Success against each quantity")
+    assert page.tags.count("tr") > 50  # each failed trial has a row
+    failed = [i for i, success in enumerate(rows["success"]) if not success]
+    for trial in failed:
+        seed = rows["seed"][trial]
+        command = f"drake-srg run kitchen_varied --seed {seed} --set object.mass=0.3"
+        assert command in page.text
+    assert (
+        "drake-srg sweep kitchen_varied --trials 1000 --seed 100 "
+        "--set object.mass=0.3 --set 'object.note=<i>'"
+    ) in page.text
+
+
+def test_what_rows_and_yaml_hold_is_text_and_nothing_else(tmp_path):
+    page = report(tmp_path, made_rows(60))
+    assert UNTRUSTED in page.text
+    assert "</pre><script>document.title = 'broken'</script>" in page.text
+    assert not {"script", "b", "i", "link", "iframe"} & set(page.tags)
+    assert len(page.ids) == len(set(page.ids))
+
+
+def test_noise_is_no_cause(tmp_path):
+    page = report(tmp_path, made_rows(1000, effects=False, failure_rate=0.006))
+    assert "Nothing stands out as a cause of failures" in page.text
+    assert "With 6 failed, only strong effects would show." in page.text
+
+
+def test_sweep_that_is_not_over_says_so(tmp_path):
+    page = report(tmp_path, made_rows(412), asked=1000)
+    assert "412 of 1,000 trials are over" in page.text
+    assert "are over" not in report(tmp_path / "whole", made_rows(412)).text
+
+
+@pytest.mark.parametrize(
+    ("rate", "said"),
+    [(0.0, "No trial failed, so none"), (1.0, "All trials failed, so nothing")],
+)
+@pytest.mark.parametrize("trials", [1, 2, 30])
+def test_there_are_pages_of_extremes(tmp_path, rate, said, trials):
+    page = report(tmp_path, made_rows(trials, failure_rate=rate))
+    if trials > 1:  # else nothing varies
+        assert said in page.text
+    assert f"{0 if rate else trials} of {trials} trials" in page.text
+
+
+def test_there_are_pages_of_trials_that_only_raised_errors(tmp_path):
+    rows = {
+        "trial": [0, 1],
+        "seed": [100, 101],
+        "success": [False, False],
+        "failure": ["error", "error"],
+        "message": ["RuntimeError: no", "RuntimeError: no"],
+        "claimed": [False, False],
+        "cycle_time_s": [None, None],
+        "trial_time_s": [0.5, 0.5],
+    }
+    page = report(tmp_path, rows)
+    assert "Nothing was varied between the trials." in page.text
+    assert "No trial has one." in page.text
+
+
+def test_the_same_rows_give_the_same_page(tmp_path):
+    folder = write_sweep(tmp_path, made_rows(100))
+    once = write_report(folder).read_bytes()
+    assert write_report(folder, tmp_path / "sub/other.html").read_bytes() == once
+
+
+def test_videos_of_the_worst_are_in_the_page_as_far_as_there_is_room(
+    tmp_path, monkeypatch
+):
+    rows = made_rows(400)
+    folder = write_sweep(tmp_path, rows)
+    failed = [i for i, success in enumerate(rows["success"]) if not success][:12]
+    for trial in failed:
+        path = folder / f"recordings/{trial:06d}/video.mp4"
+        path.parent.mkdir(parents=True)
+        path.write_bytes(b"video")
+
+    def videos():
+        html = write_report(folder).read_text()
+        return html.count("data:video/mp4;base64,dmlkZW8="), html
+
+    assert videos()[0] == 8
+    assert "4 more are in the sweep" in videos()[1]
+    monkeypatch.setattr(report_worst, "_VIDEO_BYTES", 17)
+    assert videos()[0] == 3
+    left_out = re.search(r"9 more are in the sweep's folder, as (\S+),", videos()[1])
+    assert (folder / left_out[1]).is_file()
+
+
+def test_without_videos_the_page_tells_how_to_get_them(tmp_path):
+    assert "--record failures" in report(tmp_path, made_rows(20)).text
+
+
+def test_where_no_sweep_or_no_trial_is_one_line_says_so(tmp_path):
+    with pytest.raises(ScenarioError, match="no sweep"):
+        write_report(tmp_path)
+    folder = write_sweep(tmp_path / "new", {"trial": []}, asked=10)
+    (folder / "trials.parquet").unlink()
+    with pytest.raises(ScenarioError, match="no trial of this sweep is over"):
+        write_report(folder)
+    assert not (folder / "report.html").exists()
+
+
+def test_rows_that_cannot_be_read_are_named_with_the_way_out(tmp_path):
+    folder = write_sweep(tmp_path, made_rows(3), asked=4)
+    broken = folder / "trials/000003.parquet"
+    broken.parent.mkdir()
+    broken.write_bytes(b"PAR1")
+    with pytest.raises(ScenarioError, match=r"000003\.parquet.*--resume"):
+        write_report(folder)
+
+
+def test_elements_escape_text_and_attributes():
+    made = element("p", "a < b", element("b", "&"), " tail", title='"<>')
+    assert (made.text, made[0].text, made[0].tail) == ("a < b", "&", " tail")
+    assert element("rect", stroke_width=1 / 3, class_="x").attrib == {
+        "stroke-width": "0.33333",
+        "class": "x",
+    }
+
+
+@pytest.mark.parametrize(
+    ("share", "trials", "text"),
+    [(1.0, 10, "100.0 %"), (0.9999, 10_000, "99.99 %"), (0.991, 1000, "99.1 %")],
+)
+def test_percentages_show_a_single_trial(share, trials, text):
+    assert percent(share, trials) == text
+
+
+def test_numbers_have_three_digits():
+    assert number(0.00123456, "m") == "0.00123 m"
+    assert number(12345.6) == "12,346"
+    assert number(None, "s") == number(np.nan) == "-"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (0.0, 1.0, [0.0, 0.5, 1.0]),
+        (-0.03, 0.031, [-0.02, 0.0, 0.02]),
+        (99.0, 101.5, [99.0, 100.0, 101.0]),
+        (5.0, 5.0, [5.0]),
+    ],
+)
+def test_ticks_are_round(low, high, expected):
+    assert ticks(low, high, 3) == pytest.approx(expected)
