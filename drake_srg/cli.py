@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from drake_srg import cli_serve, doctor
+from drake_srg import cli_serve, cli_sweep, doctor
 from drake_srg.errors import ScenarioError, scenario_errors
 
 # Exit codes.
@@ -67,6 +67,13 @@ def _parser() -> argparse.ArgumentParser:
     _add_scenario(serve)
     cli_serve.add_arguments(serve)
     serve.set_defaults(run=cli_serve.serve)
+
+    sweep = commands.add_parser(
+        "sweep", help="run many trials of a scenario, a row each, and count"
+    )
+    _add_scenario(sweep)
+    cli_sweep.add_sweep_arguments(sweep)
+    sweep.set_defaults(run=cli_sweep.sweep)
 
     listing = commands.add_parser("list", help="list the scenarios")
     listing.set_defaults(run=_list)

@@ -1,0 +1,77 @@
+"""Gives trials to an engine, and gives them out again where a worker dies."""
+
+from __future__ import annotations
+
+import collections
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from typing import Any
+
+from drake_srg.errors import ScenarioError, one_line
+from drake_srg.sweeps.engines import Engine
+from drake_srg.sweeps.trial import TrialResult
+
+# How often a trial is given out before it is blamed for the deaths of its workers.
+TRIES = 3
+# So many deaths on each slot without a result between them are no trial's fault.
+_DEATHS = 5
+
+
+def dispatch(
+    engine: Engine,
+    trials: Iterable[int],
+    submit: Callable[[int], Future[TrialResult]],
+    lost: Callable[[int, str], TrialResult],
+) -> Iterator[TrialResult]:
+    """Run trials and yield what comes of them as it comes, each exactly once.
+
+    A worker's death may take others with it: those trials wait until all else is done,
+    and run one at a time then, so that only the guilty one dies again.
+
+    Args:
+        engine: Runs them.
+        trials: Their numbers.
+        submit: Gives one to the engine.
+        lost: Makes the result of a trial whose workers keep dying, from the reason.
+
+    Raises:
+        ScenarioError: If workers die and nothing else happens.
+        Exception: What a trial raised.
+    """
+    waiting = collections.deque(trials)
+    suspects: collections.deque[int] = collections.deque()
+    tries: collections.Counter[int] = collections.Counter()
+    pending: dict[Future[TrialResult], int] = {}
+    deaths = 0
+    while waiting or suspects or pending:
+        slots = engine.slots()
+        while waiting and len(pending) < slots:
+            trial = waiting.popleft()
+            pending[submit(trial)] = trial
+        if not pending:
+            trial = suspects.popleft()
+            pending[submit(trial)] = trial
+        for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            trial = pending.pop(future)
+            try:
+                result = future.result()
+            except engine.deaths as error:
+                deaths += 1
+                tries[trial] += 1
+                reason = one_line(error)
+                if deaths >= _DEATHS * slots:
+                    raise ScenarioError(
+                        f"workers keep dying, {deaths} without a result: {reason}"
+                    ) from error
+                if tries[trial] < TRIES:
+                    suspects.append(trial)
+                    continue
+                result = lost(trial, f"its worker died {TRIES} times: {reason}")
+            deaths = 0
+            yield result
+
+
+def cause(error: BaseException) -> BaseException:
+    """Return what went wrong in a worker, of an error that Ray wraps."""
+    inner: Any = getattr(error, "cause", None)
+    return inner if isinstance(inner, BaseException) else error

@@ -1,0 +1,147 @@
+"""The folder of a sweep, which one process at a time writes to."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+from drake_srg.errors import ScenarioError
+from drake_srg.sweeps.files import remove_folder, remove_partial, write_folder
+from drake_srg.sweeps.info import FILE, SweepInfo, difference, read_sweep
+from drake_srg.sweeps.rows import (
+    BrokenRowsError,
+    all_rows_path,
+    read_file,
+    row_path,
+    row_paths,
+    unique_rows,
+    write_row,
+    write_rows,
+)
+from drake_srg.sweeps.trial import TrialResult
+
+RECORDINGS = "recordings"
+
+
+class SweepFolder:
+    """Where the rows and recordings of a sweep go, locked from `begin` to `close`.
+
+    A trial is done when its row is there; what else belongs to it is there before.
+    """
+
+    def __init__(self, path: Path):
+        self.path = path
+        self._lock: IO[str] | None = None
+
+    def begin(self, info: SweepInfo, resume: bool, tell: Callable[[str], None]) -> Any:
+        """Prepare the folder for a sweep, or for going on with it.
+
+        Args:
+            info: What the sweep is.
+            resume: Whether it may have been begun.
+            tell: Gets what the user should know, a line each.
+
+        Returns:
+            The rows that are there, a pyarrow.Table.
+
+        Raises:
+            ScenarioError: If another sweep writes there, or what is there is of
+                another sweep, or of this one without `resume`.
+            OSError: If the folder cannot be written.
+        """
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._take_lock()
+        files = row_paths(self.path)
+        if (self.path / FILE).exists() and files:
+            if not resume:
+                raise ScenarioError(
+                    f"{self.path}: has trials of a sweep; --resume goes on with it, "
+                    "another --out begins anew"
+                )
+            different = difference(read_sweep(self.path), info)
+            if different:
+                raise ScenarioError(
+                    f"{self.path}: holds another sweep: {different}; begin anew with "
+                    "another --out"
+                )
+        elif files:
+            raise ScenarioError(
+                f"{self.path}: has trials, but no {FILE} that says of what; choose "
+                "another --out"
+            )
+        for folder in (self.path, self.path / "trials", self.path / RECORDINGS):
+            remove_partial(folder)
+        info.write(self.path)
+        tables = []
+        for file in files:
+            try:
+                tables.append(read_file(file, info))
+            except BrokenRowsError as error:
+                aside = file.with_name(f"{file.name}.broken")
+                file.replace(aside)
+                tell(f"{error.problem}; it is {aside.name} now, its trials run again")
+        return unique_rows(tables)
+
+    def add(self, result: TrialResult) -> None:
+        """Write what came of a trial, the row last.
+
+        Raises:
+            OSError: If it cannot be written; the trial is not done then.
+        """
+        trial = result.row["trial"]
+        recording = self.path / RECORDINGS / f"{trial:06}"
+        if result.files:
+            write_folder(recording, result.files)
+        else:
+            remove_folder(recording)  # of a time when the row was lost
+        write_row(row_path(self.path, trial), result.row)
+
+    def finish(self) -> Any:
+        """Put all rows into one file; returns them as a pyarrow.Table.
+
+        Raises:
+            OSError: If it cannot be written; the rows stay where they are then.
+        """
+        info = read_sweep(self.path)
+        files = row_paths(self.path)
+        rows = unique_rows([read_file(file, info) for file in files])
+        whole = all_rows_path(self.path)
+        if files != [whole]:
+            write_rows(whole, rows)
+        for file in files:
+            if file != whole:
+                file.unlink()
+        single = self.path / "trials"
+        if single.exists() and not any(single.iterdir()):
+            single.rmdir()
+        return rows
+
+    def close(self) -> None:
+        """Let others write there."""
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _take_lock(self) -> None:
+        """Take the lock, which goes with the process, however that ends."""
+        lock = (self.path / "lock").open("a+", encoding="utf-8")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            lock.seek(0)
+            holder = lock.read().strip() or "another process"
+            lock.close()
+            raise ScenarioError(
+                f"{self.path}: {holder} runs a sweep there; wait for it, or choose "
+                "another --out"
+            ) from None
+        except BaseException:
+            lock.close()
+            raise
+        lock.truncate(0)
+        lock.write(f"process {os.getpid()}\n")
+        lock.flush()
+        self._lock = lock

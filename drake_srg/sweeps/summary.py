@@ -1,0 +1,37 @@
+"""What people want to know first of a sweep, as text."""
+
+from __future__ import annotations
+
+import collections
+import statistics
+from typing import Any
+
+from drake_srg.sweeps.statistics import wilson_interval
+
+
+def summary(rows: Any) -> str:
+    """Return the short table of a sweep.
+
+    Args:
+        rows: A pyarrow.Table of `rows.read_rows`.
+    """
+    trials = rows.num_rows
+    succeeded = sum(rows["success"].to_pylist())
+    low, high = wilson_interval(succeeded, trials)
+    share = f", {succeeded / trials:.2%}" if trials else ""
+    failures = collections.Counter(f for f in rows["failure"].to_pylist() if f)
+    wrong = sum(
+        claimed and not success
+        for claimed, success in zip(
+            rows["claimed"].to_pylist(), rows["success"].to_pylist(), strict=True
+        )
+    )
+    cycles = [time for time in rows["cycle_time_s"].to_pylist() if time is not None]
+    lines = [
+        ("success", f"{succeeded} of {trials}{share}"),
+        ("95 % interval (Wilson)", f"{low:.2%} to {high:.2%}"),
+        *((f"failure: {name}", str(n)) for name, n in failures.most_common()),
+        ("said done, but was not", str(wrong)),
+        ("median cycle", f"{statistics.median(cycles):.3g} s" if cycles else "-"),
+    ]
+    return "\n".join(f"{name:24} {value}" for name, value in lines)

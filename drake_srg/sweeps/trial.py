@@ -1,0 +1,136 @@
+"""One trial of a sweep: a run of its scenario, the same in any process."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import gc
+import os
+import socket
+import tempfile
+import time as wall
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from drake_srg.errors import one_line
+from drake_srg.scenario import draw_scenario
+from drake_srg.simulation import Result, Simulate
+from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns
+from drake_srg.types import Mode
+
+# `failure` of a trial that came to no end of its own; `message` has the error.
+ERROR = "error"
+
+
+@dc.dataclass(frozen=True)
+class TrialResult:
+    """What came of a trial, ready to be sent and written."""
+
+    row: dict[str, Any]  # see `rows`
+    files: Mapping[str, bytes] = dc.field(default_factory=dict)  # of its recording
+    warning: str = ""  # what the user should know besides
+
+
+def run_trial(
+    tree: Mapping[str, Any], origin: str, seed: int, trial: int, record: str = "none"
+) -> TrialResult:
+    """Run a trial and judge it; an error in it is an outcome, too.
+
+    Args:
+        tree: The scenario, of `load_tree`.
+        origin: Its name or file.
+        seed: Of the sweep; the trial's own is `seed` + `trial`.
+        trial: Its number, from 0.
+        record: `none`, `all`, or `failures`: a trial that fails is run again and
+            recorded then.
+
+    Raises:
+        ImportError: If a package is missing.
+        OSError: If recordings cannot be written, into the folder for temporary files.
+    """
+    start = wall.perf_counter()
+    result = _run(tree, origin, seed, trial, record == "all")
+    if record == "failures" and not result.row["success"]:
+        again = _run(tree, origin, seed, trial, True)
+        result = dc.replace(
+            result, files=again.files, warning=_different(result.row, again.row)
+        )
+    # Python counts the few objects of a diagram, not the megabytes behind them.
+    gc.collect()
+    result.row["trial_time_s"] = wall.perf_counter() - start
+    result.row["memory_mb"] = resident_memory()
+    result.row["worker"] = f"{socket.gethostname()}:{os.getpid()}"
+    return result
+
+
+def empty_row(seed: int, trial: int, message: str) -> dict[str, Any]:
+    """Return the row of a trial that has come to nothing.
+
+    Args:
+        seed: Of the sweep.
+        trial: Its number.
+        message: What went wrong, in a line.
+    """
+    return {
+        "trial": trial,
+        "seed": seed + trial,
+        **dict.fromkeys(metric_columns()),
+        "success": False,
+        "failure": ERROR,
+        "message": message,
+        "claimed": False,
+    }
+
+
+def resident_memory() -> float | None:
+    """Return the memory that this process occupies [MB]; None: not told here."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+    except OSError:
+        return None
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def _run(
+    tree: Mapping[str, Any], origin: str, seed: int, trial: int, record: bool
+) -> TrialResult:
+    row = empty_row(seed, trial, "")
+    files: dict[str, bytes] = {}
+    try:
+        drawn = draw_scenario(tree, origin, seed + trial)
+        row |= drawn.values
+        with tempfile.TemporaryDirectory(prefix="drake_srg_") as folder:
+            result = Simulate(
+                drawn.scenario,
+                name=Path(origin).stem,
+                out=Path(folder) if record else None,
+                record=record,
+            )
+            files = {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+        row |= _outcome(result)
+    except (ImportError, OSError):  # not the trial's fault; others would fare alike
+        raise
+    except (Exception, SystemExit) as error:  # SystemExit: see `one_line`
+        row["message"] = f"{type(error).__name__}: {one_line(error)}"
+    return TrialResult(row, files)
+
+
+def _outcome(result: Result) -> dict[str, Any]:
+    metrics = dc.asdict(result.metrics)
+    return {
+        **{name: metrics[name] for name in metric_columns()},
+        "message": result.status.message or None,
+        "claimed": result.status.mode is Mode.DONE,
+    }
+
+
+def _different(row: Mapping[str, Any], again: Mapping[str, Any]) -> str:
+    """Say so where a trial did not repeat itself while it was recorded."""
+    changed = [n for n in row if n not in TIMING_COLUMNS and row[n] != again[n]]
+    if not changed:
+        return ""
+    return (
+        f"trial {row['trial']}: recorded, it went otherwise ({', '.join(changed)}): "
+        "with an error-controlled integrator, the recording's periods must be "
+        "multiples of the cell's"
+    )
