@@ -88,12 +88,12 @@ class PlannerConfig:
     # for this long [s]: longer than `grasp_detector.post_contact_delay`, so that a
     # sensor that fails to see it once does not count.
     slip_time: float = dc.field(default=0.15, metadata=positive())
-    # The same where the gripper's joints have closed by so much on average since the
-    # arm lifted [rad]. Fingers around something give way to one another, which leaves
-    # the average alone: in the scenarios it closed by less than 0.001 rad. This is 1 to
-    # 2 mm of a finger's pad; hands that lose a can close by 0.1 rad and more.
-    slip_closing: float = dc.field(default=0.02, metadata=positive())
-    # What has been lost or missed is pressed so many times as firmly the next time.
+    # The same where the gripper's joints close by so much on average within that time
+    # [rad]. Fingers around something give way to one another, which leaves the average
+    # alone: it changed by less than 0.001 rad with a can between fingertips, by 0.01
+    # rad where fingers that wrap settle. Those that lose a can close by 0.1 rad.
+    slip_closing: float = dc.field(default=0.03, metadata=positive())
+    # What has been lost or missed is pressed so many times as firmly from then on.
     regrasp_squeeze: float = dc.field(default=1.5, metadata={"ge": 1.0})
     # Whether to look again when the hand is in front of the object, and to plan anew
     # where it has moved; for cameras that see it there.

@@ -50,18 +50,17 @@ def watch_grasp(
 ) -> PlannerMemory:
     """Stop the motion of an arm whose hand loses what it carries.
 
-    It does where nothing is sensed between the fingers for `config.slip_time`, or where
-    they have closed on the way: fingers on an object only give way to one another.
+    That is where nothing is sensed between the fingers for `config.slip_time`, or where
+    they close by `config.slip_closing` in about that time.
     """
     if memory.mode not in CARRYING or memory.lost:
         return memory
     since = np.inf if holding(memory, senses) else min(memory.unheld_since, time)
-    closing = float(np.mean(senses.fingers - memory.grip))
-    if time - since >= config.slip_time or closing > config.slip_closing:
+    closing = senses.fingers - memory.grip
+    if time - since >= config.slip_time or np.mean(closing) > config.slip_closing:
         return dc.replace(memory.stopped(time), lost=True)
-    if since == memory.unheld_since:
-        return memory
-    return dc.replace(memory, unheld_since=since)
+    grip = memory.grip + min(config.period / config.slip_time, 1.0) * closing
+    return dc.replace(memory, unheld_since=since, grip=grip)
 
 
 def observe(

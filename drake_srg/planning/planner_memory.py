@@ -53,7 +53,7 @@ class PlannerMemory:
     departed: float = 0.0  # when that motion began [s]
     due: float = 0.0  # when it is over [s]
     stopped_at: float | None = None  # time in the trajectory where a stop began [s]
-    # Angles of the gripper's joints when the arm lifted, shape (n,) [rad].
+    # Angles of the gripper's joints with an object, smoothed over time, (n,) [rad].
     grip: Vector = dc.field(default_factory=lambda: np.zeros(0))
     unheld_since: float = np.inf  # when the fingers began to sense nothing [s]
     tried: tuple[str, ...] = ()  # names of grasps that failed in this cycle
