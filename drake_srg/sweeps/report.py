@@ -122,6 +122,11 @@ def _rerun(sweep: SweepInfo, seed: int) -> str:
     )
 
 
+def _engine(sweep: SweepInfo) -> str:
+    jobs = "" if sweep.jobs is None else f", {sweep.jobs} at a time"
+    return f"{sweep.engine}{jobs}"
+
+
 def _date(sweep: SweepInfo) -> str:
     started = datetime.datetime.fromisoformat(sweep.started)
     return f"{started:%Y-%m-%d %H:%M %Z}".rstrip()
@@ -136,7 +141,7 @@ def _origin(sweep: SweepInfo) -> Element:
                 ("Scenario", sweep.scenario),
                 ("Overrides", " ".join(sweep.overrides) or "none"),
                 ("Versions", versions),
-                ("Engine", f"{sweep.engine}, {sweep.jobs} trials at a time"),
+                ("Engine", _engine(sweep)),
                 ("Begun", _date(sweep)),
             ]
         ),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -95,7 +96,7 @@ class Trials:
         return [int(row) for row in order]
 
 
-def command(*words: str, overrides: list[str]) -> str:
+def command(*words: str, overrides: Sequence[str]) -> str:
     """Return a command line of ours."""
     sets = [word for override in overrides for word in ("--set", override)]
     return shlex.join(["drake-srg", *words, *sets])

@@ -4,6 +4,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from drake_srg.cli import BAD_INPUT, SUCCESS, main
 from drake_srg.errors import ScenarioError
 from drake_srg.sweeps import report_worst
 from drake_srg.sweeps.report import write_report
@@ -160,6 +161,29 @@ def test_rows_that_cannot_be_read_are_named_with_the_way_out(tmp_path):
     broken.write_bytes(b"PAR1")
     with pytest.raises(ScenarioError, match=r"000003\.parquet.*--resume"):
         write_report(folder)
+
+
+def test_command_says_where_the_page_is(tmp_path, capsys):
+    folder = write_sweep(tmp_path, made_rows(20))
+    assert main(["report", str(folder)]) == SUCCESS
+    assert capsys.readouterr().out == f"{folder / 'report.html'}\n"
+    other = tmp_path / "other.html"
+    assert main(["report", str(folder), "-o", str(other)]) == SUCCESS
+    assert other.read_bytes() == (folder / "report.html").read_bytes()
+
+
+def test_command_complains_in_one_line(tmp_path, capsys):
+    folder = write_sweep(tmp_path / "sweep", made_rows(20))
+    (tmp_path / "file").touch()
+    for arguments, part in (
+        ([str(tmp_path)], "no sweep"),
+        ([str(folder), "-o", str(tmp_path)], "-o"),
+        ([str(folder), "-o", str(tmp_path / "file" / "x.html")], "x.html"),
+    ):
+        assert main(["report", *arguments]) == BAD_INPUT
+        error = capsys.readouterr().err
+        assert part in error
+        assert error.count("\n") == 1
 
 
 def test_elements_escape_text_and_attributes():
