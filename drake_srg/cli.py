@@ -75,6 +75,10 @@ def _parser() -> argparse.ArgumentParser:
     cli_sweep.add_sweep_arguments(sweep)
     sweep.set_defaults(run=cli_sweep.sweep)
 
+    report = commands.add_parser("report", help="make an HTML page of a sweep")
+    cli_sweep.add_report_arguments(report)
+    report.set_defaults(run=cli_sweep.report)
+
     listing = commands.add_parser("list", help="list the scenarios")
     listing.set_defaults(run=_list)
 

@@ -102,6 +102,38 @@ def sweep(options: argparse.Namespace) -> int:
     return 0
 
 
+def add_report_arguments(report: argparse.ArgumentParser) -> None:
+    """Add what the command report takes."""
+    report.add_argument(
+        "folder", type=Path, metavar="DIR", help="of the sweep, its --out"
+    )
+    report.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE.html",
+        help="the page (default: DIR/report.html)",
+    )
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write the page of a sweep; returns the exit code.
+
+    Raises:
+        ScenarioError: If there is nothing to tell, or the page cannot be written.
+    """
+    from drake_srg.sweeps.report import write_report
+
+    output: Path = options.output or options.folder / "report.html"
+    try:
+        path = write_report(options.folder, output)
+    except OSError as error:
+        reason = error.strerror and f"-o {output}: cannot be written: {error.strerror}"
+        raise ScenarioError(reason or str(error)) from error
+    print(path)
+    return 0
+
+
 def _engine(options: argparse.Namespace) -> "Engine":
     if options.engine == "ray":
         if options.jobs is not None:
