@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import json
+import os
 import tempfile
 from fractions import Fraction
 from pathlib import Path
@@ -18,6 +19,7 @@ from tqdm import tqdm
 from drake_srg.errors import ScenarioError, one_line
 from drake_srg.sweeps.dataset_recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset_writer import DatasetWriter
+from drake_srg.sweeps.info import read_sweep
 from drake_srg.yaml_loading import parse_yaml
 
 _RECORDING, _METRICS = "recording.mcap", "metrics.json"
@@ -75,6 +77,7 @@ def make_dataset(
             for trial in tqdm(trials, unit="episode", disable=not progress):
                 successes += _add_trial(writer, trial, layout, every)
             writer.finish()
+        _sync(root)
         root.rename(out)
     return Dataset(out, len(trials), successes, writer.frames, fps)
 
@@ -96,28 +99,16 @@ def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -
             camera: read_images(trial / _RECORDING, camera, every)
             for camera in layout.cameras
         },
-        success=metrics["success"],
-        about={
-            "trial": int(trial.name),
-            "seed": metrics["seed"],
-            "failure": metrics["failure"],
-        },
+        about={"trial": int(trial.name), **metrics},
     )
     return bool(metrics["success"])
 
 
 def _task_and_robot(sweep: Path) -> tuple[str, str]:
     """What was done, in words, and the scenario's name."""
-    path = sweep / "sweep.json"
-    try:
-        about = json.loads(path.read_text(encoding="utf-8"))
-        pick = parse_yaml(about["tree"], str(path))["task"]["pick"]
-        scenario = Path(about["scenario"]).stem
-    except FileNotFoundError:
-        raise ScenarioError(f"{sweep}: is no sweep's folder: no sweep.json") from None
-    except (ValueError, KeyError, TypeError) as error:
-        raise ScenarioError(f"{path}: is not a sweep's: {one_line(error)}") from error
-    return f"Pick up the {pick.replace('_', ' ')} and place it on its goal.", scenario
+    info = read_sweep(sweep)
+    pick = parse_yaml(info.tree, str(sweep))["task"]["pick"].replace("_", " ")
+    return f"Pick up the {pick} and place it on its goal.", Path(info.scenario).stem
 
 
 def _recorded_trials(sweep: Path, only_success: bool) -> list[Path]:
@@ -140,8 +131,22 @@ def _recorded_trials(sweep: Path, only_success: bool) -> list[Path]:
 
 
 def _metrics(trial: Path) -> dict[str, Any]:
-    metrics: dict[str, Any] = json.loads((trial / _METRICS).read_text("utf-8"))
-    return metrics
+    path = trial / _METRICS
+    try:
+        metrics = json.loads(path.read_text(encoding="utf-8"))
+        return {key: metrics[key] for key in ("seed", "success", "failure")}
+    except (ValueError, KeyError, TypeError) as error:
+        raise ScenarioError(f"{path}: is not a trial's: {one_line(error)}") from error
+
+
+def _sync(root: Path) -> None:
+    """Have all files of a folder on the disk, should power fail."""
+    for path in (*root.rglob("*"), root):
+        descriptor = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
 
 
 def _whole_rate(rate: Fraction) -> int:

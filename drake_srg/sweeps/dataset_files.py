@@ -54,7 +54,7 @@ class ParquetFiles:
 
     def place(self, size: int) -> FilePlace:
         """Where a table of that size in memory [bytes] goes that is written next."""
-        if self._place is None or self._size + size > self._limit:
+        if self._place is None or (self._size and self._size + size > self._limit):
             self.close()
             self._place = next_place(self._place)
             self._size = 0

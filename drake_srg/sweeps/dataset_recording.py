@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses as dc
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ Image = npt.NDArray[np.uint8]
 _JOINTS = "/joint_states"
 _ARM = "/arm/position_commanded"
 _CLOSURE = "/gripper/closure_commanded"
-_CAMERA = re.compile("/camera_(.+)/color/image_raw")
+_CAMERA = "/camera_(.+)/color/image_raw"
 
 # Simulated time accumulates steps, and messages are stamped in whole nanoseconds.
 _STAMP_TOLERANCE = 1e-6  # s
@@ -81,27 +82,24 @@ def read_signals(path: Path) -> Signals:
         ScenarioError: If it is no recording of a cell with cameras, or if the images
             do not follow each other evenly.
     """
-    rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     times: dict[str, list[float]] = {}
     values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
     joints: tuple[str, ...] = ()
-    wanted = re.compile("|".join([*values, _CAMERA.pattern]))
-    for connection, time, raw in _raw_messages(rosbag2, path, wanted):
-        times.setdefault(connection.topic, []).append(time * 1e-9)
-        if connection.topic not in values:
-            continue  # images are for later
-        message = store.deserialize_cdr(raw, connection.msgtype)
-        if connection.topic == _JOINTS:
+    for topic, time, decode in _messages(path, "|".join([*values, _CAMERA])):
+        times.setdefault(topic, []).append(time)
+        if topic == _JOINTS:
+            message = decode()
             joints = tuple(message.name)
-            values[_JOINTS].append(message.position)
-        else:
-            values[connection.topic].append(np.atleast_1d(message.data))
+            values[topic].append(message.position)
+        elif topic in values:  # images are for later
+            values[topic].append(np.atleast_1d(decode().data))
     for topic, rows in values.items():
         if not rows:
             raise ScenarioError(f"{path}: has no messages on {topic}")
 
-    cameras = sorted(match[1] for topic in times if (match := _CAMERA.fullmatch(topic)))
+    cameras = sorted(
+        match[1] for topic in times if (match := re.fullmatch(_CAMERA, topic))
+    )
     if not cameras:
         raise ScenarioError(
             f"{path}: has no images; cameras in recording.bag_cameras are recorded, "
@@ -135,12 +133,9 @@ def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
         camera: Its name.
         every: Yields the first image and from then on each that is so many further.
     """
-    rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
-    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
-    wanted = re.compile(re.escape(_topic(camera)))
-    messages = _raw_messages(rosbag2, path, wanted)
-    for connection, _, raw in islice(messages, 0, None, every):
-        message = store.deserialize_cdr(raw, connection.msgtype)
+    messages = _messages(path, re.escape(_topic(camera)))
+    for _, _, decode in islice(messages, 0, None, every):
+        message = decode()
         height, width = message.height, message.width
         image = message.data.reshape(height, width, 3)
         yield image[: height // 2 * 2, : width // 2 * 2]
@@ -150,15 +145,19 @@ def _topic(camera: str) -> str:
     return f"/camera_{camera}/color/image_raw"
 
 
-def _raw_messages(
-    rosbag2: Any, path: Path, topics: re.Pattern[str]
-) -> Iterator[tuple[Any, int, bytes]]:
-    """Connection, time [ns] and bytes of all messages of some topics, in order."""
+def _messages(
+    path: Path, topics: str
+) -> Iterator[tuple[str, float, Callable[[], Any]]]:
+    """Topic, time [s] and what decodes it, of all messages on some topics, in order."""
+    rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     try:
         with rosbag2.Reader(path) as reader:
-            chosen = [c for c in reader.connections if topics.fullmatch(c.topic)]
-            if chosen:  # none would mean all
-                yield from reader.messages(chosen)
+            chosen = [c for c in reader.connections if re.fullmatch(topics, c.topic)]
+            # Of no connections, messages() would yield all.
+            for connection, time, raw in reader.messages(chosen) if chosen else ():
+                decode = partial(store.deserialize_cdr, raw, connection.msgtype)
+                yield connection.topic, time * 1e-9, decode
     except rosbag2.ReaderError as error:
         raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from error
 

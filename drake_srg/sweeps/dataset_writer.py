@@ -93,8 +93,6 @@ class DatasetWriter:
         self,
         signals: Signals,
         images: Mapping[str, Iterator[Image]],
-        *,
-        success: bool,
         about: Mapping[str, Any],
     ) -> None:
         """Add an episode.
@@ -102,11 +100,9 @@ class DatasetWriter:
         Args:
             signals: One row a frame.
             images: Camera to its images, one a frame.
-            success: Whether the task was done at its end.
-            about: What is told of the trial besides: the columns of
-                `dataset_format.TRIAL` but success.
+            about: What is told of the trial: the columns of `dataset_format.TRIAL`.
         """
-        table = self._table(signals, success)
+        table = self._table(signals, about["success"])
         length = table.num_rows
         place = self._data.append(table)
         row = {
@@ -117,7 +113,6 @@ class DatasetWriter:
             "data/file_index": place.file,
             "dataset_from_index": self._frames,
             "dataset_to_index": self._frames + length,
-            "success": success,
             **about,
         }
         for name in table.column_names:

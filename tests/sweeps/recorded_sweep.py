@@ -1,0 +1,119 @@
+"""Sweeps whose trials are recorded by our recorder, of signals that are known."""
+
+import json
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
+from pydrake.systems.sensors import ImageRgba8U
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.recording.ros_topics import cell_topics
+from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.types import Mode
+
+ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
+SLOPE = np.array([1.0, -2.0, 0.3, 0.4])  # of the joints [rad/s]
+STEP = 0.1  # closure is commanded in steps that last so long [s]
+
+
+def joint_positions(time):
+    """Positions of all joints; linear, so that interpolation is exact."""
+    return 0.5 + SLOPE * time
+
+
+def closure(time):
+    return np.floor(time / STEP + 1e-9) / 100
+
+
+class Signal(LeafSystem):
+    """A function of time as a vector."""
+
+    def __init__(self, function):
+        super().__init__()
+        self.function = function
+        self.DeclareVectorOutputPort("y", np.size(function(0.0)), self.calc)
+
+    def calc(self, context, output):
+        output.SetFromVector(np.atleast_1d(self.function(context.get_time())))
+
+
+def picture(time, width, height, shade):
+    """A disc that moves over a gradient, RGB."""
+    y, x = np.mgrid[:height, :width]
+    image = np.empty((height, width, 3), dtype=np.uint8)
+    image[..., 0] = 255 * x // width
+    image[..., 1] = 255 * y // height
+    image[..., 2] = shade
+    image[(x - 20 - 20 * time) ** 2 + (y - height / 2) ** 2 < 15**2] = (240, 240, 40)
+    return image
+
+
+class Camera(LeafSystem):
+    def __init__(self, width, height, shade):
+        super().__init__()
+        self.size, self.shade = (width, height), shade
+        self.DeclareAbstractOutputPort(
+            "color_image", lambda: AbstractValue.Make(ImageRgba8U()), self.calc
+        )
+
+    def calc(self, context, output):
+        made = ImageRgba8U(*self.size)
+        made.mutable_data[..., :3] = picture(context.get_time(), *self.size, self.shade)
+        output.set_value(made)
+
+
+def record(path, until, *, cameras, shade=0, image_period=0.125, period=0.025):
+    """Record a trial of `until` seconds; `cameras` is name to (width, height)."""
+    topics = cell_topics(ARM, GRIPPER, 2, dict.fromkeys(cameras, image_period))
+    q = joint_positions
+    sources = {
+        "arm.state_measured": Signal(lambda t: np.r_[q(t)[:2], 0.0, 0.0]),
+        "gripper.state_measured": Signal(lambda t: np.r_[q(t)[2:], 0.0, 0.0]),
+        "arm.position_commanded": Signal(lambda t: q(t)[:2] + 0.01),
+        "gripper.closure_commanded": Signal(closure),
+        "gripper.proximity": ConstantVectorSource([0.01, 0.02]),
+        "gripper.contact_force": ConstantVectorSource([0.0, 3.0]),
+        "planner.mode": ConstantValueSource(AbstractValue.Make(Mode.PRE_GRASP)),
+    }
+    for name, size in cameras.items():
+        sources[f"camera_{name}.color_image"] = Camera(*size, shade)
+    builder = DiagramBuilder()
+    recorder = builder.AddSystem(RosbagRecorder(path, topics, period=period))
+    for name, source in sources.items():
+        builder.AddSystem(source)
+        if recorder.HasInputPort(name):
+            builder.Connect(source.get_output_port(), recorder.GetInputPort(name))
+    with recorder:
+        Simulator(builder.Build()).AdvanceTo(until)
+
+
+CAMERAS = {"ceiling": (160, 128), "side": (131, 129)}  # one of odd size
+
+
+def write_trial(sweep, trial, until, *, failure=None, cameras=None, **how):
+    """Write the recording of a trial, as `drake-srg sweep --record all` does."""
+    folder = sweep / "recordings" / f"{trial:06d}"
+    cameras = CAMERAS if cameras is None else cameras
+    record(folder / "recording.mcap", until, cameras=cameras, shade=9 * trial, **how)
+    metrics = {"seed": 100 + trial, "success": failure is None, "failure": failure}
+    (folder / "metrics.json").write_text(json.dumps(metrics))
+
+
+def write_sweep(folder):
+    """Write the folder of a sweep of which nothing is recorded yet."""
+    folder.mkdir(parents=True, exist_ok=True)
+    about = {
+        "schema_version": 1,
+        "scenario": "kitchen_varied",
+        "seed": 100,
+        "trials": 9,
+        "record": "all",
+        "overrides": [],
+        "tree": "task:\n  pick: soup_can\n",
+        "versions": {},
+    }
+    (folder / "sweep.json").write_text(json.dumps(about))
+    return folder

@@ -1,0 +1,359 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from drake_srg.errors import ScenarioError
+from drake_srg.sweeps import dataset, dataset_video
+from drake_srg.sweeps.dataset import make_dataset
+from drake_srg.sweeps.dataset_files import FilePlace, next_place
+from drake_srg.sweeps.dataset_recording import read_images, read_signals
+from drake_srg.sweeps.dataset_statistics import QUANTILES, ImageStatistics
+from drake_srg.sweeps.dataset_writer import DatasetWriter
+from sweeps import lerobot_format as lerobot
+from sweeps.recorded_sweep import (
+    ARM,
+    CAMERAS,
+    GRIPPER,
+    closure,
+    joint_positions,
+    picture,
+    write_sweep,
+    write_trial,
+)
+
+FPS = 8
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    """Trials 3, 4 and 7 of a sweep, of 8, 5 and 10 images; 4 failed."""
+    folder = write_sweep(tmp_path_factory.mktemp("sweep"))
+    write_trial(folder, 3, 1.0)
+    write_trial(folder, 4, 0.7, failure="dropped")
+    write_trial(folder, 7, 1.25)
+    # Is being written, and is not there yet.
+    write_trial(folder, 8, 0.2)
+    (folder / "recordings/000008/metrics.json").unlink()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def root(sweep, tmp_path_factory):
+    out = tmp_path_factory.mktemp("made") / "deep" / "dataset"
+    made = make_dataset(sweep, out)
+    assert made == dataset.Dataset(out, episodes=3, successes=2, frames=23, fps=FPS)
+    assert list(out.parent.iterdir()) == [out]
+    return out
+
+
+@pytest.fixture(scope="module")
+def frames(root):
+    return lerobot.read_frames(root)
+
+
+def vectors(frames, key):
+    return np.array(frames[key].to_pylist())
+
+
+def psnr(image, other):
+    """Peak signal-to-noise ratio [dB]."""
+    return 10 * np.log10(255**2 / np.mean((image.astype(float) - other) ** 2))
+
+
+def test_data_set_is_valid(root):
+    lerobot.check(root)
+
+
+def test_info_names_robot_cameras_and_dimensions(root):
+    info = lerobot.read_info(root)
+    assert (info["robot_type"], info["fps"]) == ("kitchen_varied", FPS)
+    features = info["features"]
+    assert features["observation.state"]["names"] == ARM + GRIPPER
+    assert features["action"]["names"] == [*ARM, "gripper_closure"]
+    images = {k: f["shape"] for k, f in features.items() if f["dtype"] == "video"}
+    assert images == {
+        "observation.images.ceiling": [128, 160, 3],
+        "observation.images.side": [128, 130, 3],
+    }
+
+
+def test_episodes_tell_of_their_trials(root):
+    episodes = lerobot.read_episodes(root)
+    keys = ("trial", "seed", "success", "failure", "length", "tasks")
+    task = ["Pick up the soup can and place it on its goal."]
+    assert [tuple(e[key] for key in keys) for e in episodes] == [
+        (3, 103, True, None, 8, task),
+        (4, 104, False, "dropped", 5, task),
+        (7, 107, True, None, 10, task),
+    ]
+
+
+def test_only_the_last_frame_is_done(frames):
+    last = {7, 12, 22}
+    assert frames["next.done"].to_pylist() == [i in last for i in range(23)]
+    success = {7, 22}
+    assert frames["next.success"].to_pylist() == [i in success for i in range(23)]
+
+
+def test_states_and_actions_are_the_recorded_ones(sweep, root, frames):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    for episode in lerobot.read_episodes(root):
+        said = {}
+        path = sweep / f"recordings/{episode['trial']:06d}/recording.mcap"
+        with Reader(path) as reader:
+            for connection, time, raw in reader.messages():
+                message = store.deserialize_cdr(raw, connection.msgtype)
+                said.setdefault(connection.topic, {})[time] = message
+        times = sorted(said["/camera_side/color/image_raw"])
+        own = frames.slice(episode["dataset_from_index"], episode["length"])
+        state = [said["/joint_states"][t].position for t in times]
+        arm = [said["/arm/position_commanded"][t].data for t in times]
+        gripper = [[said["/gripper/closure_commanded"][t].data] for t in times]
+        np.testing.assert_array_equal(
+            vectors(own, "observation.state"), np.float32(state)
+        )
+        np.testing.assert_array_equal(
+            vectors(own, "action"), np.float32(np.hstack([arm, gripper]))
+        )
+
+
+def test_images_are_found_at_their_times(root):
+    for episode in lerobot.read_episodes(root):
+        for camera, (width, height) in CAMERAS.items():
+            key = f"observation.images.{camera}"
+            decoded = list(lerobot.read_video_frames(root, episode, key))
+            assert len(decoded) == episode["length"]
+            for k, (late, image) in enumerate(decoded):
+                assert abs(late) < 0.5 / FPS
+                shown = picture((k + 1) / FPS, width, height, 9 * episode["trial"])
+                even = shown[: height // 2 * 2, : width // 2 * 2]
+                # Halved colors at the disc's edge cost most; another frame has 22 dB.
+                assert psnr(image, even) > 28
+
+
+def test_statistics_of_images_are_those_of_the_pixels(root):
+    stats = json.loads((root / "meta/stats.json").read_text())
+    for camera, (width, height) in CAMERAS.items():
+        shown = [
+            picture(k / FPS, width, height, 9 * trial)
+            for trial, length in ((3, 8), (4, 5), (7, 10))
+            for k in range(1, length + 1)
+        ]
+        pixels = np.stack(shown)[:, : height // 2 * 2, : width // 2 * 2] / 255.0
+        said = stats[f"observation.images.{camera}"]
+        for name in ("min", "max", "mean", "std"):
+            expected = getattr(np, name)(pixels, axis=(0, 1, 2))
+            np.testing.assert_allclose(np.ravel(said[name]), expected, atol=1e-9)
+
+
+@given(arrays(np.uint8, st.tuples(st.integers(1, 5), st.integers(1, 4), st.just(3))))
+def test_image_statistics_are_exact(image):
+    statistics = ImageStatistics()
+    statistics.add(image)
+    said = statistics.statistics()
+    pixels = image.reshape(-1, 3) / 255.0
+    for name in ("min", "max", "mean", "std"):
+        expected = getattr(np, name)(pixels, axis=0)
+        np.testing.assert_allclose(np.ravel(said[name]), expected, atol=1e-9)
+    for name, q in QUANTILES.items():
+        expected = np.quantile(pixels, q, axis=0, method="inverted_cdf")
+        np.testing.assert_allclose(np.ravel(said[name]), expected)
+
+
+def test_recordings_give_equal_bytes(sweep, root, tmp_path):
+    make_dataset(sweep, tmp_path / "again")
+    paths = [path for path in root.rglob("*") if path.is_file()]
+    assert len(paths) == 7
+    for path in paths:
+        again = tmp_path / "again" / path.relative_to(root)
+        assert again.read_bytes() == path.read_bytes(), path
+
+
+def test_fewer_frames_per_second(sweep, root, frames, tmp_path):
+    made = make_dataset(sweep, tmp_path / "slow", fps=4)
+    assert (made.frames, made.fps) == (4 + 3 + 5, 4)
+    lerobot.check(made.path)
+    slow = lerobot.read_frames(made.path)
+    every_other = [0, 2, 4, 6, 8, 10, 12, 13, 15, 17, 19, 21]
+    for key in ("observation.state", "action"):
+        assert slow[key].to_pylist() == frames[key].take(every_other).to_pylist()
+    (episode, *_) = lerobot.read_episodes(made.path)
+    images = lerobot.read_video_frames(made.path, episode, "observation.images.ceiling")
+    for k, (_, image) in enumerate(images):
+        assert psnr(image, picture((2 * k + 1) / FPS, 160, 128, 27)) > 28
+
+
+def test_only_successful_trials(sweep, tmp_path):
+    made = make_dataset(sweep, tmp_path / "good", only_success=True)
+    assert (made.episodes, made.successes) == (2, 2)
+    lerobot.check(made.path)
+    assert [e["trial"] for e in lerobot.read_episodes(made.path)] == [3, 7]
+
+
+def test_signals_between_messages(tmp_path):
+    """Joints are interpolated; a command holds until the next one."""
+    folder = write_sweep(tmp_path)
+    write_trial(folder, 0, 0.6, image_period=0.125, period=0.04)
+    signals = read_signals(folder / "recordings/000000/recording.mcap")
+    times = 0.125 * np.arange(1, 5)
+    expected = joint_positions(times[:, None])
+    np.testing.assert_allclose(signals.state, expected, atol=1e-7)
+    before = 0.04 * np.floor(times / 0.04 + 1e-9)
+    arm = joint_positions(before[:, None])[:, :2] + 0.01
+    np.testing.assert_allclose(signals.action[:, :2], arm, atol=1e-7)
+    np.testing.assert_allclose(signals.action[:, 2], closure(before), atol=1e-7)
+
+
+def test_large_data_sets_have_several_files(sweep, tmp_path, monkeypatch):
+    path = sweep / "recordings/000007/recording.mcap"
+    signals = read_signals(path)
+    about = {"trial": 7, "seed": 107, "success": True, "failure": None}
+    monkeypatch.setattr("drake_srg.sweeps.dataset_writer._EPISODES_AT_ONCE", 3)
+    episode, _ = dataset_video.encode_episode(read_images(path, "ceiling"), FPS)
+    with DatasetWriter(
+        tmp_path / "made",
+        signals.layout,
+        FPS,
+        task="wait",
+        robot="arm",
+        data_limit=1500,  # one episode has 64 bytes a frame; its metadata, more
+        video_limit=int(2.5 * len(episode)),
+    ) as writer:
+        for _ in range(7):
+            images = {camera: read_images(path, camera) for camera in CAMERAS}
+            writer.add(signals, images, about)
+        writer.finish()
+    lerobot.check(tmp_path / "made")
+    videos = tmp_path / "made/videos/observation.images.ceiling/chunk-000"
+    assert len(list(videos.iterdir())) == 4  # of 2, 2, 2 and 1 episodes
+    for video in videos.iterdir():
+        assert video.stat().st_size <= 2.5 * len(episode)
+    assert len(list((tmp_path / "made/data/chunk-000").iterdir())) == 4
+    assert len(list((tmp_path / "made/meta/episodes/chunk-000").iterdir())) == 3
+
+
+def test_files_are_numbered_in_folders_of_a_thousand():
+    assert next_place(None) == (0, 0)
+    assert next_place(FilePlace(0, 998)) == (0, 999)
+    assert next_place(FilePlace(0, 999)) == (1, 0)
+
+
+def test_torch_pandas_and_datasets_are_not_needed(sweep, tmp_path):
+    code = """
+import pathlib, sys
+
+class Absent:
+    def find_spec(name, path=None, target=None):
+        if name.split(".")[0] in ("torch", "pandas", "datasets", "lerobot"):
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent)
+from drake_srg.sweeps.dataset import make_dataset
+make_dataset(*map(pathlib.Path, sys.argv[1:]))
+"""
+    out = tmp_path / "made"
+    subprocess.run([sys.executable, "-c", code, str(sweep), str(out)], check=True)
+    assert (out / "meta/info.json").exists()
+
+
+def complaint(sweep, out=None, **options):
+    """What is said of bad input, in one line; nothing is left behind."""
+    before = sorted(sweep.rglob("*"))
+    with pytest.raises(ScenarioError) as info:
+        make_dataset(sweep, out, **options)
+    assert sorted(sweep.rglob("*")) == before
+    assert "\n" not in str(info.value)
+    return str(info.value)
+
+
+def test_no_sweep_and_no_recordings(tmp_path):
+    assert "no sweep" in complaint(tmp_path)
+    sweep = write_sweep(tmp_path)
+    assert "no recordings; make the sweep with --record all" in complaint(sweep)
+    write_trial(sweep, 0, 0.2, failure="blocked")
+    assert "--only-success" in complaint(sweep, only_success=True)
+
+
+def test_recording_without_images(tmp_path):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2, cameras={})
+    said = complaint(sweep)
+    assert "000000/recording.mcap: has no images" in said
+    assert "recording.bag_cameras" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"cameras": {"ceiling": (160, 130), "side": (131, 129)}}, "ceiling 160x130"),
+        ({"cameras": {"ceiling": (160, 128)}}, "000005 has ceiling 160x128 at 8 Hz"),
+        ({"image_period": 0.0625}, "at 16 Hz"),
+    ],
+)
+def test_recordings_that_are_not_alike(tmp_path, change, what):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.3)
+    write_trial(sweep, 5, 0.3, **change)
+    said = complaint(sweep)
+    assert what in said and "recorded alike" in said
+
+
+@pytest.mark.parametrize("fps", [0, -8, 3, 16])
+def test_frames_per_second_that_do_not_fit(sweep, fps):
+    assert complaint(sweep, fps=fps).endswith("8 Hz; allowed for --fps: 1, 2, 4, 8")
+
+
+def test_images_at_no_whole_rate(tmp_path):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.5, image_period=0.4)
+    assert "images come at 2.5 Hz" in complaint(sweep)
+    write_trial(sweep, 0, 0.5, image_period=2 / 15)
+    assert "allowed" not in complaint(sweep, fps=7)
+    assert "record with a recording.bag_camera_period" in complaint(sweep)
+
+
+def test_output_that_exists(sweep, root):
+    assert complaint(sweep, root).startswith(f"-o {root}: exists")
+
+
+@pytest.mark.parametrize("length", [0, 100, 0.5, 0.999])
+def test_broken_recording(sweep, tmp_path, length):
+    whole = (sweep / "recordings/000003/recording.mcap").read_bytes()
+    broken = write_sweep(tmp_path)
+    write_trial(broken, 0, 0.2)
+    path = broken / "recordings/000000/recording.mcap"
+    path.write_bytes(whole[: int(length * len(whole) if length < 1 else length)])
+    assert f"{path}: cannot be read" in complaint(broken)
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]"])
+def test_broken_metrics(tmp_path, text):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2)
+    (sweep / "recordings/000000/metrics.json").write_text(text)
+    assert "000000/metrics.json: is not a trial's" in complaint(sweep)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "No space left")])
+def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch, error):
+    whole = dataset_video.VideoFiles.append
+    calls = []
+
+    def append(self, episode):
+        calls.append(self)
+        if len(calls) > 3:
+            raise error
+        return whole(self, episode)
+
+    monkeypatch.setattr(dataset_video.VideoFiles, "append", append)
+    with pytest.raises((KeyboardInterrupt, OSError)):
+        make_dataset(sweep, tmp_path / "made")
+    assert list(tmp_path.iterdir()) == []
