@@ -79,6 +79,12 @@ def _parser() -> argparse.ArgumentParser:
     cli_sweep.add_report_arguments(report)
     report.set_defaults(run=cli_sweep.report)
 
+    dataset = commands.add_parser(
+        "dataset", help="make a LeRobot data set of a sweep's recordings"
+    )
+    cli_sweep.add_dataset_arguments(dataset)
+    dataset.set_defaults(run=cli_sweep.dataset)
+
     listing = commands.add_parser("list", help="list the scenarios")
     listing.set_defaults(run=_list)
 

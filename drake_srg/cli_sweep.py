@@ -134,6 +134,61 @@ def report(options: argparse.Namespace) -> int:
     return 0
 
 
+def add_dataset_arguments(dataset: argparse.ArgumentParser) -> None:
+    """Add what the command dataset takes."""
+    dataset.add_argument(
+        "folder", type=Path, metavar="DIR", help="of the sweep, its --out"
+    )
+    dataset.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FOLDER",
+        help="the data set (default: DIR/dataset)",
+    )
+    dataset.add_argument(
+        "--fps",
+        type=int,
+        metavar="F",
+        help="frames per second, a divisor of the images' (default: all images)",
+    )
+    dataset.add_argument(
+        "--only-success", action="store_true", help="leave out trials that failed"
+    )
+
+
+def dataset(options: argparse.Namespace) -> int:
+    """Make a data set of a sweep's recordings; returns the exit code.
+
+    Raises:
+        ScenarioError: If there are no recordings that fit, or nothing can be written.
+    """
+    from drake_srg.sweeps.rows import require_sweep
+
+    require_sweep("pyarrow")
+    from drake_srg.sweeps.dataset import make_dataset
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    output: Path = options.output or options.folder / "dataset"
+    try:
+        made = make_dataset(
+            options.folder,
+            output,
+            fps=options.fps,
+            only_success=options.only_success,
+            progress=sys.stderr.isatty(),
+        )
+    except OSError as error:
+        reason = error.strerror or one_line(error)
+        raise ScenarioError(f"-o {output}: cannot be written: {reason}") from error
+    print(
+        f"{made.episodes} episodes ({made.successes} successful), {made.frames} frames "
+        f"at {made.fps} per second"
+    )
+    print(made.path)
+    return 0
+
+
 def _engine(options: argparse.Namespace) -> "Engine":
     if options.engine == "ray":
         if options.jobs is not None:
