@@ -16,6 +16,8 @@ from concurrent.futures import BrokenExecutor, Future
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
 
+from tqdm import tqdm
+
 from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
@@ -105,7 +107,7 @@ class JoblibEngine:
             self._executor = self._loky.ProcessPoolExecutor(
                 self._workers,
                 env=THREADS,
-                initializer=_end_with,
+                initializer=_begin_worker,
                 initargs=(os.getpid(),),
             )
             return self._executor.submit(function, *arguments)
@@ -136,8 +138,10 @@ def _no_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _end_with(parent: int) -> None:
-    """Let this worker end once its parent is gone, which nobody else tells it."""
+def _begin_worker(parent: int) -> None:
+    """Prepare a worker, which ends once its parent is gone: nobody else tells it."""
+    # A lock between processes, tqdm's own, would be left behind by a worker's end.
+    tqdm.set_lock(threading.RLock())
 
     def watch() -> None:
         while os.getppid() == parent:
