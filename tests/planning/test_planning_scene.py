@@ -153,3 +153,15 @@ def test_margins_are_checked_before_anything_is_built():
 def test_a_joint_without_limits_gets_two_turns(pendulum):
     np.testing.assert_allclose(pendulum.lower, [-3.0, -2 * np.pi])
     np.testing.assert_allclose(pendulum.upper, [3.0, 2 * np.pi])
+
+
+def test_a_copy_has_a_state_of_its_own(iiwa, home):
+    twin, before = iiwa.copy(), iiwa.fingers
+    assert twin.clearance(home) == iiwa.clearance(home)
+    twin.fingers = before + 0.1
+    np.testing.assert_array_equal(iiwa.fingers, before)
+    twin.fingers = before
+    with twin.standing(Sphere(0.05), iiwa.X_WG(home)):
+        assert not twin.is_free(home)
+        assert iiwa.is_free(home)
+    assert twin.is_free(home)
