@@ -7,8 +7,8 @@ the planner takes a held object to be. More cycles, with that tip, tell where th
 ends beside its goal: so much it moves as it is set down and let go. A last round has
 both corrections.
 
-`assistive_arm_tip.dmd.yaml` has the two frames. With `--out models/calibration` it is
-the one that the scenarios use.
+`SCENARIO_tip.dmd.yaml` has the two frames. With `--out models/calibration` it is the
+one that the scenario uses, and those that are based on it.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm"
-FILE = "assistive_arm_tip.dmd.yaml"
 # The frames are measured with some positions, and judged with others.
 SEEDS, JUDGED_SEEDS = range(100, 112), range(200, 212)
 # What systematic error may be left in the hand, a tenth of the recess's clearance [mm].
@@ -54,6 +53,11 @@ _DIRECTIVES = """directives:
 
 def run(track: Track) -> ExperimentResult:
     """Measure as drawn, correct the tip, measure, correct the release, measure."""
+    return calibrate(SCENARIO, track)
+
+
+def calibrate(scenario: str, track: Track) -> ExperimentResult:
+    """Calibrate the gripper of a scenario: `assistive_arm` or one based on it."""
     cases = [(stage, seed) for stage in STAGES[:-1] for seed in SEEDS]
     cases += [(STAGES[-1], seed) for seed in JUDGED_SEEDS]
     cycles: dict[str, list[Cycle]] = {stage: [] for stage in STAGES}
@@ -66,19 +70,27 @@ def run(track: Track) -> ExperimentResult:
                     tip = tip - P_GRASP_CENTER
                 elif stage == "both":
                     shift = mean("placed", (c.error_G for c in cycles["tip moved"]))
-            cycles[stage].append(calibration_cycle(seed, tip, shift, Path(folder)))
-    return make_result(cycles, tip, shift)
+            cycle = calibration_cycle(scenario, seed, tip, shift, Path(folder))
+            cycles[stage].append(cycle)
+    return make_result(cycles, tip, shift, file_name(scenario))
 
 
-def calibration_cycle(seed: int, tip: Vector, shift: Vector, folder: Path) -> Cycle:
+def file_name(scenario: str) -> str:
+    """Return the name of the file with a scenario's frames."""
+    return f"{scenario}_tip.dmd.yaml"
+
+
+def calibration_cycle(
+    scenario: str, seed: int, tip: Vector, shift: Vector, folder: Path
+) -> Cycle:
     """Run a cycle with the frames moved by `tip` and `shift` (3,) [m].
 
     They are written to a file in `folder`.
     """
-    path = folder / FILE
+    path = folder / file_name(scenario)
     path.write_text(_DIRECTIVES.format(tip=tip, shift=shift), encoding="utf-8")
     directive = f"{{add_directives: {{file: {path.as_uri()}}}}}"
-    return run_cycle(SCENARIO, seed, [f"directives.11={directive}"])
+    return run_cycle(scenario, seed, [f"directives.11={directive}"])
 
 
 def mean(what: str, values: Iterable[Vector | None]) -> Vector:
@@ -98,9 +110,9 @@ def mean(what: str, values: Iterable[Vector | None]) -> Vector:
 
 
 def make_result(
-    cycles: Mapping[str, Sequence[Cycle]], tip: Vector, shift: Vector
+    cycles: Mapping[str, Sequence[Cycle]], tip: Vector, shift: Vector, file: str
 ) -> ExperimentResult:
-    """Judge what the correction leaves."""
+    """Judge what the correction leaves; the frames go into `file`."""
     rows, table = [], []
     for stage, runs in cycles.items():
         at = P_GRASP_CENTER + (0.0 if stage == STAGES[0] else tip)
@@ -126,7 +138,7 @@ def make_result(
     names += [f"{what}, palm's {axis} [m]" for what in _FIGURES for axis in "xy"]
     columns = dict(zip(names, zip(*table, strict=True), strict=True))
     text = _DIRECTIVES.format(tip=tip, shift=shift)
-    return ExperimentResult(rows, {"cycles": columns}, draw(cycles), {FILE: text})
+    return ExperimentResult(rows, {"cycles": columns}, draw(cycles), {file: text})
 
 
 def _figures(cycle: Cycle, p_GT: Vector) -> Vector:

@@ -9,12 +9,13 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.errors import ScenarioError
-from drake_srg.experiments import grasp_calibration
+from drake_srg.experiments import grasp_calibration, grasp_calibration_fast
 from drake_srg.experiments.grasp_calibration import (
-    FILE,
+    SCENARIO,
     SEEDS,
     STAGES,
     calibration_cycle,
+    file_name,
     make_result,
     mean,
     run,
@@ -33,7 +34,7 @@ def failed(result):
 def pretended(held=TIP, shift=SHIFT):
     """A gripper that holds beside the drawing's tip, and moves what it lets go."""
 
-    def run_one(seed, tip, corrected, folder):
+    def run_one(scenario, seed, tip, corrected, folder):
         p_GO = np.array([0.095, 0.0, 0.0])
         return cycle(p_GO + tip, p_GO + held, seed=seed, error_G=shift - corrected)
 
@@ -44,7 +45,8 @@ def test_the_frames_are_what_was_measured(monkeypatch):
     monkeypatch.setattr(grasp_calibration, "calibration_cycle", pretended())
     result = run(quiet)
     assert not failed(result)
-    frames = [d["add_frame"] for d in yaml.safe_load(result.files[FILE])["directives"]]
+    text = result.files[file_name(SCENARIO)]
+    frames = [d["add_frame"] for d in yaml.safe_load(text)["directives"]]
     assert [f["name"] for f in frames] == ["gripper::tip", "gripper::released"]
     for frame, moved in zip(frames, (TIP, SHIFT), strict=True):
         np.testing.assert_allclose(frame["X_PF"]["translation"], moved, atol=1e-6)
@@ -53,9 +55,9 @@ def test_the_frames_are_what_was_measured(monkeypatch):
 
 def test_what_the_frames_do_not_make_up_for_fails():
     cycles = {stage: [cycle(error_G=np.zeros(3))] * 3 for stage in STAGES}
-    assert not failed(make_result(cycles, np.zeros(3), np.zeros(3)))
+    assert not failed(make_result(cycles, np.zeros(3), np.zeros(3), ""))
     cycles["both"] = [cycle(error_G=np.array([0.0, 3e-4, 0.0]))] * 3
-    result = make_result(cycles, np.zeros(3), np.zeros(3))
+    result = make_result(cycles, np.zeros(3), np.zeros(3), "")
     assert failed(result) == {("both", "mean placed beside the goal, palm's y")}
 
 
@@ -68,13 +70,14 @@ def test_too_few_that_were_held_calibrate_nothing():
 
 def test_a_cycle_takes_the_frames_that_it_is_given(tmp_path):
     moved = np.array([0.0, 1e-3, 0.0])
-    result = calibration_cycle(0, moved, np.zeros(3), tmp_path)
+    result = calibration_cycle(SCENARIO, 0, moved, np.zeros(3), tmp_path)
     assert result.metrics.success
     # The open hand takes its tip to the object; servos leave some tenths.
     np.testing.assert_allclose(result.p_GO_open[:2], [0.095, 1e-3], atol=3e-4)
 
 
-def test_the_frames_in_use_can_be_read():
+@pytest.mark.parametrize("scenario", [SCENARIO, grasp_calibration_fast.SCENARIO])
+def test_the_frames_in_use_can_be_read(scenario):
     """What is checked in has the tip within two millimetres of the drawing."""
     plant = MultibodyPlant(0.0)
     parser = Parser(plant)
@@ -83,7 +86,7 @@ def test_the_frames_in_use_can_be_read():
     plant.RenameModelInstance(
         plant.GetModelInstanceByName("linkage_gripper"), "gripper"
     )
-    url = f"package://drake_srg/calibration/{FILE}"
+    url = f"package://drake_srg/calibration/{file_name(scenario)}"
     path = parser.package_map().ResolveUrl(url)
     ProcessModelDirectives(LoadModelDirectives(path), parser)
     plant.Finalize()
