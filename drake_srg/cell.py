@@ -261,6 +261,11 @@ def ConnectPlanner(
         ("gripper.proximity", "proximity"),
     ):
         builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
+    if "arm.external_torque" in output_ports(station):
+        builder.Connect(
+            station.GetOutputPort("arm.external_torque"),
+            planner.GetInputPort("external_torque"),
+        )
     ConnectCommands(builder, station, planner)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.arm.drivers import AddArmPositionDriver
+from drake_srg.arm.external_torque import AddExternalTorque
 from drake_srg.cameras import AddCameras
 from drake_srg.errors import scenario_errors
 from drake_srg.gripper.drivers import AddGripperDriver
@@ -44,6 +45,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         output_ports:
         - arm.state_measured
         - arm.torque_measured
+        - arm.external_torque (with planner.max_external_torque)
         - gripper.state_measured
         - gripper.pwm
         - gripper.proximity
@@ -103,12 +105,13 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
                 ports.outputs[f"gripper.{name}"] = driver.GetOutputPort(name)
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
+        models_plant = MakeModelsPlant(scenario)
         driver = AddArmPositionDriver(
             builder,
             plant,
             arm,
             gripper,
-            MakeModelsPlant(scenario),
+            models_plant,
             scenario.arm,
             scenario.random_seed,
         )
@@ -117,6 +120,13 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         )
         ports.outputs["arm.state_measured"] = driver.GetOutputPort("state_measured")
         ports.outputs["arm.torque_measured"] = plant.get_net_actuation_output_port(arm)
+        if scenario.planner.max_external_torque is not None:
+            # A continuous plant has to find its contacts anew for every sample: it does
+            # as often as the planner and sensors of touch ask for them anyway.
+            period = (scenario.arm if plant.is_discrete() else scenario.planner).period
+            ports.outputs["arm.external_torque"] = AddExternalTorque(
+                builder, plant, arm, gripper, models_plant, period
+            )
 
     if scenario.cameras:
         ports.outputs |= AddCameras(builder, plant, scene_graph, scenario)

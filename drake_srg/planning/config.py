@@ -78,6 +78,11 @@ class PlannerConfig:
     payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
     # An arm that is this late is stopped by something [s].
     arrival_timeout: float = dc.field(default=1.0, metadata=positive())
+    # Protective stop: torques from outside (`ExternalTorqueObserver`) that end the task
+    # when the arm moves, one a joint [N m]; what is carried counts. null: none.
+    max_external_torque: list[float] | None = dc.field(
+        default=None, metadata=positive()
+    )
     # Until then after a command, fingers at rest may just not have begun to move [s].
     gripper_reaction: float = dc.field(default=0.2, metadata={"ge": 0.0})
     # How long the fingers may take to close or open [s].

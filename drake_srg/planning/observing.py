@@ -27,6 +27,7 @@ class Senses:
     finger_speeds: Vector  # shape (n,) [rad/s]
     grasped: bool  # both fingers sense something
     proximity: Vector  # shape (m,) [m]
+    external_torque: Vector | None = None  # at the arm's joints, shape (N,) [N m]
 
 
 def arrived(memory: PlannerMemory, senses: Senses, time: float) -> bool:
@@ -63,6 +64,29 @@ def watch_grasp(
     return dc.replace(memory, unheld_since=since, grip=grip)
 
 
+def watch_touch(
+    memory: PlannerMemory, senses: Senses, config: PlannerConfig
+) -> PlannerMemory:
+    """Stop a moving arm where it is when it meets something."""
+    limits, torque = config.max_external_torque, senses.external_torque
+    ended = memory.mode in (Mode.DONE, Mode.FAILED)
+    if limits is None or torque is None or memory.trajectory is None or ended:
+        return memory
+    excess = np.abs(torque) - limits
+    joint = int(np.argmax(excess))
+    if excess[joint] <= 0.0:
+        return memory
+    # Its own path might lead on into what it has met, and so might its lag behind that.
+    return dc.replace(
+        memory,
+        q_rest=senses.q.copy(),
+        trajectory=None,
+        stopped_at=None,
+        touched=f"the arm touches something: joint {joint + 1} feels "
+        f"{abs(torque[joint]):.0f} N m from outside, {limits[joint]:.0f} are allowed",
+    )
+
+
 def observe(
     memory: PlannerMemory,
     senses: Senses,
@@ -82,8 +106,9 @@ def observe(
         repeat: How many cycles are to be done.
     """
     mode = memory.mode
-    if time - memory.started > config.time_budget:
-        return Observation(failure=Failure.TIME_BUDGET)
+    if memory.touched or time - memory.started > config.time_budget:
+        touched = bool(memory.touched)
+        return Observation(failure=Failure.STOPPED if touched else Failure.TIME_BUDGET)
     if mode is Mode.IDLE:
         due = time >= memory.ready_at
         planned = memory.motions is not None

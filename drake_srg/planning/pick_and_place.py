@@ -15,7 +15,13 @@ from pydrake.systems.framework import (
 
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.config import PlannerConfig
-from drake_srg.planning.observing import Senses, arrived, observe, watch_grasp
+from drake_srg.planning.observing import (
+    Senses,
+    arrived,
+    observe,
+    watch_grasp,
+    watch_touch,
+)
 from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.replanning import Replanner
 from drake_srg.planning.sightings import Sightings, View
@@ -45,6 +51,7 @@ class PickAndPlacePlanner(LeafSystem):
         - grasped
         - proximity
         - obstacles (optional)
+        - external_torque (optional)
         output_ports:
         - position_commanded
         - closure_commanded
@@ -54,7 +61,9 @@ class PickAndPlacePlanner(LeafSystem):
     Inputs: `blobs` (list[Blob]), evaluated only when the planner looks; `arm_state`
     (2N) and `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once
     both fingers sense something; `proximity` (m), signed distances [m]; `obstacles`
-    (list[Obstacle]), evaluated with `blobs`: motions keep clear of them.
+    (list[Obstacle]), evaluated with `blobs`: motions keep clear of them;
+    `external_torque` (N) [N m]: beyond `config.max_external_torque` a moving arm stops
+    where it is, and the task has failed.
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (Mode); `status` (PlannerStatus).
@@ -83,6 +92,9 @@ class PickAndPlacePlanner(LeafSystem):
         repeat: How many cycles. Every second one takes the object back, to where it
             was first found.
         config: Times, speeds and limits.
+
+    Raises:
+        ValueError: If `config.max_external_torque` has not one entry a joint.
     """
 
     def __init__(
@@ -99,6 +111,12 @@ class PickAndPlacePlanner(LeafSystem):
         super().__init__()
         self.config = config or PlannerConfig()
         hand = task_planner.hand
+        limits, n = self.config.max_external_torque, len(task_planner.q_home)
+        if limits is not None and len(limits) != n:
+            raise ValueError(
+                f"planner.max_external_torque: has {len(limits)} entries, "
+                f"the arm has {n} joints"
+            )
         self._repeat = repeat
         self._replanner = Replanner(
             task_planner,
@@ -107,7 +125,7 @@ class PickAndPlacePlanner(LeafSystem):
             tolerance,
             self.config,
         )
-        self._n, self._n_fingers = len(task_planner.q_home), hand.num_joints
+        self._n, self._n_fingers = n, hand.num_joints
 
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
@@ -122,6 +140,9 @@ class PickAndPlacePlanner(LeafSystem):
         )
         self._obstacles = self.DeclareAbstractInputPort(
             name="obstacles", model_value=AbstractValue.Make([])
+        )
+        self._external_torque = self.DeclareVectorInputPort(
+            name="external_torque", size=self._n
         )
         self._state = self.DeclareAbstractState(
             AbstractValue.Make(PlannerMemory(q_rest=task_planner.q_home))
@@ -188,6 +209,7 @@ class PickAndPlacePlanner(LeafSystem):
         time = context.get_time()
         memory = old = self._get(context)
         senses = self._feel(context)
+        memory = watch_touch(memory, senses, self.config)
         memory = watch_grasp(memory, senses, time, self.config)
         look = not memory.looked and arrived(memory, senses, time)
         match memory.mode:
@@ -230,6 +252,9 @@ class PickAndPlacePlanner(LeafSystem):
             finger_speeds=gripper[n:],
             grasped=bool(self._grasped.Eval(context)[0]),
             proximity=self._proximity.Eval(context),
+            external_torque=self._external_torque.Eval(context)
+            if self._external_torque.HasValue(context)
+            else None,
         )
 
     def _enter(

@@ -60,6 +60,7 @@ class PlannerMemory:
     closure: float = 0.0
     # Angles of the gripper's joints, open as they were last, by name [rad].
     fingers: Mapping[str, float] = dc.field(default_factory=dict)
+    touched: str = ""  # what the arm has met, in words
     failure: Failure | None = None  # what went wrong last
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
@@ -125,7 +126,8 @@ class PlannerMemory:
             elif self.failure is None:
                 failure = Failure.MISPLACED
         if failure is not None and previous is not Mode.IDLE:
-            memory = dc.replace(memory, message=_MESSAGES.get(failure, self.message))
+            message = self.touched or _MESSAGES.get(failure, self.message)
+            memory = dc.replace(memory, message=message)
         if self.trajectory is not None and time < self.due:
             memory = memory.stopped(time)
         else:

@@ -21,7 +21,7 @@ def test_ports():
         planner.get_input_port(i).get_name() for i in range(planner.num_input_ports())
     }
     required = {"blobs", "arm_state", "gripper_state", "grasped", "proximity"}
-    assert inputs == required | {"obstacles"}
+    assert inputs == required | {"obstacles", "external_torque"}
     outputs = {planner.get_output_port(i).get_name() for i in range(4)}
     assert outputs == {"position_commanded", "closure_commanded", "mode", "status"}
     assert planner.GetOutputPort("position_commanded").size() == 2

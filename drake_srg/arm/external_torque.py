@@ -1,0 +1,175 @@
+"""What pushes an arm besides its motors and gravity, from torques and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, MultibodyForces
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    OutputPort,
+)
+from pydrake.systems.primitives import LinearSystem
+
+from drake_srg.lifetime import LeafSystem
+
+# Time constant of the estimate [s]: that of contact forces which a motion at the arm's
+# top speed builds up is 20 to 50 ms, and samples are 5 to 12 ms apart.
+TIME_CONSTANT = 0.02
+
+
+class ExternalTorqueObserver(LeafSystem):
+    """Estimates joint torques that come from outside: touch, and what the hand holds.
+
+    .. pydrake_system::
+
+        name: ExternalTorqueObserver
+        input_ports:
+        - MODEL_state (each model)
+        - torque
+        output_ports:
+        - external_torque
+
+    The generalized-momentum observer of A. De Luca and R. Mattone (ICRA 2003, 2005; S.
+    Haddadin, A. De Luca, A. Albu-Schaeffer, Robot Collisions: A Survey, IEEE Trans.
+    Robotics 33(6), 2017). Its residual r follows the external torque with a lag,
+
+        r' = (tau_external - r) / time_constant,
+
+    and needs no accelerations, only what momentum p = M v gains. Between two samples
+    that gain, less that of M itself, is M (v - v_last): so here
+
+        tau_external = M (v - v_last) / period + C v - g - tau,
+
+    with damping of the joints in g, and tau the mean of both samples.
+
+    The inputs are the states [q; v] of the model instances `models` of `plant`, as
+    their state output ports order them, and `torque` (N) [N m], what the motors of the
+    first model apply. `external_torque` (N) [N m] belongs to it, in the order of its
+    velocities. All are sampled every `period`.
+
+    Args:
+        plant: A finalized plant with these models and no other moving body.
+        models: Names of the model instances, the arm's first.
+        period: [s].
+        time_constant: Of the estimate [s].
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        models: Sequence[str],
+        period: float,
+        time_constant: float = TIME_CONSTANT,
+    ) -> None:
+        super().__init__()
+        self._plant = plant
+        self._plant_context = plant.CreateDefaultContext()  # scratch, not state
+        self._forces = MultibodyForces(plant)
+        self._models = [plant.GetModelInstanceByName(name) for name in models]
+        self._period = period
+        self._share = lag_share(period, time_constant)
+        for name, model in zip(models, self._models, strict=True):
+            self.DeclareVectorInputPort(
+                name=f"{name}_state", size=plant.num_multibody_states(model)
+            )
+        n, n_all = plant.num_velocities(self._models[0]), plant.num_velocities()
+        self._torque = self.DeclareVectorInputPort(name="torque", size=n)
+        # [v_last of all models, torque_last, r]; NaN until there is a sample.
+        self._split = np.cumsum([n_all, n])
+        initial = np.concatenate([np.full(n_all + n, np.nan), np.zeros(n)])
+        state = self.DeclareDiscreteState(initial)
+        self.DeclareVectorOutputPort(
+            name="external_torque",
+            size=n,
+            calc=self._calc_external_torque,
+            prerequisites_of_calc={self.discrete_state_ticket(state)},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(0).value()[self._split[1] :])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        plant, scratch = self._plant, self._plant_context
+        v_last, torque_last, r = np.split(
+            context.get_discrete_state(0).value(), self._split
+        )
+        for i, model in enumerate(self._models):
+            plant.SetPositionsAndVelocities(
+                scratch, model, self.get_input_port(i).Eval(context)
+            )
+        v, torque = plant.GetVelocities(scratch), self._torque.Eval(context)
+        if not np.isnan(v_last[0]):
+            plant.CalcForceElementsContribution(scratch, self._forces)
+            needed = plant.CalcInverseDynamics(
+                scratch, (v - v_last) / self._period, self._forces
+            )
+            needed = plant.GetVelocitiesFromArray(self._models[0], needed)
+            external = needed - 0.5 * (torque + torque_last)
+            r = r + self._share * (external - r)
+        discrete_state.set_value(np.concatenate([v, torque, r]))
+
+
+def AddExternalTorque(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    arm: ModelInstanceIndex,
+    gripper: ModelInstanceIndex | None,
+    models_plant: MultibodyPlant,
+    period: float,
+) -> OutputPort:
+    """Add what tells the external torques of an arm, and return its port (N) [N m].
+
+    A plant with steps gets an `ExternalTorqueObserver`. It reads what the arm's own
+    controller does: torques and motion at the joints, before the errors of what that
+    reports. Between samples of a continuous plant the torque of stiff actuators is a
+    saw, by v kp period, 170 N m at an iiwa's top speed, and no sample stands for its
+    mean. There, the torques are those of the contacts by the plant's own account, with
+    the same lag; inside the arm, joint torque sensors would tell as much.
+
+    Args:
+        builder: Of the diagram.
+        plant: What is observed, finalized and in the diagram.
+        arm: Whose torques.
+        gripper: What moves with it.
+        models_plant: A finalized plant with both and no other moving body.
+        period: [s].
+    """
+    if not plant.is_discrete():
+        eye = np.eye(plant.num_velocities(arm))
+        share = lag_share(period)
+        lag = builder.AddNamedSystem(
+            "external_torque_lag",
+            LinearSystem((1.0 - share) * eye, share * eye, eye, 0.0 * eye, period),
+        )
+        contacts = plant.get_generalized_contact_forces_output_port(arm)
+        builder.Connect(contacts, lag.get_input_port())
+        return lag.get_output_port()
+    instances = [arm] if gripper is None else [arm, gripper]
+    observer = builder.AddNamedSystem(
+        "external_torque_observer",
+        ExternalTorqueObserver(
+            models_plant, [plant.GetModelInstanceName(i) for i in instances], period
+        ),
+    )
+    for i, instance in enumerate(instances):
+        builder.Connect(
+            plant.get_state_output_port(instance), observer.get_input_port(i)
+        )
+    builder.Connect(
+        plant.get_net_actuation_output_port(arm), observer.GetInputPort("torque")
+    )
+    return observer.get_output_port()
+
+
+def lag_share(period: float, time_constant: float = TIME_CONSTANT) -> float:
+    """Share of a step that a first-order lag follows in a period [s]."""
+    return float(-np.expm1(-period / time_constant))
