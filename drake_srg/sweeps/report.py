@@ -108,7 +108,11 @@ def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
                 "p",
                 f"{len(trials):,} of {sweep.trials:,} trials are over: the sweep runs, "
                 "or was interrupted. Quick ones may be too many among them. The "
-                "command above finishes it, with the sweep's --out and --resume.",
+                "command above, with the sweep's ",
+                code("--out"),
+                " and ",
+                code("--resume"),
+                ", finishes it.",
                 class_="notice",
                 role="note",
             )

@@ -10,6 +10,7 @@ import numpy as np
 from drake_srg.sweeps import report_plots as plots
 from drake_srg.sweeps.report_effects import (
     FALSE_DISCOVERIES,
+    FEW,
     Bin,
     Effect,
     Relation,
@@ -46,7 +47,9 @@ def effects(trials: Trials) -> Element:
     )
     title = "What matters"
     if not ranked:
-        return section(title, paragraph("Nothing was varied between the trials."))
+        few = "Too few trials are over to tell."
+        none = "Nothing was varied between the trials."
+        return section(title, paragraph(few if len(trials) < FEW else none))
     found = [effect for effect in ranked if effect.significant]
     return section(
         title,

@@ -19,7 +19,7 @@ from drake_srg.types import Vector
 
 # The share of false ones that is accepted among the relations that are called so.
 FALSE_DISCOVERIES = 0.05
-_FEW = 10  # trials, below which the p-value of a rank correlation is a guess
+FEW = 10  # trials, below which the p-value of a rank correlation is a guess
 _BIN_TRIALS = 25  # at least; their Wilson interval is at most 0.37 wide
 _MAX_BINS = 8
 
@@ -98,7 +98,7 @@ def rank_effects(
     def correlation(outcome: Vector) -> _Measure:
         def measure(values: Vector, rows: Rows) -> _Test:
             rows = rows & success & np.isfinite(outcome)
-            if np.count_nonzero(rows) < _FEW:
+            if np.count_nonzero(rows) < FEW:
                 return None
             return spearman(values[rows], outcome[rows])
 
@@ -150,11 +150,11 @@ def _bins(
 ) -> list[Bin]:
     """Bins of about equal numbers of trials, from the smallest value on.
 
-    A quantity of few values has a bin for each of them.
+    A quantity of few values, each drawn again and again, has a bin for each of them.
     """
     finite = values[np.isfinite(values)]
     edges = np.unique(finite)
-    if len(edges) > _MAX_BINS:
+    if len(edges) > min(_MAX_BINS, len(finite) // 2):
         count = int(np.clip(len(finite) // _BIN_TRIALS, 2, _MAX_BINS))
         shares = np.arange(count) / count
         edges = np.unique(np.quantile(finite, shares, method="inverted_cdf"))

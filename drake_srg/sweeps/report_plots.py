@@ -133,8 +133,8 @@ def against(
     foot = _HEIGHT - _BOTTOM
     y = Scale(*axis, foot - 12.0, 10.0)
     children = _y_axis(y, ticks(*axis, 4), text)
-    discrete = all(b.low == b.high for b in bins)
-    children += _x_axis(x, [b.low for b in bins] if discrete else ticks(low, high, 5))
+    whole = all(b.low == b.high == round(b.low) for b in bins)
+    children += _x_axis(x, [b.low for b in bins] if whole else ticks(low, high, 5))
     for value in strokes:
         at = x(float(value))
         children.append(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import re
 import shlex
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.sweeps.report_effects import FEW
 from drake_srg.types import Vector
+
+_NEAREST = "clutter: nearest to another object"
 
 
 class Trials:
@@ -65,8 +70,10 @@ class Trials:
         """What was sampled and differs between trials, by name; shape (len(self),).
 
         What has words for values becomes one quantity a word: 1 where it was drawn.
+        Where there is clutter, how near it is to another object is one, too. What
+        fewer than `FEW` trials have tells nothing and is left out.
         """
-        quantities: dict[str, Vector] = {}
+        quantities: dict[str, Vector] = {_NEAREST: self._nearest_clutter()}
         for name in self._sampled:
             values = self.column(name)
             words = sorted({value for value in values if isinstance(value, str)})
@@ -82,8 +89,28 @@ class Trials:
         return {
             name: values
             for name, values in quantities.items()
-            if len(np.unique(values[np.isfinite(values)])) > 1
+            if np.count_nonzero(np.isfinite(values)) >= FEW
+            and len(np.unique(values[np.isfinite(values)])) > 1
         }
+
+    def _nearest_clutter(self) -> Vector:
+        """The smallest distance of clutter from another object, on the table [m].
+
+        Between centres; shape (len(self),), nan where a trial has no clutter.
+        Things of the clutter are drawn alike, so that none of them alone says much.
+        """
+        places: dict[str, list[Vector]] = {}
+        for name in self._sampled:
+            match = re.fullmatch(r"objects\.(.+)\.position\[[01]\]", name)
+            if match:
+                places.setdefault(match[1], []).append(self.numbers(name))
+        points = {name: np.array(p) for name, p in places.items() if len(p) == 2}
+        clutter = [p for name, p in points.items() if name.startswith("clutter_")]
+        others = [p for name, p in points.items() if not name.startswith("clutter_")]
+        nearest = np.full(len(self), np.nan)
+        for p, q in itertools.product(clutter, others):
+            nearest = np.fmin(nearest, np.linalg.norm(p - q, axis=0))
+        return nearest
 
     def worst(self) -> list[int]:
         """All rows, the worst first.

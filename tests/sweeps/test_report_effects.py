@@ -76,14 +76,39 @@ def test_words_are_quantities_of_their_own_and_what_is_constant_is_none():
     assert "objects.table.color" not in names
 
 
+def test_what_few_trials_have_is_left_out():
+    rows = made_rows(100)
+    rows |= {"objects.rare.mass": [float(t) if t < 9 else None for t in range(100)]}
+    assert "objects.rare.mass" not in trials_of(rows).quantities()
+
+
+def test_how_near_clutter_is_counts_for_all_of_it():
+    n = 20
+    rows = made_rows(n) | {
+        f"objects.{name}.position[{axis}]": values
+        for name, xs, ys in (
+            ("soup_can", [0.0] * n, [0.0] * n),
+            ("clutter_1", [3.0] * n, [4.0] * n),
+            ("clutter_2", [*range(19), None], [0.0] * 19 + [None]),
+        )
+        for axis, values in enumerate((xs, ys))
+    }
+    nearest = trials_of(rows).quantities()["clutter: nearest to another object"]
+    assert nearest.tolist() == [min(5.0, x) for x in range(19)] + [5.0]
+    assert not any("nearest" in n for n in trials_of(made_rows(n)).quantities())
+
+
 def test_a_trial_without_a_value_counts_for_the_others_alone():
-    values = np.array([np.nan, 1.0, 2.0, 3.0])
-    rows = success_bins(values, np.array([False, True, False, True]))
+    values = np.array([np.nan, 1.0, 2.0, 1.0, 2.0])
+    rows = success_bins(values, np.array([False, True, False, True, True]))
     assert [(b.low, b.trials, b.outcome) for b in rows] == [
-        (1.0, 1, 1.0),
-        (2.0, 1, 0.0),
-        (3.0, 1, 1.0),
+        (1.0, 2, 1.0),
+        (2.0, 2, 0.5),
     ]
+
+
+def test_few_values_that_do_not_come_again_are_no_bins():
+    assert len(success_bins(np.array([0.1, 0.2, 0.3, 0.4]), np.ones(4, bool))) == 2
 
 
 some_values = st.one_of(st.none(), st.integers(0, 30).map(float), st.floats(-1.0, 1.0))
@@ -108,12 +133,12 @@ def test_bins_hold_every_trial_once_in_order(pairs):
 
 
 def test_medians_are_of_trials_that_have_an_outcome():
-    values = np.array([1.0, 1.0, 1.0, 2.0, 2.0])
-    outcome = np.array([5.0, 7.0, np.nan, 9.0, np.nan])
+    values = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+    outcome = np.array([5.0, 7.0, np.nan, 9.0, 9.0, np.nan])
     rows = median_bins(values, outcome)
     assert [(b.trials, b.outcome, b.bounds) for b in rows] == [
         (2, 6.0, (5.5, 6.5)),
-        (1, 9.0, (9.0, 9.0)),
+        (2, 9.0, (9.0, 9.0)),
     ]
 
 
