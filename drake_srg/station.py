@@ -123,7 +123,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         if scenario.planner.max_external_torque is not None:
             # A continuous plant has to find its contacts anew for every sample: it does
             # as often as the planner and sensors of touch ask for them anyway.
-            period = (scenario.arm if plant.is_discrete() else scenario.planner).period
+            period = (scenario.arm if plant.time_step() else scenario.planner).period
             ports.outputs["arm.external_torque"] = AddExternalTorque(
                 builder, plant, arm, gripper, models_plant, period
             )

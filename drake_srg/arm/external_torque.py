@@ -143,7 +143,7 @@ def AddExternalTorque(
         models_plant: A finalized plant with both and no other moving body.
         period: [s].
     """
-    if not plant.is_discrete():
+    if not plant.time_step():
         eye = np.eye(plant.num_velocities(arm))
         share = lag_share(period)
         lag = builder.AddNamedSystem(
