@@ -38,6 +38,7 @@ def test_a_table_has_a_column_a_scenario():
 def test_twins_stand_side_by_side():
     names = scenarios_with_a_twin()
     assert names[names.index("kitchen") + 1] == "kitchen_fast"
+    assert names[names.index("assistive_arm") + 1] == "assistive_arm_fast"
     assert all(name in list_scenarios() for name in names)
     assert len(names) % 2 == 0
 

@@ -35,6 +35,40 @@ def test_it_is_recorded(run):
     assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
 
 
+def test_the_fast_arm_does_as_the_accurate_one():
+    fast, accurate = (
+        Simulate(load_scenario(name, seed=1)).metrics
+        for name in ("assistive_arm_fast", "assistive_arm")
+    )
+    assert fast.success
+    assert accurate.success
+    assert fast.attempts == 1
+    assert abs(fast.cycle_time_s - accurate.cycle_time_s) < 0.3
+    # The recess is 1 mm wider than the cylinder; the aim in it is half of that.
+    assert np.all(np.abs(fast.placement_error_m[:2]) < 0.5e-3)
+    np.testing.assert_allclose(
+        fast.localization_error_m, accurate.localization_error_m, atol=1e-4
+    )
+
+
+def test_the_fast_arm_loses_what_is_slippery():
+    overrides = ["object.friction=0", "planner.max_attempts=1"]
+    metrics = Simulate(load_scenario("assistive_arm_fast", overrides=overrides)).metrics
+    assert metrics.failure in ("no_grasp", "dropped")
+
+
+def test_pads_are_what_fingers_of_the_fast_arm_meet_with():
+    station = MakeStation(load_scenario("assistive_arm_fast"))
+    inspector = station.GetSubsystemByName("scene_graph").model_inspector()
+    pairs = [
+        [inspector.GetName(geometry) for geometry in pair]
+        for pair in inspector.GetCollisionCandidates()
+    ]
+    own = [p for p in pairs if all(name.startswith("gripper::") for name in p)]
+    assert len(own) == 9  # three pads by three
+    assert all("_pad_" in name for pair in own for name in pair)
+
+
 def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
     metrics = Simulate(load_scenario("gripper_bench_fast")).metrics
     assert metrics.success
