@@ -14,7 +14,7 @@ def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
 
     Args:
         scenario: Whose models count.
-        arm_states: Rows of the log's `arm.state_measured`, shape (K, 2N).
+        arm_states: Rows of a log's states of the arm, [q; v], shape (K, 2N).
     """
     plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()

@@ -39,6 +39,7 @@ _SETTLE = 0.5
 
 _LOGGED = (
     "arm.state_measured",
+    "arm.state_cheat",
     "arm.torque_measured",
     "arm.position_commanded",
     "gripper.state_measured",

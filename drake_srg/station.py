@@ -58,6 +58,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - camera_NAME.color_image
         - camera_NAME.depth_image
         - camera_NAME.body_pose_in_world
+        - arm.state_cheat
         - object_poses_cheat
         - contact_results_cheat
 
@@ -119,6 +120,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
             "position_commanded"
         )
         ports.outputs["arm.state_measured"] = driver.GetOutputPort("state_measured")
+        ports.outputs["arm.state_cheat"] = plant.get_state_output_port(arm)
         ports.outputs["arm.torque_measured"] = plant.get_net_actuation_output_port(arm)
         if scenario.planner.max_external_torque is not None:
             # A continuous plant has to find its contacts anew for every sample: it does

@@ -49,6 +49,7 @@ def test_the_ports_are_those_of_the_table(station):
             "gripper.grasped": 1,
             "arm.state_measured": 14,
             "arm.torque_measured": 7,
+            "arm.state_cheat": 14,
             **dict.fromkeys(camera_ports("ceiling") + camera_ports("overview")),
             "object_poses_cheat": None,
             "contact_results_cheat": None,
@@ -64,6 +65,7 @@ def test_what_a_scenario_does_not_have_has_no_ports():
     assert set(outputs) == {
         "arm.state_measured",
         "arm.torque_measured",
+        "arm.state_cheat",
         "object_poses_cheat",
         "contact_results_cheat",
     }
