@@ -82,7 +82,7 @@ def _page(sweep: SweepInfo, trials: Trials, folder: Path) -> Element:
                 effects(trials),
                 page.distributions(trials),
                 worst(trials, folder, rerun),
-                page.totals(trials),
+                page.totals(trials, sweep.jobs),
                 _origin(sweep),
             ),
         ),

@@ -206,14 +206,14 @@ def _relations(
     }
 
 
-def _rank(effect: Effect) -> list[tuple[float, float]]:
+def _rank(effect: Effect) -> list[float]:
     """What is significant first: for failures, then for the others; then the rest."""
     relations = (effect.failure, effect.placement, effect.cycle)
+    found = [r.p if r is not None and r.significant else 1.0 for r in relations]
+    # Those that are as good as certain by their strength.
     strengths = [
         0.0 if relation is None else -abs(relation.strength - neutral)
         for relation, neutral in zip(relations, (0.5, 0.0, 0.0), strict=True)
     ]
-    return [
-        (relation.p, strength) if relation and relation.significant else (1.0, 0.0)
-        for relation, strength in zip(relations, strengths, strict=True)
-    ] + [(1.0, strength) for strength in strengths]
+    rest = [1.0 if relation is None else relation.p for relation in relations]
+    return found + rest + strengths

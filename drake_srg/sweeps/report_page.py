@@ -182,10 +182,17 @@ def distributions(trials: Trials) -> Element:
     )
 
 
-def totals(trials: Trials) -> Element:
-    """Time, throughput and memory."""
+def totals(trials: Trials, jobs: int | None) -> Element:
+    """Time, throughput and memory.
+
+    Args:
+        trials: All of them.
+        jobs: How many ran at a time; None: one a worker.
+    """
     own = trials.numbers("trial_time_s")
+    # Workers that are gone have others in their place.
     workers = len({w for w in trials.column("worker") if w is not None}) or 1
+    workers = min(workers, jobs or workers)
     spent = float(np.nansum(own))
     rate = 3600.0 * workers * np.count_nonzero(np.isfinite(own)) / (spent or math.nan)
     memory = trials.numbers("memory_mb")

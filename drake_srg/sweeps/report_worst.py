@@ -87,10 +87,11 @@ def _videos(trials: Trials, folder: Path) -> tuple[list[tuple[int, bytes]], list
 
 
 def _player(trials: Trials, row: int, video: bytes) -> Element:
-    if trials.success[row]:
-        what = "success"
-    else:
-        what = f"{trials.failure[row]}: {trials.message[row] or 'no words'}"
+    what = "success" if trials.success[row] else trials.failure[row]
+    if trials.claimed[row]:
+        what += ", though the planner said done"
+    if trials.message[row]:
+        what += f": {trials.message[row]}"
     error = trials.placement_error[row]
     if np.isfinite(error):
         what += f"; {number(1e3 * error, 'mm')} from its goal"

@@ -141,6 +141,14 @@ def test_without_videos_the_page_tells_how_to_get_them(tmp_path):
     assert "--record failures" in report(tmp_path, made_rows(20)).text
 
 
+@pytest.mark.parametrize(("jobs", "words"), [(1, "one worker"), (None, "2 workers")])
+def test_workers_that_came_after_each_other_are_not_added_up(tmp_path, jobs, words):
+    rows = made_rows(20) | {"trial_time_s": [9.0] * 20}
+    page = report(tmp_path, rows, jobs=jobs)
+    rate = 400 if jobs else 800
+    assert f"{rate} trials an hour, {words}" in page.text
+
+
 def test_where_no_sweep_or_no_trial_is_one_line_says_so(tmp_path):
     with pytest.raises(ScenarioError, match="no sweep"):
         write_report(tmp_path)
