@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import os
 import shlex
 import signal
 import sys
@@ -179,7 +180,8 @@ def dataset(options: argparse.Namespace) -> int:
             progress=sys.stderr.isatty(),
         )
     except OSError as error:
-        reason = error.strerror or one_line(error)
+        # PyArrow's messages are long ones.
+        reason = os.strerror(error.errno) if error.errno else one_line(error)
         raise ScenarioError(f"-o {output}: cannot be written: {reason}") from error
     print(
         f"{made.episodes} episodes ({made.successes} successful), {made.frames} frames "

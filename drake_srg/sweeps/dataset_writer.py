@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.dataset
 import pyarrow.parquet as pq
 
 from drake_srg.sweeps import dataset_format as fmt
@@ -133,10 +132,13 @@ class DatasetWriter:
             self._features, self._fps, self._robot, self._count, self._frames
         )
         _write_json(self._root / "meta" / "info.json", info)
-        # Exact, quantiles included, of one column after the other.
-        data = pyarrow.dataset.dataset(self._root / "data", format="parquet")
-        statistics = {
-            name: column_statistics(data.to_table(columns=[name])[name])
+        paths = sorted((self._root / "data").glob("*/*.parquet"))
+        statistics = {  # one column after the other, for the sake of memory
+            name: column_statistics(
+                pa.concat_tables(
+                    pq.ParquetFile(path).read(columns=[name]) for path in paths
+                )[name]
+            )
             for name in self._data_schema.names
         }
         for camera, images in self._images.items():

@@ -10,8 +10,9 @@ from hypothesis.extra.numpy import arrays
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from drake_srg import cli
 from drake_srg.errors import ScenarioError
-from drake_srg.sweeps import dataset, dataset_video
+from drake_srg.sweeps import dataset, dataset_files, dataset_video
 from drake_srg.sweeps.dataset import make_dataset
 from drake_srg.sweeps.dataset_files import FilePlace, next_place
 from drake_srg.sweeps.dataset_recording import read_images, read_signals
@@ -342,18 +343,74 @@ def test_broken_metrics(tmp_path, text):
     assert "000000/metrics.json: is not a trial's" in complaint(sweep)
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(28, "No space left")])
-def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch, error):
+def raise_(error):
+    """A method that does nothing else."""
+
+    def method(self, *arguments):
+        raise error
+
+    return method
+
+
+def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch):
     whole = dataset_video.VideoFiles.append
     calls = []
 
     def append(self, episode):
         calls.append(self)
-        if len(calls) > 3:
-            raise error
+        if len(calls) > 3:  # the second camera of the second episode
+            raise KeyboardInterrupt
         return whole(self, episode)
 
     monkeypatch.setattr(dataset_video.VideoFiles, "append", append)
-    with pytest.raises((KeyboardInterrupt, OSError)):
+    with pytest.raises(KeyboardInterrupt):
         make_dataset(sweep, tmp_path / "made")
+    assert list(tmp_path.iterdir()) == []
+
+
+def command(*arguments):
+    return cli.main(["dataset", *map(str, arguments)])
+
+
+def test_command(sweep, tmp_path, capsys):
+    made = tmp_path / "made"
+    assert command(sweep, "-o", made, "--fps", "4", "--only-success") == 0
+    said = capsys.readouterr().out
+    assert said == f"2 episodes (2 successful), 9 frames at 4 per second\n{made}\n"
+    lerobot.check(made)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--fps", "3"], "--fps 3: images come at 8 Hz; allowed for --fps: 1, 2, 4, 8"),
+        (["-o", "/proc/made"], "-o /proc/made: cannot be written: No such file or dir"),
+        (["--fps", "fast"], "--fps"),
+    ],
+)
+def test_command_says_what_is_wrong(sweep, tmp_path, capsys, arguments, said):
+    arguments = [sweep, "-o", tmp_path / "made", *arguments]
+    try:
+        code = command(*arguments)
+    except SystemExit as error:  # argparse's
+        code = error.code
+    assert code == 2
+    complaint = capsys.readouterr().err
+    assert complaint.count("\n") == 1 and said in complaint
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_command_on_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
+    full = OSError(28, "Error writing bytes. Detail: [errno 28] No space left")
+    monkeypatch.setattr(dataset_files.ParquetFiles, "append", raise_(full))
+    assert command(sweep, "-o", tmp_path / "made") == 2
+    assert capsys.readouterr().err.endswith("written: No space left on device\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_command_is_interrupted(sweep, tmp_path, monkeypatch, capsys):
+    stop = raise_(KeyboardInterrupt())
+    monkeypatch.setattr(dataset_files.ParquetFiles, "append", stop)
+    assert command(sweep, "-o", tmp_path / "made") == 2
+    assert capsys.readouterr().err == "drake-srg: stopped\n"
     assert list(tmp_path.iterdir()) == []
