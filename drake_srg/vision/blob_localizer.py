@@ -15,9 +15,10 @@ from pydrake.systems.framework import Context, EventStatus, State
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Blob, BlobFlag, Shape, Vector
+from drake_srg.types import Blob, BlobFlag, Shape
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorImage, ColorRange
+from drake_srg.vision.depth_noise import clean
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.solids import bounding_size
 from drake_srg.vision.view import view_around
@@ -148,9 +149,12 @@ class BlobLocalizer(LeafSystem):
         for camera in self._cameras:
             color = self._image(context, camera, "color")
             depth = self._image(context, camera, "depth")[..., 0]
+            depth, noise = clean(depth)
             X_WB = self._input(context, f"{camera}.body_pose_in_world")
             for target in self._targets:
-                found[target.name] += self._see(target, camera, color, depth, X_WB)
+                found[target.name] += self._see(
+                    target, camera, color, depth, noise, X_WB
+                )
         return [
             blob
             for blobs in found.values()
@@ -162,7 +166,8 @@ class BlobLocalizer(LeafSystem):
         target: BlobTarget,
         camera: str,
         color: ColorImage,
-        depth: Vector,
+        depth: npt.NDArray[Any],
+        noise: float,
         X_WB: RigidTransform,
     ) -> list[Blob]:
         """The blobs of one target in one camera."""
@@ -178,7 +183,14 @@ class BlobLocalizer(LeafSystem):
                 continue
             blob = labels == i
             view = view_around(
-                target.shape, blob, colored, depth, color_imager, depth_imager, X_WB
+                target.shape,
+                blob,
+                colored,
+                depth,
+                color_imager,
+                depth_imager,
+                X_WB,
+                noise,
             )
             fit = fit_shape(target.shape, view) if view else None
             if fit is None or fit.quality < self._min_quality:

@@ -16,6 +16,21 @@ _STEEPEST = np.cos(np.deg2rad(15.0))  # a top leaning more is taken as not under
 _UP = np.array([0.0, 0.0, 1.0])
 
 
+def guess_upright(shape: Cylinder | Box, view: View) -> RigidTransform:
+    """The pose X_WO, the solid's z upwards, from which a fit may start.
+
+    Args:
+        shape: The solid.
+        view: Where it is; at least three pixels of the blob have depth.
+    """
+    points = view.points()[view.blob & view.valid]
+    if isinstance(shape, Box):
+        return _standing_box(shape, points, view.noise, upright=True)
+    forward = points.mean(axis=0) - view.origin
+    forward /= np.linalg.norm(forward)
+    return _cylinder(shape, points, _UP, forward, view)
+
+
 def guess_poses(shape: Shape, view: View) -> list[RigidTransform]:
     """Poses X_WO from which a fit may start.
 
@@ -35,13 +50,13 @@ def guess_poses(shape: Shape, view: View) -> list[RigidTransform]:
         # A ball's surface is on average that much before its centre.
         return [RigidTransform(middle + 2 / 3 * shape.radius * forward)]
     if isinstance(shape, Box):
-        return [_standing_box(shape, points)]
-    top, _, _ = fit_plane(points, 2 * shape.radius)
+        return [_standing_box(shape, points, view.noise)]
+    top, _, _ = fit_plane(points, 2 * shape.radius, view.noise)
     long = np.linalg.eigh(np.cov(points.T))[1][:, -1]
     normals = _normals(view)
     axes = [top, long, *np.linalg.eigh(normals.T @ normals)[1].T]
     return [
-        _cylinder(shape, points, end * axis, forward)
+        _cylinder(shape, points, end * axis, forward, view)
         for axis in axes
         for end in (1, -1)
     ]
@@ -58,7 +73,7 @@ def _normals(view: View) -> Vector:
 
 
 def _cylinder(
-    shape: Cylinder, points: Vector, axis: Vector, forward: Vector
+    shape: Cylinder, points: Vector, axis: Vector, forward: Vector, view: View
 ) -> RigidTransform:
     """A cylinder along an axis, whose end is at the last of the points there."""
     middle = points.mean(axis=0)
@@ -66,12 +81,20 @@ def _cylinder(
     # Seen from the side, a cylinder's surface is on average that much before its axis.
     behind = np.pi / 4 * shape.radius * (forward - (forward @ axis) * axis)
     center = middle + (end - 0.5 * shape.length) * axis + behind
-    return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), center)
+    # Its x is one that turns with the camera, so that what is found does so, too.
+    x = view.R_WD[:, np.argmin(np.abs(axis @ view.R_WD))]
+    x = x - (x @ axis) * axis
+    x /= np.linalg.norm(x)
+    R_WO = RotationMatrix(np.column_stack([x, np.cross(axis, x), axis]))
+    return RigidTransform(R_WO, center)
 
 
-def _standing_box(shape: Box, points: Vector) -> RigidTransform:
+def _standing_box(
+    shape: Box, points: Vector, noise: float, *, upright: bool = False
+) -> RigidTransform:
     """A box on its base: its top is the plane through the topmost points."""
-    normal, center, thickness = fit_plane(points, min(shape.size[:2]))
+    normal, center, thickness = fit_plane(points, min(shape.size[:2]), noise)
+    normal = _UP if upright else normal
     e1 = np.cross(_UP if abs(normal[2]) < 0.5 else [0.0, 1.0, 0.0], normal)
     basis = np.stack([e1, np.cross(normal, e1)]) / np.linalg.norm(e1)
     top = points[np.abs((points - center) @ normal) <= thickness]
@@ -82,7 +105,9 @@ def _standing_box(shape: Box, points: Vector) -> RigidTransform:
     return RigidTransform(RotationMatrix(R), position)
 
 
-def fit_plane(points: Vector, extent: float) -> tuple[Vector, Vector, float]:
+def fit_plane(
+    points: Vector, extent: float, noise: float = 0.0
+) -> tuple[Vector, Vector, float]:
     """The plane through the topmost of `points`, nearly level.
 
     Grows from the points near the highest ones and narrows to four standard deviations
@@ -91,11 +116,13 @@ def fit_plane(points: Vector, extent: float) -> tuple[Vector, Vector, float]:
     Args:
         points: Shape (n, 3), n > 0, z up [m].
         extent: Size of the surface looked for [m].
+        noise: Standard deviation of the points [m].
 
     Returns:
         Unit normal (3,), a point of the plane (3,), half its thickness [m].
     """
-    normal, thickness = _UP, 3e-3
+    floor = max(_FLOOR, 4 * noise)
+    normal, thickness = _UP, max(3e-3, floor)
     center = np.array([0.0, 0.0, np.quantile(points[:, 2], 0.95)])
     for _ in range(6):
         height = (points - center) @ normal
@@ -108,7 +135,7 @@ def fit_plane(points: Vector, extent: float) -> tuple[Vector, Vector, float]:
         wide = variance[1] > (0.1 * extent) ** 2
         normal = lean if wide and lean[2] > _STEEPEST else _UP
         residual = np.abs((top - center) @ normal)
-        thickness = min(thickness, max(_FLOOR, 4 * 1.4826 * float(np.median(residual))))
+        thickness = min(thickness, max(floor, 4 * 1.4826 * float(np.median(residual))))
     return normal, center, thickness
 
 

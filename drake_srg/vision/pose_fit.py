@@ -53,6 +53,8 @@ def align(
     X_WO: RigidTransform,
     view: View,
     softnesses: Sequence[float],
+    *,
+    upright: bool = False,
 ) -> Alignment:
     """The pose near a first guess that explains a view best.
 
@@ -62,6 +64,7 @@ def align(
         view: Where to look; the blob must have depth.
         softnesses: Of the outline [pixels], from how far the first guess may be off to
             a fraction of a pixel.
+        upright: Keep the solid's z as it is.
     """
     radius = 0.5 * float(np.linalg.norm(bounding_size(shape)))
     pixel = float(np.linalg.norm(X_WO.translation() - view.origin)) / view.focal[0]
@@ -73,7 +76,7 @@ def align(
         told = (sight.labels != UNKNOWN) & (np.abs(sight.distance) < 3 + 8 * softness)
         pixels, side = sight.pixels[told], np.where(sight.labels == INSIDE, 1, -1)[told]
         for _ in range(_STEPS):
-            basis = _directions(shape, X_WO, radius)
+            basis = _directions(shape, X_WO, radius, upright)
             b, H = _depth_cost(shape, X_WO, _thin(points), len(points), basis)
             outline = Outline.of(shape, X_WO, view)
             more = _outline_cost(outline, _thin(pixels), _thin(side), softness, basis)
@@ -86,20 +89,24 @@ def align(
                 break
     covariance = np.linalg.inv(H)
     largest = np.linalg.eigvalsh(covariance[:3, :3])[-1]
-    turns = np.diag(covariance)[3:5].sum()  # about the solid's x and y
+    # About the solid's x and y.
+    turns = 0.0 if upright else np.diag(covariance)[3:5].sum()
     return Alignment(X_WO, float(np.sqrt(largest)), float(np.sqrt(turns)) / radius)
 
 
-def _directions(shape: Shape, X_WO: RigidTransform, radius: float) -> Vector:
+def _directions(
+    shape: Shape, X_WO: RigidTransform, radius: float, upright: bool
+) -> Vector:
     """How the pose may move [m]: translation, and turns about axes that show.
 
     Returns:
         Columns of translation and rotation vector in W, shape (6, k).
     """
     turns = 3 if isinstance(shape, Box) else 2 if isinstance(shape, Cylinder) else 0
-    basis = np.zeros((6, 3 + turns))
+    axes = X_WO.rotation().matrix()[:, 2 * upright : turns]
+    basis = np.zeros((6, 3 + axes.shape[1]))
     basis[:3, :3] = np.eye(3)
-    basis[3:, 3:] = X_WO.rotation().matrix()[:, :turns] / radius
+    basis[3:, 3:] = axes / radius
     return basis
 
 

@@ -13,11 +13,11 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.types import Cylinder, Shape, Sphere, Vector
-from drake_srg.vision.guesses import guess_poses
+from drake_srg.vision.guesses import guess_poses, guess_upright
 from drake_srg.vision.outline import Outline
 from drake_srg.vision.pose_fit import align
 from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight, look
-from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.solids import bounding_size, signed_distance
 from drake_srg.vision.view import View
 
 # Softness of the outline [pixels]: a guess is a few off. A label tells where an edge is
@@ -25,6 +25,14 @@ from drake_srg.vision.view import View
 _COARSE, _MIDDLE, _FINE = (3.0, 1.0), (0.3,), (0.1, 0.03)
 # Of a blob's pixels: another guess will hardly leave fewer, and it is not this solid.
 _EXPLAINED, _MOST_UNEXPLAINED = 0.03, 0.1
+_ANOTHER = 0.35  # with more it is another thing's blob
+_DEVIATIONS = 4.0  # of noise
+# How far a solid may reach below what is beside it: as far as a recess is deep that
+# leaves something to grasp [m, of its height].
+_SUNK, _SUNK_SHARE = 0.01, 0.15
+_LEAST_TOP = 8  # pixels of an upright solid's top
+_STANDS = np.cos(np.deg2rad(15.0))
+_BESIDE, _LEAST_AROUND = 5, 8  # pixels around it that tell where it stands
 _WRONG = 1e-3  # m; a point of the blob farther off the surface speaks against a pose
 _RING = 72  # samples of the outline, for its quality
 _MOST_DEVIATIONS = np.array([1e-3, np.deg2rad(1.0)])  # of position [m] and axis [rad]
@@ -56,24 +64,21 @@ class Fit:
 
 def fit_shape(shape: Shape, view: View) -> Fit | None:
     """The centre and axis of `shape`, or None where the view shows too little of it."""
+    view = _within_reach(shape, view)
     points = view.points()[view.blob & view.valid]
     if len(points) < 3:
         return None
-    best, least = RigidTransform(), np.inf
-    for guess in _by_distance(shape, guess_poses(shape, view), points):
-        X_WO = align(shape, guess, view, _COARSE).X_WO
-        if (unexplained := _unexplained(look(shape, X_WO, view, margin=0))) < least:
-            best, least = X_WO, unexplained
-        if least <= _EXPLAINED:
-            break
-    middle = align(shape, best, view, _MIDDLE)
-    X_WO = align(shape, middle.X_WO, view, _FINE).X_WO
+    start, upright = _start(shape, view, points)
+    middle = align(shape, start, view, _MIDDLE, upright=upright)
+    X_WO = align(shape, middle.X_WO, view, _FINE, upright=upright).X_WO
     axis = X_WO.rotation().matrix()[:, 2]
     if isinstance(shape, Sphere):
         axis = _UP
     elif isinstance(shape, Cylinder):
         axis = axis * np.copysign(1.0, axis[2])
-    sight = look(shape, X_WO, view, margin=3)
+    sight = look(shape, X_WO, view, margin=_BESIDE)
+    if _unexplained(sight, view) > _ANOTHER or _sunken(shape, X_WO, view, sight):
+        return None
     deviations = np.array([middle.position_deviation, middle.axis_deviation])
     uncertain = (deviations > _MOST_DEVIATIONS).any()
     return Fit(
@@ -82,6 +87,52 @@ def fit_shape(shape: Shape, view: View) -> Fit | None:
         *_seen(sight, Outline.of(shape, X_WO, view), view),
         uncertain=bool(uncertain) or _doubtful(shape, X_WO, view, sight),
     )
+
+
+def _within_reach(shape: Shape, view: View) -> View:
+    """A view whose blob is without pixels that are too far off to be of one solid.
+
+    Where something hides a part of it, its colour runs over onto that.
+    """
+    usable = view.blob & view.valid
+    if not usable.any():
+        return view
+    points = view.points()
+    off = np.linalg.norm(points - np.median(points[usable], axis=0), axis=-1)
+    return dc.replace(view, blob=usable & (off <= np.linalg.norm(bounding_size(shape))))
+
+
+def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bool]:
+    """The pose that explains most, coarsely, and whether it is held upright.
+
+    Most things stand. Where there is noise, it hides small leans; a solid that stands
+    and explains the image as well as anything could is then taken to stand.
+    """
+    best, least, upright = RigidTransform(), np.inf, False
+    if view.noise and not isinstance(shape, Sphere):
+        guess = guess_upright(shape, view)
+        best = align(shape, guess, view, _COARSE, upright=True).X_WO
+        sight = look(shape, best, view, margin=0)
+        scatter = 1.4826 * float(np.median(np.abs(sight.error[sight.blob])))
+        # Without its top in sight, its height is anybody's guess.
+        top = best.translation()[2] + 0.5 * bounding_size(shape)[2]
+        tops = sight.blob & (
+            np.abs(sight.points[:, 2] - top) < max(_WRONG, _DEVIATIONS * view.noise)
+        )
+        upright = scatter <= 2 * view.noise and tops.sum() >= _LEAST_TOP
+        if upright:
+            least = _unexplained(sight, view)
+            if least <= _EXPLAINED:
+                return best, True
+            least -= _EXPLAINED
+    for guess in _by_distance(shape, guess_poses(shape, view), points):
+        X_WO = align(shape, guess, view, _COARSE).X_WO
+        unexplained = _unexplained(look(shape, X_WO, view, margin=0), view)
+        if unexplained < least:
+            best, least, upright = X_WO, unexplained, False
+        if least <= _EXPLAINED:
+            break
+    return best, upright
 
 
 def _by_distance(
@@ -96,12 +147,13 @@ def _by_distance(
     return sorted(guesses, key=distance)
 
 
-def _unexplained(sight: Sight) -> float:
+def _unexplained(sight: Sight, view: View) -> float:
     """Pixels that speak against a pose, as a share of those of the blob.
 
     They are the blob's where not on the surface, and others that look through it.
     """
-    missed = sight.blob & (np.abs(sight.error) > _WRONG)
+    wrong = max(_WRONG, _DEVIATIONS * view.noise)
+    missed = sight.blob & (np.abs(sight.error) > wrong)
     through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -1.5)
     return float((missed.sum() + through.sum()) / sight.blob.sum())
 
@@ -111,19 +163,36 @@ def _doubtful(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> b
 
     Where both ends of a solid are hidden, it may slide along its axis unnoticed.
     """
-    unexplained = _unexplained(sight)
+    unexplained = _unexplained(sight, view)
     surface = sight.surface & (sight.distance < -1)
     colored = sight.blob.sum() / max(1, surface.sum())
     distance = float(np.linalg.norm(X_WO.translation() - view.origin))
-    slide = _SLIDE * distance / view.focal[0]
+    slide = max(_SLIDE * distance / view.focal[0], (_DEVIATIONS + 2) * view.noise)
     slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (-slide, slide))
     return (
         unexplained > _MOST_UNEXPLAINED
         or colored < _LEAST_COLORED
         or any(
-            _unexplained(look(shape, X, view, margin=0)) <= unexplained for X in slid
+            _unexplained(look(shape, X, view, margin=0), view) <= unexplained
+            for X in slid
         )
     )
+
+
+def _sunken(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> bool:
+    """Whether a solid that stands would reach far below what is seen around it.
+
+    It would then be a lower one: of an upright solid often only the top is seen.
+    """
+    around = (sight.labels == OUTSIDE) & (sight.distance > 1.5)
+    around &= np.isfinite(sight.points).all(axis=1)
+    tilt = abs(X_WO.rotation().matrix()[2, 2])
+    if isinstance(shape, Sphere) or tilt < _STANDS or around.sum() < _LEAST_AROUND:
+        return False
+    height = bounding_size(shape)[2]
+    bottom = X_WO.translation()[2] - 0.5 * height
+    support = float(np.median(sight.points[around, 2]))
+    return bool(bottom < support - max(_SUNK, _SUNK_SHARE * height) - view.noise)
 
 
 def _seen(sight: Sight, outline: Outline, view: View) -> tuple[float, bool, bool]:

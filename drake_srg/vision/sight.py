@@ -22,6 +22,7 @@ OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
 # Least and most that a visible point of the solid may be off its surface. A renderer's
 # depth has no noise, but Drake draws circles with 50 sides, 0.2 % inside the radius.
 _FINEST, _FINEST_SHARE, _COARSEST = 1e-4, 3e-3, 3e-3  # m, of the radius, m
+_DEVIATIONS = 4.0  # of a camera's noise, instead, where that is more
 _BEHIND = 0.3  # cosine; numbers are too coarse where a surface is seen edge-on
 
 
@@ -90,18 +91,23 @@ def look(
     error = np.where(valid & facing, error, np.inf)
     spread = 4 * 1.4826 * float(np.median(np.abs(error[blob & valid])))
     sides = _FINEST_SHARE * 0.5 * float(bounding_size(shape)[0])
-    finest = min(_COARSEST, max(_FINEST, sides, doubt))
-    thickness = min(_COARSEST, max(finest, spread))
+    noise = _DEVIATIONS * view.noise
+    coarsest = max(_COARSEST, noise)
+    finest = min(coarsest, max(_FINEST, sides, doubt, noise))
+    thickness = min(coarsest, max(finest, spread))
 
     # A slanting surface may come nearer by about a pixel's width a pixel.
     slack = thickness + 2 * contour_depth / view.focal[0]
     hidden = np.isnan(depth) | (depth <= 0) | (depth < contour_depth - slack)
     on_surface = np.abs(error) <= thickness
-    doubtful = on_surface | (blob & (np.abs(error) <= _COARSEST))
+    doubtful = on_surface | (blob & (np.abs(error) <= coarsest))
     labels = np.full(len(pixels), OUTSIDE, dtype=np.int8)
     labels[hidden | doubtful | view.others[rows, columns]] = UNKNOWN
     labels[on_surface & blob] = INSIDE
-    labels[(np.abs(error) <= finest) & _grown(view.blob, 1)[rows, columns]] = INSIDE
+    if not view.noise:
+        labels[(np.abs(error) <= finest) & _grown(view.blob, 1)[rows, columns]] = INSIDE
+    else:
+        labels[blob & ~on_surface] = UNKNOWN
     return Sight(pixels, points, distance, labels, blob & valid, error, thickness)
 
 

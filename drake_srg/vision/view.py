@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,7 @@ class View:
         others: Pixels of the same colour that are not the blob's, shape (h, w).
         project: World points (n, 3) to window pixels (column, row), (n, 2).
         focal: Focal lengths [pixels], shape (2,).
+        noise: Standard deviation of depth where the blob is [m].
     """
 
     origin: Vector
@@ -39,6 +41,7 @@ class View:
     others: Mask
     project: Callable[[Vector], Vector]
     focal: Vector
+    noise: float = 0.0
 
     @property
     def valid(self) -> Mask:
@@ -54,10 +57,11 @@ def view_around(
     shape: Shape,
     blob: Mask,
     colored: Mask,
-    depth: Vector,
+    depth: npt.NDArray[Any],
     color_imager: Imager,
     depth_imager: Imager,
     X_WB: RigidTransform,
+    noise: float = 0.0,
 ) -> View | None:
     """The view of a blob, as far as the whole object may reach.
 
@@ -69,6 +73,7 @@ def view_around(
         color_imager: Where the masks were taken.
         depth_imager: Where the depth was taken.
         X_WB: Pose of the camera body in world.
+        noise: Standard deviation of 1 / depth [1/m].
 
     Returns:
         None where the blob has no pixel with depth.
@@ -105,4 +110,5 @@ def view_around(
         others=(colored & ~blob)[rows, columns],
         project=lambda p_W: depth_imager.project((p_W - p_WD) @ R_WD) - corner,
         focal=np.array([depth_imager.info.focal_x(), depth_imager.info.focal_y()]),
+        noise=noise * float(np.median(depth[usable])) ** 2,
     )
