@@ -26,9 +26,7 @@ from drake_srg.sweeps.report_worst import worst
 from drake_srg.sweeps.rows import SweepInfo, read_rows, read_sweep, sampled_columns
 
 # The page loads nothing, whatever stands in it.
-_POLICY = (
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; media-src data:"
-)
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; media-src data:"
 
 
 def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
@@ -53,6 +51,7 @@ def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
     file.path.write_text(
         "<!DOCTYPE html>\n" + ElementTree.tostring(html, "unicode", "html") + "\n",
         encoding="utf-8",
+        errors="replace",  # names of files need not be UTF-8
     )
     return file.commit()
 
@@ -132,7 +131,10 @@ def _engine(sweep: SweepInfo) -> str:
 
 
 def _date(sweep: SweepInfo) -> str:
-    started = datetime.datetime.fromisoformat(sweep.started)
+    try:
+        started = datetime.datetime.fromisoformat(sweep.started)
+    except ValueError:
+        return sweep.started or "at an unknown time"
     return f"{started:%Y-%m-%d %H:%M %Z}".rstrip()
 
 

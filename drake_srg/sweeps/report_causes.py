@@ -71,7 +71,7 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
     for effect, row in zip(ranked, binned, strict=True):
         relation, words, kind = effect.failure, "no comparison", "words"
         if relation is not None and relation.significant:
-            words = f"fails {_where(relation, 0.5)}, p {_p(relation.p)}"
+            words = f"fails more {_where(relation, 0.5)}, p {_p(relation.p)}"
             kind = "words found"
         elif relation is not None:
             words = f"no effect seen, p {_p(relation.p)}"
@@ -165,7 +165,8 @@ def _found(found: Sequence[Effect], trials: Trials) -> Element:
         words: list[str] = []
         if effect.failure is not None and effect.failure.significant:
             rates = _ends(success_bins(effect.values, trials.success))
-            words.append(f"failures are {_where(effect.failure, 0.5)} ({rates})")
+            where = _where(effect.failure, 0.5)
+            words.append(f"failures are more frequent {where} ({rates})")
         for name, relation in (
             ("the placement error is larger", effect.placement),
             ("the cycle is longer", effect.cycle),

@@ -210,7 +210,7 @@ def _rank(effect: Effect) -> list[float]:
     """What is significant first: for failures, then for the others; then the rest."""
     relations = (effect.failure, effect.placement, effect.cycle)
     found = [r.p if r is not None and r.significant else 1.0 for r in relations]
-    # Those that are as good as certain by their strength.
+    # These decide where p-values are equal, as they are at 0 and 1.
     strengths = [
         0.0 if relation is None else -abs(relation.strength - neutral)
         for relation, neutral in zip(relations, (0.5, 0.0, 0.0), strict=True)

@@ -118,7 +118,7 @@ def failures(trials: Trials, rerun: Callable[[int], str]) -> Element:
     return section(
         "Failures",
         table(
-            ["Reason", "", "Trials", "of all (95 % interval)", "said done"],
+            ["Reason", "", "Trials", "Share of all (95 % interval)", "Said done"],
             [reason(*item) for item in reasons.most_common()],
             "Failures by reason",
             "reasons",

@@ -18,7 +18,7 @@ _WIDTH, _HEIGHT = 320.0, 190.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 38.0, 12.0, 22.0, 26.0
 _BINS = 24  # of histograms: each 12 units wide, as fine as one sees
 _NONE: Vector = np.empty(0)
-_TEXT = 6.5  # width of a digit of the plots' letters
+_LETTER = 6.5  # mean width of one
 
 
 @dc.dataclass(frozen=True)
@@ -52,8 +52,8 @@ def histogram(
 ) -> Element:
     """Return the distribution of a metric, failed trials on top of the others.
 
-    The axis spans the trials that succeeded, with a mark at their median and at their
-    95 % quantile. What lies beyond is counted in a bar of its own.
+    The axis ends with the trials that succeeded; failed ones beyond are counted in a
+    bar of their own. Marks are at the median and at the 95 % quantile of the former.
 
     Args:
         values: Shape (n,), nan where a trial has none.
@@ -63,31 +63,27 @@ def histogram(
     """
     shown = np.isfinite(values)
     axis = values[shown & success] if np.any(shown & success) else values[shown]
-    low, high = float(axis.min()), float(axis.max())
+    low, high = float(values[shown].min()), float(axis.max())
     if whole:
-        low, high = low - 0.5, high + 0.5
-        edges = np.arange(low, high + 0.5)
+        edges = np.arange(low - 0.5, values[shown].max() + 1.0)
     else:
         margin = 1e-3 * (high - low) or abs(high) * 1e-3 or 1e-9  # of equal values
         edges = np.linspace(low - margin, high + margin, _BINS + 1)
-    beyond = values[shown] > edges[-1]
     counts = [
         np.histogram(values[shown & rows], edges)[0] for rows in (success, ~success)
     ]
-    extra = [
-        int(np.count_nonzero(beyond & rows[shown])) for rows in (success, ~success)
-    ]
-    end = _WIDTH - _RIGHT - (26.0 if sum(extra) else 0.0)
+    beyond = int(np.count_nonzero(values[shown] > edges[-1]))
+    end = _WIDTH - _RIGHT - (26.0 if beyond else 0.0)
     x = Scale(edges[0], edges[-1], _LEFT, end)
-    y = Scale(0.0, max(*(counts[0] + counts[1]), sum(extra)), _HEIGHT - _BOTTOM, _TOP)
+    y = Scale(0.0, max(*(counts[0] + counts[1]), beyond), _HEIGHT - _BOTTOM, _TOP)
     children = _y_axis(y, ticks(0.0, y.high, 3), _count)
     at = ticks(edges[0], edges[-1], 7)
     children += _x_axis(x, [t for t in at if not whole or t == round(t)])
     for i, (good, bad) in enumerate(zip(*counts, strict=True)):
         left, right = x(edges[i]), x(edges[i + 1])
         children += _stack(y, left, right - left, int(good), int(bad))
-    if sum(extra):
-        children += _stack(y, _WIDTH - _RIGHT - 14.0, 14.0, *extra)
+    if beyond:
+        children += _stack(y, _WIDTH - _RIGHT - 14.0, 14.0, 0, beyond)
         children.append(_text(_WIDTH - _RIGHT - 7.0, _HEIGHT - 10.0, "beyond"))
     return _svg(children + _quantile_marks(x, axis), label)
 
@@ -103,7 +99,7 @@ def _quantile_marks(x: Scale, values: Vector) -> list[Element]:
                 "line", x1=at, x2=at, y1=_TOP - 6.0, y2=_HEIGHT - _BOTTOM, class_="mark"
             )
         )
-        middle = max(at, named + _TEXT * 6.0)
+        middle = max(at, named + 6.0 * _LETTER)
         middle = min(max(middle, _LEFT + 18.0), _WIDTH - _RIGHT - 12.0)
         marks.append(_text(middle, _TOP - 10.0, name))
         named = middle

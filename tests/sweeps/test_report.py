@@ -9,7 +9,7 @@ from drake_srg.errors import ScenarioError
 from drake_srg.sweeps import report_worst
 from drake_srg.sweeps.report import write_report
 from drake_srg.sweeps.report_elements import element, number, percent
-from drake_srg.sweeps.report_plots import ticks
+from drake_srg.sweeps.report_plots import histogram, ticks
 from sweeps.made_sweep import CAMERA, FRICTION, UNTRUSTED, made_rows, write_sweep
 
 
@@ -149,6 +149,12 @@ def test_workers_that_came_after_each_other_are_not_added_up(tmp_path, jobs, wor
     assert f"{rate} trials an hour, {words}" in page.text
 
 
+@pytest.mark.parametrize("started", ["", "yesterday"])
+def test_a_date_that_nobody_knows_is_no_obstacle(tmp_path, started):
+    page = report(tmp_path, made_rows(3), started=started)
+    assert f"begun {started or 'at an unknown time'}" in page.text
+
+
 def test_where_no_sweep_or_no_trial_is_one_line_says_so(tmp_path):
     with pytest.raises(ScenarioError, match="no sweep"):
         write_report(tmp_path)
@@ -212,6 +218,29 @@ def test_numbers_have_three_digits():
     assert number(0.00123456, "m") == "0.00123 m"
     assert number(12345.6) == "12,346"
     assert number(None, "s") == number(np.nan) == "-"
+
+
+def bars(figure):
+    """Heights of the bars of a histogram, of good and of failed trials."""
+    return [
+        [
+            float(bar.get("height"))
+            for bar in figure.iter("rect")
+            if bar.get("class") == kind
+        ]
+        for kind in ("good", "bad")
+    ]
+
+
+def test_histogram_shows_every_trial_once():
+    values = np.array([0.5, 1.0, 2.0, 2.0, 3.0, 99.0, np.nan])
+    success = np.array([False, True, True, True, True, False, False])
+    good, bad = bars(histogram(values, success, label="x"))
+    # One trial less than the axis has, one on it, one beyond.
+    assert good == [bad[0], 2.0 * bad[0], bad[0]]
+    assert len(bad) == 2 and bad[0] == bad[1]
+    good, bad = bars(histogram(np.round(values), success, label="x", whole=True))
+    assert (len(good), len(bad)) == (3, 2)
 
 
 @pytest.mark.parametrize(
