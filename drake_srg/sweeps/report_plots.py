@@ -210,14 +210,15 @@ def _y_axis(
 
 def _x_axis(x: Scale, values: Sequence[float]) -> list[Element]:
     foot = _HEIGHT - _BOTTOM
-    line = element("line", x1=_LEFT, x2=x.end, y1=foot, y2=foot, class_="axis")
-    return [line] + [
-        made
-        for value in values
-        for made in (
-            element(
-                "line", x1=x(value), x2=x(value), y1=foot, y2=foot + 4.0, class_="axis"
-            ),
-            _text(x(value), _HEIGHT - 10.0, f"{value:.6g}"),
+    made = [element("line", x1=_LEFT, x2=x.end, y1=foot, y2=foot, class_="axis")]
+    free = -math.inf  # where the next number may begin
+    for value in values:
+        at, text = x(value), f"{value:.6g}"
+        made.append(
+            element("line", x1=at, x2=at, y1=foot, y2=foot + 4.0, class_="axis")
         )
-    ]
+        half = len(text) * _LETTER / 2.0
+        if at - half >= free:
+            made.append(_text(at, _HEIGHT - 10.0, text))
+            free = at + half + _LETTER
+    return made
