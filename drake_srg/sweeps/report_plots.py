@@ -15,7 +15,7 @@ from drake_srg.types import Vector
 
 # Of all plots, in SVG's own units; the page scales them to its columns.
 _WIDTH, _HEIGHT = 320.0, 190.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 38.0, 12.0, 22.0, 26.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 42.0, 12.0, 22.0, 26.0
 _BINS = 24  # of histograms: each 12 units wide, as fine as one sees
 _NONE: Vector = np.empty(0)
 _LETTER = 6.5  # mean width of one
