@@ -110,7 +110,8 @@ class PlannerMemory:
         """Forget the motions, but not what went wrong; `mode` begins."""
         memory, previous = self, self.mode
         failure = o.failure or self.failure
-        if previous is Mode.HOME and self.failure in (None, Failure.DROPPED):
+        looked = previous is Mode.HOME and o.arrived
+        if looked and self.failure in (None, Failure.DROPPED):
             memory = dc.replace(memory, looks=self.looks + 1)  # for `at_goal`
             if o.at_goal:
                 failure = None
@@ -123,7 +124,7 @@ class PlannerMemory:
                     tried=(),
                     message="",
                 )
-            elif self.failure is None:
+            elif failure is None:
                 failure = Failure.MISPLACED
         if failure is not None and previous is not Mode.IDLE:
             message = self.touched or _MESSAGES.get(failure, self.message)

@@ -215,6 +215,14 @@ def test_a_spent_time_budget_is_told():
     assert "time budget" in status.message
 
 
+def test_what_ends_the_way_home_is_told():
+    usual = World()
+    usual.run()
+    began = usual.began[Mode.HOME]
+    status = World(time_budget=began + 0.05).run()
+    assert status.failure is Failure.TIME_BUDGET
+
+
 def test_a_stop_in_the_middle_of_a_motion_brakes_gently():
     # In PRE_GRASP the first joint moves at 10 rad/s, for 0.1 s.
     world = World(time_budget=0.15, latency=0.1)
