@@ -34,7 +34,7 @@ def next_place(place: FilePlace | None) -> FilePlace:
 class ParquetFiles:
     """Writes tables into Parquet files of a limited size, a row group each.
 
-    Use it as a context manager: the files are complete when it ends.
+    The last file is complete after `close`.
 
     Args:
         folder: Where chunk-000/file-000.parquet and so on are made.
@@ -76,9 +76,3 @@ class ParquetFiles:
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.close()
-
-    def __enter__(self) -> ParquetFiles:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()

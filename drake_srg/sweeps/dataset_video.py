@@ -64,7 +64,7 @@ def encode_episode(images: Iterable[Image], fps: int) -> tuple[bytes, int]:
 class VideoFiles:
     """Joins encoded episodes of a camera in files of a limited size.
 
-    Use it as a context manager: the files are complete when it ends.
+    The last file is complete after `close`.
 
     Args:
         folder: Where chunk-000/file-000.mp4 and so on are made.
@@ -119,9 +119,3 @@ class VideoFiles:
             str(path), "w", options={"movflags": "faststart"}
         )
         self._stream = self._container.add_stream_from_template(template)
-
-    def __enter__(self) -> VideoFiles:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()

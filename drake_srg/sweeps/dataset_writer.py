@@ -150,9 +150,10 @@ class DatasetWriter:
 
     def _close(self) -> None:
         with contextlib.ExitStack() as stack:  # all, even if one fails
-            closes = [self._data.close, self._episodes.close]
-            for close in (*closes, *(v.close for v in self._videos.values())):
-                stack.callback(close)
+            stack.callback(self._data.close)
+            stack.callback(self._episodes.close)
+            for video in self._videos.values():
+                stack.callback(video.close)
 
     def _table(self, signals: Signals, success: bool) -> pa.Table:
         length = len(signals.state)
