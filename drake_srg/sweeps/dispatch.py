@@ -43,14 +43,17 @@ def dispatch(
     tries: collections.Counter[int] = collections.Counter()
     pending: dict[Future[TrialResult], int] = {}
     deaths = 0
-    while waiting or suspects or pending:
-        slots = engine.slots()
-        while waiting and len(pending) < slots:
+
+    def fill() -> None:
+        while waiting and len(pending) < engine.slots():
             trial = waiting.popleft()
             pending[submit(trial)] = trial
-        if not pending:
+        if suspects and not pending:
             trial = suspects.popleft()
             pending[submit(trial)] = trial
+
+    fill()
+    while pending:
         for future in wait(pending, return_when=FIRST_COMPLETED).done:
             trial = pending.pop(future)
             try:
@@ -59,7 +62,7 @@ def dispatch(
                 deaths += 1
                 tries[trial] += 1
                 reason = one_line(error)
-                if deaths >= _DEATHS * slots:
+                if deaths >= _DEATHS * engine.slots():
                     raise ScenarioError(
                         f"workers keep dying, {deaths} without a result: {reason}"
                     ) from error
@@ -68,7 +71,9 @@ def dispatch(
                     continue
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             deaths = 0
+            fill()  # before the caller takes its time to write
             yield result
+        fill()
 
 
 def cause(error: BaseException) -> BaseException:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import socket
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -15,9 +16,12 @@ from typing import Any, TypeVar
 
 from drake_srg.errors import ScenarioError, one_line
 from drake_srg.sweeps.engines import THREADS, usable_cores
+from drake_srg.sweeps.info import current_versions
 from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
+
+_PATIENCE = 5.0  # with a cluster that does not answer [s]
 
 
 class RayEngine:
@@ -47,33 +51,60 @@ class RayEngine:
         self._call: Any = None
 
     def __enter__(self) -> RayEngine:
-        ray = self._ray
-        self._ours = not ray.is_initialized()
-        if self._ours:
-            address = self._address or os.environ.get("RAY_ADDRESS")
-            own = {} if address else {"num_cpus": usable_cores()}
-            try:
-                with _own_signals():
-                    ray.init(
-                        address=address,
-                        include_dashboard=None if address else False,
-                        log_to_driver=False,
-                        logging_level="ERROR",
-                        **own,
-                    )
-            except (ConnectionError, RuntimeError, ValueError, OSError) as error:
-                raise ScenarioError(
-                    f"--address {address or '(none)'}: no Ray there: {one_line(error)}"
-                ) from error
-        # A trial whose worker dies is given out anew by the sweep, which counts.
-        self._call = ray.remote(num_cpus=1, max_retries=0)(_call)
+        self._ours = not self._ray.is_initialized()
+        with contextlib.ExitStack() as stack:
+            stack.callback(self._stop)
+            if self._ours:
+                self._connect()
+            # A trial whose worker dies is given out anew by the sweep, which counts.
+            self._call = self._ray.remote(num_cpus=1, max_retries=0)(_call)
+            self._check_versions()
+            stack.pop_all()
         return self
 
     def __exit__(self, *_: object) -> None:
+        self._stop()
+
+    def _connect(self) -> None:
+        address = self._address or os.environ.get("RAY_ADDRESS")
+        # To a cluster that is there, or to one of this machine alone.
+        options: dict[str, Any] = (
+            {"address": address}
+            if address
+            else {"num_cpus": usable_cores(), "include_dashboard": False}
+        )
+        try:
+            if address:
+                _reach(address)
+            with _own_signals():
+                self._ray.init(**options, log_to_driver=False, logging_level="ERROR")
+        except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+            raise ScenarioError(
+                f"--address {address or '(none)'}: no Ray there: {one_line(error)}"
+            ) from error
+
+    def _check_versions(self) -> None:
+        """Other versions would make other rows."""
+        try:
+            there = self.submit(_versions).result()
+        except self._ray.exceptions.RayError as error:
+            raise ScenarioError(
+                "--engine ray: the cluster cannot run drake_srg; is it installed on "
+                f"all nodes? {str(error).strip().splitlines()[-1]}"
+            ) from error
+        here = current_versions()
+        for name in ("drake_srg", "drake"):
+            if there.get(name) != here.get(name):
+                raise ScenarioError(
+                    f"--engine ray: {name} {there.get(name)} there, {here.get(name)} "
+                    "here; install the same on all nodes"
+                )
+
+    def _stop(self) -> None:
         if self._ours:
             self._ray.shutdown()
             return
-        for reference in self._running:
+        for reference in list(self._running):
             self._ray.cancel(reference, force=True)
 
     def slots(self) -> int:
@@ -87,6 +118,18 @@ class RayEngine:
         future: Future[T] = reference.future()
         future.add_done_callback(lambda _: self._running.discard(reference))
         return future
+
+
+def _reach(address: str) -> None:
+    """Raise an OSError where nobody listens, for whom Ray would wait for long."""
+    _, _, place = address.rpartition("://")
+    host, colon, port = place.partition(":")
+    if colon and port.isdigit():
+        socket.create_connection((host, int(port)), _PATIENCE).close()
+
+
+def _versions() -> dict[str, str]:
+    return current_versions()
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:

@@ -1,0 +1,104 @@
+"""Trials and an engine that cost nothing, for the tests of sweeps."""
+
+import errno
+import os
+import signal
+import time
+from concurrent.futures import BrokenExecutor, Future
+from pathlib import Path
+
+from drake_srg.sweeps.trial import TrialResult, empty_row
+
+SCENARIO = "kitchen_fast"
+MASS = "objects.soup_can.mass"
+
+
+def names(folder):
+    """What is in a folder."""
+    return sorted(path.name for path in folder.iterdir())
+
+
+def trial(tree, origin, seed, trial, record):
+    """A third of the trials fail, and leave a recording where that is asked for."""
+    row = empty_row(seed, trial, None)
+    success = trial % 3 != 1
+    row |= {
+        "success": success,
+        "failure": None if success else "dropped",
+        "claimed": trial % 2 == 0,
+        "cycle_time_s": 5.0 + trial,
+        MASS: 0.1 * (seed + trial),
+        "worker": str(os.getpid()),
+    }
+    kept = record == "all" or (record == "failures" and not success)
+    return TrialResult(row, {"video.mp4": b"%d" % trial} if kept else {})
+
+
+def deadly(tree, origin, seed, trial_number, record):
+    """Trial 2 kills its worker, always."""
+    if trial_number == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return trial(tree, origin, seed, trial_number, record)
+
+
+def deadly_once(tree, origin, seed, trial_number, record):
+    """The first worker that gets trial 2 is killed, and leaves a note."""
+    note = Path(tree["note"])
+    if trial_number == 2 and not note.exists():
+        note.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return trial(tree, origin, seed, trial_number, record)
+
+
+def environment(name):
+    return os.environ.get(name)
+
+
+class StubEngine:
+    """Runs functions at once, here; trials in `deaths` die as often as it says."""
+
+    name = "stub"
+    jobs = 2
+    deaths = (BrokenExecutor,)
+
+    def __init__(self, dying=None):
+        self.dying = dict(dying or {})
+        self.given = []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def slots(self):
+        return 2
+
+    def submit(self, function, tree, origin, seed, trial, record):
+        self.given.append(trial)
+        future = Future()
+        if self.dying.get(trial, 0) > 0:
+            self.dying[trial] -= 1
+            future.set_exception(BrokenExecutor("SIGKILL(-9)"))
+            return future
+        try:
+            future.set_result(function(tree, origin, seed, trial, record))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class Drawn:
+    """What was drawn for a trial, for who asks nothing else of it."""
+
+    def __init__(self, *_):
+        self.values = {MASS: 1.0}
+
+
+def slow(*arguments):
+    time.sleep(0.5)
+    return trial(*arguments)
+
+
+def no_space(*_):
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -1,0 +1,68 @@
+import collections
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.errors import ScenarioError
+from drake_srg.sweeps.dispatch import TRIES, dispatch
+from drake_srg.sweeps.trial import TrialResult, empty_row
+
+from . import stub
+
+
+def run(engine, trials, function=stub.trial):
+    def submit(trial):
+        return engine.submit(function, {}, "", 0, trial, "none")
+
+    def lost(trial, reason):
+        return TrialResult(empty_row(0, trial, reason))
+
+    return [result.row for result in dispatch(engine, trials, submit, lost)]
+
+
+# With more deaths than these in a row, the workers are taken for broken.
+@given(st.dictionaries(st.integers(0, 9), st.integers(0, TRIES - 1), max_size=4))
+def test_each_trial_comes_once_where_workers_die_now_and_then(dying):
+    engine = stub.StubEngine(dying)
+    rows = run(engine, range(10))
+    assert sorted(row["trial"] for row in rows) == list(range(10))
+    assert not any(row["failure"] == "error" for row in rows)
+    tries = collections.Counter(engine.given)
+    assert all(tries[trial] == 1 + dying.get(trial, 0) for trial in range(10))
+
+
+def test_a_trial_that_keeps_killing_its_workers_is_an_error_that_says_so():
+    engine = stub.StubEngine({4: 100})
+    rows = {row["trial"]: row for row in run(engine, range(6))}
+    assert sorted(rows) == list(range(6))
+    assert rows[4]["failure"] == "error"
+    assert "its worker died 3 times: SIGKILL(-9)" in rows[4]["message"]
+    assert engine.given[-2:] == [4, 4]  # after all others
+
+
+def test_nothing_but_deaths_is_no_trials_fault():
+    engine = stub.StubEngine(dict.fromkeys(range(100), 100))
+    with pytest.raises(ScenarioError, match="workers keep dying"):
+        run(engine, range(100))
+
+
+def test_what_a_trial_raises_is_raised():
+    def broken(*_):
+        raise ImportError("no av")
+
+    with pytest.raises(ImportError, match="no av"):
+        run(stub.StubEngine(), range(3), broken)
+
+
+def test_no_more_are_given_out_than_run_at_a_time():
+    engine = stub.StubEngine()
+    results = dispatch(
+        engine,
+        range(10),
+        lambda trial: engine.submit(stub.trial, {}, "", 0, trial, "none"),
+        lambda *_: None,
+    )
+    for count in range(1, 9):
+        next(results)
+        assert len(engine.given) <= count + engine.slots()

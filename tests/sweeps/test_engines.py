@@ -1,0 +1,182 @@
+"""Trials give the same rows wherever they run, and however their workers end."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from drake_srg.errors import ScenarioError
+from drake_srg.sweeps import sweep
+from drake_srg.sweeps.engines import THREADS, JoblibEngine
+from drake_srg.sweeps.rows import TIMING_COLUMNS
+
+from . import stub
+
+
+@pytest.fixture(autouse=True)
+def unchecked(monkeypatch):
+    monkeypatch.setattr(sweep, "_check", lambda tree, name, seed, record: seed or 0)
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Two nodes of one core each, on this machine."""
+    ray = pytest.importorskip("ray")
+    from ray.cluster_utils import Cluster
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # of the stub
+        cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+        cluster.add_node(num_cpus=1)
+        yield cluster
+        ray.shutdown()
+        cluster.shutdown()
+
+
+@pytest.fixture(params=["2 jobs", "ray"])
+def engine(request):
+    if request.param != "ray":
+        return JoblibEngine(int(request.param[0]))
+    from drake_srg.sweeps.ray_engine import RayEngine
+
+    return RayEngine(request.getfixturevalue("cluster").address)
+
+
+def run(out, engine, monkeypatch, function=stub.trial, **tree):
+    monkeypatch.setattr(sweep, "load_tree", lambda name, overrides: tree)
+    return sweep.run_sweep(
+        stub.SCENARIO, 8, out=out, engine=engine, trial_function=function
+    )
+
+
+@pytest.mark.parametrize("engine", ["1 job", "2 jobs", "ray"], indirect=True)
+def test_rows_are_the_same_anywhere(engine, tmp_path, monkeypatch):
+    rows = run(tmp_path / "a", engine, monkeypatch)
+    wanted = run(tmp_path / "b", stub.StubEngine(), monkeypatch)
+    assert rows.drop_columns(TIMING_COLUMNS).equals(wanted.drop_columns(TIMING_COLUMNS))
+    assert str(os.getpid()) not in rows["worker"].to_pylist()
+    assert len(set(rows["worker"].to_pylist())) <= (engine.jobs or 2)
+
+
+def test_the_trials_of_a_killed_worker_are_given_out_again(
+    engine, tmp_path, monkeypatch
+):
+    note = tmp_path / "note"
+    rows = run(tmp_path, engine, monkeypatch, stub.deadly_once, note=str(note))
+    assert note.exists()
+    assert rows["trial"].to_pylist() == list(range(8))
+    assert "error" not in rows["failure"].to_pylist()
+
+
+def test_a_trial_that_always_kills_its_worker_is_an_error(
+    engine, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(sweep, "draw_scenario", stub.Drawn)
+    rows = run(tmp_path, engine, monkeypatch, stub.deadly)
+    failures = dict(enumerate(rows["failure"].to_pylist()))
+    assert failures.pop(2) == "error"
+    assert "its worker died 3 times" in rows["message"][2].as_py()
+    assert "error" not in failures.values()
+
+
+def test_what_a_trial_raises_ends_the_sweep(engine, tmp_path, monkeypatch):
+    with pytest.raises(OSError, match="No space left"):
+        run(tmp_path, engine, monkeypatch, stub.no_space)
+
+
+def test_workers_have_one_thread_each(engine):
+    with engine:
+        for name, value in THREADS.items():
+            assert engine.submit(stub.environment, name).result() == value
+
+
+def test_a_cluster_with_other_versions_is_refused(cluster, monkeypatch):
+    from drake_srg.sweeps import ray_engine
+
+    monkeypatch.setattr(ray_engine, "current_versions", lambda: {"drake_srg": "0.0"})
+    with (
+        pytest.raises(ScenarioError, match=r"drake_srg .* there, 0.0 here"),
+        ray_engine.RayEngine(cluster.address),
+    ):
+        pass
+
+
+def test_no_cluster_at_an_address_says_so():
+    from drake_srg.sweeps.ray_engine import RayEngine
+
+    engine = RayEngine("127.0.0.1:9")
+    with pytest.raises(ScenarioError, match=r"--address 127.0.0.1:9: no Ray"), engine:
+        pass
+
+
+def test_a_node_of_the_cluster_may_go(tmp_path, monkeypatch, cluster):
+    from drake_srg.sweeps.ray_engine import RayEngine
+
+    node = cluster.add_node(num_cpus=2)
+    add = sweep.SweepFolder.add
+    gone = []
+
+    def remove_node(self, result):
+        add(self, result)
+        if not gone:
+            gone.append(cluster.remove_node(node, allow_graceful=False))
+
+    monkeypatch.setattr(sweep.SweepFolder, "add", remove_node)
+    rows = run(tmp_path, RayEngine(cluster.address), monkeypatch, stub.slow)
+    assert gone
+    assert rows["trial"].to_pylist() == list(range(8))
+    assert "error" not in rows["failure"].to_pylist()
+
+
+def test_workers_end_with_their_sweep_however_that_ends():
+    program = (
+        "import os, time; from drake_srg.sweeps.engines import JoblibEngine\n"
+        "with JoblibEngine(1) as engine:\n"
+        "    print(engine.submit(os.getpid).result(), flush=True)\n"
+        "    engine.submit(time.sleep, 100).result()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as sweeping:
+        worker = int(sweeping.stdout.readline())
+        sweeping.kill()
+        for _ in range(100):
+            if not is_running(worker):
+                break
+            time.sleep(0.1)
+        assert not is_running(worker)
+
+
+def is_running(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    status = Path(f"/proc/{process}/stat").read_text()
+    return status.rpartition(")")[2].split()[0] != "Z"  # a zombie has ended, too
+
+
+def test_ctrl_c_ends_workers_at_once():
+    program = (
+        "import os, time; from drake_srg.sweeps.engines import JoblibEngine\n"
+        "with JoblibEngine(2) as engine:\n"
+        "    engine.submit(os.getpid).result()\n"
+        "    print(flush=True)\n"
+        "    engine.submit(time.sleep, 100).result()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        text=True,
+    ) as sweeping:
+        sweeping.stdout.readline()
+        os.killpg(sweeping.pid, signal.SIGINT)  # as a terminal does, to all
+        _, errors = sweeping.communicate(timeout=20)
+    assert errors.splitlines()[-1] == "KeyboardInterrupt"
+    assert errors.count("Traceback") == 1  # the workers are silent

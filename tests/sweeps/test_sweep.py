@@ -1,0 +1,255 @@
+import errno
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drake_srg.errors import ScenarioError
+from drake_srg.sweeps import sweep
+from drake_srg.sweeps.rows import all_rows_path, read_rows, row_path
+
+from . import stub
+
+SWEEP = {"scenario": stub.SCENARIO, "trials": 6, "trial_function": stub.trial}
+
+
+@pytest.fixture(autouse=True)
+def unchecked(monkeypatch):
+    """Building the cell takes a second; the command's tests do it."""
+    monkeypatch.setattr(sweep, "_check", lambda tree, name, seed, record: seed or 0)
+
+
+def run(out, engine=None, told=None, **changes):
+    return sweep.run_sweep(
+        out=out,
+        engine=engine or stub.StubEngine(),
+        tell=(told if told is not None else []).append,
+        **{**SWEEP, **changes},
+    )
+
+
+def values(rows):
+    """The rows without what differs between runs."""
+    return rows.drop_columns(["worker"]).to_pylist()
+
+
+def test_a_sweep_leaves_its_rows_in_one_file(tmp_path):
+    rows = run(tmp_path, seed=5)
+    assert rows["trial"].to_pylist() == list(range(6))
+    assert rows["seed"].to_pylist() == list(range(5, 11))
+    assert read_rows(tmp_path).equals(rows)
+    assert stub.names(tmp_path) == ["lock", "sweep.json", "trials.parquet"]
+
+
+def test_the_sweep_says_what_it_is(tmp_path):
+    run(tmp_path, seed=5, overrides=["object.mass=0.3"])
+    info = json.loads((tmp_path / "sweep.json").read_text())
+    assert info["scenario"] == stub.SCENARIO
+    assert (info["seed"], info["trials"], info["record"]) == (5, 6, "none")
+    assert info["overrides"] == ["object.mass=0.3"]
+    assert "mass: 0.3" in info["tree"]
+    assert {"drake_srg", "drake", "python", "platform"} <= info["versions"].keys()
+    assert (info["engine"], info["jobs"]) == ("stub", 2)
+    assert info["schema_version"] == 1
+
+
+@settings(max_examples=12)
+@given(
+    single=st.sets(st.integers(0, 5)),
+    whole=st.none() | st.integers(1, 6),
+    more=st.integers(0, 2),
+)
+def test_whatever_is_there_is_completed_exactly_once(single, whole, more):
+    with tempfile.TemporaryDirectory() as folder:
+        out, full = Path(folder) / "out", Path(folder) / "full"
+        wanted = values(run(full, trials=6 + more))
+        present = set(single)
+        if whole is not None:  # a sweep of so many trials that was extended since
+            run(out, trials=whole)
+            present |= set(range(whole))
+        else:
+            run(out)
+            all_rows_path(out).unlink()
+        for trial in single:
+            (out / "trials").mkdir(exist_ok=True)
+            result = stub.trial({}, "", 0, trial, "none")
+            sweep.SweepFolder(out).add(result)
+        engine = stub.StubEngine()
+        assert values(run(out, engine, trials=6 + more, resume=True)) == wanted
+        assert sorted(engine.given) == sorted(set(range(6 + more)) - present)
+        assert not (out / "trials").exists()
+
+
+@pytest.mark.parametrize("after", range(4))
+def test_what_is_interrupted_goes_on(after, tmp_path, monkeypatch):
+    count = 0
+    add = sweep.SweepFolder.add
+
+    def interrupted(self, result):
+        nonlocal count
+        if count == after:
+            raise KeyboardInterrupt
+        count += 1
+        add(self, result)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(sweep.SweepFolder, "add", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            run(tmp_path, record="failures")
+    assert read_rows(tmp_path).num_rows == after
+    rows = run(tmp_path, record="failures", resume=True)
+    assert rows["trial"].to_pylist() == list(range(6))
+
+
+@pytest.mark.parametrize("after", range(0, 12, 3))
+def test_a_full_disk_loses_nothing_that_is_done(after, tmp_path, monkeypatch):
+    fsync, count = os.fsync, 0
+
+    def filling(descriptor):
+        nonlocal count
+        count += 1
+        if count > 2 + after:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", filling)
+    with pytest.raises(OSError, match="No space left"):
+        run(tmp_path)
+    monkeypatch.undo()
+    monkeypatch.setattr(sweep, "_check", lambda *_: 0)
+    done = read_rows(tmp_path)["trial"].to_pylist()
+    engine = stub.StubEngine()
+    rows = run(tmp_path, engine, resume=True)
+    assert rows["trial"].to_pylist() == list(range(6))
+    assert sorted(engine.given + done) == list(range(6))
+
+
+def test_recordings_are_kept_of_those_asked_for(tmp_path):
+    for record, kept in (("failures", {1, 4}), ("all", set(range(6)))):
+        run(tmp_path / record, record=record)
+        recordings = tmp_path / record / "recordings"
+        assert {int(path.name) for path in recordings.iterdir()} == kept
+        for trial in kept:
+            assert (recordings / f"{trial:06}/video.mp4").read_text() == str(trial)
+
+
+def test_a_recording_without_its_row_is_made_again(tmp_path):
+    run(tmp_path, record="failures", trials=2)
+    all_rows_path(tmp_path).unlink()
+    video = tmp_path / "recordings/000001/video.mp4"
+    video.write_text("cut off")
+    (tmp_path / "recordings/.000000.partial").mkdir()
+    sweep.SweepFolder(tmp_path).add(stub.trial({}, "", 0, 0, "none"))
+    run(tmp_path, record="failures", trials=2, resume=True)
+    assert video.read_text() == "1"
+    assert stub.names(tmp_path / "recordings") == ["000001"]
+
+
+def test_a_broken_row_is_told_and_run_again(tmp_path):
+    run(tmp_path)
+    all_rows_path(tmp_path).unlink()
+    for trial in range(6):
+        sweep.SweepFolder(tmp_path).add(stub.trial({}, "", 0, trial, "none"))
+    row_path(tmp_path, 3).write_bytes(b"PAR1")
+    engine, told = stub.StubEngine(), []
+    rows = run(tmp_path, engine, told, resume=True)
+    assert engine.given == [3]
+    assert rows["trial"].to_pylist() == list(range(6))
+    (line,) = told
+    assert "000003.parquet: cannot be read" in line
+    assert row_path(tmp_path, 3).with_suffix(".parquet.broken").read_bytes() == b"PAR1"
+
+
+def test_a_broken_file_of_all_rows_is_told_and_run_again(tmp_path):
+    run(tmp_path)
+    all_rows_path(tmp_path).write_bytes(b"")
+    engine, told = stub.StubEngine(), []
+    run(tmp_path, engine, told, resume=True)
+    assert engine.given == list(range(6))
+    assert len(told) == 1
+
+
+def test_rows_are_not_overwritten(tmp_path):
+    run(tmp_path)
+    with pytest.raises(ScenarioError, match=r"--resume goes on with it"):
+        run(tmp_path)
+    (tmp_path / "sweep.json").unlink()
+    for resume in (False, True):
+        with pytest.raises(ScenarioError, match=r"no sweep.json"):
+            run(tmp_path, resume=resume)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seed": 1}, "seed: 0 there, 1 now"),
+        ({"record": "all"}, "record: none there, all now"),
+        ({"trials": 5}, "trials: 6 there, 5 now"),
+        (
+            {"overrides": ["object.mass=0.3"]},
+            r"objects.soup_can.mass[^:]*: .* there, .* now",
+        ),
+        ({"scenario": "kitchen"}, "arm.period: .* there, nothing now"),
+    ],
+)
+def test_another_sweep_is_not_gone_on_with(changes, words, tmp_path):
+    run(tmp_path)
+    before = read_rows(tmp_path)
+    with pytest.raises(ScenarioError, match=f"holds another sweep: {words}"):
+        run(tmp_path, resume=True, **changes)
+    assert read_rows(tmp_path).equals(before)
+
+
+def test_a_finished_sweep_is_resumed_without_an_engine(tmp_path):
+    class Unused(stub.StubEngine):
+        def __enter__(self):
+            raise AssertionError
+
+    rows = run(tmp_path)
+    assert run(tmp_path, Unused(), resume=True).equals(rows)
+
+
+def test_two_sweeps_do_not_share_a_folder(tmp_path):
+    program = (
+        "import fcntl, sys, time; f = open(sys.argv[1], 'a'); fcntl.flock(f, 2);"
+        "f.write('process 7'); f.flush(); print(); sys.stdout.flush(); time.sleep(60)"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", program, tmp_path / "lock"], stdout=subprocess.PIPE
+    ) as other:
+        other.stdout.readline()
+        with pytest.raises(ScenarioError, match="process 7 runs a sweep there"):
+            run(tmp_path)
+        other.kill()
+    run(tmp_path)
+
+
+@pytest.mark.parametrize("trials", [0, -1])
+def test_there_must_be_trials(trials, tmp_path):
+    with pytest.raises(ScenarioError, match=f"--trials {trials}: must be at least 1"):
+        run(tmp_path / "out", trials=trials)
+    assert not (tmp_path / "out").exists()
+
+
+def test_warnings_of_trials_are_told(tmp_path):
+    def odd(*arguments):
+        result = stub.trial(*arguments)
+        return type(result)(result.row, result.files, "odd")
+
+    told = []
+    run(tmp_path, told=told, trials=1, trial_function=odd)
+    assert told == ["odd"]
+
+
+def test_no_folder_can_be_made_in_a_file(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="file"):
+        run(tmp_path / "file" / "out")
+    shutil.rmtree(tmp_path)
