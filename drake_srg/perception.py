@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
 from drake_srg.errors import ScenarioError, scenario_errors
 from drake_srg.object_config import ObjectConfig
@@ -12,8 +12,10 @@ from drake_srg.ports import Ports
 from drake_srg.scenario import Scenario
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.camera_leveling import CameraLeveling
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.obstacles import ObstacleFinder, Surface
+from drake_srg.vision.obstacles import ObstacleFinder
+from drake_srg.vision.surface import Surface
 
 
 def AddLocalizer(
@@ -30,12 +32,12 @@ def AddLocalizer(
             period=scenario.localizer.period,
         ),
     )
-    for name in cameras:
+    for name, camera in cameras.items():
         for port in ("color_image", "depth_image", "body_pose_in_world"):
-            builder.Connect(
-                station.GetOutputPort(f"camera_{name}.{port}"),
-                localizer.GetInputPort(f"{name}.{port}"),
-            )
+            source = station.GetOutputPort(f"camera_{name}.{port}")
+            if port == "body_pose_in_world" and scenario.localizer.level_cameras:
+                source = _leveled(builder, scenario, station, name, camera)
+            builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
     return localizer
 
 
@@ -57,13 +59,32 @@ def AddObstacleFinder(
         ),
     )
     for name in cameras:
-        for port in ("depth_image", "body_pose_in_world"):
-            builder.Connect(
-                station.GetOutputPort(f"camera_{name}.{port}"),
-                finder.GetInputPort(f"{name}.{port}"),
-            )
+        depth = station.GetOutputPort(f"camera_{name}.depth_image")
+        builder.Connect(depth, finder.GetInputPort(f"{name}.depth_image"))
+        pose = station.GetOutputPort(f"camera_{name}.body_pose_in_world")
+        if scenario.localizer.level_cameras:
+            leveling = builder.GetSubsystemByName(f"camera_leveling_{name}")
+            pose = leveling.get_output_port()
+        builder.Connect(pose, finder.GetInputPort(f"{name}.body_pose_in_world"))
     builder.Connect(localizer.GetOutputPort("blobs"), finder.GetInputPort("blobs"))
     return finder
+
+
+def _leveled(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram | Ports,
+    name: str,
+    camera: CameraModel,
+) -> OutputPort:
+    """The pose of a camera by the tables that it sees."""
+    leveling = builder.AddNamedSystem(
+        f"camera_leveling_{name}", CameraLeveling(camera, _tables(scenario))
+    )
+    for port in ("depth_image", "body_pose_in_world"):
+        source = station.GetOutputPort(f"camera_{name}.{port}")
+        builder.Connect(source, leveling.GetInputPort(port))
+    return leveling.get_output_port()
 
 
 def _camera_models(
@@ -80,13 +101,25 @@ def _camera_models(
 def _surfaces(scenario: Scenario) -> list[Surface]:
     """Where things may be in the way: around the objects' region and the goal."""
     task, table = scenario.task, scenario.table
-    goal = np.array(task.place.position)
     low = np.maximum(np.array(task.region.min) - task.spacing, table.min)
     high = np.minimum(np.array(task.region.max) + task.spacing, table.max)
     return [
-        Surface((low[0], low[1]), (high[0], high[1]), table.height)
-        for low, high in ((low, high), (goal - task.spacing, goal + task.spacing))
+        Surface((low[0], low[1]), (high[0], high[1]), table.height),
+        _around_goal(scenario),
     ]
+
+
+def _tables(scenario: Scenario) -> list[Surface]:
+    """What is level: the table, and what is around the goal."""
+    low, high = scenario.table.min, scenario.table.max
+    table = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
+    return [table, _around_goal(scenario)]
+
+
+def _around_goal(scenario: Scenario) -> Surface:
+    (x, y), around = scenario.task.place.position, scenario.task.spacing
+    height = scenario.table.height
+    return Surface((x - around, y - around), (x + around, y + around), height)
 
 
 def _targets(scenario: Scenario) -> list[BlobTarget]:

@@ -113,6 +113,9 @@ class LocalizerConfig:
     # Whether things that are not known objects are looked for, to keep clear of them:
     # in `task.region` and around the goal, `task.spacing` beyond.
     obstacles: bool = False
+    # Whether `table`, and what is around the goal, tell how the cameras are tilted and
+    # how high they are.
+    level_cameras: bool = False
     # Time between images [s]; 0 renders only when the blobs are asked for.
     period: float = dc.field(default=0.0, metadata={"ge": 0.0})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses as dc
 from collections.abc import Iterator, Mapping, Sequence
 
 import cv2
@@ -17,6 +16,7 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Cylinder, Obstacle, Shape, Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.surface import Surface
 
 Mask = npt.NDArray[np.bool_]
 
@@ -25,21 +25,6 @@ _LEAST_PIXELS = 8  # of an obstacle
 _NEAR = 0.03  # m; what is as near to a surface tells how well its height is seen
 _TOP = 0.98  # quantile of heights that is the top; the rest may be noise
 _KNOWN = 0.006  # m; what is nearer to a known object belongs to it
-
-
-@dc.dataclass(frozen=True)
-class Surface:
-    """A horizontal rectangle on which things stand, in world [m]."""
-
-    min: tuple[float, float]
-    max: tuple[float, float]
-    height: float
-
-    def contains(self, p_W: Vector, margin: float = 0.0) -> Mask:
-        """Which of the points (n, 2 or 3) are above it, or within a margin [m]."""
-        low, high = np.array(self.min) - margin, np.array(self.max) + margin
-        inside = (p_W[:, :2] >= low) & (p_W[:, :2] <= high)
-        return np.asarray(inside.all(axis=1))
 
 
 class ObstacleFinder(LeafSystem):

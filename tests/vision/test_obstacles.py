@@ -10,7 +10,8 @@ from vision_scene import CAN, DOWN, Camera, Thing, render, standing
 
 from drake_srg.types import Blob, Box, Cylinder, Sphere
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.obstacles import ObstacleFinder, Surface
+from drake_srg.vision.obstacles import ObstacleFinder
+from drake_srg.vision.surface import Surface
 
 TABLE = Surface((-0.5, -0.4), (0.5, 0.4), 0.0)
 CAMERA = Camera()
