@@ -96,6 +96,12 @@ class Blob:
     quality: float  # 0 .. 1, share of the expected outline that was seen
     flags: frozenset[BlobFlag] = frozenset()
 
+    @property
+    def trust(self) -> tuple[bool, bool, float]:
+        """What to sort by: the greater, the more trustworthy."""
+        certain = BlobFlag.UNCERTAIN not in self.flags
+        return certain, not self.flags, self.quality
+
 
 @dc.dataclass(frozen=True, eq=False)
 class Obstacle:

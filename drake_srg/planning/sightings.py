@@ -56,11 +56,7 @@ class Sightings:
     def best(self, view: View) -> Blob | None:
         """The most trustworthy blob of the object, None where it is not seen."""
         own = [blob for blob in view.blobs if blob.object_name == self.object_name]
-        return max(
-            own,
-            key=lambda b: (is_certain(b), not b.flags, b.quality),
-            default=None,
-        )
+        return max(own, key=lambda blob: blob.trust, default=None)
 
     def pose(self, blob: Blob) -> RigidTransform:
         """The object's pose X_WO [m]; its turn about its axis has no meaning."""

@@ -150,15 +150,17 @@ class ObstacleFinder(LeafSystem):
         return p_W[stands], float(p_D[stands, 2].max()) / imager.info.focal_x()
 
     def _is_known(self, context: Context, points: Vector, margin: float) -> Mask:
-        """Which points belong to the best blob of a known object."""
+        """Which points belong to the most trustworthy blob of a known object."""
         known = np.zeros(len(points), bool)
-        port, found = self.GetInputPort("blobs"), set()
-        for blob in port.Eval(context) if port.HasValue(context) else ():
-            if blob.object_name in self._known and blob.object_name not in found:
-                found.add(blob.object_name)
+        port = self.GetInputPort("blobs")
+        blobs: list[Blob] = port.Eval(context) if port.HasValue(context) else []
+        for name, shape in self._known.items():
+            own = [blob for blob in blobs if blob.object_name == name]
+            if own:
+                blob = max(own, key=lambda blob: blob.trust)
                 R_WO = RotationMatrix.MakeFromOneVector(blob.axis, 2)
                 p_O = (points - blob.position) @ R_WO.matrix()
-                known |= signed_distance(self._known[blob.object_name], p_O)[0] < margin
+                known |= signed_distance(shape, p_O)[0] < margin
         return known
 
     def _carrier(self, group: Vector) -> Surface | None:

@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F
 from vision_scene import CAN, DOWN, Camera, Thing, render, standing
 
-from drake_srg.types import Blob, Box, Cylinder, Sphere
+from drake_srg.types import Blob, BlobFlag, Box, Cylinder, Sphere
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.obstacles import ObstacleFinder
 from drake_srg.vision.surface import Surface
@@ -111,9 +111,12 @@ def test_known_objects_are_left_out_as_are_markers():
     assert find([turned, marker], blobs=blobs, known={"box": BOX}) == []
 
 
-def test_the_best_blob_alone_is_believed():
+@pytest.mark.parametrize(
+    "doubt", [{"flags": frozenset({BlobFlag.UNCERTAIN})}, {"quality": 0.9}]
+)
+def test_the_most_trustworthy_blob_alone_is_believed(doubt):
     can, other = standing(CAN, 0.1, 0.1), standing(CAN, -0.1, 0.0)
-    blobs = [blob_of(can), blob_of(other)]
+    blobs = [dc.replace(blob_of(other), **doubt), blob_of(can)]
     [obstacle] = find([can, other], blobs=blobs, known={"can": CAN})
     assert obstacle.X_WO.translation()[0] == pytest.approx(-0.1, abs=PIXEL)
 
