@@ -41,6 +41,7 @@ _LOGGED = (
     "arm.state_measured",
     "arm.state_cheat",
     "arm.torque_measured",
+    "arm.external_torque",
     "arm.position_commanded",
     "gripper.state_measured",
     "gripper.closure_commanded",

@@ -133,7 +133,9 @@ def AddExternalTorque(
     reports. Between samples of a continuous plant the torque of stiff actuators is a
     saw, by v kp period, 170 N m at an iiwa's top speed, and no sample stands for its
     mean. There, the torques are those of the contacts by the plant's own account, with
-    the same lag; inside the arm, joint torque sensors would tell as much.
+    the same lag; inside the arm, joint torque sensors would tell as much. What the hand
+    holds comes with the plant's regularized friction, which is not in balance where it
+    creeps: 10 N m for a can that weighs 2.
 
     Args:
         builder: Of the diagram.

@@ -145,7 +145,7 @@ def test_free_motion_is_not_taken_for_a_push():
         most = np.maximum(most, np.abs(arm.external))
         torque = np.maximum(torque, np.abs(arm.applied))
     assert np.max(torque) > 50.0
-    # KUKA's own collision detection begins at 10 N m: half of that.
+    # A sixth of what stops the kitchen's arm (see PlannerConfig).
     assert np.max(most) < 5.0
 
 

@@ -65,25 +65,26 @@ def test_the_number_of_limits_in_a_scenario_is_checked():
         Simulate(scenario)
 
 
-# A cell whose camera's localizer does not tell of a post between object and goal.
+# A cell with a post between object and goal that nobody knows of.
 
 _POST = (
-    "objects.post={shape: !Box {size: [0.06, 0.2, 0.4]}, mass: 30.0, friction: 1.0, "
-    "color: [0.3, 0.3, 0.3], position: [0.62, -0.22], known: false}"
+    "objects.post={{shape: !Box {{size: [0.06, 0.2, {height}]}}, mass: 30.0, "
+    "friction: 1.0, color: [0.3, 0.3, 0.3], position: [0.62, -0.22], known: false}}"
 )
 
 
-def collision(limit):
-    """A run with limits of all joints [N m]."""
+def collision(limit, height=0.4, seen=False):
+    """A run with limits of all joints [N m] and a post's height [m]."""
     scenario = load_scenario(
         "kitchen_fast",
         seed=0,
         overrides=[
-            _POST,
+            _POST.format(height=height),
+            f"localizer.obstacles={str(seen).lower()}",
             "object.position=[0.6, 0.08]",
             f"planner.max_external_torque={[limit] * 7}",
             "planner.max_attempts=1",
-            "planner.time_budget=8",
+            "planner.time_budget=12",
         ],
     )
     return Simulate(scenario)
@@ -103,3 +104,11 @@ def test_an_arm_that_hits_a_post_stops():
     # The arm met it at 1 rad/s; it does not press on, though the post still rocks.
     speeds = stopped.log["arm.state_measured"][-1, 7:]
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)
+
+
+def test_a_post_that_the_camera_sees_is_passed():
+    run = collision(30.0, height=0.25, seen=True)
+    assert run.metrics.success
+    post = run.log["object_pose.post"]
+    # Untouched, it only settles.
+    np.testing.assert_allclose(post[-1, :3], post[0, :3], atol=1e-4)
