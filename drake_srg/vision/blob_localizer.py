@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.value import AbstractValue
@@ -17,11 +16,17 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, BlobFlag, Shape
 from drake_srg.vision.camera import CameraModel
-from drake_srg.vision.color import ColorImage, ColorRange
+from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
+from drake_srg.vision.color import ColorRange
 from drake_srg.vision.depth_noise import clean
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.solids import bounding_size
 from drake_srg.vision.view import view_around
+
+_Sighting: TypeAlias = tuple[Blob, float]  # with the misfit of the target's shape
+# More pixels that speak against it, as a share of the blob's, than against another
+# blob: of the targets themselves, noise makes half of that.
+_LESS_LIKE = 0.05
 
 
 @dc.dataclass(frozen=True)
@@ -146,69 +151,72 @@ class BlobLocalizer(LeafSystem):
 
     def _locate(self, context: Context) -> list[Blob]:
         found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
-        for camera in self._cameras:
+        for camera, (color_imager, depth_imager) in self._cameras.items():
             color = self._image(context, camera, "color")
-            depth = self._image(context, camera, "depth")[..., 0]
-            depth, noise = clean(depth)
-            X_WB = self._input(context, f"{camera}.body_pose_in_world")
-            for target in self._targets:
-                found[target.name] += self._see(
-                    target, camera, color, depth, noise, X_WB
-                )
-        return [
-            blob
-            for blobs in found.values()
-            for blob in sorted(blobs, key=lambda blob: -blob.quality)
-        ]
-
-    def _see(
-        self,
-        target: BlobTarget,
-        camera: str,
-        color: ColorImage,
-        depth: npt.NDArray[Any],
-        noise: float,
-        X_WB: RigidTransform,
-    ) -> list[Blob]:
-        """The blobs of one target in one camera."""
-        color_imager, depth_imager = self._cameras[camera]
-        colored = target.color.mask(color)
-        count, labels, stats, centroids = cv2.connectedComponentsWithStats(
-            colored.astype(np.uint8), connectivity=8
-        )
-        blobs: list[Blob] = []
-        for i in range(1, count):  # 0 is the background
-            left, top, width, height, area = (int(x) for x in stats[i])
-            if area < self._min_area:
-                continue
-            blob = labels == i
-            view = view_around(
-                target.shape,
-                blob,
-                colored,
+            depth, noise = clean(self._image(context, camera, "depth")[..., 0])
+            picture = Picture(
+                color,
                 depth,
+                noise,
                 color_imager,
                 depth_imager,
-                X_WB,
-                noise,
+                self._input(context, f"{camera}.body_pose_in_world"),
             )
-            fit = fit_shape(target.shape, view) if view else None
-            if fit is None or fit.quality < self._min_quality:
-                continue
-            h, w = labels.shape
-            at_border = left == 0 or top == 0 or left + width == w or top + height == h
-            blobs.append(
-                Blob(
-                    object_name=target.name,
-                    camera=camera,
-                    pixel=(float(centroids[i, 0]), float(centroids[i, 1])),
-                    position=fit.position,
-                    axis=fit.axis,
-                    quality=fit.quality,
-                    flags=_flags(fit, at_border),
-                )
-            )
-        return _distinct(blobs, target.shape)
+            for target in self._targets:
+                found[target.name] += self._see(target, camera, picture)
+        return [
+            blob for blobs in found.values() for blob in sorted(blobs, key=_best_first)
+        ]
+
+    def _see(self, target: BlobTarget, camera: str, picture: Picture) -> list[Blob]:
+        """The blobs of one target in one camera."""
+
+        def fits(search: Search) -> list[_Sighting]:
+            found = search(picture, target.shape, target.color, self._min_area)
+            sightings = (self._fit(target, camera, picture, c) for c in found)
+            return [sighting for sighting in sightings if sighting is not None]
+
+        seen = fits(by_color)
+        if not any(map(_is_certain, seen)):
+            others = fits(by_steps)
+            # What is seen in the target's own colour is told better, not replaced.
+            seen += [o for o in others if not seen or _near(o, seen, target.shape)]
+        return _told_apart(_distinct(seen, target.shape))
+
+    def _fit(
+        self, target: BlobTarget, camera: str, picture: Picture, candidate: Candidate
+    ) -> _Sighting | None:
+        """The blob of a candidate and its misfit, None where the shape does not fit."""
+        view = view_around(
+            target.shape,
+            candidate.blob,
+            candidate.colored,
+            picture.depth,
+            picture.color_imager,
+            picture.depth_imager,
+            picture.X_WB,
+            picture.noise,
+        )
+        fit = fit_shape(target.shape, view) if view else None
+        if fit is None or fit.quality < self._min_quality:
+            return None
+        rows, columns = np.nonzero(candidate.blob)
+        h, w = candidate.blob.shape
+        at_border = (
+            min(rows.min(), columns.min()) == 0
+            or rows.max() == h - 1
+            or columns.max() == w - 1
+        )
+        blob = Blob(
+            object_name=target.name,
+            camera=camera,
+            pixel=(float(columns.mean()), float(rows.mean())),
+            position=fit.position,
+            axis=fit.axis,
+            quality=fit.quality,
+            flags=_flags(fit, bool(at_border)),
+        )
+        return blob, fit.misfit
 
     def _image(self, context: Context, camera: str, which: str) -> npt.NDArray[Any]:
         image = self._input(context, f"{camera}.{which}_image").data
@@ -236,11 +244,38 @@ def _flags(fit: Fit, at_border: bool) -> frozenset[BlobFlag]:
     return frozenset(flag for flag, raised in flags.items() if raised)
 
 
-def _distinct(blobs: list[Blob], shape: Shape) -> list[Blob]:
-    """The blobs without those that repeat a better one's object."""
+def _is_certain(sighting: _Sighting) -> bool:
+    return BlobFlag.UNCERTAIN not in sighting[0].flags
+
+
+def _best_first(blob: Blob) -> tuple[bool, float]:
+    return BlobFlag.UNCERTAIN in blob.flags, -blob.quality
+
+
+def _near(sighting: _Sighting, others: list[_Sighting], shape: Shape) -> bool:
+    """Whether it is nearer to another than the object is wide: the same object."""
     width = float(bounding_size(shape)[:2].min())
-    kept: list[Blob] = []
-    for blob in sorted(blobs, key=lambda blob: -blob.quality):
-        if all(np.linalg.norm(blob.position - k.position) >= width / 2 for k in kept):
-            kept.append(blob)
+    return any(
+        np.linalg.norm(sighting[0].position - other.position) < width / 2
+        for other, _ in others
+    )
+
+
+def _distinct(sightings: list[_Sighting], shape: Shape) -> list[_Sighting]:
+    """The sightings without those that repeat a better one's object."""
+    kept: list[_Sighting] = []
+    for sighting in sorted(sightings, key=lambda sighting: _best_first(sighting[0])):
+        if not _near(sighting, kept, shape):
+            kept.append(sighting)
     return kept
+
+
+def _told_apart(sightings: list[_Sighting]) -> list[Blob]:
+    """The blobs, uncertain where another one is clearly more like the target."""
+    least = min((misfit for _, misfit in filter(_is_certain, sightings)), default=0.0)
+    return [
+        blob
+        if misfit <= least + _LESS_LIKE
+        else dc.replace(blob, flags=blob.flags | {BlobFlag.UNCERTAIN})
+        for blob, misfit in sightings
+    ]

@@ -18,6 +18,14 @@ Triple = tuple[float, float, float]
 # What "full scale" of a channel is in the units of `ColorRange`.
 _FULL_SCALE = {"hsv": (360.0, 1.0, 1.0), "rgb": (1.0, 1.0, 1.0)}
 
+# Lamps of 3000 to 8000 K differ from daylight by up to 1.3 in red over green, 1.5 in
+# blue over green (black bodies in sRGB's primaries); logarithms.
+_LIGHTS = np.array([0.26, 0.41])
+_BRIGHT = 0.9  # quantile of an image; more may be lamps and reflections
+_SHADED = 0.4  # of what is bright, at least, for an object as bright
+_DARK = 8.0  # counts; less is what a camera makes of black
+_SAMPLES = 9  # of a range, a channel
+
 
 @dc.dataclass(frozen=True)
 class ColorRange:
@@ -94,5 +102,46 @@ class ColorRange:
         from_red = cv2.inRange(pixels, np.array([0.0, *low[1:]]), high)
         return np.asarray((to_red > 0) | (from_red > 0))
 
+    def mask_in_any_light(self, image: ColorImage) -> Mask:
+        """Which pixels may show a colour of the range, whatever lamp it is seen by.
+
+        Light, exposure and shading multiply the channels, so that the ratio of two of
+        them changes by as much as the light's own does.
+
+        Args:
+            image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.
+
+        Returns:
+            Shape (height, width).
+        """
+        samples = np.stack(
+            np.meshgrid(*np.linspace(*self._unwrapped(), _SAMPLES).T), axis=-1
+        ).reshape(-1, 3)
+        if self.space == "hsv":
+            samples = np.array(
+                [colorsys.hsv_to_rgb(h / 360.0 % 1.0, s, v) for h, s, v in samples]
+            )
+        known, seen = _ratios(255.0 * samples), _ratios(image[..., :3])
+        low, high = known.min(axis=0) - _LIGHTS, known.max(axis=0) + _LIGHTS
+        value = image[..., :3].max(axis=-1)
+        # What is bright in the scene tells how bright the light is.
+        least = _SHADED * samples.max(axis=1).min() * np.quantile(value, _BRIGHT)
+        # The logarithm of what is nearly black is noise.
+        light = value > max(2 * _DARK, least)
+        return np.asarray(((seen >= low) & (seen <= high)).all(axis=-1) & light)
+
+    def _unwrapped(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+        """The bounds, the lower hue below the upper one."""
+        lower, upper = np.array(self.lower), np.array(self.upper)
+        if lower[0] > upper[0]:
+            upper[0] += 360.0
+        return lower, upper
+
     def _hue(self, channel: int) -> bool:
         return self.space == "hsv" and channel == 0
+
+
+def _ratios(colors: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Logarithms of red and of blue over green, shape (..., 2), of colours 0 .. 255."""
+    logs = np.log(np.asarray(colors, np.float32) + np.float32(_DARK))
+    return np.asarray(logs[..., ::2] - logs[..., 1:2])

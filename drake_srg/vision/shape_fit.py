@@ -27,16 +27,18 @@ _COARSE, _MIDDLE, _FINE = (3.0, 1.0), (0.3,), (0.1, 0.03)
 _EXPLAINED, _MOST_UNEXPLAINED = 0.03, 0.1
 _ANOTHER = 0.35  # with more it is another thing's blob
 _DEVIATIONS = 4.0  # of noise
-# How far a solid may reach below what is beside it: as far as a recess is deep that
-# leaves something to grasp [m, of its height].
-_SUNK, _SUNK_SHARE = 0.01, 0.15
+_SUNK = 0.01  # m; farther below what is beside it a solid is in no recess
 _LEAST_TOP = 8  # pixels of an upright solid's top
+_FEW = 3  # guesses, the nearest ones; more make no difference where there is noise
 _STANDS = np.cos(np.deg2rad(15.0))
 _BESIDE, _LEAST_AROUND = 5, 8  # pixels around it that tell where it stands
 _WRONG = 1e-3  # m; a point of the blob farther off the surface speaks against a pose
 _RING = 72  # samples of the outline, for its quality
 _MOST_DEVIATIONS = np.array([1e-3, np.deg2rad(1.0)])  # of position [m] and axis [rad]
-_SLIDE = 2.5  # pixels; along its axis a solid may not move so far unnoticed
+_SLIDES = (1.75, 2.5)  # pixels; along its axis a solid may not move so far unnoticed
+# Of the blob's pixels, those that look through the solid: of the right one's in images
+# with noise it is mostly up to 0.02.
+_MOST_THROUGH, _ON_OUTLINE = 0.05, 0.7  # pixels
 _LEAST_COLORED = 0.1  # of the surface; with less it may be something else's
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -52,6 +54,7 @@ class Fit:
         cut: Part of the expected outline lies outside the image.
         hidden: More than a tenth of the outline in the image was not found.
         uncertain: The position may be off by 1 mm or the axis by a degree.
+        misfit: Pixels that speak against the shape, as a share of the blob's.
     """
 
     position: Vector
@@ -60,6 +63,7 @@ class Fit:
     cut: bool
     hidden: bool
     uncertain: bool
+    misfit: float
 
 
 def fit_shape(shape: Shape, view: View) -> Fit | None:
@@ -86,6 +90,7 @@ def fit_shape(shape: Shape, view: View) -> Fit | None:
         axis,
         *_seen(sight, Outline.of(shape, X_WO, view), view),
         uncertain=bool(uncertain) or _doubtful(shape, X_WO, view, sight),
+        misfit=_unexplained(sight, view) + _through(sight),
     )
 
 
@@ -125,7 +130,8 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
             if least <= _EXPLAINED:
                 return best, True
             least -= _EXPLAINED
-    for guess in _by_distance(shape, guess_poses(shape, view), points):
+    guesses = _by_distance(shape, guess_poses(shape, view), points)
+    for guess in guesses[: _FEW if view.noise else None]:
         X_WO = align(shape, guess, view, _COARSE).X_WO
         unexplained = _unexplained(look(shape, X_WO, view, margin=0), view)
         if unexplained < least:
@@ -154,8 +160,19 @@ def _unexplained(sight: Sight, view: View) -> float:
     """
     wrong = max(_WRONG, _DEVIATIONS * view.noise)
     missed = sight.blob & (np.abs(sight.error) > wrong)
+    if view.noise:  # which frays edges
+        missed &= np.abs(sight.distance) > 1.5
     through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -1.5)
     return float((missed.sum() + through.sum()) / sight.blob.sum())
+
+
+def _through(sight: Sight) -> float:
+    """Pixels inside the outline that look past the solid, as a share of the blob's.
+
+    One on the outline may be either.
+    """
+    through = (sight.labels == OUTSIDE) & (sight.distance < -_ON_OUTLINE)
+    return float(through.sum() / sight.blob.sum())
 
 
 def _doubtful(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> bool:
@@ -167,10 +184,13 @@ def _doubtful(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> b
     surface = sight.surface & (sight.distance < -1)
     colored = sight.blob.sum() / max(1, surface.sum())
     distance = float(np.linalg.norm(X_WO.translation() - view.origin))
-    slide = max(_SLIDE * distance / view.focal[0], (_DEVIATIONS + 2) * view.noise)
-    slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (-slide, slide))
+    slides = np.maximum(
+        np.array(_SLIDES) * distance / view.focal[0], 1.5 * _DEVIATIONS * view.noise
+    )
+    slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (*slides, *-slides))
     return (
         unexplained > _MOST_UNEXPLAINED
+        or _through(sight) > _MOST_THROUGH
         or colored < _LEAST_COLORED
         or any(
             _unexplained(look(shape, X, view, margin=0), view) <= unexplained
@@ -192,7 +212,7 @@ def _sunken(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> boo
     height = bounding_size(shape)[2]
     bottom = X_WO.translation()[2] - 0.5 * height
     support = float(np.median(sight.points[around, 2]))
-    return bool(bottom < support - max(_SUNK, _SUNK_SHARE * height) - view.noise)
+    return bool(bottom < support - _SUNK)
 
 
 def _seen(sight: Sight, outline: Outline, view: View) -> tuple[float, bool, bool]:
@@ -201,7 +221,8 @@ def _seen(sight: Sight, outline: Outline, view: View) -> tuple[float, bool, bool
     labels[tuple(sight.pixels.T[::-1])] = np.where(sight.surface, INSIDE, sight.labels)
     h, w = view.depth.shape
     in_image, found = np.ones(_RING, bool), np.ones(_RING, bool)
-    for grow, expected in ((-1.5, INSIDE), (1.5, OUTSIDE)):
+    beside = 2.5 if view.noise else 1.5  # where nothing is in doubt [pixels]
+    for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
         pixels = np.rint(outline.ring(grow, _RING)).astype(int)
         u, v = pixels[:, 0], pixels[:, 1]
         in_image &= (u >= 0) & (v >= 0) & (u < w) & (v < h)
