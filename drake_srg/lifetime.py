@@ -49,6 +49,19 @@ def collectable(system: framework.System) -> None:
         attributes["_unseen_reference"] = unseen
 
 
+def my_context(system: framework.System, root: framework.Context) -> framework.Context:
+    """Return a system's context within that of the root diagram, or that itself.
+
+    Drake's `GetMyContextFromRoot` lets what it returns keep `root` alive: a root that
+    is asked for its own context keeps itself alive, images and all, for ever.
+    """
+    try:
+        system.ValidateContext(root)
+    except RuntimeError:
+        return system.GetMyContextFromRoot(root)
+    return root
+
+
 class LeafSystem(framework.LeafSystem):
     """Drake's LeafSystem, freed with the diagram that holds it.
 

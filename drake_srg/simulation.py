@@ -19,6 +19,7 @@ from tqdm import tqdm
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.contacts import ContactReader
 from drake_srg.errors import ScenarioError, one_line, scenario_errors
+from drake_srg.lifetime import my_context
 from drake_srg.metrics import (
     MODES,
     Metrics,
@@ -170,7 +171,7 @@ def _warm_up(simulator: Simulator, cell: Diagram) -> None:
     """Let cameras and localizer prepare themselves, as they do when switched on."""
     root = simulator.get_mutable_context()
     if cell.HasOutputPort("localizer.blobs"):
-        cell.GetOutputPort("localizer.blobs").Eval(cell.GetMyContextFromRoot(root))
+        cell.GetOutputPort("localizer.blobs").Eval(my_context(cell, root))
         root.SetTime(root.get_time())  # what was seen before counts no more
 
 
@@ -184,7 +185,7 @@ def _run(
 ) -> tuple[PlannerStatus, RunTimes]:
     """Advance until the planner has ended and things have settled."""
     root = simulator.get_mutable_context()
-    context = cell.GetMyContextFromRoot(root)
+    context = my_context(cell, root)
     status_port = cell.GetOutputPort("planner.status")
     start_time = root.get_time()
     # The planner ends by itself; the margin is for a planner that does not.

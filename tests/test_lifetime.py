@@ -6,7 +6,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, ValueProducer
 
-from drake_srg.lifetime import LeafSystem, weak
+from drake_srg.lifetime import LeafSystem, my_context, weak
 
 
 class OneOfEverything(LeafSystem):
@@ -74,3 +74,21 @@ def test_a_system_is_freed(make):
     del made
     gc.collect()
     assert [watch() for watch in watches] == [None] * len(watches)
+
+
+def test_a_root_context_that_is_asked_for_itself_is_freed():
+    diagram = make_in_a_diagram()
+    context = diagram.CreateDefaultContext()
+    assert my_context(diagram, context) is context
+    freed = weakref.ref(context)
+    del context
+    gc.collect()
+    assert freed() is None
+
+
+def test_a_context_within_another_is_that_of_the_system():
+    builder = DiagramBuilder()
+    system = builder.AddSystem(OneOfEverything())
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    system.ValidateContext(my_context(system, context))
