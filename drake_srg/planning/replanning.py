@@ -67,7 +67,7 @@ class Replanner:
 
     def is_at_goal(self, view: View, memory: PlannerMemory) -> bool:
         """Whether the object is seen where this cycle shall take it."""
-        blob, goal = self._sightings.best(view), self.goal(memory)
+        blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
         if blob is None:
             return False
         X_WO = self._sightings.pose(blob)
@@ -76,13 +76,15 @@ class Replanner:
 
     def plan(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Look for the object, and plan the whole cycle from where the arm is."""
-        blob = self._sightings.best(view)
+        blob = self._sightings.best(view, self._rests)
         memory = dc.replace(memory, looks=memory.looks + 1)
         if blob is None:
             return self._not_seen(memory, time)
         start = wall.perf_counter()
         X_WO = self._sightings.pose(blob)
-        obstacles = self._obstacles(view, memory, memory.q_rest, memory.fingers)
+        obstacles = self._obstacles(
+            view, memory, memory.q_rest, memory.fingers, blob.position
+        )
         result = self._task_planner.plan(
             memory.q_rest,
             X_WO,
@@ -129,15 +131,19 @@ class Replanner:
         # The arm may hide it.
         return memory if self._at_home(memory.q_rest) else self.escape(memory, time)
 
+    def _rests(self, X_WO: RigidTransform) -> bool:
+        return self._task_planner.rests(self._shape, X_WO)
+
     def _obstacles(
         self,
         view: View,
         memory: PlannerMemory,
         q: Vector,
         fingers: Mapping[str, float],
+        p_WO: Vector | None = None,
     ) -> Obstacles:
         """What stands about: seen now, or earlier where the arm may hide it now."""
-        seen = self._sightings.obstacles(view)
+        seen = self._sightings.obstacles(view, p_WO)
         if seen:
             seen = self._task_planner.others(q, fingers, seen)
         return seen if self._at_home(q) else (*memory.obstacles, *seen)
@@ -147,14 +153,15 @@ class Replanner:
 
     def compare(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See whether the object is still where the motions take it, and they free."""
-        blob, X_WO = self._sightings.best(view), memory.X_WO
+        blob, X_WO = self._sightings.best(view, self._rests), memory.X_WO
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
         if memory.detours >= self._config.max_attempts:
             return memory  # what never stands still has to be tried
         motions = memory.motions
-        if view.obstacles and motions is not None:
+        if view.obstacles and motions is not None and X_WO is not None:
             q, fingers = memory.position(time), motions.grasp.fingers_open
-            obstacles = self._obstacles(view, memory, q, fingers)
+            p_WO = X_WO.translation() if blob is None else blob.position
+            obstacles = self._obstacles(view, memory, q, fingers, p_WO)
             if self._obstruction(motions, memory.mode, obstacles):
                 return dc.replace(memory, moved=True, detours=memory.detours + 1)
         if blob is None or X_WO is None or not is_certain(blob):  # behind the hand

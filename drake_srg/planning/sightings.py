@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -13,6 +13,7 @@ from drake_srg.planning.task_motions import Obstacles
 from drake_srg.types import (
     Blob,
     BlobFlag,
+    Box,
     Cylinder,
     Obstacle,
     Shape,
@@ -20,6 +21,8 @@ from drake_srg.types import (
     Vector,
 )
 
+# Blobs further apart are not of the same thing, seen twice [m].
+_APART = 0.03
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -53,28 +56,63 @@ class Sightings:
         self._others = dict(others)
         self._upright = np.cos(upright_within)
 
-    def best(self, view: View) -> Blob | None:
-        """The most trustworthy blob of the object, None where it is not seen."""
-        own = [blob for blob in view.blobs if blob.object_name == self.object_name]
-        return max(own, key=lambda blob: blob.trust, default=None)
+    def best(
+        self, view: View, rests: Callable[[RigidTransform], bool] | None = None
+    ) -> Blob | None:
+        """The most trustworthy blob of the object, None where it is not seen.
+
+        Args:
+            view: What is seen.
+            rests: Says of a pose X_WO whether the object may rest there; what looks
+                like it but floats, or is in the table, is something else.
+        """
+
+        def trust(blob: Blob) -> tuple[bool, ...]:
+            return is_certain(blob), rests is None or rests(self.pose(blob))
+
+        own = self._own(view)
+        return max(own, key=lambda blob: (trust(blob), blob.trust), default=None)
+
+    def _own(self, view: View) -> list[Blob]:
+        return [blob for blob in view.blobs if blob.object_name == self.object_name]
 
     def pose(self, blob: Blob) -> RigidTransform:
         """The object's pose X_WO [m]; its turn about its axis has no meaning."""
         return self._pose(self.shape, blob)
 
-    def obstacles(self, view: View) -> Obstacles:
-        """The other objects and the obstacles that are seen."""
+    def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
+        """The other objects and the obstacles that are seen.
+
+        Args:
+            view: What is seen.
+            p_WO: Where the object is believed to be, shape (3,) [m]: what looks like
+                it elsewhere is something, too, and an obstacle around it is itself.
+        """
         known = tuple(
             (shape, self._pose(shape, blob))
             for blob in view.blobs
             if (shape := self._others.get(blob.object_name)) is not None
         )
-        return known + tuple((seen.shape, seen.X_WO) for seen in view.obstacles)
+        unknown = tuple((seen.shape, seen.X_WO) for seen in view.obstacles)
+        if p_WO is None:
+            return (*known, *unknown)
+        apart = [
+            (self.shape, self.pose(blob))
+            for blob in self._own(view)
+            if np.linalg.norm(blob.position - p_WO) > _APART
+        ]
+        others = [o for o in unknown if not _inside(*o, p_WO)]
+        return (*known, *apart, *others)
 
     def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
         # What stands on something level is upright, whatever an image says of it.
         stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
         return pose_along(blob.position, _UP if stands else blob.axis)
+
+
+def _inside(box: Box, X_WO: RigidTransform, p_W: Vector) -> bool:
+    p_O = X_WO.inverse() @ p_W
+    return bool(np.all(np.abs(p_O) <= 0.5 * np.array(box.size)))
 
 
 def is_certain(blob: Blob) -> bool:

@@ -22,7 +22,7 @@ from drake_srg.planning.grasp_search import (
 from drake_srg.planning.grasps import Grasp, Hand
 from drake_srg.planning.moves import FREEDOMS, Moves, NoPathError, TaskFailure
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath
-from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.planning_scene import Clearance, PlanningScene
 from drake_srg.planning.trajectories import motion_samples
 from drake_srg.types import Failure, Mode, Shape, Vector
 
@@ -132,14 +132,9 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         tried: Sequence[str],
     ) -> TaskMotions | TaskFailure:
-        # With the arm at home, does the object fit where it shall stand? Fixed things
-        # are only checked against what moves, so it hangs from the distant hand.
-        self.scene.set_fingers({})
-        X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO_goal
-        with self.scene.holding(shape, X_GO, margin=SUPPORT_OVERLAP):
-            clearance = self.scene.clearance(self.q_home)
-        if clearance.spare < 0.0 and "held_object" in clearance.bodies:
-            return TaskFailure(Failure.BLOCKED, f"the goal is taken: {clearance}")
+        taken = self._overlap(shape, X_WO_goal)
+        if taken is not None:
+            return TaskFailure(Failure.BLOCKED, f"the goal is taken: {taken}")
         reasons: list[TaskFailure] = []
         for turned in (False, True):
             candidates, failures = self._search.candidates(
@@ -163,6 +158,24 @@ class TaskPlanner:
         # What only the surroundings forbid is worth knowing before what no arm
         # posture reaches.
         return (blocked or reasons)[0]
+
+    def rests(self, shape: Shape, X_WO: RigidTransform) -> bool:
+        """Whether a thing at `X_WO` [m] is on something, and in nothing."""
+        lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
+        return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
+
+    def _overlap(self, shape: Shape, X_WO: RigidTransform) -> Clearance | None:
+        """Return what a thing at `X_WO` [m] is in, None where it fits there.
+
+        Fixed things are only checked against what moves, so it hangs from the distant
+        hand of an arm at home.
+        """
+        self.scene.set_fingers({})
+        X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO
+        with self.scene.holding(shape, X_GO, margin=SUPPORT_OVERLAP):
+            clearance = self.scene.clearance(self.q_home)
+        taken = clearance.spare < 0.0 and "held_object" in clearance.bodies
+        return clearance if taken else None
 
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles

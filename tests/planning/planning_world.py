@@ -73,6 +73,9 @@ class FakeTaskPlanner:
             return self.place
         return self._motions(q_start, MOVING[MOVING.index(Mode.PLACE) :])
 
+    def rests(self, shape, X_WO):
+        return X_WO.translation()[2] >= 0.04
+
     def others(self, q, fingers, obstacles):
         return tuple(obstacles)
 

@@ -93,6 +93,19 @@ def test_what_gets_onto_the_goal_meanwhile_blocks_it(hidden):
     assert world.trace[-2] is Mode.TRANSFER
 
 
+def test_what_looks_like_the_object_but_is_in_the_table_is_an_obstacle():
+    world = World()
+    seen = [blob([0.5, 0.2, 0.03], quality=0.95), blob(START, quality=0.5)]
+    around = Obstacle(Box([0.07, 0.07, 0.1]), RigidTransform(START))
+    at_goal = world.where
+    world.where = lambda mode: seen if mode is Mode.IDLE else at_goal(mode)
+    world.unknown = lambda mode: [around]
+    assert world.run().localization is seen[1]
+    ((shape, X_WO),) = world.task_planner.obstacles
+    assert shape == CAN
+    np.testing.assert_array_equal(X_WO.translation(), seen[0].position)
+
+
 # Real motions.
 
 
@@ -140,6 +153,14 @@ def test_the_arm_is_not_its_own_obstacle(planner):
     aside = (AWAY.shape, AWAY.X_WO)
     assert planner.others(q, {}, [around_hand, aside]) == (aside,)
     assert planner.scene.touches(q, *around_hand)
+
+
+@pytest.mark.parametrize(
+    ("height", "rests"),
+    [(0.0, True), (0.002, True), (-0.002, True), (0.008, False), (-0.006, False)],
+)
+def test_things_rest_on_the_table(planner, height, rests):
+    assert planner.rests(CAN, RigidTransform(START + height * UP)) == rests
 
 
 def test_a_goal_that_is_taken_is_told(planner):
