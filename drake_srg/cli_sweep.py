@@ -6,6 +6,7 @@ import os
 import shlex
 import signal
 import sys
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -68,7 +69,8 @@ def sweep(options: argparse.Namespace) -> int:
     from drake_srg.sweeps.summary import summary
     from drake_srg.sweeps.sweep import run_sweep
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     again = _resume_line(options, out)
     try:
         rows = run_sweep(
@@ -169,7 +171,8 @@ def dataset(options: argparse.Namespace) -> int:
     require_sweep("pyarrow")
     from drake_srg.sweeps.dataset import make_dataset
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     output: Path = options.output or options.folder / "dataset"
     try:
         made = make_dataset(

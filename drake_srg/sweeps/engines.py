@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -83,14 +84,19 @@ class JoblibEngine:
         self._workers = jobs
         self._loky = require_sweep("joblib.externals.loky")
         self._executor: Any = None
+        self._scratch: tempfile.TemporaryDirectory[str] | None = None
 
     def __enter__(self) -> JoblibEngine:
+        # For temporary files, which a worker that is killed leaves behind.
+        self._scratch = tempfile.TemporaryDirectory(prefix="drake_srg_sweep_")
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, *_: BaseException | TracebackType | None
     ) -> None:
         self._stop(kill=kind is not None)
+        if self._scratch is not None:
+            self._scratch.cleanup()
 
     def slots(self) -> int:
         """Return the number of processes."""
@@ -104,9 +110,10 @@ class JoblibEngine:
                     return self._executor.submit(function, *arguments)
                 except BrokenExecutor:
                     self._stop(kill=True)
+            assert self._scratch is not None, "submit to an engine that is not entered"
             self._executor = self._loky.ProcessPoolExecutor(
                 self._workers,
-                env=THREADS,
+                env={**THREADS, "TMPDIR": self._scratch.name},
                 initializer=_begin_worker,
                 initargs=(os.getpid(),),
             )

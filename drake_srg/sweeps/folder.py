@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 import fcntl
 import os
 from collections.abc import Callable
@@ -61,7 +62,9 @@ class SweepFolder:
                     f"{self.path}: has trials of a sweep; --resume goes on with it, "
                     "another --out begins anew"
                 )
-            different = difference(read_sweep(self.path), info)
+            begun = read_sweep(self.path)
+            different = difference(begun, info)
+            info = dc.replace(info, started=begun.started)
             if different:
                 raise ScenarioError(
                     f"{self.path}: holds another sweep: {different}; begin anew with "

@@ -58,6 +58,9 @@ def test_the_sweep_says_what_it_is(tmp_path):
     assert {"drake_srg", "drake", "python", "platform"} <= info["versions"].keys()
     assert (info["engine"], info["jobs"]) == ("stub", 2)
     assert info["schema_version"] == 1
+    run(tmp_path, seed=5, overrides=["object.mass=0.3"], trials=7, resume=True)
+    extended = json.loads((tmp_path / "sweep.json").read_text())
+    assert extended == {**info, "trials": 7}
 
 
 @settings(max_examples=12)
