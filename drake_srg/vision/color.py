@@ -121,11 +121,12 @@ class ColorRange:
             samples = np.array(
                 [colorsys.hsv_to_rgb(h / 360.0 % 1.0, s, v) for h, s, v in samples]
             )
-        known, seen = _ratios(255.0 * samples), _ratios(image[..., :3])
+        bright = np.maximum(samples.max(axis=1, keepdims=True), 1e-3)
+        known, seen = _ratios(255.0 * samples / bright), _ratios(image[..., :3])
         low, high = known.min(axis=0) - _LIGHTS, known.max(axis=0) + _LIGHTS
         value = image[..., :3].max(axis=-1)
         # What is bright in the scene tells how bright the light is.
-        least = _SHADED * samples.max(axis=1).min() * np.quantile(value, _BRIGHT)
+        least = _SHADED * float(bright.min()) * np.quantile(value, _BRIGHT)
         # The logarithm of what is nearly black is noise.
         light = value > max(2 * _DARK, least)
         return np.asarray(((seen >= low) & (seen <= high)).all(axis=-1) & light)

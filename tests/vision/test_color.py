@@ -65,3 +65,28 @@ def test_grey_objects_are_told_by_their_value():
 def test_bad_ranges_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         ColorRange(*arguments)
+
+
+def lit(color_range, *rgb):
+    image = np.array([[np.rint(255 * np.clip(rgb, 0, 1))]], dtype=np.uint8)
+    return bool(color_range.mask_in_any_light(image)[0, 0])
+
+
+@given(
+    st.tuples(st.floats(0.0, 0.15), st.floats(0.0, 0.15)),
+    st.sampled_from([(1.0, 0.83, 0.66), (1.0, 1.0, 1.0), (0.82, 0.9, 1.0)]),
+    st.floats(0.3, 1.0),
+)
+def test_a_colour_of_a_range_is_known_in_any_light(shift, light, strength):
+    lavender = ColorRange((0.75, 0.75, 0.9), (0.95, 0.95, 1.0), "rgb")
+    color = np.array([0.75 + shift[0], 0.75 + shift[1], 0.95])
+    assert lit(lavender, *(strength * np.array(light) * color))
+
+
+def test_other_colours_are_told_in_any_light():
+    red = ColorRange.around((0.8, 0.1, 0.08))
+    for light in ((1.0, 0.83, 0.66), (0.82, 0.9, 1.0)):
+        assert lit(red, *(np.array(light) * (0.7, 0.1, 0.1)))
+        assert not lit(red, *(np.array(light) * (0.1, 0.7, 0.1)))
+        assert not lit(red, *(np.array(light) * (0.8, 0.8, 0.8)))
+    assert not lit(red, 0.05, 0.01, 0.01)  # black
