@@ -131,6 +131,6 @@ def _different(row: Mapping[str, Any], again: Mapping[str, Any]) -> str:
         return ""
     return (
         f"trial {row['trial']}: recorded, it went otherwise ({', '.join(changed)}): "
-        "with an error-controlled integrator, the recording's periods must be "
-        "multiples of the cell's"
+        "with an error-controlled integrator, 1 / recording.video_fps and "
+        "recording.bag_camera_period must be multiples of recording.period"
     )
