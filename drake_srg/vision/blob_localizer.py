@@ -24,8 +24,7 @@ from drake_srg.vision.solids import bounding_size
 from drake_srg.vision.view import view_around
 
 _Sighting: TypeAlias = tuple[Blob, float]  # with the misfit of the target's shape
-# More pixels that speak against it, as a share of the blob's, than against another
-# blob: of the targets themselves, noise makes half of that.
+# More misfit than another blob's; of the targets themselves noise makes half of that.
 _LESS_LIKE = 0.05
 
 

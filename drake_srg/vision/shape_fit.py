@@ -54,7 +54,8 @@ class Fit:
         cut: Part of the expected outline lies outside the image.
         hidden: More than a tenth of the outline in the image was not found.
         uncertain: The position may be off by 1 mm or the axis by a degree.
-        misfit: Pixels that speak against the shape, as a share of the blob's.
+        misfit: Pixels that speak against the shape, as a share of the blob's, and how
+            far it is from standing on what is around, as a share of its height.
     """
 
     position: Vector
@@ -81,7 +82,8 @@ def fit_shape(shape: Shape, view: View) -> Fit | None:
     elif isinstance(shape, Cylinder):
         axis = axis * np.copysign(1.0, axis[2])
     sight = look(shape, X_WO, view, margin=_BESIDE)
-    if _unexplained(sight, view) > _ANOTHER or _sunken(shape, X_WO, view, sight):
+    lift = _lift(shape, X_WO, sight)
+    if _unexplained(sight, view) > _ANOTHER or lift < -_SUNK:
         return None
     deviations = np.array([middle.position_deviation, middle.axis_deviation])
     uncertain = (deviations > _MOST_DEVIATIONS).any()
@@ -90,7 +92,7 @@ def fit_shape(shape: Shape, view: View) -> Fit | None:
         axis,
         *_seen(sight, Outline.of(shape, X_WO, view), view),
         uncertain=bool(uncertain) or _doubtful(shape, X_WO, view, sight),
-        misfit=_unexplained(sight, view) + _through(sight),
+        misfit=_unexplained(sight, view) + _through(sight) + abs(lift) / shape.height,
     )
 
 
@@ -199,20 +201,19 @@ def _doubtful(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> b
     )
 
 
-def _sunken(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> bool:
-    """Whether a solid that stands would reach far below what is seen around it.
+def _lift(shape: Shape, X_WO: RigidTransform, sight: Sight) -> float:
+    """How far the lower end of a solid that stands is above what is around it [m].
 
-    It would then be a lower one: of an upright solid often only the top is seen.
+    Often only the top of an upright solid is seen: a lower thing, taken for it, would
+    reach into the table, and a higher one hover. 0 where that is not to be seen.
     """
     around = (sight.labels == OUTSIDE) & (sight.distance > 1.5)
     around &= np.isfinite(sight.points).all(axis=1)
-    tilt = abs(X_WO.rotation().matrix()[2, 2])
-    if isinstance(shape, Sphere) or tilt < _STANDS or around.sum() < _LEAST_AROUND:
-        return False
-    height = bounding_size(shape)[2]
-    bottom = X_WO.translation()[2] - 0.5 * height
-    support = float(np.median(sight.points[around, 2]))
-    return bool(bottom < support - _SUNK)
+    upright = abs(X_WO.rotation().matrix()[2, 2])
+    if isinstance(shape, Sphere) or upright < _STANDS or around.sum() < _LEAST_AROUND:
+        return 0.0
+    bottom = X_WO.translation()[2] - 0.5 * shape.height
+    return float(bottom - np.median(sight.points[around, 2]))
 
 
 def _seen(sight: Sight, outline: Outline, view: View) -> tuple[float, bool, bool]:
