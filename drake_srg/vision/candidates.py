@@ -20,7 +20,7 @@ Mask = npt.NDArray[np.bool_]
 
 _STEP = 0.25  # of a solid's least extent; what goes on behind it is farther off
 _DEVIATIONS = 6.0  # of noise; a step is more
-_SMALLEST = 0.15  # of a solid's smallest face; less does not tell what it is
+_SMALLEST = 0.08  # of a solid's smallest face; less does not tell what it is
 # Of what is around it: at least as much is behind, the rest may hide it or touch it.
 _SET_OFF, _MOST_LEVEL = 0.3, 0.25
 _RIM = 2  # pixels; a step's own are neither before nor behind it
