@@ -1,7 +1,9 @@
 """Where the five-axis cell's camera sees its cylinder: standing, tilted and lying.
 
 The cylinder is put somewhere, and the scenario's own ceiling camera and localizer look,
-with images of three sizes. Nothing is simulated: it is the image that is judged.
+with images of three sizes; then both varied scenarios' cameras at scenes with other
+lights, noise, clutter and cards in the way. Nothing is simulated: it is the image that
+is judged.
 """
 
 from __future__ import annotations
@@ -16,6 +18,9 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.varied_scenes import WITHIN, Scene
+from drake_srg.experiments.varied_scenes import judge as judge_scenes
+from drake_srg.experiments.varied_scenes import look as look_at_scene
 from drake_srg.perception import AddLocalizer
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
@@ -33,6 +38,7 @@ MOST_STANDING, MOST_LYING, MOST_TURN = 0.3e-3, 0.5e-3, np.deg2rad(1.0)  # m, m, 
 _SIDES = ("width", "height")
 _GRID = 9  # places standing a side of the pick region
 _OTHERS = 60  # places tilted, as many lying
+_SCENES = 60  # of each varied scenario
 _DEPTH, _PLAY = 0.005, 0.7e-3  # of the recess; within its clearance on both axes [m]
 
 
@@ -149,7 +155,7 @@ class Eye:
 
 
 def run(track: Track) -> ExperimentResult:
-    """Look at a cylinder in many places, with images of three sizes."""
+    """Look at a cylinder in many places, with images of three sizes; then at scenes."""
     own = load_scenario(SCENARIO).cameras[CAMERA]
     eyes = {size: Eye(load(size)) for size in SIZES}
     ways = (STANDING, RECESS, TILTED, LYING)
@@ -160,11 +166,18 @@ def run(track: Track) -> ExperimentResult:
     }
     size = (own.width, own.height)
     thesis = eyes[size].look(RigidTransform(ACTUAL))
-    return make_result(sightings, thesis, size)
+    scenes = {
+        name: [look_at_scene(name, seed) for seed in range(_SCENES)]
+        for name in track(list(WITHIN))
+    }
+    return make_result(sightings, thesis, size, scenes)
 
 
 def make_result(
-    sightings: dict[Case, list[Sighting]], thesis: Sighting, size: tuple[int, int]
+    sightings: dict[Case, list[Sighting]],
+    thesis: Sighting,
+    size: tuple[int, int],
+    scenes: dict[str, list[Scene]],
 ) -> ExperimentResult:
     """Judge sightings.
 
@@ -172,6 +185,7 @@ def make_result(
         sightings: By case.
         thesis: At the place of the arm thesis's cylinder.
         size: The scenario's own [pixels]; its cases are judged, others shown.
+        scenes: Of varied scenarios, by their names.
     """
     flat = [(case, s) for case, found in sightings.items() for s in found]
     places = np.array([s.X_WO.translation() for _, s in flat])
@@ -188,8 +202,11 @@ def make_result(
     columns["error of the axis [rad]"] = [s.turn for _, s in flat]
     columns["quality"] = [s.quality for _, s in flat]
     columns["uncertain"] = [int(s.uncertain) for _, s in flat]
+    rows = judge(sightings, thesis, size)
+    for name, seen in scenes.items():
+        rows += judge_scenes(name, seen)
     return ExperimentResult(
-        judge(sightings, thesis, size),
+        rows,
         {"sightings": columns},
         draw(sightings, size),
     )

@@ -128,6 +128,7 @@ def test_it_runs(monkeypatch):
     monkeypatch.setattr(localization, "SIZES", (SIZE,))
     monkeypatch.setattr(localization, "_GRID", 2)
     monkeypatch.setattr(localization, "_OTHERS", 2)
+    monkeypatch.setattr(localization, "_SCENES", 1)
     result = localization.run(quiet)
     assert result.passed
     (table,) = result.tables.values()
