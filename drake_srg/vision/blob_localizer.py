@@ -44,9 +44,14 @@ class BlobLocalizer(LeafSystem):
     and depth and the known shape give each blob the position of the object's centre
     (see `fit_shape`). Cylinders may stand, lean or lie; boxes are taken to stand,
     within 15 degrees. The colour need not hold all over an object: depth tells what
-    belongs to it, so a strict range may find it by its lit parts. Two blobs nearer to
-    each other than the object is wide are the same object seen in two parts; the better
-    one stays.
+    belongs to it, so a strict range may find it by its lit parts. Where none is certain
+    by its colour, as in other light, what steps in depth set off is looked at, too. Two
+    blobs nearer to each other than the object is wide are the same object seen in two
+    parts; the better one stays.
+
+    Noise is measured in the depth image itself: it is cleaned, everything is judged by
+    what noise is left, and where noise hides small leans, what stands is upright. What
+    fits the target's shape clearly worse than another blob is UNCERTAIN.
 
     .. pydrake_system::
 
@@ -61,7 +66,7 @@ class BlobLocalizer(LeafSystem):
     Every camera has its three input ports: `{camera}.color_image` (ImageRgba8U),
     `{camera}.depth_image` (ImageDepth32F) and `{camera}.body_pose_in_world`
     (RigidTransform X_WB). The output `blobs` is a list[Blob], in the order of the
-    targets and the best first; poses in world [m].
+    targets and the best first, certain ones before others; poses in world [m].
 
     With `period` 0 the output is computed when it is evaluated, so cameras that nobody
     asks cost nothing. With a positive period the images are sampled by a periodic event
