@@ -64,7 +64,6 @@ def sweep(options: argparse.Namespace) -> int:
     if options.trials < 1:
         raise ScenarioError(f"--trials {options.trials}: must be at least 1")
     engine = _engine(options)
-    from drake_srg.sweeps.dispatch import cause
     from drake_srg.sweeps.rows import all_rows_path
     from drake_srg.sweeps.summary import summary
     from drake_srg.sweeps.sweep import run_sweep
@@ -91,7 +90,7 @@ def sweep(options: argparse.Namespace) -> int:
     except BrokenPipeError:
         raise
     except OSError as error:
-        reason = getattr(cause(error), "strerror", None) or one_line(error)
+        reason = error.strerror or one_line(error)
         raise ScenarioError(
             f"--out {out}: cannot be written: {reason}; what is done stays; to go on: "
             f"{again}"

@@ -70,13 +70,15 @@ def dispatch(
                     suspects.append(trial)
                     continue
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
+            except Exception as error:
+                raise _cause(error) from error
             deaths = 0
             fill()  # before the caller takes its time to write
             yield result
         fill()
 
 
-def cause(error: BaseException) -> BaseException:
+def _cause(error: Exception) -> Exception:
     """Return what went wrong in a worker, of an error that Ray wraps."""
     inner: Any = getattr(error, "cause", None)
-    return inner if isinstance(inner, BaseException) else error
+    return inner if isinstance(inner, Exception) else error

@@ -104,20 +104,21 @@ class JoblibEngine:
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Let a function run; where a worker has died, all of them are new."""
-        with _no_interrupts():  # a worker that is born ignores Ctrl-C for life
+        with _interrupts_later():  # or the executor would be left torn
             if self._executor is not None:
                 try:
                     return self._executor.submit(function, *arguments)
                 except BrokenExecutor:
                     self._stop(kill=True)
             assert self._scratch is not None, "submit to an engine that is not entered"
-            self._executor = self._loky.ProcessPoolExecutor(
-                self._workers,
-                env={**THREADS, "TMPDIR": self._scratch.name},
-                initializer=_begin_worker,
-                initargs=(os.getpid(),),
-            )
-            return self._executor.submit(function, *arguments)
+            with _interrupts_ignored():
+                self._executor = self._loky.ProcessPoolExecutor(
+                    self._workers,
+                    env={**THREADS, "TMPDIR": self._scratch.name},
+                    initializer=_begin_worker,
+                    initargs=(os.getpid(),),
+                )
+                return self._executor.submit(function, *arguments)
 
     def _stop(self, kill: bool) -> None:
         if self._executor is not None:
@@ -133,9 +134,29 @@ def usable_cores() -> int:
 
 
 @contextlib.contextmanager
-def _no_interrupts() -> Iterator[None]:
-    """Ignore Ctrl-C, as do processes that are started meanwhile."""
-    if threading.current_thread() is not threading.main_thread():  # Python's own limit
+def _interrupts_later() -> Iterator[None]:
+    """Let Ctrl-C and SIGTERM wait until the end."""
+    if not _in_main_thread():
+        yield
+        return
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, _: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if came:
+        signal.raise_signal(came[0])
+
+
+@contextlib.contextmanager
+def _interrupts_ignored() -> Iterator[None]:
+    """Ignore Ctrl-C; processes that are started meanwhile do so for life."""
+    if not _in_main_thread():
         yield
         return
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -145,8 +166,14 @@ def _no_interrupts() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
+def _in_main_thread() -> bool:
+    """Whether signals can be handled here: Python's own limit."""
+    return threading.current_thread() is threading.main_thread()
+
+
 def _begin_worker(parent: int) -> None:
     """Prepare a worker, which ends once its parent is gone: nobody else tells it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of one that replaces another
     # A lock between processes, tqdm's own, would be left behind by a worker's end.
     tqdm.set_lock(threading.RLock())
 
