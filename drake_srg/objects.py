@@ -32,6 +32,10 @@ _DISSIPATION = 5.0
 # 1 % of the radius; see the soup can's model.
 _RESOLUTION = 0.3
 
+# Drake cuts a cylinder along the points farthest from its surface, and gives up on the
+# slivers where its length comes this near to its diameter [m] (1.51.1). Equal is fine.
+_NEARLY_AS_LONG = 1e-4
+
 _TEMPLATE = """<?xml version="1.0"?>
 <sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="object">
 <link name="object">
@@ -41,7 +45,7 @@ _TEMPLATE = """<?xml version="1.0"?>
   </inertia></inertial>
   <visual name="visual"><geometry>{geometry}</geometry>
     <material><diffuse>{color} 1</diffuse></material></visual>
-  <collision name="collision"><geometry>{geometry}</geometry>
+  <collision name="collision"><geometry>{touched}</geometry>
     <drake:proximity_properties>
       <drake:compliant_hydroelastic/>
       <drake:hydroelastic_modulus>{modulus}</drake:hydroelastic_modulus>
@@ -51,6 +55,8 @@ _TEMPLATE = """<?xml version="1.0"?>
     </drake:proximity_properties></collision>
 </link></model></sdf>
 """
+
+_CYLINDER = "<cylinder><radius>{radius}</radius><length>{length}</length></cylinder>"
 
 
 def object_shape(name: str, config: ObjectConfig) -> Shape:
@@ -217,12 +223,12 @@ def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
 
 
 def _shape_tree(config: ObjectConfig) -> ET.Element:
+    touched = None  # where it is not the geometry that is seen
     match config.shape:
         case Cylinder(radius, length):
-            geometry = (
-                f"<cylinder><radius>{radius}</radius><length>{length}</length>"
-                "</cylinder>"
-            )
+            geometry = _CYLINDER.format(radius=radius, length=length)
+            if abs(length - 2.0 * radius) < _NEARLY_AS_LONG:
+                touched = _CYLINDER.format(radius=radius, length=2.0 * radius)
             inertia = UnitInertia.SolidCylinder(radius, length, [0.0, 0.0, 1.0])
         case Box(size):
             geometry = f"<box><size>{' '.join(map(str, size))}</size></box>"
@@ -240,6 +246,7 @@ def _shape_tree(config: ObjectConfig) -> ET.Element:
             iyy=moments[1],
             izz=moments[2],
             geometry=geometry,
+            touched=touched or geometry,
             color=" ".join(map(str, config.color)),
             modulus=_MODULUS,
             dissipation=_DISSIPATION,

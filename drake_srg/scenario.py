@@ -31,7 +31,7 @@ from drake_srg.planning.messages import MessagesConfig, message_script
 from drake_srg.planning.scripted import ScriptStep
 from drake_srg.scenario_checks import check_scenario
 from drake_srg.scenario_files import SCENARIOS, list_scenarios, load_tree
-from drake_srg.types import positive
+from drake_srg.types import Vector, positive
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.yaml_loading import load_typed
 
@@ -249,29 +249,46 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
 
 def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:
     """Draw where the objects without a position stand, clear of the others."""
-    taken = [np.array(o.position) for o in scenario.objects.values() if o.position]
+    objects, pick = scenario.objects, scenario.task.pick
+    homeless = [n for n, o in objects.items() if o.position is None and o.pose is None]
+    # The picked object comes first: the others must not change where it stands.
+    for names in (
+        [n for n in homeless if n == pick],
+        [n for n in homeless if n != pick],
+    ):
+        for name, p in _free_places(scenario, origin, names).items():
+            objects[name].position = [float(x) for x in p]
+            values |= {f"objects.{name}.position[{i}]": float(p[i]) for i in range(2)}
+
+
+def _free_places(
+    scenario: Scenario, origin: str, names: Iterable[str]
+) -> dict[str, Vector]:
+    """Draw places for some objects, clear of each other and of those that have one."""
     region, spacing = scenario.task.region, scenario.task.spacing
     uniform = UniformVectorX(np.array(region.min), np.array(region.max))
-    # The picked object comes first: the others must not change where it stands.
-    objects = sorted(
-        scenario.objects.items(), key=lambda item: item[0] != scenario.task.pick
-    )
-    for name, obj in objects:
-        if obj.position is not None or obj.pose is not None:
-            continue
-        generator: RandomGenerator = key_generator(
-            scenario.random_seed, f"objects.{name}.position"
-        )
+    generators: dict[str, RandomGenerator] = {
+        name: key_generator(scenario.random_seed, f"objects.{name}.position")
+        for name in names
+    }
+    fixed = [np.array(o.position) for o in scenario.objects.values() if o.position]
+
+    def free_place(name: str, taken: list[Vector]) -> Vector | None:
         for _ in range(1000):
-            position = np.asarray(uniform.Sample(generator))
-            if all(np.linalg.norm(position - p) > spacing for p in taken):
+            p = np.asarray(uniform.Sample(generators[name]))
+            if all(np.linalg.norm(p - other) > spacing for other in taken):
+                return p
+        return None
+
+    for _ in range(20):  # the places of the first may leave none for the last
+        places: dict[str, Vector] = {}
+        for name in names:
+            p = free_place(name, [*fixed, *places.values()])
+            if p is None:
                 break
+            places[name] = p
         else:
-            raise ScenarioError(
-                f"{origin}: task.region: no free place for {name!r}; make it larger"
-            )
-        obj.position = [float(x) for x in position]
-        values |= {
-            f"objects.{name}.position[{i}]": x for i, x in enumerate(obj.position)
-        }
-        taken.append(position)
+            return places
+    raise ScenarioError(
+        f"{origin}: task.region: no free place for {name!r}; make it larger"
+    )

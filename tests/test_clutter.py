@@ -84,3 +84,20 @@ def test_a_name_can_be_taken():
     tree["objects"] = {**tree["objects"], "clutter_1": BALL}
     with pytest.raises(ScenarioError, match=r"objects\.clutter_1: is the name of"):
         draw_scenario(tree, "k", 0)
+
+
+def test_first_places_that_leave_no_room_are_drawn_anew():
+    # Two fit into the strip where they are nearly at its ends, 0.35 m apart.
+    tree = kitchen({"count": 1, "of": [BOX]})
+    tree["task"] = {
+        **tree["task"],
+        "spacing": 0.3,
+        "region": {"min": [0.45, 0.0], "max": [0.8, 0.0]},
+    }
+    tree["objects"] = {"soup_can": {**tree["objects"]["soup_can"], "pose": None}}
+    tree["objects"]["soup_can"]["position"] = [1.2, 0.6]
+    tree["clutter"]["count"] = 2
+    for seed in range(10):
+        objects = draw_scenario(tree, "k", seed).scenario.objects
+        first, second = (objects[f"clutter_{i}"].position[0] for i in (1, 2))
+        assert abs(first - second) > 0.3

@@ -2,12 +2,22 @@ import numpy as np
 import pytest
 from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RollPitchYaw
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
+    MultibodyPlantConfig,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.errors import ScenarioError
 from drake_srg.object_config import ObjectConfig
-from drake_srg.objects import AddObject, X_FO_start, known_shape, object_shape
+from drake_srg.objects import (
+    AddObject,
+    SetDefaultObjectPose,
+    X_FO_start,
+    known_shape,
+    object_shape,
+)
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
@@ -194,3 +204,21 @@ def test_an_object_has_one_link(tmp_path):
 def test_a_position_must_have_been_drawn():
     with pytest.raises(ValueError, match="has not been drawn"):
         X_FO_start(ObjectConfig(), SHAPES[0], 0.0)
+
+
+@pytest.mark.parametrize("excess", [-1e-4, -3.3e-5, -1e-6, 0.0, 1e-9, 2e-5, 1e-4])
+def test_a_cylinder_as_long_as_it_is_wide_can_be_touched(excess):
+    shape = Cylinder(0.0183, 0.0366 + excess)
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic")
+    plant, _ = AddMultibodyPlant(config, builder)
+    for name in ("below", "above"):
+        thing = ObjectConfig(shape=shape, mass=0.1, friction=0.5, modulus=1e7)
+        model = AddObject(plant, name, thing)
+        height = 0.0 if name == "below" else shape.length - 1e-4
+        SetDefaultObjectPose(plant, model, RigidTransform([0.002, 0.0, height]))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    contacts = plant.get_contact_results_output_port().Eval(context)
+    assert contacts.num_hydroelastic_contacts() == 1
