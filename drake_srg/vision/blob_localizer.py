@@ -77,7 +77,8 @@ class BlobLocalizer(LeafSystem):
         cameras: Camera name to its model.
         period: 0, or the sampling period [s].
         min_area: Smaller blobs are dropped [pixels].
-        min_quality: Blobs with a smaller share of the outline seen are dropped, 0 .. 1.
+        min_quality: Uncertain blobs with a smaller share of the outline seen are
+            dropped, 0 .. 1.
 
     Raises:
         ValueError: If targets or cameras are empty, a name appears twice, or a number
@@ -202,7 +203,7 @@ class BlobLocalizer(LeafSystem):
             picture.noise,
         )
         fit = fit_shape(target.shape, view) if view else None
-        if fit is None or fit.quality < self._min_quality:
+        if fit is None or (fit.uncertain and fit.quality < self._min_quality):
             return None
         rows, columns = np.nonzero(candidate.blob)
         h, w = candidate.blob.shape
