@@ -29,3 +29,9 @@ def test_a_scene_is_always_the_same():
     first, again = look("assistive_arm_varied", 3), look("assistive_arm_varied", 3)
     assert first == again
     assert first.distance < WITHIN["assistive_arm_varied"]
+
+
+def test_a_can_a_third_hidden_is_seen_beside_a_cup_like_it():
+    scene = look("kitchen_varied", 37)
+    assert scene.certain
+    assert scene.distance < WITHIN["kitchen_varied"]
