@@ -12,8 +12,10 @@ from __future__ import annotations
 import functools
 import importlib
 import math
+import re
 import types
 import typing
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -56,6 +58,11 @@ TIMING_COLUMNS = (
 # What of metrics.json is no metric of a trial, or stands in the row anyway.
 _NO_METRICS = ("schema_version", "scenario", "seed", "artifacts")
 
+# In the metadata of a file's schema: see `_checksum`.
+_CHECKSUM = b"drake_srg.crc32"
+
+_ROW_FILE = re.compile(r"[0-9]{6,}\.parquet")  # see `row_path`
+
 
 class BrokenRowsError(ScenarioError):
     """A file of rows that cannot be read."""
@@ -94,7 +101,9 @@ def all_rows_path(folder: Path) -> Path:
 
 def row_paths(folder: Path) -> list[Path]:
     """Return the files with rows that are there, that of all rows first."""
-    single = sorted((folder / "trials").glob("[0-9]*.parquet"))
+    files = (folder / "trials").glob("*.parquet")
+    # Copies and the like that others put there are none of ours.
+    single = sorted(path for path in files if _ROW_FILE.fullmatch(path.name))
     whole = all_rows_path(folder)
     return [whole, *single] if whole.exists() else single
 
@@ -150,13 +159,16 @@ def read_file(path: Path, info: SweepInfo) -> Any:
     Raises:
         BrokenRowsError: If it is not a file of rows of this sweep.
     """
-    pq = require_sweep("pyarrow.parquet")
+    pa, pq = require_sweep("pyarrow"), require_sweep("pyarrow.parquet")
     try:
-        with pq.ParquetFile(path) as file:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
             table = file.read(use_threads=False)
         trials = table["trial"].to_pylist()
         seeds = table["seed"].to_pylist()
-    except (OSError, ValueError, KeyError) as error:  # ValueError: Arrow's own are
+        checksum = (table.schema.metadata or {}).get(_CHECKSUM)
+        if checksum not in (None, _checksum(table)):
+            raise ValueError("its checksum is another")
+    except (pa.lib.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         raise BrokenRowsError(path, one_line(error)) from None
     if path != all_rows_path(path.parent) and trials != [int(path.stem)]:
         raise BrokenRowsError(path, "it does not hold the row of its trial")
@@ -188,8 +200,17 @@ def write_rows(path: Path, table: Any) -> None:
         OSError: If it cannot be written.
     """
     stream = require_sweep("pyarrow").BufferOutputStream()
-    require_sweep("pyarrow.parquet").write_table(table, stream)
+    table = table.replace_schema_metadata({_CHECKSUM: _checksum(table)})
+    require_sweep("pyarrow.parquet").write_table(
+        table, stream, write_page_checksum=True
+    )
     write_file(path, stream.getvalue().to_pybytes())
+
+
+def _checksum(table: Any) -> bytes:
+    """Of names, types and values: Parquet has a checksum of its pages alone."""
+    types = list(map(str, table.schema.types))
+    return b"%08x" % zlib.crc32(repr((types, table.to_pydict())).encode())
 
 
 @functools.cache
@@ -201,7 +222,8 @@ def _types() -> dict[str, Any]:
         int: pa.int64(),
         float: pa.float64(),
         str: pa.string(),
-        list[float]: pa.list_(pa.float64()),
+        # The field's name is Parquet's: types are the same once they are read.
+        list[float]: pa.list_(pa.field("element", pa.float64())),
     }
     hints: dict[str, Any] = {
         "trial": int,

@@ -95,6 +95,35 @@ def test_a_truncated_file_is_named(folder, keep):
     assert "\n" not in message
 
 
+@pytest.mark.parametrize("write", ["row", "rows"])
+def test_a_flipped_bit_is_told_or_changes_nothing(folder, write):
+    path = row_path(folder, 0)
+    row = make_row(0, **{MASS: 0.25}, placement_error_m=[0.1, 0.2, 0.3])
+    write_row(path, row)
+    if write == "rows":
+        path, all_rows = all_rows_path(folder), read_rows(folder)
+        write_rows(path, all_rows)
+    whole, rows = path.read_bytes(), read_file(path, INFO)
+    unseen = []
+    for place in range(0, len(whole), 7):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << place % 8
+        path.write_bytes(flipped)
+        try:
+            if not read_file(path, INFO).equals(rows):
+                unseen.append(place)
+        except BrokenRowsError as error:
+            assert "\n" not in str(error)
+    assert unseen == []
+
+
+@pytest.mark.parametrize("name", ["000000 (copy)", "0", "000000.1", "1e6", "٠٠٠٠٠٠"])
+def test_files_of_others_are_no_rows(folder, name):
+    write_row(row_path(folder, 0), make_row(0))
+    write_row(row_path(folder, 0).with_name(f"{name}.parquet"), make_row(1))
+    assert read_rows(folder)["trial"].to_pylist() == [0]
+
+
 def test_rows_of_another_trial_or_sweep_are_no_rows(folder):
     path = row_path(folder, 0)
     for row, words in ((make_row(1), "its trial"), (make_row(0, seed=3), "seeds")):
