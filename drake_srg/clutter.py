@@ -1,4 +1,4 @@
-"""Clutter: as many more objects as are drawn, each from a template of its own."""
+"""Clutter: as many more objects as are drawn, each of one of several kinds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def add_clutter(
         tree: Of the whole scenario; it is not changed.
         seed: Of the draws.
         origin: File or name to begin errors with.
-        values: Gets the number of things, where it is drawn, by its key.
+        values: Gets the number of things, where it is drawn, and their kinds, by keys.
 
     Raises:
         ScenarioError: If the number is none, or there is nothing to choose from.
@@ -36,25 +36,23 @@ def add_clutter(
     count: int = check_tree(drawn, int, origin, key)
     if not 0 <= count <= _MOST:
         fail(origin, key, f"must be 0 .. {_MOST}, is {count}")
-    templates = clutter.get("of", [])
-    if not (isinstance(templates, list) and all(map(_is_object, templates))):
+    kinds = clutter.get("kinds", {})
+    if not (_is_mapping(kinds) and all(map(_is_mapping, kinds.values()))):
         return tree
-    if count > 0 and not templates:
-        fail(origin, "clutter.of", "must have an entry to choose from, is empty")
+    if count > 0 and not kinds:
+        fail(origin, "clutter.kinds", "must have an entry to choose from, is empty")
     objects = dict(tree.get("objects") or {})
     for name in (f"clutter_{i + 1}" for i in range(count)):
         if name in objects:
             fail(origin, f"objects.{name}", "is the name of one of the clutter's")
-        choice = UniformDiscrete(list(range(len(templates))))
-        generator = key_generator(seed, f"objects.{name}")
-        template = templates[int(choice.Sample(generator))]
-        objects[name] = {"known": False, **copy.deepcopy(dict(template))}
-    return {
-        **tree,
-        "objects": objects,
-        "clutter": {**clutter, "count": count, "of": []},
-    }
+        indices = UniformDiscrete(list(range(len(kinds))))
+        index = int(indices.Sample(key_generator(seed, f"objects.{name}")))
+        kind = sorted(kinds)[index]
+        values[f"objects.{name}.kind"] = kind
+        objects[name] = {"known": False, **copy.deepcopy(dict(kinds[kind]))}
+    clutter = {**clutter, "count": count, "kinds": {}}
+    return {**tree, "objects": objects, "clutter": clutter}
 
 
-def _is_object(template: Any) -> bool:
-    return isinstance(template, Mapping)
+def _is_mapping(value: Any) -> bool:
+    return isinstance(value, Mapping)

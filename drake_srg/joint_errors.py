@@ -39,6 +39,11 @@ class ArmErrorsConfig(JointErrorsConfig):
     # From one flank of a gear to the other, at the joint [rad]. The joint rests where
     # friction holds it: motor and encoder turn by this before it follows them back.
     backlash: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Of sensed joint torques, over the joint's effort limit: an error that stays, and
+    # the standard deviation of noise. The iiwa's axis-specific torque accuracy is 2 %
+    # (KUKA, LBR iiwa, technical data).
+    torque_offset: float = dc.field(default=0.0, metadata={"ge": -1.0, "le": 1.0})
+    torque_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
 
 
 class CommandErrors(LeafSystem):
@@ -54,7 +59,7 @@ class CommandErrors(LeafSystem):
         - play
 
     `commanded` (n) is sampled every `period`; `delayed` (n) is what it was `latency`
-    ago, rounded up to whole periods, at least one. Where there is backlash b, it is the
+    ago, rounded up to whole periods. Where there is backlash b, it is the
     joints' side of the gears: y follows u only as far as |u - y| <= b / 2 demands (the
     play operator: G. Tao, P. Kokotovic, Adaptive Control of Systems with Actuator and
     Sensor Nonlinearities, 1996, for a load that friction holds). `play` (n) is u - y.
@@ -72,9 +77,9 @@ class CommandErrors(LeafSystem):
         super().__init__()
         self._n, self._half = size, 0.5 * backlash
         # A period's fraction in a million counts for rounding.
-        steps = max(1, math.ceil(latency / period - 1e-6))
-        # Commands, the oldest first, and y.
-        state = self.DeclareDiscreteState(size * (steps + 1))
+        steps = math.ceil(latency / period - 1e-6)
+        # Commands of so many periods ago to now, and y.
+        state = self.DeclareDiscreteState(size * (steps + 2))
         self._commanded = self.DeclareVectorInputPort(name="commanded", size=size)
         prerequisites = {self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort(
@@ -184,6 +189,61 @@ class EncoderErrors(LeafSystem):
             play = self._play.Eval(context)
             measured[: len(play)] += play
         output.SetFromVector(measured)
+
+
+class TorqueErrors(LeafSystem):
+    """Joint torques as sensors tell them.
+
+    .. pydrake_system::
+
+        name: TorqueErrors
+        input_ports:
+        - torque
+        output_ports:
+        - torque_measured
+
+    Both (n) [N m]. What is added is drawn every `period` from a stream that `seed`
+    chooses.
+
+    Args:
+        full_scale: What `config`'s shares are of, shape (n,) [N m].
+        config: Offset and noise.
+        period: [s].
+        seed: Of the scenario.
+    """
+
+    def __init__(
+        self, full_scale: Vector, config: ArmErrorsConfig, period: float, seed: int
+    ) -> None:
+        super().__init__()
+        self._period, self._seed = period, [seed, zlib.crc32(b"torque")]
+        self._offset = config.torque_offset * full_scale
+        self._sigma = config.torque_noise * full_scale
+        n = len(full_scale)
+        state = self.DeclareDiscreteState(self._offset)
+        self._torque = self.DeclareVectorInputPort(name="torque", size=n)
+        self.DeclareVectorOutputPort(
+            name="torque_measured",
+            size=n,
+            calc=self._calc_torque,
+            prerequisites_of_calc={
+                self.all_input_ports_ticket(),
+                self.discrete_state_ticket(state),
+            },
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        step = round(context.get_time() / self._period)
+        generator = np.random.default_rng([*self._seed, step])
+        noise = self._sigma * generator.standard_normal(len(self._sigma))
+        discrete_state.set_value(self._offset + noise)
+
+    def _calc_torque(self, context: Context, output: BasicVector) -> None:
+        errors = context.get_discrete_state(0).value()
+        output.SetFromVector(self._torque.Eval(context) + errors)
 
 
 def AddLatency(

@@ -105,9 +105,9 @@ class ObjectConfig:
 class ClutterConfig:
     """Things that stand about: `objects` named `clutter_1` and so on.
 
-    Each is one of `of`, drawn for itself. They stand in `task.region` where `of` gives
-    no position, and are not `known` unless `of` says so.
+    Each is of one of the kinds, drawn for itself. They stand in `task.region` where
+    their kind gives no position, and are not `known` unless it says so.
     """
 
     count: int = dc.field(default=0, metadata={"ge": 0})
-    of: list[ObjectConfig] = dc.field(default_factory=list)
+    kinds: dict[str, ObjectConfig] = dc.field(default_factory=dict)

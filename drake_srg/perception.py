@@ -17,6 +17,10 @@ from drake_srg.vision.color import ColorRange
 from drake_srg.vision.obstacles import ObstacleFinder
 from drake_srg.vision.surface import Surface
 
+# What is set down not farther than this below a table's top [m], or above, is set into
+# a recess of it, or on a mat.
+_RECESS = 0.01
+
 
 def AddLocalizer(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
@@ -119,6 +123,9 @@ def _tables(scenario: Scenario) -> list[Surface]:
 def _around_goal(scenario: Scenario) -> Surface:
     (x, y), around = scenario.task.place.position, scenario.task.spacing
     height = scenario.table.height
+    on = scenario.task.place.height
+    if on is not None and abs(on - height) > _RECESS:  # on something else
+        height = on
     return Surface((x - around, y - around), (x + around, y + around), height)
 
 

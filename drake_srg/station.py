@@ -127,7 +127,14 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
             # as often as the planner and sensors of touch ask for them anyway.
             period = (scenario.arm if plant.time_step() else scenario.planner).period
             ports.outputs["arm.external_torque"] = AddExternalTorque(
-                builder, plant, arm, gripper, models_plant, period
+                builder,
+                plant,
+                arm,
+                gripper,
+                models_plant,
+                period,
+                scenario.arm.errors,
+                scenario.random_seed,
             )
 
     if scenario.cameras:

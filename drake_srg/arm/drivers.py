@@ -181,23 +181,24 @@ def AddArmPositionDriver(
         for i, name in enumerate(instances)
     ]
     errors = config.errors
-    if errors == ArmErrorsConfig():
-        inner.ExportInput(interpolator.get_input_port(), "position_commanded")
-        measured = inner.AddNamedSystem("encoders", PassThrough(2 * n))
-        state = measured.get_input_port()
+    if errors.encoder_noise or errors.backlash:
+        measured = inner.AddNamedSystem(
+            "encoders", EncoderErrors(n, errors, config.period, seed, "arm")
+        )
     else:
+        measured = inner.AddNamedSystem("encoders", PassThrough(2 * n))
+    if errors.latency or errors.backlash:
         command = inner.AddNamedSystem(
             "command_errors",
             CommandErrors(n, errors.latency, errors.backlash, config.period),
         )
         inner.ExportInput(command.get_input_port(), "position_commanded")
         inner.Connect(command.GetOutputPort("delayed"), interpolator.get_input_port())
-        measured = inner.AddNamedSystem(
-            "encoders", EncoderErrors(n, errors, config.period, seed, "arm")
-        )
-        inner.Connect(command.GetOutputPort("play"), measured.GetInputPort("play"))
-        state = measured.GetInputPort("state")
-    inner.ConnectInput(inputs[0], state)
+        if errors.backlash:
+            inner.Connect(command.GetOutputPort("play"), measured.GetInputPort("play"))
+    else:
+        inner.ExportInput(interpolator.get_input_port(), "position_commanded")
+    inner.ConnectInput(inputs[0], measured.get_input_port(0))
     inner.ExportOutput(measured.get_output_port(), "state_measured")
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(config.period, n))
     inner.Connect(gravity.get_output_port(), hold.get_input_port())

@@ -16,6 +16,7 @@ from pydrake.systems.framework import (
 )
 from pydrake.systems.primitives import LinearSystem
 
+from drake_srg.joint_errors import ArmErrorsConfig, TorqueErrors
 from drake_srg.lifetime import LeafSystem
 
 # Time constant of the estimate [s]: that of contact forces which a motion at the arm's
@@ -125,6 +126,8 @@ def AddExternalTorque(
     gripper: ModelInstanceIndex | None,
     models_plant: MultibodyPlant,
     period: float,
+    errors: ArmErrorsConfig | None = None,
+    seed: int = 0,
 ) -> OutputPort:
     """Add what tells the external torques of an arm, and return its port (N) [N m].
 
@@ -144,7 +147,32 @@ def AddExternalTorque(
         gripper: What moves with it.
         models_plant: A finalized plant with both and no other moving body.
         period: [s].
+        errors: Of the torque sensors.
+        seed: Of their noise.
     """
+    port = _external_torque(builder, plant, arm, gripper, models_plant, period)
+    if errors is None or errors.torque_offset == errors.torque_noise == 0.0:
+        return port
+    limits = [
+        actuator.effort_limit()
+        for actuator in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+        if actuator.model_instance() == arm
+    ]
+    sensors = builder.AddNamedSystem(
+        "torque_sensors", TorqueErrors(np.array(limits), errors, period, seed)
+    )
+    builder.Connect(port, sensors.get_input_port())
+    return sensors.get_output_port()
+
+
+def _external_torque(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    arm: ModelInstanceIndex,
+    gripper: ModelInstanceIndex | None,
+    models_plant: MultibodyPlant,
+    period: float,
+) -> OutputPort:
     if not plant.time_step():
         eye = np.eye(plant.num_velocities(arm))
         share = lag_share(period)

@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from helpers import fix, port_table
@@ -12,6 +14,7 @@ from drake_srg.arm.drivers import (
     GravityCompensation,
     SetArmGains,
 )
+from drake_srg.joint_errors import ArmErrorsConfig
 from drake_srg.plant import AddDirectives
 from drake_srg.scenario import load_scenario
 
@@ -27,8 +30,9 @@ def add_models(plant):
 class Arm:
     """The arm with a gripper whose fingers are limp, driven."""
 
-    def __init__(self):
+    def __init__(self, **errors):
         builder = DiagramBuilder()
+        driven = dc.replace(CONFIG, errors=ArmErrorsConfig(**errors))
         config = PlantConfig(time_step=0.002, discrete_contact_approximation="lagged")
         self.plant, _ = AddMultibodyPlant(config, builder)
         self.arm, gripper = add_models(self.plant)
@@ -39,7 +43,7 @@ class Arm:
         add_models(control_plant)
         control_plant.Finalize()
         self.driver = AddArmPositionDriver(
-            builder, self.plant, self.arm, gripper, control_plant, CONFIG
+            builder, self.plant, self.arm, gripper, control_plant, driven
         )
         self.simulator = Simulator(builder.Build())
         self.root = self.simulator.get_mutable_context()
@@ -94,6 +98,39 @@ def test_it_comes_to_rest_after_a_step():
     arm.command(HOME + 0.02)
     arm.simulator.AdvanceTo(1.1)
     assert np.max(np.abs(arm.q - HOME - 0.02)) < 1e-3
+
+
+def first_motion(**errors):
+    """Time after a step of the command at which the arm has begun to move [s]."""
+    arm = Arm(**errors)
+    arm.command(HOME)
+    arm.simulator.AdvanceTo(0.1)
+    arm.command(HOME + 0.02)
+    for k in range(1, 60):
+        arm.simulator.AdvanceTo(0.1 + 0.002 * k)
+        if np.max(np.abs(arm.q - HOME)) > 1e-4:
+            return 0.002 * k
+    return np.inf
+
+
+def test_noise_alone_delays_nothing_and_latency_does():
+    at_once = first_motion()
+    assert first_motion(encoder_noise=1e-4) == at_once
+    # The plant's step of 2 ms sees what is updated with it at the next one.
+    late = first_motion(latency=0.03) - at_once
+    assert 0.03 - 1e-9 <= late <= 0.032 + 1e-9
+
+
+def test_a_joint_stays_behind_by_half_of_its_backlash():
+    arm = Arm(backlash=2e-3)
+    arm.command(HOME)
+    arm.simulator.AdvanceTo(0.1)
+    arm.command(HOME + 0.02)
+    arm.simulator.AdvanceTo(1.1)
+    np.testing.assert_allclose(arm.q, HOME + 0.019, atol=2e-4)
+    context = arm.driver.GetMyContextFromRoot(arm.root)
+    measured = arm.driver.GetOutputPort("state_measured").Eval(context)[:7]
+    np.testing.assert_allclose(measured, HOME + 0.02, atol=2e-4)
 
 
 def test_the_compensation_is_the_plants_own_gravity():
