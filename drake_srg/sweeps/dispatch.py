@@ -25,8 +25,9 @@ def dispatch(
 ) -> Iterator[TrialResult]:
     """Run trials and yield what comes of them as it comes, each exactly once.
 
-    A worker's death may take others with it: those trials wait until all else is done,
-    and run one at a time then, so that only the guilty one dies again.
+    A worker's death may take others with it: those trials run again among the others.
+    What dies a second time waits until all else is done, and runs alone then, so that
+    only the guilty one dies again.
 
     Args:
         engine: Runs them.
@@ -67,7 +68,7 @@ def dispatch(
                         f"workers keep dying, {deaths} without a result: {reason}"
                     ) from error
                 if tries[trial] < TRIES:
-                    suspects.append(trial)
+                    (waiting if tries[trial] == 1 else suspects).append(trial)
                     continue
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             except Exception as error:

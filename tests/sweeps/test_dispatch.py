@@ -1,4 +1,7 @@
 import collections
+import threading
+import time
+from concurrent.futures import BrokenExecutor, Future
 
 import pytest
 from hypothesis import given
@@ -38,7 +41,59 @@ def test_a_trial_that_keeps_killing_its_workers_is_an_error_that_says_so():
     assert sorted(rows) == list(range(6))
     assert rows[4]["failure"] == "error"
     assert "its worker died 3 times: SIGKILL(-9)" in rows[4]["message"]
-    assert engine.given[-2:] == [4, 4]  # after all others
+    assert engine.given == [0, 1, 2, 3, 4, 5, 4, 4]  # after all others
+
+
+class PendingEngine(stub.StubEngine):
+    """A pool whose trials end when they are told to."""
+
+    def __init__(self, slots):
+        super().__init__()
+        self.size, self.futures = slots, []
+
+    def slots(self):
+        return self.size
+
+    def submit(self, *arguments):
+        future = Future()
+        self.futures.append(future)
+        self.given.append(arguments[-2])  # last, as `await_given` looks at it
+        return future
+
+    def end(self, error=None):
+        futures, self.futures = self.futures, []
+        for trial, future in zip(self.given[-len(futures) :], futures, strict=True):
+            if error is None:
+                future.set_result(stub.trial({}, "", 0, trial, "none"))
+            else:
+                future.set_exception(error)
+
+
+def test_what_one_death_took_with_it_runs_side_by_side_again():
+    engine = PendingEngine(4)
+    rows = []
+
+    def consume():
+        rows.extend(run(engine, range(4)))
+
+    def await_given(number):
+        for _ in range(1000):
+            if len(engine.given) == number:
+                return
+            time.sleep(0.01)
+        raise AssertionError(f"{engine.given} were given out, not {number}")
+
+    thread = threading.Thread(target=consume, daemon=True)
+    thread.start()
+    await_given(4)
+    engine.end(BrokenExecutor("SIGKILL(-9)"))
+    await_given(8)  # all four at once
+    engine.end(BrokenExecutor("SIGKILL(-9)"))
+    for number in range(9, 13):  # and now one at a time
+        await_given(number)
+        engine.end()
+    thread.join(timeout=10.0)
+    assert sorted(row["trial"] for row in rows) == [0, 1, 2, 3]
 
 
 def test_nothing_but_deaths_is_no_trials_fault():
