@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses as dc
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -85,14 +86,15 @@ def read_signals(path: Path) -> Signals:
     times: dict[str, list[float]] = {}
     values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
     joints: tuple[str, ...] = ()
-    for topic, time, decode in _messages(path, "|".join([*values, _CAMERA])):
-        times.setdefault(topic, []).append(time)
-        if topic == _JOINTS:
-            message = decode()
-            joints = tuple(message.name)
-            values[topic].append(message.position)
-        elif topic in values:  # images are for later
-            values[topic].append(np.atleast_1d(decode().data))
+    with _readable(path):
+        for topic, time, decode in _messages(path, "|".join([*values, _CAMERA])):
+            times.setdefault(topic, []).append(time)
+            if topic == _JOINTS:
+                message = decode()
+                joints = tuple(message.name)
+                values[topic].append(message.position)
+            elif topic in values:  # images are for later
+                values[topic].append(np.atleast_1d(decode().data))
     for topic, rows in values.items():
         if not rows:
             raise ScenarioError(f"{path}: has no messages on {topic}")
@@ -133,12 +135,13 @@ def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
         camera: Its name.
         every: Yields the first image and from then on each that is so many further.
     """
-    messages = _messages(path, re.escape(_topic(camera)))
-    for _, _, decode in islice(messages, 0, None, every):
-        message = decode()
-        height, width = message.height, message.width
-        image = message.data.reshape(height, width, 3)
-        yield image[: height // 2 * 2, : width // 2 * 2]
+    with _readable(path):
+        messages = _messages(path, re.escape(_topic(camera)))
+        for _, _, decode in islice(messages, 0, None, every):
+            message = decode()
+            height, width = message.height, message.width
+            image = message.data.reshape(height, width, 3)
+            yield image[: height // 2 * 2, : width // 2 * 2]
 
 
 def _topic(camera: str) -> str:
@@ -151,14 +154,26 @@ def _messages(
     """Topic, time [s] and what decodes it, of all messages on some topics, in order."""
     rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    with rosbag2.Reader(path) as reader:
+        chosen = [c for c in reader.connections if re.fullmatch(topics, c.topic)]
+        # Of no connections, messages() would yield all.
+        for connection, time, raw in reader.messages(chosen) if chosen else ():
+            decode = partial(store.deserialize_cdr, raw, connection.msgtype)
+            yield connection.topic, time * 1e-9, decode
+
+
+@contextlib.contextmanager
+def _readable(path: Path) -> Iterator[None]:
+    """Raise a ScenarioError where a recording turns out to be damaged.
+
+    What rosbags raises then is of any kind: ReaderError, SerdeError, ZstdError,
+    ValueError, KeyError ...
+    """
     try:
-        with rosbag2.Reader(path) as reader:
-            chosen = [c for c in reader.connections if re.fullmatch(topics, c.topic)]
-            # Of no connections, messages() would yield all.
-            for connection, time, raw in reader.messages(chosen) if chosen else ():
-                decode = partial(store.deserialize_cdr, raw, connection.msgtype)
-                yield connection.topic, time * 1e-9, decode
-    except rosbag2.ReaderError as error:
+        yield
+    except (ImportError, OSError, ScenarioError):
+        raise
+    except Exception as error:
         raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from error
 
 

@@ -6,6 +6,7 @@ from drake_srg import cli
 from drake_srg.errors import ScenarioError
 from drake_srg.sweeps import dataset_files, dataset_video
 from drake_srg.sweeps.dataset import make_dataset
+from drake_srg.sweeps.dataset_recording import read_images, read_signals
 from sweeps import lerobot_format as lerobot
 from sweeps.recorded_sweep import write_sweep, write_trial
 
@@ -78,6 +79,26 @@ def test_broken_recording(sweep, tmp_path, length):
     path = broken / "recordings/000000/recording.mcap"
     path.write_bytes(whole[: int(length * len(whole) if length < 1 else length)])
     assert f"{path}: cannot be read" in complaint(broken)
+
+
+def test_flipped_bits_in_a_recording(tmp_path):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2, cameras={"ceiling": (16, 12)})
+    path = sweep / "recordings/000000/recording.mcap"
+    whole = path.read_bytes()
+    told = 0
+    for place in range(0, len(whole), len(whole) // 100):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << place % 8
+        path.write_bytes(flipped)
+        try:
+            layout = read_signals(path).layout
+            for camera in layout.cameras:
+                list(read_images(path, camera))
+        except ScenarioError as error:
+            assert "\n" not in str(error)
+            told += str(error).startswith(f"{path}: cannot be read: ")
+    assert told > 10
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]"])
