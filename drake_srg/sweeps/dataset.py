@@ -135,6 +135,8 @@ def _metrics(trial: Path) -> dict[str, Any]:
     try:
         metrics = json.loads(path.read_text(encoding="utf-8"))
         return {key: metrics[key] for key in ("seed", "success", "failure")}
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise ScenarioError(f"{path}: is not a trial's: {one_line(error)}") from error
 

@@ -79,9 +79,8 @@ def read_signals(path: Path) -> Signals:
 
     Raises:
         ImportError: If rosbags is missing.
-        OSError: If there is no such file.
-        ScenarioError: If it is no recording of a cell with cameras, or if the images
-            do not follow each other evenly.
+        ScenarioError: If it cannot be read, is no recording of a cell with cameras, or
+            if the images do not follow each other evenly.
     """
     times: dict[str, list[float]] = {}
     values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
@@ -171,7 +170,7 @@ def _readable(path: Path) -> Iterator[None]:
     """
     try:
         yield
-    except (ImportError, OSError, ScenarioError):
+    except (ImportError, ScenarioError):
         raise
     except Exception as error:
         raise ScenarioError(f"{path}: cannot be read: {one_line(error)}") from error

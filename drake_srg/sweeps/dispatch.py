@@ -36,7 +36,7 @@ def dispatch(
         lost: Makes the result of a trial whose workers keep dying, from the reason.
 
     Raises:
-        ScenarioError: If workers die and nothing else happens.
+        ScenarioError: If workers die and nothing else happens, or have no files.
         Exception: What a trial raised.
     """
     waiting = collections.deque(trials)
@@ -72,11 +72,24 @@ def dispatch(
                     continue
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             except Exception as error:
-                raise _cause(error) from error
+                cause = _cause(error)
+                if isinstance(cause, OSError):  # it is not the caller's own
+                    raise ScenarioError(
+                        f"trial {trial}: {_words(cause)}; what is done stays, --resume "
+                        "goes on"
+                    ) from error
+                raise cause from error
             deaths = 0
             fill()  # before the caller takes its time to write
             yield result
         fill()
+
+
+def _words(error: OSError) -> str:
+    """What went wrong in a line, and with which file."""
+    if error.strerror is None:
+        return one_line(error)
+    return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
 
 
 def _cause(error: Exception) -> Exception:

@@ -42,11 +42,13 @@ class Engine(Protocol):
         name: What `--engine` knows it by.
         jobs: How many functions run at a time; None: it depends.
         deaths: The errors of a future whose worker has died.
+        shares_files: Whether what functions write to files can be read here.
     """
 
     name: str
     jobs: int | None
     deaths: tuple[type[BaseException], ...]
+    shares_files: bool
 
     def __enter__(self) -> Engine:
         """Make ready.
@@ -78,6 +80,7 @@ class JoblibEngine:
 
     name = "joblib"
     deaths: tuple[type[BaseException], ...] = (BrokenExecutor,)
+    shares_files = True
 
     def __init__(self, jobs: int):
         self.jobs: int | None = jobs

@@ -31,8 +31,12 @@ def write_file(path: Path, content: bytes) -> None:
     _sync(path.parent)
 
 
-def write_folder(path: Path, contents: Mapping[str, bytes]) -> None:
+def write_folder(path: Path, files: Path | Mapping[str, bytes]) -> None:
     """Write a folder of files, in place of what was there, whole or not at all.
+
+    Args:
+        path: The folder.
+        files: Contents by name; or the folder that they are moved from.
 
     Raises:
         OSError: If it cannot be written.
@@ -41,8 +45,14 @@ def write_folder(path: Path, contents: Mapping[str, bytes]) -> None:
     remove_folder(partial)
     try:
         partial.mkdir(parents=True)
-        for name, content in contents.items():
-            _write(partial / name, content)
+        if isinstance(files, Path):
+            for file in files.iterdir():
+                shutil.move(file, partial / file.name)
+                _sync(partial / file.name)
+            files.rmdir()
+        else:
+            for name, content in files.items():
+                _write(partial / name, content)
         _sync(partial)
         remove_folder(path)
         partial.replace(path)
@@ -86,9 +96,9 @@ def _write(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _sync(folder: Path) -> None:
-    """Make names in a folder durable, as `fsync` does contents."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def _sync(path: Path) -> None:
+    """Make a file's contents durable, or the names in a folder."""
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:

@@ -34,6 +34,7 @@ class RayEngine:
 
     name = "ray"
     jobs: int | None = None
+    shares_files = False
 
     def __init__(self, address: str | None = None):
         self._address = address
@@ -57,7 +58,9 @@ class RayEngine:
             if self._ours:
                 self._connect()
             # A trial whose worker dies is given out anew by the sweep, which counts.
-            self._call = self._ray.remote(num_cpus=1, max_retries=0)(_call)
+            self._call = self._ray.remote(
+                num_cpus=1, max_retries=0, runtime_env={"env_vars": THREADS}
+            )(_call)
             self._check_versions()
             stack.pop_all()
         return self
@@ -133,7 +136,6 @@ def _versions() -> dict[str, str]:
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:
-    os.environ.update(THREADS)  # read when the first image is rendered
     return function(*arguments)
 
 

@@ -12,6 +12,7 @@ import datetime
 import gc
 import sys
 from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.info import RECORD, SweepInfo, current_versions, dump_tree
 from drake_srg.sweeps.rows import require_sweep
-from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial
+from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial, with_contents
 
 TrialFunction = Callable[[Mapping[str, Any], str, int, int, str], TrialResult]
 
@@ -98,6 +99,12 @@ def run_sweep(
         values = draw_scenario(tree, scenario, seed + trial).values
         return TrialResult({**empty_row(seed, trial, reason), **values})
 
+    def submit(trial: int) -> Future[TrialResult]:
+        arguments = (trial_function, tree, scenario, seed, trial, record)
+        if engine.shares_files:
+            return engine.submit(*arguments)
+        return engine.submit(with_contents, *arguments)
+
     with contextlib.closing(SweepFolder(out)) as folder:
         rows = folder.begin(info, resume, tell)
         done = set(rows["trial"].to_pylist())
@@ -108,14 +115,7 @@ def run_sweep(
             bar = stack.enter_context(
                 _Bar(trials, len(done), sum(rows["success"].to_pylist()), progress)
             )
-            for result in dispatch(
-                engine,
-                missing,
-                lambda trial: engine.submit(
-                    trial_function, tree, scenario, seed, trial, record
-                ),
-                lost,
-            ):
+            for result in dispatch(engine, missing, submit, lost):
                 folder.add(result)
                 if result.warning:
                     bar.write(result.warning, tell)

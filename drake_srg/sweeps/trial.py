@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses as dc
 import gc
 import os
+import shutil
 import socket
 import tempfile
 import time as wall
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,8 @@ class TrialResult:
     """What came of a trial, ready to be sent and written."""
 
     row: dict[str, Any]  # see `rows`
-    files: Mapping[str, bytes] = dc.field(default_factory=dict)  # of its recording
+    # Of its recording: the folder they are in, to be moved, or contents by name.
+    files: Path | Mapping[str, bytes] = dc.field(default_factory=dict)
     warning: str = ""  # what the user should know besides
 
 
@@ -63,6 +66,16 @@ def run_trial(
     return result
 
 
+def with_contents(function: Callable[..., TrialResult], *arguments: Any) -> TrialResult:
+    """Run a trial for somebody who has no access to the files of this machine."""
+    result = function(*arguments)
+    if isinstance(result.files, Path):
+        files = {path.name: path.read_bytes() for path in result.files.iterdir()}
+        shutil.rmtree(result.files)
+        result = dc.replace(result, files=files)
+    return result
+
+
 def empty_row(seed: int, trial: int, message: str) -> dict[str, Any]:
     """Return the row of a trial that has come to nothing.
 
@@ -95,24 +108,27 @@ def _run(
     tree: Mapping[str, Any], origin: str, seed: int, trial: int, record: bool
 ) -> TrialResult:
     row = empty_row(seed, trial, "")
-    files: dict[str, bytes] = {}
-    try:
-        drawn = draw_scenario(tree, origin, seed + trial)
-        row |= drawn.values
-        with tempfile.TemporaryDirectory(prefix="drake_srg_") as folder:
+    out = Path(tempfile.mkdtemp(prefix="drake_srg_")) if record else None
+    with contextlib.ExitStack() as stack:
+        if out is not None:
+            stack.callback(shutil.rmtree, out)
+        try:
+            drawn = draw_scenario(tree, origin, seed + trial)
+            row |= drawn.values
             result = Simulate(
-                drawn.scenario,
-                name=Path(origin).stem,
-                out=Path(folder) if record else None,
-                record=record,
+                drawn.scenario, name=Path(origin).stem, out=out, record=record
             )
-            files = {path.name: path.read_bytes() for path in Path(folder).iterdir()}
-        row |= _outcome(result)
-    except (ImportError, OSError):  # not the trial's fault; others would fare alike
-        raise
-    except (Exception, SystemExit) as error:  # SystemExit: see `one_line`
-        row["message"] = f"{type(error).__name__}: {one_line(error)}"
-    return TrialResult(row, files)
+            row |= _outcome(result)
+        except (ImportError, OSError) as error:  # not its fault; others fare alike
+            if isinstance(error, OSError) and error.errno and out is not None:
+                error.filename = error.filename or str(out)
+            raise
+        except (Exception, SystemExit) as error:  # SystemExit: see `one_line`
+            row["message"] = f"{type(error).__name__}: {one_line(error)}"
+        if out is not None and any(out.iterdir()):  # of an error, too
+            stack.pop_all()
+            return TrialResult(row, out)
+    return TrialResult(row)
 
 
 def _outcome(result: Result) -> dict[str, Any]:

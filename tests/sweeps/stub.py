@@ -60,6 +60,7 @@ class StubEngine:
     name = "stub"
     jobs = 2
     deaths = (BrokenExecutor,)
+    shares_files = True
 
     def __init__(self, dying=None):
         self.dying = dict(dying or {})
@@ -100,5 +101,5 @@ def slow(*arguments):
     return trial(*arguments)
 
 
-def no_space(*_):
+def no_space(*_, **__):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

@@ -28,6 +28,15 @@ def test_a_folder_is_written_in_place_of_what_was_there(tmp_path):
     assert names(tmp_path) == ["000001"]
 
 
+def test_a_folder_is_moved_in_place_of_what_was_there(tmp_path):
+    path, source = tmp_path / "000001", tmp_path / "source"
+    write_folder(path, {"a": b"1", "b": b"2"})
+    write_folder(source, {"a": b"3"})
+    write_folder(path, source)
+    assert {p.name: p.read_bytes() for p in path.iterdir()} == {"a": b"3"}
+    assert names(tmp_path) == ["000001"]
+
+
 @pytest.mark.parametrize("write", [write_file, write_folder])
 def test_a_full_disk_leaves_what_was_there(write, tmp_path, monkeypatch):
     old, new = (b"1", b"2") if write is write_file else ({"a": b"1"}, {"a": b"2"})

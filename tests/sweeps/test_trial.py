@@ -1,4 +1,6 @@
 import json
+import pickle
+import tempfile
 
 import pytest
 
@@ -6,7 +8,9 @@ from drake_srg.scenario import load_tree
 from drake_srg.simulation import Result
 from drake_srg.sweeps import trial as module
 from drake_srg.sweeps.rows import TIMING_COLUMNS
-from drake_srg.sweeps.trial import run_trial
+from drake_srg.sweeps.trial import run_trial, with_contents
+
+from . import stub
 
 # A trial that ends within a second of simulated time, with something drawn.
 ABSENT = [
@@ -43,14 +47,47 @@ def test_a_trial_tells_what_was_drawn_and_what_came_of_it(absent):
     assert outcome({**again, "trial": 4}) == outcome(row)
 
 
-def test_a_failed_trial_is_recorded_as_it_was(absent):
+@pytest.fixture
+def scratch(tmp_path, monkeypatch):
+    """The folder for temporary files."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def test_a_failed_trial_is_recorded_as_it_was(absent, scratch):
     result = run_trial(absent, "kitchen_fast", 0, 0, "failures")
     files = {"metrics.json", "log.npz", "recording.mcap", "timeline.png"}
-    assert result.files.keys() == files
+    assert set(stub.names(result.files)) == files
     assert result.warning == ""
-    metrics = json.loads(result.files["metrics.json"])
+    metrics = json.loads((result.files / "metrics.json").read_text())
     for name in ("seed", "success", "failure", "sim_time_s"):
         assert metrics[name] == result.row[name]
+    contents = {path.name: path.read_bytes() for path in result.files.iterdir()}
+    assert with_contents(lambda: result).files == contents
+    assert stub.names(scratch) == []
+
+
+def test_what_was_recorded_before_an_error_is_kept(absent, scratch, monkeypatch):
+    def simulate(scenario, *, out, **_):
+        if scenario.random_seed == 1:
+            (out / "video.mp4").touch()
+        raise RuntimeError("no metrics")
+
+    monkeypatch.setattr(module, "Simulate", simulate)
+    result = run_trial(absent, "kitchen_fast", 0, 1, "all")
+    assert result.row["failure"] == "error"
+    assert stub.names(result.files) == ["video.mp4"]
+    assert stub.names(scratch) == [result.files.name]
+    assert run_trial(absent, "kitchen_fast", 0, 2, "all").files == {}
+    assert stub.names(scratch) == [result.files.name]
+
+
+def test_a_full_disk_is_told_with_its_folder(absent, scratch, monkeypatch):
+    monkeypatch.setattr(module, "Simulate", stub.no_space)
+    with pytest.raises(OSError, match="No space left") as caught:
+        run_trial(absent, "kitchen_fast", 0, 0, "all")
+    assert pickle.loads(pickle.dumps(caught.value)).filename.startswith(str(scratch))
+    assert stub.names(scratch) == []
 
 
 def test_a_trial_that_goes_otherwise_while_it_is_recorded_says_so(absent, monkeypatch):
