@@ -3,10 +3,8 @@
 import argparse
 import os
 import shutil
-import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
@@ -150,7 +148,7 @@ def _run(options: argparse.Namespace) -> int:
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
-    _end_on_sigterm()
+    cli_sweep.end_on_sigterm()
     try:
         result = Simulate(
             scenario,
@@ -244,7 +242,7 @@ def _experiment(options: argparse.Namespace) -> int:
             print(f"{name:24} {description}")
         return SUCCESS
     out: Path = options.out or Path("out") / "experiments" / options.name
-    _end_on_sigterm()
+    cli_sweep.end_on_sigterm()
     try:
         result = run_experiment(options.name, out, progress=sys.stderr.isatty())
     except OSError as error:
@@ -264,12 +262,6 @@ def _doctor(options: argparse.Namespace) -> int:
         if not check.ok:
             print(f"     {'':10} {check.fix}")
     return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED
-
-
-def _end_on_sigterm() -> None:
-    """Let a request to terminate end what runs as Ctrl-C does."""
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _complain(message: str) -> int:

@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 INTERRUPTED = 130  # as shells say it of Ctrl-C
 
 
+def end_on_sigterm() -> None:
+    """Let a request to terminate end what runs as Ctrl-C does."""
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
 def add_sweep_arguments(sweep: argparse.ArgumentParser) -> None:
     """Add what the command sweep takes, besides the scenario."""
     sweep.add_argument(
@@ -68,8 +74,7 @@ def sweep(options: argparse.Namespace) -> int:
     from drake_srg.sweeps.summary import summary
     from drake_srg.sweeps.sweep import run_sweep
 
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_on_sigterm()
     again = _resume_line(options, out)
     try:
         rows = run_sweep(
@@ -170,8 +175,7 @@ def dataset(options: argparse.Namespace) -> int:
     require_sweep("pyarrow")
     from drake_srg.sweeps.dataset import make_dataset
 
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_on_sigterm()
     output: Path = options.output or options.folder / "dataset"
     try:
         made = make_dataset(

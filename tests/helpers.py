@@ -1,5 +1,6 @@
 """One step up the ladder: fix a system's inputs, evaluate ports, fire one event."""
 
+import importlib
 import os
 import shutil
 from pathlib import Path
@@ -52,6 +53,14 @@ def needs_debian(*programs):
     missing = [p for p in programs if not (shutil.which(p) or Path(p).is_file())]
     if missing:
         _do_without(f"{', '.join(missing)} missing: sh tools/install_test_peers.sh")
+
+
+def needs_module(name):
+    """Import a module; skip, or fail, likewise where it is missing."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        _do_without(f"{name} cannot be imported: {error}")
 
 
 def needs_pty():

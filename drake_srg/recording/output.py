@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import TypeVar
 
-from drake_srg.installing import pip_install, this_package
+from drake_srg import installing
 from drake_srg.lifetime import LeafSystem
 
 _Self = TypeVar("_Self", bound="Recorder")
@@ -22,14 +21,7 @@ def require(module: str) -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        package = module.partition(".")[0]
-        raise ImportError(
-            f"Recording needs {package!r}, which is not installed. "
-            f"Run: {pip_install(*this_package('recording'))}"
-        ) from error
+    return installing.require(module, "recording", "Recording needs")
 
 
 @contextlib.contextmanager

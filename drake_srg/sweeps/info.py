@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 from pydrake.common.yaml import yaml_dump, yaml_load
 
 from drake_srg.errors import ScenarioError
@@ -87,7 +88,20 @@ def current_versions() -> dict[str, str]:
         "drake": importlib.metadata.version("drake"),
         "python": platform.python_version(),
         "platform": platform.platform(),
+        "numpy": importlib.metadata.version("numpy"),
+        "opencv": str(cv2.__version__),  # several packages have it
+        "processor": _processor(),  # BLAS has other kernels for others
     }
+
+
+def _processor() -> str:
+    """The processor's name; of Linux, as Python knows its kind alone."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = (line.partition(":")[2] for line in lines if line.startswith("model name"))
+    return next(names, platform.machine()).strip()
 
 
 def difference(old: SweepInfo, new: SweepInfo) -> str:

@@ -10,7 +10,6 @@ that `--set` knows it by; these names have a dot, no other one has.
 from __future__ import annotations
 
 import functools
-import importlib
 import math
 import re
 import types
@@ -22,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from drake_srg.errors import ScenarioError, one_line
-from drake_srg.installing import pip_install, this_package
+from drake_srg.installing import require
 from drake_srg.metrics import Metrics
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.info import SweepInfo, read_sweep
@@ -80,13 +79,7 @@ def require_sweep(module: str, extra: str = "sweep") -> ModuleType:
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise ImportError(
-            f"Sweeps need {module.partition('.')[0]!r}, which is not installed. "
-            f"Run: {pip_install(*this_package(extra))}"
-        ) from error
+    return require(module, extra, "Sweeps need")
 
 
 def row_path(folder: Path, trial: int) -> Path:

@@ -30,11 +30,30 @@ function tell() {{
     unnamed: [...page.querySelectorAll("svg, video, [role=region]")]
       .filter((e) => !e.getAttribute("aria-label")).length,
     videos: [...page.querySelectorAll("video")]
-      .map((e) => [e.videoWidth, e.videoHeight, e.duration, e.controls]),
+      .map((e) => [e.videoWidth, e.videoHeight, e.duration, e.controls,
+                   JSON.parse(e.dataset.shades || "[]")]),
     text: page.body.innerText,
   }});
 }}
-frame.onload = () => setTimeout(tell, 2000);
+// Plays nothing: frames are sought, which is to decode them, and their colors told.
+function seek(video) {{
+  const shades = [];
+  const next = (time) => new Promise((done) => {{
+    video.onseeked = () => {{
+      const canvas = document.createElement("canvas").getContext("2d");
+      canvas.drawImage(video, 0, 0);
+      shades.push([video.currentTime, canvas.getImageData(80, 60, 1, 1).data[0]]);
+      done();
+    }};
+    video.currentTime = time;
+  }});
+  next(0.125).then(() => next(0.425))
+    .then(() => video.dataset.shades = JSON.stringify(shades));
+}}
+frame.onload = () => {{
+  frame.contentDocument.querySelectorAll("video").forEach(seek);
+  setTimeout(tell, 2000);
+}};
 </script></body></html>"""
 
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -101,6 +102,16 @@ def test_a_full_disk_is_one_line_with_the_way_on(
     (line,) = capsys.readouterr().err.splitlines()
     assert "cannot be written: No space left on device" in line
     assert line.endswith(f"--seed 3 {' '.join(ABSENT)} --out {tmp_path} --resume")
+
+
+def test_what_a_trial_cannot_read_is_not_blamed_on_out(
+    stubbed, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(stub, "trial", lambda *_: Path("/missing.sdf").read_bytes())
+    assert main(arguments(tmp_path, "--trials", "2")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "trial 0: /missing.sdf: No such file or directory" in line
+    assert "--out" not in line and "--resume" in line
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers import needs_module
 
 from drake_srg.errors import ScenarioError
 from drake_srg.sweeps import sweep
@@ -26,7 +27,7 @@ def unchecked(monkeypatch):
 @pytest.fixture(scope="module")
 def cluster():
     """Two nodes of one core each, on this machine."""
-    ray = pytest.importorskip("ray")
+    ray = needs_module("ray")
     from ray.cluster_utils import Cluster
 
     with pytest.MonkeyPatch.context() as patch:
@@ -114,6 +115,17 @@ def test_no_cluster_at_an_address_says_so():
     engine = RayEngine("127.0.0.1:9")
     with pytest.raises(ScenarioError, match=r"--address 127.0.0.1:9: no Ray"), engine:
         pass
+
+
+def test_ray_of_this_machine_alone(tmp_path, monkeypatch):
+    needs_module("ray")
+    monkeypatch.delenv("RAY_ADDRESS", raising=False)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # of the stub
+    from drake_srg.sweeps.ray_engine import RayEngine
+
+    rows = run(tmp_path, RayEngine(), monkeypatch, stub.recorded)
+    assert rows["trial"].to_pylist() == list(range(8))
+    assert (tmp_path / "recordings/000003/video.mp4").read_bytes() == b"3"
 
 
 def test_a_node_of_the_cluster_may_go(tmp_path, monkeypatch, cluster):

@@ -60,12 +60,16 @@ def test_page_is_whole_and_fits(browser, page, width):
     ]
 
 
-def test_videos_play(browser, page):
+def test_any_frame_of_a_video_is_shown(browser, page):
     videos = browser.open(page)["videos"]
     assert len(videos) == 2
-    for width, height, duration, controls in videos:
+    for width, height, duration, controls, shades in videos:
         assert (width, height, controls) == (160, 120, True)
         assert duration == pytest.approx(0.5, abs=0.06)  # a frame
+        # Frame k is of the shade 20 k, and shown from k / 20 s on.
+        assert [time for time, _ in shades] == [0.125, 0.425]
+        for time, shade in shades:
+            assert shade == pytest.approx(20 * int(20 * time), abs=5)  # H.264's loss
 
 
 def test_what_others_wrote_is_shown_as_they_wrote_it(browser, page):

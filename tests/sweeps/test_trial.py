@@ -117,6 +117,14 @@ def test_an_error_is_an_outcome(absent):
     assert row[MASS] is not None
 
 
+def test_a_varied_trial_is_the_same_after_another():
+    tree = load_tree("kitchen_varied", ["planner.time_budget=1.0"])
+    alone, _, after = (run_trial(tree, "kitchen_varied", s, 0).row for s in (5, 6, 5))
+    assert outcome(after) == outcome(alone)
+    assert alone["failure"] != "error"
+    assert alone["sim_time_s"] > 0.0
+
+
 @pytest.mark.parametrize("error", [OSError("full"), ImportError("no av")])
 def test_what_others_would_suffer_too_is_raised(error, absent, monkeypatch):
     def simulate(*_, **__) -> Result:
