@@ -75,6 +75,7 @@ def test_the_log_has_a_row_a_sample(golden):
         "time": (count,),
         "mode": (count,),
         "arm.state_measured": (count, 14),
+        "arm.state_cheat": (count, 14),
         "arm.torque_measured": (count, 7),
         "arm.position_commanded": (count, 7),
         "gripper.state_measured": (count, 8),
