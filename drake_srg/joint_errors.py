@@ -126,7 +126,49 @@ class CommandErrors(LeafSystem):
         discrete_state.set_value(np.concatenate([commands.ravel(), y]))
 
 
-class EncoderErrors(LeafSystem):
+class _NoisySensor(LeafSystem):
+    """What is sensed, with an offset and with noise that is drawn every `period`."""
+
+    def __init__(
+        self,
+        ports: tuple[str, str],
+        offset: Vector,
+        sigma: Vector,
+        period: float,
+        stream: tuple[int, str],
+    ) -> None:
+        super().__init__()
+        self._offset, self._sigma, self._period = offset, sigma, period
+        seed, name = stream
+        self._stream = [seed, zlib.crc32(name.encode())]
+        state = self.DeclareDiscreteState(offset)
+        self._sensed = self.DeclareVectorInputPort(name=ports[0], size=len(sigma))
+        self.DeclareVectorOutputPort(
+            name=ports[1],
+            size=len(sigma),
+            calc=self._calc_measured,
+            prerequisites_of_calc={
+                self.all_input_ports_ticket(),
+                self.discrete_state_ticket(state),
+            },
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        # Of the time alone, so that nothing is kept outside the context.
+        step = round(context.get_time() / self._period)
+        generator = np.random.default_rng([*self._stream, step])
+        noise = self._sigma * generator.standard_normal(len(self._sigma))
+        discrete_state.set_value(self._offset + noise)
+
+    def _calc_measured(self, context: Context, output: BasicVector) -> None:
+        errors = context.get_discrete_state(0).value()
+        output.SetFromVector(self._sensed.Eval(context) + errors)
+
+
+class EncoderErrors(_NoisySensor):
     """Angles and speeds as encoders on the motors' side tell them.
 
     .. pydrake_system::
@@ -153,45 +195,25 @@ class EncoderErrors(LeafSystem):
     def __init__(
         self, size: int, config: JointErrorsConfig, period: float, seed: int, name: str
     ) -> None:
-        super().__init__()
-        self._period = period
-        self._seed = [seed, zlib.crc32(name.encode())]
         sigma = config.encoder_noise
         speed_sigma = math.sqrt(2.0) * sigma / config.velocity_window
-        self._sigma = np.repeat([sigma, speed_sigma], size)
-        state = self.DeclareDiscreteState(2 * size)
-        self._state = self.DeclareVectorInputPort(name="state", size=2 * size)
+        super().__init__(
+            ("state", "state_measured"),
+            np.zeros(2 * size),
+            np.repeat([sigma, speed_sigma], size),
+            period,
+            (seed, name),
+        )
         self._play = self.DeclareVectorInputPort(name="play", size=size)
-        self.DeclareVectorOutputPort(
-            name="state_measured",
-            size=2 * size,
-            calc=self._calc_state,
-            prerequisites_of_calc={
-                self.all_input_ports_ticket(),
-                self.discrete_state_ticket(state),
-            },
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # Of the time alone, so that nothing is kept outside the context.
-        step = round(context.get_time() / self._period)
-        generator = np.random.default_rng([*self._seed, step])
-        discrete_state.set_value(
-            self._sigma * generator.standard_normal(len(self._sigma))
-        )
-
-    def _calc_state(self, context: Context, output: BasicVector) -> None:
-        measured = self._state.Eval(context) + context.get_discrete_state(0).value()
+    def _calc_measured(self, context: Context, output: BasicVector) -> None:
+        super()._calc_measured(context, output)
         if self._play.HasValue(context):
             play = self._play.Eval(context)
-            measured[: len(play)] += play
-        output.SetFromVector(measured)
+            output.get_mutable_value()[: len(play)] += play
 
 
-class TorqueErrors(LeafSystem):
+class TorqueErrors(_NoisySensor):
     """Joint torques as sensors tell them.
 
     .. pydrake_system::
@@ -215,35 +237,13 @@ class TorqueErrors(LeafSystem):
     def __init__(
         self, full_scale: Vector, config: ArmErrorsConfig, period: float, seed: int
     ) -> None:
-        super().__init__()
-        self._period, self._seed = period, [seed, zlib.crc32(b"torque")]
-        self._offset = config.torque_offset * full_scale
-        self._sigma = config.torque_noise * full_scale
-        n = len(full_scale)
-        state = self.DeclareDiscreteState(self._offset)
-        self._torque = self.DeclareVectorInputPort(name="torque", size=n)
-        self.DeclareVectorOutputPort(
-            name="torque_measured",
-            size=n,
-            calc=self._calc_torque,
-            prerequisites_of_calc={
-                self.all_input_ports_ticket(),
-                self.discrete_state_ticket(state),
-            },
+        super().__init__(
+            ("torque", "torque_measured"),
+            config.torque_offset * full_scale,
+            config.torque_noise * full_scale,
+            period,
+            (seed, "torque"),
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        step = round(context.get_time() / self._period)
-        generator = np.random.default_rng([*self._seed, step])
-        noise = self._sigma * generator.standard_normal(len(self._sigma))
-        discrete_state.set_value(self._offset + noise)
-
-    def _calc_torque(self, context: Context, output: BasicVector) -> None:
-        errors = context.get_discrete_state(0).value()
-        output.SetFromVector(self._torque.Eval(context) + errors)
 
 
 def AddLatency(
