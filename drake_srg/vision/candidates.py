@@ -14,9 +14,8 @@ from pydrake.math import RigidTransform
 from drake_srg.types import Shape
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.color import ColorImage, ColorRange
+from drake_srg.vision.mask import Mask, grown
 from drake_srg.vision.solids import bounding_size
-
-Mask = npt.NDArray[np.bool_]
 
 _STEP = 0.25  # of a solid's least extent; what goes on behind it is farther off
 _DEVIATIONS = 6.0  # of noise; a step is more
@@ -116,8 +115,8 @@ def _refined(picture: Picture, shape: Shape, region: Mask) -> Mask | None:
         return None
     distance = float(np.median(depth[usable]))
     step = float(_step(picture, shape, np.float32(distance)))
-    rim = _grown(region, _RIM)
-    beside = _grown(region, _RIM + _BESIDE) & ~rim
+    rim = grown(region, _RIM)
+    beside = grown(region, _RIM + _BESIDE) & ~rim
     behind = beside & (depth > distance + step)
     level = beside & (np.abs(depth - distance) <= step)
     if (
@@ -148,9 +147,3 @@ def _components(mask: Mask, min_area: int) -> Iterator[Mask]:
     for i in range(1, count):  # 0 is the background
         if stats[i, cv2.CC_STAT_AREA] >= min_area:
             yield labels == i
-
-
-def _grown(mask: Mask, pixels: int) -> Mask:
-    """A mask with everything within some pixels of it."""
-    kernel = np.ones((2 * pixels + 1,) * 2, np.uint8)
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)

@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-Mask = npt.NDArray[np.bool_]
+from drake_srg.vision.mask import Mask
+
 ColorImage = npt.NDArray[np.uint8]
 Triple = tuple[float, float, float]
 

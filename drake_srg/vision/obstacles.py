@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context
@@ -15,10 +14,9 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Cylinder, Obstacle, Shape, Vector
 from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surface import Surface
-
-Mask = npt.NDArray[np.bool_]
 
 _DEVIATIONS = 5.0  # of noise; a pixel in three million is beyond, neighbours never
 _LEAST_PIXELS = 8  # of an obstacle

@@ -6,14 +6,12 @@ import dataclasses as dc
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from drake_srg.types import Shape, Vector
+from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import outline_points
 from drake_srg.vision.view import View
-
-Mask = npt.NDArray[np.bool_]
 
 _FAR = 1e4  # pixels; farther corners say the same and overflow OpenCV
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import dataclasses as dc
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from drake_srg.types import Shape, Vector
+from drake_srg.vision.mask import Mask, grown
 from drake_srg.vision.outline import Outline
 from drake_srg.vision.solids import bounding_size, signed_distance
 from drake_srg.vision.view import View
 
-Mask = npt.NDArray[np.bool_]
 Labels = npt.NDArray[np.int8]
 # Whether a pixel shows the solid; UNKNOWN is hidden, without depth, or in doubt.
 OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
@@ -75,7 +74,7 @@ def look(
         doubt: How far the pose may be off [m]; points may be as far off the surface.
     """
     outline = Outline.of(shape, X_WO, view)
-    region = _grown(outline.mask(view.depth.shape), margin)
+    region = grown(outline.mask(view.depth.shape), margin)
     rows, columns = np.nonzero(region | view.blob)
     pixels = np.stack([columns, rows], axis=1)
     distance, _, contour_depth = outline.distance(pixels.astype(float))
@@ -105,13 +104,7 @@ def look(
     labels[hidden | doubtful | view.others[rows, columns]] = UNKNOWN
     labels[on_surface & blob] = INSIDE
     if not view.noise:
-        labels[(np.abs(error) <= finest) & _grown(view.blob, 1)[rows, columns]] = INSIDE
+        labels[(np.abs(error) <= finest) & grown(view.blob, 1)[rows, columns]] = INSIDE
     else:
         labels[blob & ~on_surface] = UNKNOWN
     return Sight(pixels, points, distance, labels, blob & valid, error, thickness)
-
-
-def _grown(mask: Mask, pixels: int) -> Mask:
-    """A mask with everything within some pixels of it."""
-    kernel = np.ones((2 * pixels + 1,) * 2, np.uint8)
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
-import numpy.typing as npt
 
 from drake_srg.types import Vector
-
-Mask = npt.NDArray[np.bool_]
+from drake_srg.vision.mask import Mask
 
 
 @dc.dataclass(frozen=True)

@@ -12,9 +12,8 @@ from pydrake.math import RigidTransform
 
 from drake_srg.types import Shape, Vector
 from drake_srg.vision.camera import Imager
+from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import bounding_size
-
-Mask = npt.NDArray[np.bool_]
 
 
 @dc.dataclass(frozen=True)
