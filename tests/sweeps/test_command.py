@@ -110,7 +110,7 @@ def test_what_a_trial_cannot_read_is_not_blamed_on_out(
     monkeypatch.setattr(stub, "trial", lambda *_: Path("/missing.sdf").read_bytes())
     assert main(arguments(tmp_path, "--trials", "2")) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert "trial 0: /missing.sdf: No such file or directory" in line
+    assert ": /missing.sdf: No such file or directory" in line
     assert "--out" not in line and "--resume" in line
 
 
