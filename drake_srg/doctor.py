@@ -68,6 +68,8 @@ def Checks() -> list[Check]:
         ("models", _models, pip_install("--force-reinstall", *this_package())),
     ]
     optional: list[tuple[str, Callable[[], str], str]] = [
+        ("sweeps", _sweeps, pip_install(*this_package("sweep"))),
+        ("ray", _ray, pip_install(*this_package("ray"))),
         ("ros2", _cyclonedds, pip_install(*this_package("ros2"))),
         ("graphviz", _graphviz, _APT + "graphviz"),
     ]
@@ -137,6 +139,19 @@ def _video() -> str:
 def _rosbags() -> str:
     importlib.import_module("rosbags.rosbag2")
     return f"rosbags {importlib.metadata.version('rosbags')}"
+
+
+def _sweeps() -> str:
+    found = []
+    for package in ("joblib", "pyarrow"):
+        importlib.import_module(package)
+        found.append(f"{package} {importlib.metadata.version(package)}")
+    return ", ".join(found)
+
+
+def _ray() -> str:
+    # Found, not imported: that takes seconds.
+    return f"ray {importlib.metadata.version('ray')}"
 
 
 def _cyclonedds() -> str:

@@ -29,6 +29,8 @@ def test_this_machine_is_well():
         "plots",
         "solvers",
         "models",
+        "sweeps",
+        "ray",
         "ros2",
         "graphviz",
     ]
@@ -80,6 +82,7 @@ def test_silence_elsewhere_is_not_waited_for(monkeypatch):
         ("av", "video"),
         ("cv2", "packages"),
         ("cyclonedds.domain", "ros2"),
+        ("joblib", "sweeps"),
         ("matplotlib.figure", "plots"),
         ("rosbags.rosbag2", "rosbags"),
         ("ruckig", "packages"),
@@ -92,7 +95,7 @@ def test_a_missing_package_is_named_with_its_cure(monkeypatch, module, name):
     monkeypatch.setitem(sys.modules, module, None)
     checks = by_name(doctor.Checks())
     assert {check.name for check in checks.values() if not check.ok} == {name}
-    extra = {"packages": "", "ros2": "ros2"}.get(name, "recording")
+    extra = {"packages": "", "ros2": "ros2", "sweeps": "sweep"}.get(name, "recording")
     assert checks[name].fix == pip_install(*this_package(extra))
 
 
