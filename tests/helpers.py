@@ -63,6 +63,11 @@ def needs_module(name):
         _do_without(f"{name} cannot be imported: {error}")
 
 
+# Begins the command of a process that is sent SIGINT: what a shell starts in the
+# background ignores that, and so does all that this starts.
+HEEDING_CTRL_C = ["env", "--default-signal=INT"]
+
+
 def needs_pty():
     """Skip, or fail, likewise where there are no pseudo terminals, as in a chroot."""
     try:

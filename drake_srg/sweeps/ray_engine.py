@@ -70,12 +70,11 @@ class RayEngine:
 
     def _connect(self) -> None:
         address = self._address or os.environ.get("RAY_ADDRESS")
-        # To a cluster that is there, or to one of this machine alone.
-        options: dict[str, Any] = (
-            {"address": address}
-            if address
-            else {"num_cpus": usable_cores(), "include_dashboard": False}
-        )
+        # To a cluster that is asked for, or to one of our own: "local", as without an
+        # address Ray takes whatever cluster runs on this machine.
+        options: dict[str, Any] = {"address": address or "local"}
+        if not address:
+            options |= {"num_cpus": usable_cores(), "include_dashboard": False}
         try:
             if address:
                 _reach(address)

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from helpers import HEEDING_CTRL_C
 
 from drake_srg import cli_sweep
 from drake_srg.cli import main
@@ -118,7 +119,7 @@ def test_what_a_trial_cannot_read_is_not_blamed_on_out(
 def test_a_sweep_that_is_ended_goes_on_where_it_was(end, tmp_path, capfd):
     command = arguments(tmp_path, "--trials", "5", "--jobs", "1")
     with subprocess.Popen(
-        [sys.executable, "-m", "drake_srg.cli", *command],
+        [*HEEDING_CTRL_C, sys.executable, "-m", "drake_srg.cli", *command],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
