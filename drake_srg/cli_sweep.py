@@ -109,18 +109,17 @@ def sweep(options: argparse.Namespace) -> int:
     return 0
 
 
-def add_report_arguments(report: argparse.ArgumentParser) -> None:
-    """Add what the command report takes."""
-    report.add_argument(
+def _add_folders(parser: argparse.ArgumentParser, metavar: str, help: str) -> None:
+    """Add the sweep's folder, and where what is made of it goes."""
+    parser.add_argument(
         "folder", type=Path, metavar="DIR", help="of the sweep, its --out"
     )
-    report.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FILE.html",
-        help="the page (default: DIR/report.html)",
-    )
+    parser.add_argument("-o", "--output", type=Path, metavar=metavar, help=help)
+
+
+def add_report_arguments(report: argparse.ArgumentParser) -> None:
+    """Add what the command report takes."""
+    _add_folders(report, "FILE.html", "the page (default: DIR/report.html)")
 
 
 def report(options: argparse.Namespace) -> int:
@@ -143,16 +142,7 @@ def report(options: argparse.Namespace) -> int:
 
 def add_dataset_arguments(dataset: argparse.ArgumentParser) -> None:
     """Add what the command dataset takes."""
-    dataset.add_argument(
-        "folder", type=Path, metavar="DIR", help="of the sweep, its --out"
-    )
-    dataset.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help="the data set (default: DIR/dataset)",
-    )
+    _add_folders(dataset, "FOLDER", "the data set (default: DIR/dataset)")
     dataset.add_argument(
         "--fps",
         type=int,

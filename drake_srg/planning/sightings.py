@@ -67,11 +67,11 @@ class Sightings:
                 like it but floats, or is in the table, is something else.
         """
 
-        def trust(blob: Blob) -> tuple[bool, ...]:
-            return is_certain(blob), rests is None or rests(self.pose(blob))
+        def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, bool, float]]:
+            stands = rests is None or rests(self.pose(blob))
+            return is_certain(blob), stands, blob.trust
 
-        own = self._own(view)
-        return max(own, key=lambda blob: (trust(blob), blob.trust), default=None)
+        return max(self._own(view), key=likely, default=None)
 
     def _own(self, view: View) -> list[Blob]:
         return [blob for blob in view.blobs if blob.object_name == self.object_name]
