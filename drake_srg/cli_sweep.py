@@ -128,7 +128,7 @@ def report(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: If there is nothing to tell, or the page cannot be written.
     """
-    from drake_srg.sweeps.report import write_report
+    from drake_srg.sweeps.report.write import write_report
 
     output: Path = options.output or options.folder / "report.html"
     try:
@@ -163,7 +163,7 @@ def dataset(options: argparse.Namespace) -> int:
     from drake_srg.sweeps.rows import require_sweep
 
     require_sweep("pyarrow")
-    from drake_srg.sweeps.dataset import make_dataset
+    from drake_srg.sweeps.dataset.make import make_dataset
 
     end_on_sigterm()
     output: Path = options.output or options.folder / "dataset"

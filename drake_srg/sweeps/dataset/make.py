@@ -1,7 +1,7 @@
 """Makes a LeRobot data set of the recordings of a sweep.
 
 Each trial is an episode, each image time a frame of it; see docs/dataset.md. The format
-is `drake_srg.sweeps.dataset_format`'s.
+is `drake_srg.sweeps.dataset.format`'s.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any
 from tqdm import tqdm
 
 from drake_srg.errors import ScenarioError, one_line
-from drake_srg.sweeps.dataset_recording import Layout, read_images, read_signals
-from drake_srg.sweeps.dataset_writer import DatasetWriter
+from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
+from drake_srg.sweeps.dataset.writer import DatasetWriter
 from drake_srg.sweeps.info import read_sweep
 from drake_srg.yaml_loading import parse_yaml
 

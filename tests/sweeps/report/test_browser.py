@@ -7,9 +7,9 @@ import av
 import numpy as np
 import pytest
 
-from drake_srg.sweeps.report import write_report
-from sweeps.browser import Browser
-from sweeps.made_sweep import TREE, UNTRUSTED, made_rows, write_sweep
+from drake_srg.sweeps.report.write import write_report
+from sweeps.report.browser import Browser
+from sweeps.report.made_sweep import TREE, UNTRUSTED, made_rows, write_sweep
 
 
 @pytest.fixture(scope="module")

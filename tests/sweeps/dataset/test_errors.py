@@ -4,11 +4,11 @@ import pytest
 
 from drake_srg import cli
 from drake_srg.errors import ScenarioError
-from drake_srg.sweeps import dataset_files, dataset_video
-from drake_srg.sweeps.dataset import make_dataset
-from drake_srg.sweeps.dataset_recording import read_images, read_signals
-from sweeps import lerobot_format as lerobot
-from sweeps.recorded_sweep import write_sweep, write_trial
+from drake_srg.sweeps.dataset import files, video
+from drake_srg.sweeps.dataset.make import make_dataset
+from drake_srg.sweeps.dataset.recording import read_images, read_signals
+from sweeps.dataset import lerobot_format as lerobot
+from sweeps.dataset.recorded_sweep import write_sweep, write_trial
 
 
 def complaint(sweep, out=None, **options):
@@ -119,7 +119,7 @@ def raise_(error):
 
 
 def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch):
-    whole = dataset_video.VideoFiles.append
+    whole = video.VideoFiles.append
     calls = []
 
     def append(self, episode):
@@ -128,7 +128,7 @@ def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return whole(self, episode)
 
-    monkeypatch.setattr(dataset_video.VideoFiles, "append", append)
+    monkeypatch.setattr(video.VideoFiles, "append", append)
     with pytest.raises(KeyboardInterrupt):
         make_dataset(sweep, tmp_path / "made")
     assert list(tmp_path.iterdir()) == []
@@ -168,7 +168,7 @@ def test_command_says_what_is_wrong(sweep, tmp_path, capsys, arguments, said):
 
 def test_command_on_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
     full = OSError(28, "Error writing bytes. Detail: [errno 28] No space left")
-    monkeypatch.setattr(dataset_files.ParquetFiles, "append", raise_(full))
+    monkeypatch.setattr(files.ParquetFiles, "append", raise_(full))
     assert command(sweep, "-o", tmp_path / "made") == 2
     assert capsys.readouterr().err.endswith("written: No space left on device\n")
     assert list(tmp_path.iterdir()) == []
@@ -176,7 +176,7 @@ def test_command_on_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
 
 def test_command_is_interrupted(sweep, tmp_path, monkeypatch, capsys):
     stop = raise_(KeyboardInterrupt())
-    monkeypatch.setattr(dataset_files.ParquetFiles, "append", stop)
+    monkeypatch.setattr(files.ParquetFiles, "append", stop)
     assert command(sweep, "-o", tmp_path / "made") == 2
     assert capsys.readouterr().err == "drake-srg: stopped\n"
     assert list(tmp_path.iterdir()) == []

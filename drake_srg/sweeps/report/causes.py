@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_srg.sweeps import report_plots as plots
-from drake_srg.sweeps.report_effects import (
+from drake_srg.sweeps.report import plots
+from drake_srg.sweeps.report.effects import (
     FALSE_DISCOVERIES,
     FEW,
     Bin,
@@ -18,7 +18,7 @@ from drake_srg.sweeps.report_effects import (
     rank_effects,
     success_bins,
 )
-from drake_srg.sweeps.report_elements import (
+from drake_srg.sweeps.report.elements import (
     Child,
     Element,
     code,
@@ -32,7 +32,7 @@ from drake_srg.sweeps.report_elements import (
     section,
     table,
 )
-from drake_srg.sweeps.report_trials import Trials
+from drake_srg.sweeps.report.trials import Trials
 
 _OPEN_EFFECTS = 12  # of the plots against quantities; more are folded away
 

@@ -21,10 +21,10 @@ from typing import Any
 
 import pyarrow as pa
 
-from drake_srg.sweeps.dataset_files import CHUNK_SIZE
-from drake_srg.sweeps.dataset_recording import Layout
-from drake_srg.sweeps.dataset_statistics import STATISTICS
-from drake_srg.sweeps.dataset_video import CODEC, PIXEL_FORMAT
+from drake_srg.sweeps.dataset.files import CHUNK_SIZE
+from drake_srg.sweeps.dataset.recording import Layout
+from drake_srg.sweeps.dataset.statistics import STATISTICS
+from drake_srg.sweeps.dataset.video import CODEC, PIXEL_FORMAT
 
 VERSION = "v3.0"
 MEGABYTE = 1024**2  # as LeRobot counts

@@ -10,9 +10,9 @@ from xml.etree import ElementTree
 
 from drake_srg.errors import ScenarioError
 from drake_srg.recording.output import OutputFile
-from drake_srg.sweeps import report_page as page
-from drake_srg.sweeps.report_causes import effects
-from drake_srg.sweeps.report_elements import (
+from drake_srg.sweeps.report import page
+from drake_srg.sweeps.report.causes import effects
+from drake_srg.sweeps.report.elements import (
     Element,
     code,
     definitions,
@@ -21,8 +21,8 @@ from drake_srg.sweeps.report_elements import (
     paragraph,
     section,
 )
-from drake_srg.sweeps.report_trials import Trials, command
-from drake_srg.sweeps.report_worst import worst
+from drake_srg.sweeps.report.trials import Trials, command
+from drake_srg.sweeps.report.worst import worst
 from drake_srg.sweeps.rows import SweepInfo, read_rows, read_sweep, sampled_columns
 
 # The page loads nothing, whatever stands in it.

@@ -10,14 +10,14 @@ from hypothesis.extra.numpy import arrays
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from drake_srg.sweeps import dataset, dataset_video
-from drake_srg.sweeps.dataset import make_dataset
-from drake_srg.sweeps.dataset_files import FilePlace, next_place
-from drake_srg.sweeps.dataset_recording import read_images, read_signals
-from drake_srg.sweeps.dataset_statistics import QUANTILES, ImageStatistics
-from drake_srg.sweeps.dataset_writer import DatasetWriter
-from sweeps import lerobot_format as lerobot
-from sweeps.recorded_sweep import (
+from drake_srg.sweeps.dataset.files import FilePlace, next_place
+from drake_srg.sweeps.dataset.make import Dataset, make_dataset
+from drake_srg.sweeps.dataset.recording import read_images, read_signals
+from drake_srg.sweeps.dataset.statistics import QUANTILES, ImageStatistics
+from drake_srg.sweeps.dataset.video import encode_episode
+from drake_srg.sweeps.dataset.writer import DatasetWriter
+from sweeps.dataset import lerobot_format as lerobot
+from sweeps.dataset.recorded_sweep import (
     ARM,
     CAMERAS,
     GRIPPER,
@@ -35,7 +35,7 @@ FPS = 8
 def root(sweep, tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "deep" / "dataset"
     made = make_dataset(sweep, out)
-    assert made == dataset.Dataset(out, episodes=3, successes=2, frames=23, fps=FPS)
+    assert made == Dataset(out, episodes=3, successes=2, frames=23, fps=FPS)
     assert list(out.parent.iterdir()) == [out]
     return out
 
@@ -202,8 +202,8 @@ def test_large_data_sets_have_several_files(sweep, tmp_path, monkeypatch):
     path = sweep / "recordings/000007/recording.mcap"
     signals = read_signals(path)
     about = {"trial": 7, "seed": 107, "success": True, "failure": None}
-    monkeypatch.setattr("drake_srg.sweeps.dataset_writer._EPISODES_AT_ONCE", 3)
-    episode, _ = dataset_video.encode_episode(read_images(path, "ceiling"), FPS)
+    monkeypatch.setattr("drake_srg.sweeps.dataset.writer._EPISODES_AT_ONCE", 3)
+    episode, _ = encode_episode(read_images(path, "ceiling"), FPS)
     with DatasetWriter(
         tmp_path / "made",
         signals.layout,
@@ -242,7 +242,7 @@ class Absent:
             raise ModuleNotFoundError(name)
 
 sys.meta_path.insert(0, Absent)
-from drake_srg.sweeps.dataset import make_dataset
+from drake_srg.sweeps.dataset.make import make_dataset
 make_dataset(*map(pathlib.Path, sys.argv[1:]))
 """
     out = tmp_path / "made"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from sweeps.recorded_sweep import write_sweep, write_trial
+from sweeps.dataset.recorded_sweep import write_sweep, write_trial
 
 
 @pytest.fixture(scope="session")

@@ -12,15 +12,15 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from drake_srg.sweeps import dataset_format as fmt
-from drake_srg.sweeps.dataset_files import ParquetFiles
-from drake_srg.sweeps.dataset_recording import Image, Layout, Signals
-from drake_srg.sweeps.dataset_statistics import (
+from drake_srg.sweeps.dataset import format as fmt
+from drake_srg.sweeps.dataset.files import ParquetFiles
+from drake_srg.sweeps.dataset.recording import Image, Layout, Signals
+from drake_srg.sweeps.dataset.statistics import (
     ImageStatistics,
     Statistics,
     column_statistics,
 )
-from drake_srg.sweeps.dataset_video import VideoFiles, encode_episode
+from drake_srg.sweeps.dataset.video import VideoFiles, encode_episode
 
 # Episodes whose metadata are written at once: a row group of a useful size.
 _EPISODES_AT_ONCE = 100
@@ -99,7 +99,7 @@ class DatasetWriter:
         Args:
             signals: One row a frame.
             images: Camera to its images, one a frame.
-            about: What is told of the trial: the columns of `dataset_format.TRIAL`.
+            about: What is told of the trial: the columns of `format.TRIAL`.
         """
         table = self._table(signals, about["success"])
         length = table.num_rows

@@ -6,15 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.sweeps.report_effects import (
+from drake_srg.sweeps.report.effects import (
     FALSE_DISCOVERIES,
     median_bins,
     rank_effects,
     success_bins,
 )
-from drake_srg.sweeps.report_trials import Trials
+from drake_srg.sweeps.report.trials import Trials
 from drake_srg.sweeps.statistics import wilson_interval
-from sweeps.made_sweep import CAMERA, FRICTION, MASS, MODEL, made_rows
+from sweeps.report.made_sweep import CAMERA, FRICTION, MASS, MODEL, made_rows
 
 
 def trials_of(rows):

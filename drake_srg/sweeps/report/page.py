@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from drake_srg.sweeps import report_plots as plots
-from drake_srg.sweeps.report_elements import (
+from drake_srg.sweeps.report import plots
+from drake_srg.sweeps.report.elements import (
     Child,
     Element,
     code,
@@ -24,7 +24,7 @@ from drake_srg.sweeps.report_elements import (
     section,
     table,
 )
-from drake_srg.sweeps.report_trials import Trials
+from drake_srg.sweeps.report.trials import Trials
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 

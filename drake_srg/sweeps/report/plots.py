@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.sweeps.report_effects import Bin
-from drake_srg.sweeps.report_elements import Element, element, quantile
+from drake_srg.sweeps.report.effects import Bin
+from drake_srg.sweeps.report.elements import Element, element, quantile
 from drake_srg.types import Vector
 
 # Of all plots, in SVG's own units; the page scales them to its columns.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.sweeps.report_effects import FEW
+from drake_srg.sweeps.report.effects import FEW
 from drake_srg.types import Vector
 
 _NEAREST = "clutter: nearest to another object"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_srg.sweeps.report_elements import (
+from drake_srg.sweeps.report.elements import (
     Element,
     code,
     element,
@@ -17,7 +17,7 @@ from drake_srg.sweeps.report_elements import (
     section,
     table,
 )
-from drake_srg.sweeps.report_trials import Trials
+from drake_srg.sweeps.report.trials import Trials
 
 _ROWS = 10
 _VIDEOS = 8

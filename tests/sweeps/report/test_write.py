@@ -6,11 +6,11 @@ import pytest
 
 from drake_srg.cli import BAD_INPUT, SUCCESS, main
 from drake_srg.errors import ScenarioError
-from drake_srg.sweeps import report_worst
-from drake_srg.sweeps.report import write_report
-from drake_srg.sweeps.report_elements import element, number, percent
-from drake_srg.sweeps.report_plots import histogram, ticks
-from sweeps.made_sweep import CAMERA, FRICTION, UNTRUSTED, made_rows, write_sweep
+from drake_srg.sweeps.report import worst
+from drake_srg.sweeps.report.elements import element, number, percent
+from drake_srg.sweeps.report.plots import histogram, ticks
+from drake_srg.sweeps.report.write import write_report
+from sweeps.report.made_sweep import CAMERA, FRICTION, UNTRUSTED, made_rows, write_sweep
 
 
 class Page(HTMLParser):
@@ -131,7 +131,7 @@ def test_videos_of_the_worst_are_in_the_page_as_far_as_there_is_room(
 
     assert videos()[0] == 8
     assert "4 more are in the sweep" in videos()[1]
-    monkeypatch.setattr(report_worst, "_VIDEO_BYTES", 17)
+    monkeypatch.setattr(worst, "_VIDEO_BYTES", 17)
     assert videos()[0] == 3
     left_out = re.search(r"9 more are in the sweep's folder, as (\S+),", videos()[1])
     assert (folder / left_out[1]).is_file()

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from drake_srg.recording.output import require
-from drake_srg.sweeps.dataset_files import FilePlace, next_place
-from drake_srg.sweeps.dataset_recording import Image
+from drake_srg.sweeps.dataset.files import FilePlace, next_place
+from drake_srg.sweeps.dataset.recording import Image
 
 CODEC, PIXEL_FORMAT = "h264", "yuv420p"
 

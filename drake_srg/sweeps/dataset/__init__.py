@@ -1,0 +1,1 @@
+"""LeRobot data sets of the recordings of sweeps."""
