@@ -23,8 +23,8 @@ from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
 
-# One thread a worker: two of them with these ran 2.0 times as fast as one on two cores,
-# without them 1.3 times, as software rendering takes all cores. 0: no threads besides.
+# One thread a worker: software rendering would otherwise take the other workers' cores.
+# 0: no threads besides.
 THREADS = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",

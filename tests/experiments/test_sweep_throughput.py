@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drake_srg.experiments import sweep_throughput as module
 from drake_srg.experiments.registry import quiet
-from drake_srg.experiments.sweep_throughput import Sweep, extrapolate, judge
+from drake_srg.experiments.sweep_throughput import Sweep, growth, judge
 
 
 def made(jobs, wall, memory):
@@ -16,7 +18,7 @@ def made(jobs, wall, memory):
         ((100.0, 51.0), [400.0] * 50, []),
         ((100.0, 54.0), [400.0] * 50, ["throughput"]),
         ((100.0, 51.0), [400.0] * 49 + [601.0], ["largest memory of a worker"]),
-        ((100.0, 51.0), 400.0 + 0.3 * np.arange(50), ["after 1000 trials"]),
+        ((100.0, 51.0), 400.0 + 0.3 * np.arange(50), ["growth a trial"]),
     ],
 )
 def test_what_is_asked_is_judged(walls, memory, failed):
@@ -32,7 +34,19 @@ def test_what_is_asked_is_judged(walls, memory, failed):
 
 def test_memory_that_fills_at_first_and_then_stays_is_flat():
     memory = np.minimum(300.0 + 10.0 * np.arange(100), 400.0)
-    assert extrapolate(memory) == pytest.approx(400.0)
+    assert growth(memory) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_what_is_left_behind_each_trial_is_the_growth():
+    memory = 400.0 + 1.2 * np.arange(100)
+    assert growth(memory) == pytest.approx(1.2)
+
+
+@given(at=st.integers(1, 179), size=st.floats(-17.0, 17.0))
+def test_a_step_of_the_allocator_is_no_growth(at, size):
+    one = made(1, 100.0, 410.0 + size * (np.arange(200) >= 20 + at))
+    two = made(2, 51.0, [400.0] * 100)
+    assert all(row.passed for row in judge([one, two]))
 
 
 def test_the_experiment_has_rows_a_table_and_a_figure(monkeypatch):
