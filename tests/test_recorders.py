@@ -190,7 +190,7 @@ def test_a_run_that_is_interrupted_is_judged_and_recorded_up_to_there(
         assert list(container.decode(video=0))
 
 
-def test_a_run_that_fails_leaves_nothing_and_nothing_stale(tmp_path, failing):
+def test_a_run_that_fails_leaves_what_led_to_it_and_nothing_stale(tmp_path, failing):
     failing(ZeroDivisionError)
     for name in FILES:
         (tmp_path / name).write_text("of an earlier run")
@@ -198,4 +198,9 @@ def test_a_run_that_fails_leaves_nothing_and_nothing_stale(tmp_path, failing):
     scenario = load_scenario("kitchen", overrides=["object.present=false"])
     with pytest.raises(ZeroDivisionError):
         Simulate(scenario, out=tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    kept = {"notes.txt", "recording.mcap", "video.mp4"}
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert reader.message_count > 0
+    with av.open(str(tmp_path / "video.mp4")) as container:
+        assert list(container.decode(video=0))

@@ -90,16 +90,35 @@ class OutputFile:
 class Recorder(LeafSystem):
     """A system that writes a file until it is closed, as a context manager.
 
-    What ends without an error or is interrupted by the user is kept, complete; what
-    fails is discarded.
+    What was recorded before an error, or before the user interrupts, is kept: a whole
+    file that ends there, as it shows what led to it.
     """
 
-    def close(self) -> None:
-        """Finish the file and put it in its place."""
-        raise NotImplementedError
+    _output: OutputFile
+    _closed = False
 
-    def discard(self) -> None:
-        """Stop and forget the file; where it is closed, this does nothing."""
+    @property
+    def path(self) -> Path:
+        """Where the file is after `close()`."""
+        return self._output.target
+
+    def close(self) -> None:
+        """Finish the file and put it in its place; if nothing was recorded, write none.
+
+        Raises:
+            OSError: If it cannot be finished; what was there before stays.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if self._finish():
+                self._output.commit()
+        finally:
+            self._output.discard()
+
+    def _finish(self) -> bool:
+        """Complete the file, and say whether anything is in it."""
         raise NotImplementedError
 
     def __enter__(self: _Self) -> _Self:
@@ -111,7 +130,9 @@ class Recorder(LeafSystem):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        if kind is None or issubclass(kind, KeyboardInterrupt):
+        try:
             self.close()
-        else:
-            self.discard()
+        except Exception:
+            if kind is None:
+                raise
+            # Else the error that came first is told: a full disk has both.

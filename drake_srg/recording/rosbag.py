@@ -26,7 +26,7 @@ class RosbagRecorder(Recorder):
     time. The file can be opened alone, by `rosbags.rosbag2.Reader`, `ros2 bag info` and
     Foxglove; its messages carry their definitions. It appears under its name on
     `close()`, complete; use the recorder as a context manager around the simulation,
-    which discards it on an error, but not on a KeyboardInterrupt.
+    which closes it on an error, too.
 
     Args:
         path: The .mcap file.
@@ -67,6 +67,7 @@ class RosbagRecorder(Recorder):
             rosbag2.CompressionMode.STORAGE, rosbag2.CompressionFormat.ZSTD
         )
         self._writer.open()
+        self._messages = 0
 
         record = weak(self._record)  # a closure over self would keep it alive
         sizes: dict[str, object] = {}
@@ -82,30 +83,13 @@ class RosbagRecorder(Recorder):
                 lambda context, t=topic, c=connection: record(context, t, c),
             )
 
-    @property
-    def path(self) -> Path:
-        """Where the recording is after `close()`."""
-        return self._output.target
-
-    def close(self) -> None:
-        """Finish the recording and put it in its place."""
-        if self._writer is None:
-            return
-        writer, self._writer = self._writer, None
+    def _finish(self) -> bool:
         try:
-            writer.close()
+            self._writer.close()
         except OSError as error:  # the disk is full, say
-            self._output.discard()
             raise OSError(error.errno, error.strerror, str(self.path)) from error
         (self._bag / self._output.path.name).replace(self._output.path)
-        self._output.commit()
-
-    def discard(self) -> None:
-        """Stop and forget the recording; where it is closed, this does nothing."""
-        if self._writer is not None:
-            self._writer.close()
-            self._writer = None
-            self._output.discard()
+        return self._messages > 0
 
     def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:
         for port, model in topic.ports.items():
@@ -123,7 +107,7 @@ class RosbagRecorder(Recorder):
                 self.DeclareAbstractInputPort(name=port, model_value=model)
 
     def _record(self, context: Context, topic: Topic, connection: Any) -> None:
-        if self._writer is None:
+        if self._closed:
             raise RuntimeError(f"The recording {self.path} is closed; make a new one")
         values = []
         for name in topic.ports:
@@ -144,6 +128,7 @@ class RosbagRecorder(Recorder):
                 round(context.get_time() * 1e9),
                 self._store.serialize_cdr(message, topic.type),
             )
+            self._messages += 1
 
     def _make(self, kind: str, *values: Any, **fields: Any) -> Any:
         return self._store.types[kind](*values, **fields)

@@ -33,11 +33,10 @@ class VideoRecorder(Recorder):
     behind the time: a string, or an enum such as `Mode`, shown by its value.
 
     The video appears under its name on `close()`, complete; use the recorder as a
-    context manager around the simulation, which discards it on an error, but not on a
-    KeyboardInterrupt. The encoder is outside of the Context, like
-    everything a publish event does: a context that is simulated twice is recorded
-    twice. Equal images give equal bytes, except below 128 pixels, where x264's
-    lookahead reads memory that it has not written.
+    context manager around the simulation, which closes it on an error, too. The encoder
+    is outside of the Context, like everything a publish event does: a context that is
+    simulated twice is recorded twice. Equal images give equal bytes, except below 128
+    pixels, where x264's lookahead reads memory that it has not written.
 
     Args:
         path: The .mp4 file.
@@ -97,37 +96,18 @@ class VideoRecorder(Recorder):
         self.DeclarePeriodicPublishEvent(period, period, self._record)
 
     @property
-    def path(self) -> Path:
-        """Where the video is after `close()`."""
-        return self._output.target
-
-    @property
     def frames(self) -> int:
         """How many images have been recorded."""
         return self._frames
 
-    def close(self) -> None:
-        """Finish the video and put it in its place; without a frame, write none."""
-        if self._container is None:
-            return
+    def _finish(self) -> bool:
         if self._frames:
             self._container.mux(self._stream.encode(None))
         self._container.close()
-        self._container = self._stream = None
-        if self._frames:
-            self._output.commit()
-        else:
-            self._output.discard()
-
-    def discard(self) -> None:
-        """Stop and forget the video; where it is closed, this does nothing."""
-        if self._container is not None:
-            self._container.close()
-            self._container = self._stream = None
-            self._output.discard()
+        return self._frames > 0
 
     def _record(self, context: Context) -> None:
-        if self._container is None:
+        if self._closed:
             raise RuntimeError(f"The video {self.path} is closed; make a new one")
         image = self._image.Eval(context).data
         width, height = self._size

@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from drake_srg.recording.output import OutputFile, require
+from drake_srg.recording.output import OutputFile, Recorder, require
 
 
 def test_a_file_appears_when_it_is_complete(tmp_path):
@@ -51,3 +51,43 @@ def test_a_missing_package_is_named_with_its_cure(monkeypatch):
         ImportError, match=r"'rosbags'.* -m pip install .*\[recording\]"
     ):
         require("rosbags.rosbag2")
+
+
+class Pages(Recorder):
+    """Writes a file that some error does not let be finished."""
+
+    def __init__(self, path, error=None):
+        super().__init__()
+        self._output, self.error = OutputFile(path), error
+        self._output.path.write_text("half")
+
+    def _finish(self):
+        if self.error:
+            raise self.error
+        self._output.path.write_text("whole")
+        return True
+
+
+def test_a_recording_that_cannot_be_finished_leaves_what_was_there(tmp_path):
+    path = tmp_path / "pages"
+    path.write_text("old")
+    with pytest.raises(OSError, match="full"), Pages(path, OSError("full")):
+        pass
+    with pytest.raises(KeyboardInterrupt), Pages(path, KeyboardInterrupt()):
+        pass
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_text() == "old"
+
+
+def test_the_first_error_is_the_one_that_is_told(tmp_path):
+    with pytest.raises(ZeroDivisionError), Pages(tmp_path / "pages", OSError("full")):
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recorder_is_finished_once(tmp_path):
+    recorder = Pages(tmp_path / "pages")
+    recorder.close()
+    recorder.error = AssertionError("again")
+    recorder.close()
+    assert recorder.path.read_text() == "whole"

@@ -203,7 +203,21 @@ def test_a_recorded_diagram_is_freed(tmp_path):
     assert is_freed(lambda: run(tmp_path / "r.mcap", 0.3))
 
 
-def test_a_failed_recording_is_discarded(tmp_path):
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
+def test_what_led_to_an_error_is_kept(tmp_path, error):
+    diagram, recorder = make(tmp_path / "r.mcap")
+    with pytest.raises(error), recorder:
+        Simulator(diagram).AdvanceTo(0.2)
+        raise error
+    with Reader(tmp_path / "r.mcap") as reader:
+        stamps = {stamp for _, stamp, _ in reader.messages()}
+    assert max(stamps) == 200_000_000
+    assert list(tmp_path.iterdir()) == [tmp_path / "r.mcap"]
+
+
+def test_no_messages_no_file(tmp_path):
+    with RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]):
+        pass
     with (
         pytest.raises(ZeroDivisionError),
         RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),

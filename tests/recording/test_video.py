@@ -150,18 +150,19 @@ def test_a_recorded_diagram_is_freed(tmp_path):
     assert is_freed(run)
 
 
-def test_a_failed_recording_is_discarded(tmp_path):
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
+def test_what_led_to_an_error_is_kept(tmp_path, error):
     diagram, recorder, _ = make(tmp_path / "video.mp4")
-    with pytest.raises(ZeroDivisionError), recorder:
+    with pytest.raises(error), recorder:
         Simulator(diagram).AdvanceTo(0.2)
-        raise ZeroDivisionError
-    assert not list(tmp_path.iterdir())
-
-
-def test_an_interrupted_recording_is_kept(tmp_path):
-    diagram, recorder, _ = make(tmp_path / "video.mp4")
-    with pytest.raises(KeyboardInterrupt), recorder:
-        Simulator(diagram).AdvanceTo(0.2)
-        raise KeyboardInterrupt
+        raise error
     _, frames = decode(tmp_path / "video.mp4")
     assert len(frames) == 4
+    assert list(tmp_path.iterdir()) == [tmp_path / "video.mp4"]
+
+
+def test_an_error_before_the_first_image_leaves_nothing(tmp_path):
+    _, recorder, _ = make(tmp_path / "video.mp4")
+    with pytest.raises(ZeroDivisionError), recorder:
+        raise ZeroDivisionError
+    assert not list(tmp_path.iterdir())
