@@ -12,7 +12,6 @@ from drake_srg.planning.grasps import pose_along
 from drake_srg.planning.task_motions import Obstacles
 from drake_srg.types import (
     Blob,
-    BlobFlag,
     Box,
     Cylinder,
     Obstacle,
@@ -117,7 +116,7 @@ def _inside(box: Box, X_WO: RigidTransform, p_W: Vector) -> bool:
 
 def is_certain(blob: Blob) -> bool:
     """Whether the localizer could tell position and axis."""
-    return BlobFlag.UNCERTAIN not in blob.flags
+    return blob.certain
 
 
 def lean(axis_1: Vector, axis_2: Vector) -> float:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,6 @@ from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.solids import bounding_size
 from drake_srg.vision.view import view_around
 
-_Sighting: TypeAlias = tuple[Blob, float]  # with the misfit of the target's shape
 # More misfit than another blob's; of the targets themselves noise makes half of that.
 _LESS_LIKE = 0.05
 
@@ -170,19 +169,19 @@ class BlobLocalizer(LeafSystem):
             for target in self._targets:
                 found[target.name] += self._see(target, camera, picture)
         return [
-            blob for blobs in found.values() for blob in sorted(blobs, key=_best_first)
+            blob for blobs in found.values() for blob in _best_first(blobs)
         ]
 
     def _see(self, target: BlobTarget, camera: str, picture: Picture) -> list[Blob]:
         """The blobs of one target in one camera."""
 
-        def fits(search: Search) -> list[_Sighting]:
+        def fits(search: Search) -> list[Blob]:
             found = search(picture, target.shape, target.color, self._min_area)
-            sightings = (self._fit(target, camera, picture, c) for c in found)
-            return [sighting for sighting in sightings if sighting is not None]
+            blobs = (self._fit(target, camera, picture, c) for c in found)
+            return [blob for blob in blobs if blob is not None]
 
         seen = fits(by_color)
-        if not any(map(_is_certain, seen)):
+        if not any(blob.certain for blob in seen):
             others = fits(by_steps)
             # What is seen in the target's own colour is told better, not replaced.
             seen += [o for o in others if not seen or _near(o, seen, target.shape)]
@@ -190,8 +189,8 @@ class BlobLocalizer(LeafSystem):
 
     def _fit(
         self, target: BlobTarget, camera: str, picture: Picture, candidate: Candidate
-    ) -> _Sighting | None:
-        """The blob of a candidate and its misfit, None where the shape does not fit."""
+    ) -> Blob | None:
+        """The blob of a candidate, None where the shape does not fit."""
         view = view_around(
             target.shape,
             candidate.blob,
@@ -212,7 +211,7 @@ class BlobLocalizer(LeafSystem):
             or rows.max() == h - 1
             or columns.max() == w - 1
         )
-        blob = Blob(
+        return Blob(
             object_name=target.name,
             camera=camera,
             pixel=(float(columns.mean()), float(rows.mean())),
@@ -220,8 +219,8 @@ class BlobLocalizer(LeafSystem):
             axis=fit.axis,
             quality=fit.quality,
             flags=_flags(fit, bool(at_border)),
+            misfit=fit.misfit,
         )
-        return blob, fit.misfit
 
     def _image(self, context: Context, camera: str, which: str) -> npt.NDArray[Any]:
         image = self._input(context, f"{camera}.{which}_image").data
@@ -249,38 +248,33 @@ def _flags(fit: Fit, at_border: bool) -> frozenset[BlobFlag]:
     return frozenset(flag for flag, raised in flags.items() if raised)
 
 
-def _is_certain(sighting: _Sighting) -> bool:
-    return BlobFlag.UNCERTAIN not in sighting[0].flags
+def _best_first(blobs: Iterable[Blob]) -> list[Blob]:
+    return sorted(blobs, key=lambda blob: blob.trust, reverse=True)
 
 
-def _best_first(blob: Blob) -> tuple[bool, float]:
-    return BlobFlag.UNCERTAIN in blob.flags, -blob.quality
-
-
-def _near(sighting: _Sighting, others: list[_Sighting], shape: Shape) -> bool:
+def _near(blob: Blob, others: list[Blob], shape: Shape) -> bool:
     """Whether it is nearer to another than the object is wide: the same object."""
     width = float(bounding_size(shape)[:2].min())
     return any(
-        np.linalg.norm(sighting[0].position - other.position) < width / 2
-        for other, _ in others
+        np.linalg.norm(blob.position - other.position) < width / 2 for other in others
     )
 
 
-def _distinct(sightings: list[_Sighting], shape: Shape) -> list[_Sighting]:
-    """The sightings without those that repeat a better one's object."""
-    kept: list[_Sighting] = []
-    for sighting in sorted(sightings, key=lambda sighting: _best_first(sighting[0])):
-        if not _near(sighting, kept, shape):
-            kept.append(sighting)
+def _distinct(blobs: list[Blob], shape: Shape) -> list[Blob]:
+    """The blobs without those that repeat a better one's object."""
+    kept: list[Blob] = []
+    for blob in _best_first(blobs):
+        if not _near(blob, kept, shape):
+            kept.append(blob)
     return kept
 
 
-def _told_apart(sightings: list[_Sighting]) -> list[Blob]:
+def _told_apart(blobs: list[Blob]) -> list[Blob]:
     """The blobs, uncertain where another one is clearly more like the target."""
-    least = min((misfit for _, misfit in filter(_is_certain, sightings)), default=0.0)
+    least = min((blob.misfit for blob in blobs if blob.certain), default=0.0)
     return [
         blob
-        if misfit <= least + _LESS_LIKE
+        if blob.misfit <= least + _LESS_LIKE
         else dc.replace(blob, flags=blob.flags | {BlobFlag.UNCERTAIN})
-        for blob, misfit in sightings
+        for blob in blobs
     ]

@@ -38,6 +38,14 @@ def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
     assert sightings().best(View([uncertain, hidden])) is hidden
 
 
+def test_what_has_the_shape_is_better_than_what_is_seen_whole():
+    hidden = dc.replace(
+        blob([0, 0, 0], quality=0.5), flags=frozenset({BlobFlag.OCCLUDED}), misfit=0.01
+    )
+    whole = dc.replace(blob([1, 0, 0], quality=0.9), misfit=0.05)
+    assert sightings().best(View([whole, hidden])) is hidden
+
+
 @pytest.mark.parametrize(
     ("degrees", "stands"), [(0.0, True), (4.0, True), (6.0, False)]
 )

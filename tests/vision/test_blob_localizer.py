@@ -188,7 +188,7 @@ def test_two_objects_of_one_color_give_two_blobs():
         near(blob, can, 0.4)
 
 
-def test_blobs_come_by_target_and_then_by_quality():
+def test_blobs_come_by_target_and_the_best_first():
     things = [
         standing(CAN, 0.1, 0.1, color=RED),
         standing(CAN, -0.2, 0.55, color=RED),

@@ -112,7 +112,8 @@ def test_known_objects_are_left_out_as_are_markers():
 
 
 @pytest.mark.parametrize(
-    "doubt", [{"flags": frozenset({BlobFlag.UNCERTAIN})}, {"quality": 0.9}]
+    "doubt",
+    [{"flags": frozenset({BlobFlag.UNCERTAIN})}, {"misfit": 0.05}, {"quality": 0.9}],
 )
 def test_the_most_trustworthy_blob_alone_is_believed(doubt):
     can, other = standing(CAN, 0.1, 0.1), standing(CAN, -0.1, 0.0)

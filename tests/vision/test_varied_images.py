@@ -85,15 +85,32 @@ def test_a_can_is_told_from_things_of_its_colour(light):
     assert all(BlobFlag.UNCERTAIN in blob.flags for blob in blobs[1:])
 
 
+def hiding_a_third(can, side):
+    """A card half way up to the camera hides what is beyond a third of the width."""
+    x, y, _ = can.position
+    card = 0.5 * np.array([x, y]) + np.array(side) * (0.5 * CAN.radius / 3 + 0.05)
+    return Thing(Box([0.1, 0.1, 0.001]), (*card, 0.8), BLUE)
+
+
 @pytest.mark.parametrize("side", [(1, 0), (0, -1)], ids=["right", "below"])
 def test_a_third_may_be_hidden(side):
     can = standing(CAN, 0.1, 0.05)
-    # A card half way up to the camera hides what is beyond a third of the width.
-    card = np.array([0.05, 0.025]) + np.array(side) * (0.5 * CAN.radius / 3 + 0.05)
-    hiding = Thing(Box([0.1, 0.1, 0.001]), (*card, 0.8), BLUE)
-    [blob] = locate([can, hiding], target(), Camera(), [lamp(COLD, 0.9)])
+    things = [can, hiding_a_third(can, side)]
+    [blob] = locate(things, target(), Camera(), [lamp(COLD, 0.9)])
     check(blob, can, 1.5)
     assert BlobFlag.OCCLUDED in blob.flags
+
+
+def test_a_can_half_seen_is_told_from_a_carton_in_full_view():
+    can = standing(CAN, 0.1, 0.05)
+    carton = standing(Box([0.06, 0.06, CAN.height]), -0.1, 0.0, color=RED)
+    things = [can, hiding_a_third(can, (1, 0)), carton]
+    blobs = locate(things, target(), Camera(), [lamp(WARM, 0.9)])
+    check(blobs[0], can, 1.5)
+    # Nothing but its shape speaks against the carton: all of its outline is seen.
+    assert blobs[1].certain
+    assert blobs[1].quality > blobs[0].quality
+    assert blobs[1].misfit > blobs[0].misfit
 
 
 @pytest.mark.parametrize("stops", [-0.7, 0.7])
