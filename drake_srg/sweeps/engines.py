@@ -87,6 +87,7 @@ class JoblibEngine:
         self._workers = jobs
         self._loky = require_sweep("joblib.externals.loky")
         self._executor: Any = None
+        self._given: Future[Any] | None = None  # the last function
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
 
     def __enter__(self) -> JoblibEngine:
@@ -110,7 +111,7 @@ class JoblibEngine:
         with _interrupts_later():  # or the executor would be left torn
             if self._executor is not None:
                 try:
-                    return self._executor.submit(function, *arguments)
+                    return self._give(function, *arguments)
                 except BrokenExecutor:
                     self._stop(kill=True)
             assert self._scratch is not None, "submit to an engine that is not entered"
@@ -121,12 +122,22 @@ class JoblibEngine:
                     initializer=_begin_worker,
                     initargs=(os.getpid(),),
                 )
-                return self._executor.submit(function, *arguments)
+                return self._give(function, *arguments)
+
+    def _give(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        future: Future[T] = self._executor.submit(function, *arguments)
+        self._given = future
+        return future
 
     def _stop(self, kill: bool) -> None:
-        if self._executor is not None:
-            self._executor.shutdown(wait=True, kill_workers=kill)
-            self._executor = None
+        if self._executor is None:
+            return
+        # A kill, as of Ctrl-C, drops functions that loky's thread has yet to take, and
+        # it would fall over what is no longer there, with a traceback.
+        while self._given and not (self._given.running() or self._given.done()):
+            time.sleep(0.001)
+        self._executor.shutdown(wait=True, kill_workers=kill)
+        self._executor = None
 
 
 def usable_cores() -> int:

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -145,6 +146,17 @@ def test_a_node_of_the_cluster_may_go(tmp_path, monkeypatch, cluster):
     assert gone
     assert rows["trial"].to_pylist() == list(range(8))
     assert "error" not in rows["failure"].to_pylist()
+
+
+def test_an_interrupt_while_a_trial_is_given_out_is_quiet(monkeypatch):
+    errors = []
+    monkeypatch.setattr(threading, "excepthook", errors.append)
+    with pytest.raises(KeyboardInterrupt), JoblibEngine(2) as engine:
+        engine.submit(os.getpid).result()
+        engine.submit(time.sleep, 100)
+        engine.submit(time.sleep, 100)
+        raise KeyboardInterrupt
+    assert not errors
 
 
 def test_workers_end_with_their_sweep_however_that_ends():
