@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 from helpers import HEEDING_CTRL_C, needs_module
 
+from drake_srg.cli import main
 from drake_srg.errors import ScenarioError
 from drake_srg.sweeps import sweep
 from drake_srg.sweeps.engines import THREADS, JoblibEngine
-from drake_srg.sweeps.rows import TIMING_COLUMNS
+from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
 
 from . import stub
 
@@ -97,6 +98,20 @@ def test_workers_have_one_thread_each(engine):
     with engine:
         for name, value in THREADS.items():
             assert engine.submit(stub.environment, name).result() == value
+
+
+def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
+    options = ["--trials", "2", "--seed", "5", "--set", "object.present=false"]
+    ray = ["--engine", "ray", "--address", cluster.address]
+    command = ["sweep", stub.SCENARIO, *options, "--out", str(tmp_path)]
+    assert main([*command, *ray]) == 0
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert "failure: not_seen 2" in lines
+    rows = read_rows(tmp_path)
+    assert rows["seed"].to_pylist() == [5, 6]
+    assert read_sweep(tmp_path).engine == "ray"
+    workers = rows["worker"].to_pylist()
+    assert not any(worker.endswith(f":{os.getpid()}") for worker in workers)
 
 
 def test_a_cluster_with_other_versions_is_refused(cluster, monkeypatch):
