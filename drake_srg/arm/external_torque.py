@@ -47,12 +47,14 @@ class ExternalTorqueObserver(LeafSystem):
 
         tau_external = M (v - v_last) / period + C v - g - tau,
 
-    with damping of the joints in g, and tau the mean of both samples.
+    with damping of the joints in g, and tau what the motors applied from one sample to
+    the next.
 
     The inputs are the states [q; v] of the model instances `models` of `plant`, as
     their state output ports order them, and `torque` (N) [N m], what the motors of the
     first model apply. `external_torque` (N) [N m] belongs to it, in the order of its
-    velocities. All are sampled every `period`.
+    velocities. All are sampled every `period`; a plant's own step, or the torque of one
+    sample does not stand for all between two.
 
     Args:
         plant: A finalized plant with these models and no other moving body.
@@ -81,9 +83,9 @@ class ExternalTorqueObserver(LeafSystem):
             )
         n, n_all = plant.num_velocities(self._models[0]), plant.num_velocities()
         self._torque = self.DeclareVectorInputPort(name="torque", size=n)
-        # [v_last of all models, torque_last, r]; NaN until there is a sample.
-        self._split = np.cumsum([n_all, n])
-        initial = np.concatenate([np.full(n_all + n, np.nan), np.zeros(n)])
+        # [v_last of all models, r]; NaN until there is a sample.
+        self._split = n_all
+        initial = np.concatenate([np.full(n_all, np.nan), np.zeros(n)])
         state = self.DeclareDiscreteState(initial)
         self.DeclareVectorOutputPort(
             name="external_torque",
@@ -96,27 +98,25 @@ class ExternalTorqueObserver(LeafSystem):
         )
 
     def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value()[self._split[1] :])
+        output.SetFromVector(context.get_discrete_state(0).value()[self._split :])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         plant, scratch = self._plant, self._plant_context
-        v_last, torque_last, r = np.split(
-            context.get_discrete_state(0).value(), self._split
-        )
+        v_last, r = np.split(context.get_discrete_state(0).value(), [self._split])
         for i, model in enumerate(self._models):
             plant.SetPositionsAndVelocities(
                 scratch, model, self.get_input_port(i).Eval(context)
             )
-        v, torque = plant.GetVelocities(scratch), self._torque.Eval(context)
+        v = plant.GetVelocities(scratch)
         if not np.isnan(v_last[0]):
             plant.CalcForceElementsContribution(scratch, self._forces)
             needed = plant.CalcInverseDynamics(
                 scratch, (v - v_last) / self._period, self._forces
             )
             needed = plant.GetVelocitiesFromArray(self._models[0], needed)
-            external = needed - 0.5 * (torque + torque_last)
+            external = needed - self._torque.Eval(context)
             r = r + self._share * (external - r)
-        discrete_state.set_value(np.concatenate([v, torque, r]))
+        discrete_state.set_value(np.concatenate([v, r]))
 
 
 def AddExternalTorque(
@@ -187,7 +187,9 @@ def _external_torque(
     observer = builder.AddNamedSystem(
         "external_torque_observer",
         ExternalTorqueObserver(
-            models_plant, [plant.GetModelInstanceName(i) for i in instances], period
+            models_plant,
+            [plant.GetModelInstanceName(i) for i in instances],
+            plant.time_step(),
         ),
     )
     for i, instance in enumerate(instances):

@@ -137,16 +137,18 @@ def test_the_torques_are_told_with_the_lag():
     assert lag_share(TIME_CONSTANT) == pytest.approx(1.0 - np.exp(-1.0))
 
 
-def test_free_motion_is_not_taken_for_a_push():
-    arm = Arm(turn=np.array([1.0, 0.5, -0.5, 0.7, 0.4, -0.6, 0.8]))
+@pytest.mark.parametrize("time_step", [0.001, 0.004])
+def test_free_motion_is_not_taken_for_a_push(time_step):
+    turn = np.array([1.0, 0.5, -0.5, 0.7, 0.4, -0.6, 0.8])
+    arm = Arm(turn=turn, time_step=time_step)
     most, torque = np.zeros(7), np.zeros(7)
     for time in np.arange(0.02, 1.2, 0.01):
         arm.simulator.AdvanceTo(time)
         most = np.maximum(most, np.abs(arm.external))
         torque = np.maximum(torque, np.abs(arm.applied))
     assert np.max(torque) > 50.0
-    # A sixth of what stops the kitchen's arm (see PlannerConfig).
-    assert np.max(most) < 5.0
+    # A hundredth of what the motors apply, however many steps there are to a period.
+    assert np.max(most) < 0.5
 
 
 def test_without_a_gripper_and_all_state_in_the_context():
