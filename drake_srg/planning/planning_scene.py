@@ -273,14 +273,17 @@ class PlanningScene:
                     return clearance
         return None
 
-    def touches(self, q: Vector, shape: Shape, X_WO: RigidTransform) -> bool:
-        """Whether arm, gripper or what it holds are in `shape` at `X_WO` [m]."""
+    def touches(
+        self, q: Vector, shape: Shape, X_WO: RigidTransform, *, within: float = 0.0
+    ) -> bool:
+        """Whether arm, gripper or held object are `within` of `shape` at `X_WO` [m]."""
         with self.standing(shape, X_WO):
-            found = self._checker.CalcRobotClearance(self.positions(q), 0.0)
+            found = self._checker.CalcRobotClearance(self.positions(q), within)
             pairs = zip(found.robot_indices(), found.other_indices(), strict=True)
             return any(
                 other == self._obstacle.index()
-                and spare + float(self._checker.GetPaddingBetween(body, other)) <= 0.0
+                and spare + float(self._checker.GetPaddingBetween(body, other))
+                <= within
                 for (body, other), spare in zip(pairs, found.distances(), strict=True)
             )
 

@@ -32,6 +32,9 @@ _UP = np.array([0.0, 0.0, 1.0])
 _MOST_CANDIDATES = 8
 # What a carried object may lean more than where it was taken [rad].
 _UPRIGHT = 0.004
+# What is seen as near to the arm is the arm itself [m]: images show it some pixels, a
+# bent joint and a finger that gives beside where it is believed to be.
+_ITSELF = 0.005
 
 
 # Shapes that stand about, and their poses X_WO [m].
@@ -188,7 +191,9 @@ class TaskPlanner:
             obstacles: Shapes and their poses [m].
         """
         self.scene.set_fingers(fingers)
-        return tuple(o for o in obstacles if not self.scene.touches(q, *o))
+        return tuple(
+            o for o in obstacles if not self.scene.touches(q, *o, within=_ITSELF)
+        )
 
     def obstruction(
         self, task: TaskMotions, shape: Shape, obstacles: Obstacles
