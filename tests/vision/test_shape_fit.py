@@ -43,6 +43,24 @@ def test_noise_is_averaged(tilt, yaw, seed):
     assert turned(fit, axis) < np.deg2rad(1.0)
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.floats(3.0, 10.0), yaws, st.integers(0, 1000))
+def test_noise_that_is_known_hides_no_lean(tilt, yaw, seed):
+    X_WO, axis = lying(CYLINDER, np.deg2rad(tilt), yaw, 0.01, -0.02)
+    view = view_of(CYLINDER, X_WO, noise=3e-4, seed=seed)
+    fit = fit_shape(CYLINDER, dc.replace(view, noise=3e-4))
+    assert turned(fit, axis) < np.deg2rad(1.5)
+
+
+@settings(max_examples=20, deadline=None)
+@given(yaws, places, places, st.integers(0, 1000))
+def test_noise_makes_nothing_lean_that_stands(yaw, x, y, seed):
+    X_WO, axis = lying(CYLINDER, 0.0, yaw, x, y)
+    view = view_of(CYLINDER, X_WO, noise=3e-4, seed=seed)
+    fit = fit_shape(CYLINDER, dc.replace(view, noise=3e-4))
+    assert turned(fit, axis) < 1e-6
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.5), yaws, yaws)
 def test_turning_world_and_camera_turns_what_is_found(tilt, yaw, turn):
