@@ -66,9 +66,9 @@ class Sightings:
                 like it but floats, or is in the table, is something else.
         """
 
-        def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, bool, float]]:
+        def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, int, bool, float]]:
             stands = rests is None or rests(self.pose(blob))
-            return is_certain(blob), stands, blob.trust
+            return blob.certain, stands, blob.trust
 
         return max(self._own(view), key=likely, default=None)
 

@@ -66,7 +66,7 @@ class BlobLocalizer(LeafSystem):
     Every camera has its three input ports: `{camera}.color_image` (ImageRgba8U),
     `{camera}.depth_image` (ImageDepth32F) and `{camera}.body_pose_in_world`
     (RigidTransform X_WB). The output `blobs` is a list[Blob], in the order of the
-    targets and the best first, certain ones before others; poses in world [m].
+    targets and the best first, by `Blob.trust`; poses in world [m].
 
     With `period` 0 the output is computed when it is evaluated, so cameras that nobody
     asks cost nothing. With a positive period the images are sampled by a periodic event
