@@ -90,7 +90,9 @@ def test_a_full_disk_is_told_with_its_folder(absent, scratch, monkeypatch):
     assert stub.names(scratch) == []
 
 
-def test_a_trial_that_goes_otherwise_while_it_is_recorded_says_so(absent, monkeypatch):
+def test_a_trial_that_goes_otherwise_while_it_is_recorded_says_so(
+    absent, scratch, monkeypatch
+):
     runs = []
 
     def simulate(scenario, **options):
