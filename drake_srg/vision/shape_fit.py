@@ -32,13 +32,11 @@ _EXPLAINED = 0.03
 _MOST_UNEXPLAINED = 0.1  # of a blob's pixels; with more it may not be this solid
 _ANOTHER = 0.35  # with more it is another thing's blob
 _DEVIATIONS = 4.0  # of noise; of 16 000 normal values one is beyond
-_SUNK = 0.01  # m; farther below what is beside it a solid is in no recess
+# m; farther below what is beside it a solid is in no recess, farther above on nothing.
+_APART = 0.01
 _LEAST_PIXELS = 8  # of a solid's top, and of what is around it, to tell its height
 # Guesses, the nearest ones, where there is noise; even 1 changes nothing there.
 _FEW = 3
-# Free to lean, what stands in images with noise, blur and a camera's errors seems to
-# lean by up to 1.1 degrees, whatever the fit's own deviation says.
-_LEANS = np.deg2rad(1.5)
 _STANDS = np.cos(np.deg2rad(15.0))  # as boxes are taken to stand; 45 changes nothing
 _BESIDE = 5  # pixels around it that tell where it stands; 8 change nothing
 _WRONG = 1e-3  # m; what Fit calls uncertain. 2e-3 changes nothing.
@@ -94,7 +92,7 @@ def fit_shape(shape: Shape, view: View) -> Fit | None:
         axis = axis * np.copysign(1.0, axis[2])
     sight = look(shape, X_WO, view, margin=_BESIDE)
     lift = _lift(shape, X_WO, sight)
-    if _unexplained(sight, view) > _ANOTHER or lift < -_SUNK:
+    if _unexplained(sight, view) > _ANOTHER or lift < -_APART:
         return None
     deviations = np.array([middle.position_deviation, middle.axis_deviation])
     uncertain = (deviations > _MOST_DEVIATIONS).any()
@@ -124,8 +122,8 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
     """The pose that explains most, coarsely, and whether it is held upright.
 
     Most things stand. Where there is noise, it hides small leans; a solid that stands
-    and explains the image as well as anything could is then taken to stand, unless it
-    leans more than noise can make it seem.
+    and explains the image as well as anything could is then taken to stand. What hangs
+    from a hand may have turned in it, and is free to lean.
     """
     best, least, upright = RigidTransform(), np.inf, False
     if view.noise and not isinstance(shape, Sphere):
@@ -141,12 +139,9 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
         upright = scatter <= 2 * view.noise and tops.sum() >= _LEAST_PIXELS
         if upright:
             least = _unexplained(sight, view)
+            upright = not _hangs(shape, best, view)
             if least <= _EXPLAINED:
-                free = align(shape, best, view, _COARSE[1:])
-                lean = np.arccos(min(1.0, free.X_WO.rotation().matrix()[2, 2]))
-                if lean > max(_LEANS, _DEVIATIONS * free.axis_deviation):
-                    return free.X_WO, False
-                return best, True
+                return best, upright
             least -= _EXPLAINED
     guesses = _by_distance(shape, guess_poses(shape, view), points)
     for guess in guesses[: _FEW if view.noise else None]:
@@ -157,6 +152,16 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
         if least <= _EXPLAINED:
             break
     return best, upright
+
+
+def _hangs(shape: Shape, X_WO: RigidTransform, view: View) -> bool:
+    """Whether an upright solid is far above all around it that is not what holds it."""
+    sight = look(shape, X_WO, view, margin=_BESIDE)
+    bottom = X_WO.translation()[2] - 0.5 * shape.height
+    around = (sight.labels == OUTSIDE) & (sight.distance > _FRAYED)
+    z = sight.points[around, 2]
+    z = z[z < bottom + _APART]
+    return len(z) >= _LEAST_PIXELS and bool(np.median(z) < bottom - _APART)
 
 
 def _by_distance(

@@ -44,9 +44,10 @@ def test_noise_is_averaged(tilt, yaw, seed):
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.floats(3.0, 10.0), yaws, st.integers(0, 1000))
-def test_noise_that_is_known_hides_no_lean(tilt, yaw, seed):
+@given(st.floats(0.0, 10.0), yaws, st.integers(0, 1000))
+def test_what_hangs_may_lean(tilt, yaw, seed):
     X_WO, axis = lying(CYLINDER, np.deg2rad(tilt), yaw, 0.01, -0.02)
+    X_WO = RigidTransform([0.0, 0.0, 0.03]) @ X_WO
     view = view_of(CYLINDER, X_WO, noise=3e-4, seed=seed)
     fit = fit_shape(CYLINDER, dc.replace(view, noise=3e-4))
     assert turned(fit, axis) < np.deg2rad(1.5)
