@@ -1,6 +1,7 @@
-"""Makes docs/cells.jpg, the picture of README.md, from a run of each of the two cells.
+"""Makes the pictures of README.md: docs/cells.jpg, docs/varied.jpg.
 
-Run as `python tools/make_picture.py`, or with the folders of the recorded runs.
+Run as `python tools/make_picture.py`, or with the folders of recorded runs of the two
+cells, from whose videos the first one is.
 """
 
 import sys
@@ -15,12 +16,14 @@ from PIL import Image
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.station import MakeStation
 from drake_srg.types import Mode
 
-PICTURE = Path(__file__).parents[1] / "docs" / "cells.jpg"
+DOCS = Path(__file__).parents[1] / "docs"
 CELLS = ("kitchen", "assistive_arm")
 SHOWN = (Mode.CLOSE, Mode.RELEASE)
 SIZE = (640, 360)
+VIEW, SEEDS = (320, 240), 4
 
 
 def make_picture(runs: Sequence[Path]) -> None:
@@ -36,10 +39,24 @@ def make_picture(runs: Sequence[Path]) -> None:
             frame = frames[int(log["time"][rows[-1]] * rate) - 1]
             frame = frame.resize(SIZE, Image.Resampling.LANCZOS)
             picture.paste(frame, (column * SIZE[0], row * SIZE[1]))
-    picture.save(PICTURE, quality=88)
+    picture.save(DOCS / "cells.jpg", quality=88)
+
+
+def make_varied_picture() -> None:
+    """Join what ceiling cameras see at first, a row a cell, a column a seed."""
+    picture = Image.new("RGB", (SEEDS * VIEW[0], len(CELLS) * VIEW[1]))
+    for row, cell in enumerate(CELLS):
+        for seed in range(SEEDS):
+            station = MakeStation(load_scenario(f"{cell}_varied_accurate", seed=seed))
+            port = station.GetOutputPort("camera_ceiling.color_image")
+            image = port.Eval(station.CreateDefaultContext()).data[..., :3]
+            view = Image.fromarray(image).resize(VIEW, Image.Resampling.LANCZOS)
+            picture.paste(view, (seed * VIEW[0], row * VIEW[1]))
+    picture.save(DOCS / "varied.jpg", quality=88)
 
 
 if __name__ == "__main__":
+    make_varied_picture()
     if len(sys.argv) > 1:
         make_picture([Path(folder) for folder in sys.argv[1:]])
     else:
