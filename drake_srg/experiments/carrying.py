@@ -1,0 +1,173 @@
+"""How far a cylinder slides in the hand that carries it, at several time steps.
+
+Contact without slip gives what is held the velocity of the hand where the hand is at a
+step's beginning, and the step takes it along that straight line, while joints take the
+hand along its curve. So at every step of h what is held leaves the path outwards by
+h^2 a_n / 2, a_n the acceleration across the path, with no slip for friction to act
+against: over a motion, by h/2 times the integral of a_n. What the pads do not hold back
+of that shows as a slide that vanishes with the step.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_srg.errors import ScenarioError
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.plant import MakeModelsPlant
+from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.types import Mode, Vector
+
+# Scenario, the key of its step, and steps of which each is half the one before [s]. The
+# integrator of the fast one keeps both halves of its steps.
+STEPS = {
+    "assistive_arm": ("plant_config.time_step", (0.005, 0.0025, 0.00125)),
+    "assistive_arm_fast": (
+        "simulator_config.max_step_size",
+        (0.01171875, 0.005859375, 0.0029296875),
+    ),
+}
+# What slides by as much in a hand that is let swing at no step at all [m]: a fifth of
+# what the recess leaves on each side.
+LIMIT = 0.2e-3
+_LOG = 0.015625  # s; a multiple of 1/1024 s, as the fast one's integrator needs
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """A scenario, integrated at a step."""
+
+    scenario: str
+    step: float  # s
+
+    def __str__(self) -> str:
+        return f"{self.scenario}, {1e3 * self.step:.3g} ms"
+
+
+@dc.dataclass(frozen=True)
+class Carried:
+    """A cylinder while the arm takes it across.
+
+    Attributes:
+        time: Shape (K,) [s].
+        slide: How far it is from where the hand took it, in the hand, shape (K,) [m].
+        leaving: What all steps leave the path by, shape (K,) [m].
+    """
+
+    time: Vector
+    slide: Vector
+    leaving: Vector
+
+
+def carry(case: Case) -> Carried:
+    """Let the arm do its job, and see what it carries slide."""
+    key, _ = STEPS[case.scenario]
+    overrides = [f"{key}={case.step}", f"recording.period={_LOG}"]
+    scenario = load_scenario(case.scenario, overrides=overrides)
+    log = Simulate(scenario, name=str(case)).log
+    while_carried = np.flatnonzero(log["mode"] == list(Mode).index(Mode.TRANSFER))
+    if not len(while_carried):
+        raise ScenarioError(f"carrying: {case}: nothing is carried")
+    log = {name: values[while_carried] for name, values in log.items()}
+    time, p_WO = log["time"], log[f"object_pose.{scenario.task.pick}"][:, :3]
+    p_GO = _in_hand(scenario, log["arm.state_cheat"], p_WO)
+    halves = 2 if case.scenario.endswith("_fast") else 1
+    return Carried(
+        time - time[0],
+        np.linalg.norm(p_GO - p_GO[0], axis=1),
+        leaving(time, p_WO, case.step / halves),
+    )
+
+
+def _in_hand(scenario: Scenario, states: Vector, p_WO: Vector) -> Vector:
+    """Positions (K, 3) in the palm's frame of those in world (K, 3) [m]."""
+    plant = MakeModelsPlant(scenario)
+    context, palm = plant.CreateDefaultContext(), plant.GetBodyByName("palm")
+    arm = plant.GetModelInstanceByName("arm")
+    p_GO = []
+    for state, p in zip(states, p_WO, strict=True):
+        plant.SetPositionsAndVelocities(context, arm, state)
+        X_WG = plant.EvalBodyPoseInWorld(context, palm)
+        p_GO.append(X_WG.inverse() @ p)
+    return np.array(p_GO)
+
+
+def leaving(time: Vector, position: Vector, step: float) -> Vector:
+    """How far steps leave a path up to each time, shape (K,) [m].
+
+    Args:
+        time: Shape (K,) [s].
+        position: Of a body on the path, shape (K, 3) [m].
+        step: [s].
+    """
+    v = np.gradient(position, time, axis=0)
+    a = np.gradient(v, time, axis=0)
+    speed = np.linalg.norm(v, axis=1)
+    across = np.linalg.norm(np.cross(v, a), axis=1) / np.maximum(speed, 1e-9)
+    return np.asarray(0.5 * step * np.cumsum(across * np.gradient(time)))
+
+
+def run(track: Track) -> ExperimentResult:
+    """Carry the cylinder at every step."""
+    cases = [Case(name, h) for name, (_, steps) in STEPS.items() for h in steps]
+    carried = {case: carry(case) for case in track(cases)}
+    tables = {
+        str(case).replace(", ", "_").replace(" ", "_"): {
+            "time [s]": c.time,
+            "slide [m]": c.slide,
+            "what the steps leave the path by [m]": c.leaving,
+        }
+        for case, c in carried.items()
+    }
+    return ExperimentResult(judge(carried), tables, draw(carried))
+
+
+def judge(carried: dict[Case, Carried]) -> Sequence[Row]:
+    """Judge the largest slides: none is physics, all are the steps'."""
+    rows = []
+    for name, (_, steps) in STEPS.items():
+        largest = [float(np.max(carried[Case(name, h)].slide)) for h in steps]
+        for h, slide in zip(steps, largest, strict=True):
+            case = Case(name, h)
+            by_step = float(carried[case].leaving[-1])
+            rows += [
+                Row.info(str(case), "by the steps alone", 1e3 * by_step, "mm"),
+                Row.at_most(
+                    str(case),
+                    "slides in the hand",
+                    1e3 * (by_step + LIMIT),
+                    1e3 * slide,
+                    "mm",
+                ),
+            ]
+        # Richardson's extrapolation of an error of first order.
+        rest = abs(2.0 * largest[-1] - largest[-2])
+        text = "slides in the hand, extrapolated to no step"
+        rows.append(Row.at_most(name, text, 1e3 * LIMIT, 1e3 * rest, "mm"))
+    return rows
+
+
+def draw(carried: dict[Case, Carried]) -> Any:
+    """Draw slides over time, a panel a scenario."""
+    figure = make_figure(9.0, 3.4, "Carried across")
+    panels = figure.subplots(1, len(STEPS), sharey=True)
+    for axes, name in zip(panels, STEPS, strict=True):
+        style_axes(axes, xlabel="time [s]")
+        axes.set_title(name, fontsize=9, loc="left")
+        for case, c in carried.items():
+            if case.scenario == name:
+                label = f"{1e3 * case.step:.3g} ms"
+                (line,) = axes.plot(c.time, 1e3 * c.slide, lw=1.2, label=label)
+                axes.plot(
+                    c.time, 1e3 * c.leaving, color=line.get_color(), ls="--", lw=0.8
+                )
+        axes.legend(fontsize=8, frameon=False, title="step")
+    panels[0].set_ylabel("slide in the hand;\ndashed: by the steps [mm]", fontsize=9)
+    return figure
