@@ -20,7 +20,7 @@ from drake_srg.joint_errors import ArmErrorsConfig, TorqueErrors
 from drake_srg.lifetime import LeafSystem
 
 # Time constant of the estimate [s]: that of contact forces which a motion at the arm's
-# top speed builds up is 20 to 50 ms, and samples are 5 to 12 ms apart.
+# top speed builds up is 20 to 50 ms.
 TIME_CONSTANT = 0.02
 
 
@@ -53,8 +53,8 @@ class ExternalTorqueObserver(LeafSystem):
     The inputs are the states [q; v] of the model instances `models` of `plant`, as
     their state output ports order them, and `torque` (N) [N m], what the motors of the
     first model apply. `external_torque` (N) [N m] belongs to it, in the order of its
-    velocities. All are sampled every `period`; a plant's own step, or the torque of one
-    sample does not stand for all between two.
+    velocities. All are sampled every `period`, which should be the plant's own step, as
+    the torque of one sample does not stand for all between two.
 
     Args:
         plant: A finalized plant with these models and no other moving body.
@@ -84,7 +84,7 @@ class ExternalTorqueObserver(LeafSystem):
         n, n_all = plant.num_velocities(self._models[0]), plant.num_velocities()
         self._torque = self.DeclareVectorInputPort(name="torque", size=n)
         # [v_last of all models, r]; NaN until there is a sample.
-        self._split = n_all
+        self._num_velocities = n_all
         initial = np.concatenate([np.full(n_all, np.nan), np.zeros(n)])
         state = self.DeclareDiscreteState(initial)
         self.DeclareVectorOutputPort(
@@ -98,11 +98,15 @@ class ExternalTorqueObserver(LeafSystem):
         )
 
     def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value()[self._split :])
+        output.SetFromVector(
+            context.get_discrete_state(0).value()[self._num_velocities :]
+        )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         plant, scratch = self._plant, self._plant_context
-        v_last, r = np.split(context.get_discrete_state(0).value(), [self._split])
+        v_last, r = np.split(
+            context.get_discrete_state(0).value(), [self._num_velocities]
+        )
         for i, model in enumerate(self._models):
             plant.SetPositionsAndVelocities(
                 scratch, model, self.get_input_port(i).Eval(context)
@@ -131,14 +135,14 @@ def AddExternalTorque(
 ) -> OutputPort:
     """Add what tells the external torques of an arm, and return its port (N) [N m].
 
-    A plant with steps gets an `ExternalTorqueObserver`. It reads what the arm's own
-    controller does: torques and motion at the joints, before the errors of what that
-    reports. Between samples of a continuous plant the torque of stiff actuators is a
-    saw, by v kp period, 170 N m at an iiwa's top speed, and no sample stands for its
-    mean. There, the torques are those of the contacts by the plant's own account, with
-    the same lag; inside the arm, joint torque sensors would tell as much. What the hand
-    holds comes with the plant's regularized friction, which is not in balance where it
-    creeps: 10 N m for a can that weighs 2.
+    A plant with steps gets an `ExternalTorqueObserver` at those. It reads what the
+    arm's own controller does: torques and motion at the joints, before the errors of
+    what that reports. Between samples of a continuous plant the torque of stiff
+    actuators is a saw, by v kp period, 170 N m at an iiwa's top speed, and no sample
+    stands for its mean. There, the torques are those of the contacts by the plant's own
+    account, with the same lag; inside the arm, joint torque sensors would tell as much.
+    What the hand holds comes with the plant's regularized friction, which is not in
+    balance where it creeps: 10 N m for a can that weighs 2.
 
     Args:
         builder: Of the diagram.
@@ -146,7 +150,8 @@ def AddExternalTorque(
         arm: Whose torques.
         gripper: What moves with it.
         models_plant: A finalized plant with both and no other moving body.
-        period: [s].
+        period: How often torque sensors with errors are read, and a continuous plant's
+            contacts [s].
         errors: Of the torque sensors.
         seed: Of their noise.
     """

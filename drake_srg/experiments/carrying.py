@@ -27,7 +27,7 @@ from drake_srg.types import Mode, Vector
 
 # Scenario, the key of its step, and steps of which each is half the one before [s]. The
 # integrator of the fast one keeps both halves of its steps.
-STEPS = {
+STEPS: dict[str, tuple[str, tuple[float, ...]]] = {
     "assistive_arm": ("plant_config.time_step", (0.005, 0.0025, 0.00125)),
     "assistive_arm_fast": (
         "simulator_config.max_step_size",
@@ -37,7 +37,6 @@ STEPS = {
 # What slides by as much in a hand that is let swing at no step at all [m]: a fifth of
 # what the recess leaves on each side.
 LIMIT = 0.2e-3
-_LOG = 0.015625  # s; a multiple of 1/1024 s, as the fast one's integrator needs
 
 
 @dc.dataclass(frozen=True)
@@ -68,8 +67,10 @@ class Carried:
 
 def carry(case: Case) -> Carried:
     """Let the arm do its job, and see what it carries slide."""
-    key, _ = STEPS[case.scenario]
-    overrides = [f"{key}={case.step}", f"recording.period={_LOG}"]
+    key, steps = STEPS[case.scenario]
+    # A multiple of every step: a sample of the log between two would cut one short.
+    period = 2 * steps[0] if steps[0] < 0.01 else steps[0]
+    overrides = [f"{key}={case.step}", f"recording.period={period}"]
     scenario = load_scenario(case.scenario, overrides=overrides)
     log = Simulate(scenario, name=str(case)).log
     while_carried = np.flatnonzero(log["mode"] == list(Mode).index(Mode.TRANSFER))

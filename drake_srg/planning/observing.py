@@ -83,7 +83,7 @@ def watch_touch(
         trajectory=None,
         stopped_at=None,
         touched=f"the arm touches something: joint {joint + 1} feels "
-        f"{abs(torque[joint]):.0f} N m from outside, {limits[joint]:.0f} are allowed",
+        f"{abs(torque[joint]):.2g} N m from outside, {limits[joint]:.2g} are allowed",
     )
 
 

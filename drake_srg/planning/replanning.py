@@ -16,7 +16,6 @@ from drake_srg.planning.planner_memory import PlannerMemory
 from drake_srg.planning.sightings import (
     Sightings,
     View,
-    is_certain,
     lean,
     standing_at,
 )
@@ -164,7 +163,7 @@ class Replanner:
             obstacles = self._obstacles(view, memory, q, fingers, p_WO)
             if self._obstruction(motions, memory.mode, obstacles):
                 return dc.replace(memory, moved=True, detours=memory.detours + 1)
-        if blob is None or X_WO is None or not is_certain(blob):  # behind the hand
+        if blob is None or X_WO is None or not blob.certain:  # behind the hand
             return memory
         X_WO_seen = self._sightings.pose(blob)
         turn = lean(X_WO_seen.rotation().col(2), X_WO.rotation().col(2))
@@ -181,16 +180,20 @@ class Replanner:
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See where the object is in the hand, and plan the rest from there."""
-        blob, motions = self._sightings.best(view), memory.motions
         memory = dc.replace(memory, looks=memory.looks + 1, looked=True)
-        hidden = blob is None or not is_certain(blob)  # behind the hand
-        if motions is None or (hidden and not view.obstacles):
+        motions = memory.motions
+        if motions is None:
             return memory
         q, grasp = memory.position(time), motions.grasp
-        if blob is not None and not hidden:
+        p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
+        # What looks like it elsewhere may be seen better than what the hand half hides.
+        blob = self._sightings.nearest(view, p_WO)
+        if blob is not None and blob.certain:
             grasp = self._in_hand(grasp, blob, q)
             if np.linalg.norm(grasp.p_GO - motions.grasp.p_GO) > _LOST:
                 return dc.replace(memory, lost=True)
+        elif not view.obstacles:
+            return memory
         obstacles = memory.obstacles
         if view.obstacles:
             obstacles = self._obstacles(view, memory, q, grasp.fingers_closed)
@@ -205,11 +208,11 @@ class Replanner:
             obstacles=obstacles,
         )
         if isinstance(result, TaskFailure):
-            if not view.obstacles:
-                return memory  # with the motions as they were
-            hit = self._obstruction(motions, memory.mode, obstacles)
+            hit = None
+            if view.obstacles:
+                hit = self._obstruction(motions, memory.mode, obstacles)
             if hit is None:
-                return memory
+                return memory  # with the motions as they were
             return dc.replace(memory, failure=Failure.BLOCKED, message=hit)
         rest = {**motions.motions, **result.motions}
         return dc.replace(memory, motions=dc.replace(result, motions=rest))

@@ -72,6 +72,19 @@ class Sightings:
 
         return max(self._own(view), key=likely, default=None)
 
+    def nearest(self, view: View, p_WO: Vector) -> Blob | None:
+        """The blob of the object that is nearest to where it is believed to be.
+
+        Args:
+            view: What is seen.
+            p_WO: Where the object is believed to be, shape (3,) [m].
+        """
+
+        def distance(blob: Blob) -> float:
+            return float(np.linalg.norm(blob.position - p_WO))
+
+        return min(self._own(view), key=distance, default=None)
+
     def _own(self, view: View) -> list[Blob]:
         return [blob for blob in view.blobs if blob.object_name == self.object_name]
 
@@ -112,11 +125,6 @@ class Sightings:
 def _inside(box: Box, X_WO: RigidTransform, p_W: Vector) -> bool:
     p_O = X_WO.inverse() @ p_W
     return bool(np.all(np.abs(p_O) <= 0.5 * np.array(box.size)))
-
-
-def is_certain(blob: Blob) -> bool:
-    """Whether the localizer could tell position and axis."""
-    return blob.certain
 
 
 def lean(axis_1: Vector, axis_2: Vector) -> float:

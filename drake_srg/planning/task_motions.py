@@ -32,9 +32,6 @@ _UP = np.array([0.0, 0.0, 1.0])
 _MOST_CANDIDATES = 8
 # What a carried object may lean more than where it was taken [rad].
 _UPRIGHT = 0.004
-# What is seen as near to the arm is the arm itself [m]: images show it some pixels, a
-# bent joint and a finger that gives beside where it is believed to be.
-_ITSELF = 0.005
 
 
 # Shapes that stand about, and their poses X_WO [m].
@@ -185,6 +182,9 @@ class TaskPlanner:
     ) -> Obstacles:
         """Those of `obstacles` that are not the arm itself, seen by a camera.
 
+        Images show it some pixels, a bent joint and a finger that gives beside where it
+        is believed to be. What is nearer than motions keep from all else is the arm.
+
         Args:
             q: Where the arm is, shape (N,) [rad].
             fingers: Angles of the gripper's joints by name [rad].
@@ -192,7 +192,9 @@ class TaskPlanner:
         """
         self.scene.set_fingers(fingers)
         return tuple(
-            o for o in obstacles if not self.scene.touches(q, *o, within=_ITSELF)
+            o
+            for o in obstacles
+            if not self.scene.touches(q, *o, within=self.config.hand_clearance)
         )
 
     def obstruction(

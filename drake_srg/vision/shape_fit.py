@@ -142,7 +142,7 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
             upright = not _hangs(shape, best, view)
             if least <= _EXPLAINED:
                 return best, upright
-            least -= _EXPLAINED
+            least -= _EXPLAINED * upright
     guesses = _by_distance(shape, guess_poses(shape, view), points)
     for guess in guesses[: _FEW if view.noise else None]:
         X_WO = align(shape, guess, view, _COARSE).X_WO
@@ -155,11 +155,15 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
 
 
 def _hangs(shape: Shape, X_WO: RigidTransform, view: View) -> bool:
-    """Whether an upright solid is far above all around it that is not what holds it."""
+    """Whether an upright solid is far above all around it that is not what holds it.
+
+    Where nothing is seen around it, that is far below.
+    """
     sight = look(shape, X_WO, view, margin=_BESIDE)
     bottom = X_WO.translation()[2] - 0.5 * shape.height
     around = (sight.labels == OUTSIDE) & (sight.distance > _FRAYED)
-    z = sight.points[around, 2]
+    points = sight.points[around]
+    z = np.where(np.isfinite(points).all(axis=1), points[:, 2], -np.inf)
     z = z[z < bottom + _APART]
     return len(z) >= _LEAST_PIXELS and bool(np.median(z) < bottom - _APART)
 

@@ -31,8 +31,7 @@ class Sight:
 
     Attributes:
         pixels: Columns and rows, shape (n, 2).
-        points: What is seen there, in W [m], shape (n, 3); the imager's centre where
-            nothing is seen.
+        points: What is seen there, in W [m], shape (n, 3); infinite where nothing is.
         distance: Signed distance of the pixels to the outline [pixels], shape (n,).
         labels: Shape (n,).
         blob: Pixels of the blob that see something, shape (n,).
@@ -88,6 +87,7 @@ def look(
     # What faces away cannot be seen.
     facing = ((view.rays[rows, columns] @ R_WO) * normals).sum(axis=1) < _BEHIND
     error = np.where(valid & facing, error, np.inf)
+    points[~valid] = np.inf
     spread = 4 * 1.4826 * float(np.median(np.abs(error[blob & valid])))
     sides = _FINEST_SHARE * 0.5 * float(bounding_size(shape)[0])
     noise = _DEVIATIONS * view.noise

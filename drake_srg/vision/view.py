@@ -49,7 +49,8 @@ class View:
 
     def points(self) -> Vector:
         """Visible surface in W [m], shape (h, w, 3); not finite where too far."""
-        return np.asarray(self.origin + self.rays * self.depth[..., None])
+        with np.errstate(invalid="ignore"):  # 0 times infinity
+            return np.asarray(self.origin + self.rays * self.depth[..., None])
 
 
 def view_around(

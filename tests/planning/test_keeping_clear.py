@@ -155,17 +155,20 @@ def test_the_arm_is_not_its_own_obstacle(planner):
     assert planner.scene.touches(q, *around_hand)
 
 
-@pytest.mark.parametrize(("gap", "itself"), [(0.003, True), (0.02, False)])
-def test_what_is_seen_just_beside_a_finger_is_the_finger(planner, gap, itself):
+@pytest.mark.parametrize(("gap", "itself"), [(0.005, True), (0.1, False)])
+def test_what_is_seen_just_beside_the_hand_is_the_hand(planner, gap, itself):
     """Of a finger, an image shows its rim some pixels from where it is."""
-    q, size = planner.q_home, 0.004
-    X_WG = planner.scene.X_WG(q)
-    # Outwards along the palm's y from the middle of the hand to where it ends.
-    for y in np.arange(0.0, 0.3, 0.0005):
-        speck = (Box([size] * 3), X_WG @ RigidTransform([0.05, y, 0.0]))
-        if y > 0.02 and not planner.scene.touches(q, *speck):
-            break
-    beside = (speck[0], X_WG @ RigidTransform([0.05, y + gap, 0.0]))
+    q, X_WG = planner.q_home, planner.scene.X_WG(planner.q_home)
+
+    def speck(y):
+        return Box([0.004] * 3), X_WG @ RigidTransform([0.05, y, 0.0])
+
+    planner.scene.set_fingers({})
+    # Along the palm's y, how far out the hand reaches.
+    side = next(
+        y for y in np.arange(0.3, 0.0, -0.0005) if planner.scene.touches(q, *speck(y))
+    )
+    beside = speck(side + gap)
     assert not planner.scene.touches(q, *beside)
     assert planner.others(q, {}, [beside]) == (() if itself else (beside,))
 

@@ -37,6 +37,12 @@ def test_a_moving_arm_that_meets_something_stops_where_it_is(mode):
     np.testing.assert_array_equal(world.read("position_commanded"), world.commands[-2])
 
 
+def test_torques_below_one_newton_metre_are_told_as_they_are():
+    world = feeling(World(max_external_torque=[0.4, 0.5]), [0.45, 0.0], [Mode.TRANSFER])
+    message = world.run().message
+    assert "joint 1 feels 0.45 N m from outside, 0.4 are allowed" in message
+
+
 def test_an_arm_at_rest_may_feel_what_its_fingers_do():
     world = World(max_external_torque=[10.0, 5.0])
     still = [Mode.CLOSE, Mode.VERIFY, Mode.RELEASE]
@@ -73,10 +79,10 @@ _POST = (
 )
 
 
-def collision(limit, height=0.4, seen=False):
+def collision(limit, height=0.4, seen=False, name="kitchen_fast"):
     """A run with limits of all joints [N m] and a post's height [m]."""
     scenario = load_scenario(
-        "kitchen_fast",
+        name,
         seed=0,
         overrides=[
             _POST.format(height=height),
@@ -102,6 +108,14 @@ def test_an_arm_that_hits_a_post_stops():
     # The post weighs 30 kg and slides; an arm that goes on tips it over.
     assert moved[0] < 0.2 * moved[1]
     # The arm met it at 1 rad/s; it does not press on, though the post still rocks.
+    speeds = stopped.log["arm.state_measured"][-1, 7:]
+    np.testing.assert_allclose(speeds, 0.0, atol=0.05)
+
+
+def test_an_arm_with_steps_stops_too():
+    """There, torques from outside are an estimate, not the contacts' own."""
+    stopped = collision(30.0, name="kitchen")
+    assert stopped.metrics.failure == "stopped"
     speeds = stopped.log["arm.state_measured"][-1, 7:]
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)
 

@@ -110,6 +110,28 @@ def test_the_object_is_placed_from_where_it_is_in_the_hand():
     assert waited >= 0.1 + world.planner.config.latency  # the motion, then planning
 
 
+@pytest.mark.parametrize("hidden", [False, True])
+def test_a_twin_that_is_seen_better_is_not_what_is_in_the_hand(hidden):
+    world = World(look_before_place=True)
+    grasp, there = world.task_planner.grasp, world.where
+    shift = np.array([0.002, -0.001, 0.001])
+    flags = frozenset({BlobFlag.UNCERTAIN} if hidden else {})
+
+    def seen(mode):
+        if mode is not Mode.TRANSFER:
+            return there(mode)
+        X_WG = world.task_planner.scene.X_WG(world.commands[-1])
+        held = blob(X_WG @ (grasp.p_GO + shift), axis=grasp.axis_G)
+        return [blob(START), dc.replace(held, misfit=0.6, flags=flags)]
+
+    world.where = seen
+    assert world.run().failure is None
+    assert world.trace == CYCLE
+    corrected = [place[1].p_GO for place in world.task_planner.places]
+    expected = [] if hidden else [grasp.p_GO + shift]
+    np.testing.assert_allclose(corrected, expected, atol=1e-12)
+
+
 def test_an_object_that_is_hidden_in_the_hand_is_placed_as_planned():
     world = World(look_before_place=True)
     there = world.where

@@ -46,6 +46,16 @@ def test_what_has_the_shape_is_better_than_what_is_seen_whole():
     assert sightings().best(View([whole, hidden])) is hidden
 
 
+def test_the_nearest_blob_is_the_object_s_whatever_looks_better():
+    uncertain = frozenset({BlobFlag.UNCERTAIN})
+    here = dc.replace(blob([0.01, 0, 0], quality=0.2), flags=uncertain, misfit=0.6)
+    twin = blob([0.2, 0, 0], quality=1.0)
+    cup = blob([0, 0, 0], name="cup")
+    assert sightings().nearest(View([twin, cup, here]), np.zeros(3)) is here
+    assert sightings().best(View([twin, cup, here])) is twin
+    assert sightings().nearest(View([cup]), np.zeros(3)) is None
+
+
 @pytest.mark.parametrize(
     ("degrees", "stands"), [(0.0, True), (4.0, True), (6.0, False)]
 )

@@ -62,6 +62,18 @@ def test_noise_makes_nothing_lean_that_stands(yaw, x, y, seed):
     assert turned(fit, axis) < 1e-6
 
 
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+@pytest.mark.parametrize("tilt", [0.0, 5.0])
+def test_nothing_needs_to_be_seen_behind_it(noise, tilt):
+    """As where there is no floor, or none within the camera's range."""
+    X_WO, axis = lying(CYLINDER, np.deg2rad(tilt), 0.5, 0.01, -0.02)
+    view = view_of(CYLINDER, X_WO, noise=noise)
+    depth = np.where(view.blob, view.depth, np.inf).astype(np.float32)
+    fit = fit_shape(CYLINDER, dc.replace(view, depth=depth, noise=noise))
+    assert fit.position == pytest.approx(X_WO.translation(), abs=PIXEL)
+    assert turned(fit, axis) < np.deg2rad(1.5)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.5), yaws, yaws)
 def test_turning_world_and_camera_turns_what_is_found(tilt, yaw, turn):

@@ -1,0 +1,50 @@
+"""The varied cells, at work for a second; whole trials are the sweeps'."""
+
+import numpy as np
+import pytest
+
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+
+# Seeds with clutter, and one whose arm moves fast at once.
+CELLS = {
+    "kitchen_varied": 100000,
+    "kitchen_varied_accurate": 100000,
+    "assistive_arm_varied": 100078,
+    "assistive_arm_varied_accurate": 100078,
+}
+
+
+def begun(name, *overrides):
+    scenario = load_scenario(
+        name, seed=CELLS[name], overrides=["planner.time_budget=1.2", *overrides]
+    )
+    return Simulate(scenario, name=name)
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_a_varied_cell_sees_plans_and_moves(name):
+    run = begun(name)
+    assert run.metrics.failure == "time_budget"
+    assert run.metrics.localization_error_m is not None
+    assert np.linalg.norm(run.metrics.localization_error_m) < 0.005
+    moved = np.ptp(run.log["arm.state_cheat"][:, 0])
+    assert moved > 0.1
+
+
+def test_motion_stops_no_arm_however_short_the_steps():
+    run = begun("assistive_arm_varied_accurate", "plant_config.time_step=0.0025")
+    assert run.metrics.failure == "time_budget"
+
+
+@pytest.mark.parametrize("cell", ["kitchen_varied", "assistive_arm_varied"])
+def test_both_physics_draw_the_same_trial(cell):
+    fast, accurate = (
+        load_scenario(name, seed=7) for name in (cell, f"{cell}_accurate")
+    )
+    assert fast.objects.keys() == accurate.objects.keys()
+    for name, thing in fast.objects.items():
+        other = accurate.objects[name]
+        assert (thing.position, thing.mass) == (other.position, other.mass)
+    assert fast.camera_errors == accurate.camera_errors
+    assert fast.arm.errors == accurate.arm.errors
