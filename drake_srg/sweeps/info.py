@@ -15,11 +15,14 @@ from pydrake.common.yaml import yaml_dump, yaml_load
 
 from drake_srg.errors import ScenarioError
 from drake_srg.sweeps.files import write_file
+from drake_srg.sweeps.sources import sources_hash
 
 SCHEMA_VERSION = 1
 FILE = "sweep.json"
 # What a sweep may keep of its trials: nothing but their rows, or recordings, too.
 RECORD = ("none", "failures", "all")
+# Of `current_versions`, those whose difference makes other rows.
+_DECISIVE = ("drake_srg", "drake_srg_sources", "drake")
 
 
 @dc.dataclass(frozen=True)
@@ -85,6 +88,7 @@ def current_versions() -> dict[str, str]:
     """Return the versions of what makes a trial what it is."""
     return {
         "drake_srg": importlib.metadata.version("drake_srg"),
+        "drake_srg_sources": sources_hash(),
         "drake": importlib.metadata.version("drake"),
         "python": platform.python_version(),
         "platform": platform.platform(),
@@ -104,16 +108,30 @@ def _processor() -> str:
     return next(names, platform.machine()).strip()
 
 
+def version_difference(
+    there: Mapping[str, str], here: Mapping[str, str]
+) -> tuple[str, str, str] | None:
+    """Return what differs in versions so that trials would, and both; None: nothing.
+
+    Args:
+        there: Versions of `current_versions`.
+        here: Others.
+    """
+    for name in _DECISIVE:
+        if there.get(name) != here.get(name):
+            return name, _words(there.get(name)), _words(here.get(name))
+    return None
+
+
 def difference(old: SweepInfo, new: SweepInfo) -> str:
     """Return why `new` cannot go on with what `old` began, in words; empty: it can.
 
     The number of trials may grow; who runs them, and how many at a time, may change.
     """
+    different = version_difference(old.versions, new.versions)
+    if different:
+        return "{}: {} there, {} now".format(*different)
     pairs = [("record", old.record, new.record), ("seed", old.seed, new.seed)]
-    pairs += [
-        (key, old.versions.get(key), new.versions.get(key))
-        for key in ("drake_srg", "drake")
-    ]
     if old.tree != new.tree:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))
         keys = (key for key in {**was, **now} if was.get(key) != now.get(key))

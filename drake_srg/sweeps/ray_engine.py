@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from drake_srg.errors import ScenarioError, one_line
 from drake_srg.sweeps.engines import THREADS, usable_cores
-from drake_srg.sweeps.info import current_versions
+from drake_srg.sweeps.info import current_versions, version_difference
 from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
@@ -94,13 +94,12 @@ class RayEngine:
                 "--engine ray: the cluster cannot run drake_srg; is it installed on "
                 f"all nodes? {str(error).strip().splitlines()[-1]}"
             ) from error
-        here = current_versions()
-        for name in ("drake_srg", "drake"):
-            if there.get(name) != here.get(name):
-                raise ScenarioError(
-                    f"--engine ray: {name} {there.get(name)} there, {here.get(name)} "
-                    "here; install the same on all nodes"
-                )
+        different = version_difference(there, current_versions())
+        if different:
+            raise ScenarioError(
+                "--engine ray: {} {} there, {} here; install the same on all "
+                "nodes".format(*different)
+            )
 
     def _stop(self) -> None:
         if self._ours:

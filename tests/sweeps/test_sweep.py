@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -208,6 +209,33 @@ def test_another_sweep_is_not_gone_on_with(changes, words, tmp_path):
     with pytest.raises(ScenarioError, match=f"holds another sweep: {words}"):
         run(tmp_path, resume=True, **changes)
     assert read_rows(tmp_path).equals(before)
+
+
+@pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
+def test_rows_of_other_code_are_not_gone_on_with(name, tmp_path, monkeypatch):
+    run(tmp_path)
+    there = sweep.current_versions()
+    monkeypatch.setattr(sweep, "current_versions", lambda: {**there, name: "other"})
+    words = f"holds another sweep: {name}: {re.escape(there[name])} there, other now"
+    with pytest.raises(ScenarioError, match=words):
+        run(tmp_path, trials=7, resume=True)
+    assert read_rows(tmp_path).num_rows == 6
+
+
+def test_rows_of_unknown_code_are_not_gone_on_with(tmp_path):
+    run(tmp_path)
+    info = json.loads((tmp_path / "sweep.json").read_text())
+    del info["versions"]["drake_srg_sources"]
+    (tmp_path / "sweep.json").write_text(json.dumps(info))
+    with pytest.raises(ScenarioError, match="drake_srg_sources: nothing there"):
+        run(tmp_path, trials=7, resume=True)
+
+
+def test_what_differs_elsewhere_is_no_other_sweep(tmp_path, monkeypatch):
+    run(tmp_path)
+    there = sweep.current_versions()
+    monkeypatch.setattr(sweep, "current_versions", lambda: {**there, "python": "4.0"})
+    assert run(tmp_path, trials=7, resume=True).num_rows == 7
 
 
 def test_a_finished_sweep_is_resumed_without_an_engine(tmp_path):
