@@ -33,6 +33,9 @@ THREADS = {
 }
 
 _WATCH_PERIOD = 1.0  # of a worker, whether its parent is still there [s]
+# For loky's thread to take a function, which it does within milliseconds; longer than
+# this it is gone, and Ctrl-C must still end the sweep [s].
+_TAKE_TIMEOUT = 1.0
 
 
 class Engine(Protocol):
@@ -134,7 +137,10 @@ class JoblibEngine:
             return
         # A kill, as of Ctrl-C, drops functions that loky's thread has yet to take, and
         # it would fall over what is no longer there, with a traceback.
+        deadline = time.monotonic() + _TAKE_TIMEOUT
         while self._given and not (self._given.running() or self._given.done()):
+            if time.monotonic() > deadline:
+                break
             time.sleep(0.001)
         self._executor.shutdown(wait=True, kill_workers=kill)
         self._executor = None

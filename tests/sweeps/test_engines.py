@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -114,12 +115,14 @@ def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
     assert not any(worker.endswith(f":{os.getpid()}") for worker in workers)
 
 
-def test_a_cluster_with_other_versions_is_refused(cluster, monkeypatch):
+@pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
+def test_a_cluster_with_other_versions_is_refused(cluster, monkeypatch, name):
     from drake_srg.sweeps import ray_engine
 
-    monkeypatch.setattr(ray_engine, "current_versions", lambda: {"drake_srg": "0.0"})
+    here = {**ray_engine.current_versions(), name: "0.0"}
+    monkeypatch.setattr(ray_engine, "current_versions", lambda: here)
     with (
-        pytest.raises(ScenarioError, match=r"drake_srg .* there, 0.0 here"),
+        pytest.raises(ScenarioError, match=rf"{name} .* there, 0.0 here"),
         ray_engine.RayEngine(cluster.address),
     ):
         pass
@@ -172,6 +175,15 @@ def test_an_interrupt_while_a_trial_is_given_out_is_quiet(monkeypatch):
         engine.submit(time.sleep, 100)
         raise KeyboardInterrupt
     assert not errors
+
+
+def test_a_function_that_nobody_takes_does_not_keep_the_sweep():
+    with pytest.raises(KeyboardInterrupt), JoblibEngine(1) as engine:
+        engine.submit(os.getpid).result()
+        engine._given = Future()  # as where loky's thread is gone
+        start = time.monotonic()
+        raise KeyboardInterrupt
+    assert time.monotonic() - start < 10
 
 
 def test_workers_end_with_their_sweep_however_that_ends():
