@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import fcntl
+import itertools
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -50,7 +51,8 @@ class SweepFolder:
 
         Raises:
             ScenarioError: If another sweep writes there, or what is there is of
-                another sweep, or of this one without `resume`.
+                another sweep, or of this one without `resume`; or if rows cannot be
+                read, other than by the fault of a single one's content.
             OSError: If the folder cannot be written.
         """
         self.path.mkdir(parents=True, exist_ok=True)
@@ -83,8 +85,9 @@ class SweepFolder:
             try:
                 tables.append(read_file(file, info))
             except BrokenRowsError as error:
-                aside = file.with_name(f"{file.name}.broken")
-                file.replace(aside)
+                if file == all_rows_path(self.path):
+                    raise
+                aside = _set_aside(file)
                 tell(f"{error.problem}; it is {aside.name} now, its trials run again")
         return unique_rows(tables)
 
@@ -148,3 +151,13 @@ class SweepFolder:
         lock.write(f"process {os.getpid()}\n")
         lock.flush()
         self._lock = lock
+
+
+def _set_aside(file: Path) -> Path:
+    """Give a file a name that is free and says that it is broken; returns that."""
+    for number in itertools.count(1):
+        suffix = ".broken" if number == 1 else f".broken-{number}"
+        aside = file.with_name(file.name + suffix)
+        if not aside.exists():
+            break
+    return file.rename(aside)

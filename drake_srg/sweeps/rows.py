@@ -64,13 +64,17 @@ _ROW_FILE = re.compile(r"[0-9]{6,}\.parquet")  # see `row_path`
 
 
 class BrokenRowsError(ScenarioError):
-    """A file of rows that cannot be read."""
+    """A file whose content is not the rows that it should hold."""
 
     def __init__(self, path: Path, reason: str):
         self.problem = f"{path}: cannot be read: {reason}"
-        super().__init__(
-            f"{self.problem}; `drake-srg sweep` with --resume runs its trials again"
-        )
+        again = "`drake-srg sweep` with --resume runs its trial again"
+        if path == all_rows_path(path.parent):  # too much to be lost unasked
+            again = (
+                "put a copy in its place, or move it away: `drake-srg sweep` with "
+                "--resume runs its trials again then"
+            )
+        super().__init__(f"{self.problem}; {again}")
 
 
 def require_sweep(module: str, extra: str = "sweep") -> ModuleType:
@@ -93,12 +97,31 @@ def all_rows_path(folder: Path) -> Path:
 
 
 def row_paths(folder: Path) -> list[Path]:
-    """Return the files with rows that are there, that of all rows first."""
-    files = (folder / "trials").glob("*.parquet")
+    """Return the files with rows that are there, that of all rows first.
+
+    Raises:
+        ScenarioError: If a folder cannot be read.
+    """
+    # Single rows go once all are in one file: looked for first, none is missed.
     # Copies and the like that others put there are none of ours.
-    single = sorted(path for path in files if _ROW_FILE.fullmatch(path.name))
+    single = [n for n in _names(folder / "trials") if _ROW_FILE.fullmatch(n)]
     whole = all_rows_path(folder)
-    return [whole, *single] if whole.exists() else single
+    paths = [folder / "trials" / name for name in sorted(single)]
+    return [whole, *paths] if whole.name in _names(folder) else paths
+
+
+def _names(folder: Path) -> list[str]:
+    """What is in a folder; `Path.glob` takes one that cannot be read for empty."""
+    try:
+        return [path.name for path in folder.iterdir()]
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise _unreadable(folder, error) from error
+
+
+def _unreadable(path: Path, error: OSError) -> ScenarioError:
+    return ScenarioError(f"{path}: cannot be read: {error.strerror or one_line(error)}")
 
 
 def metric_columns() -> dict[str, Any]:
@@ -123,11 +146,19 @@ def read_rows(folder: Path) -> Any:
         A pyarrow.Table. Without rows it still has the columns that all sweeps have.
 
     Raises:
-        ScenarioError: If there is no sweep, or a file is broken (BrokenRowsError).
+        ScenarioError: If there is no sweep, a file cannot be read, or what is in it is
+            broken (BrokenRowsError).
         ImportError: If pyarrow is missing.
     """
     info = read_sweep(folder)
-    return unique_rows([read_file(path, info) for path in row_paths(folder)])
+    paths = row_paths(folder)
+    while True:
+        try:
+            return unique_rows([read_file(path, info) for path in paths])
+        except ScenarioError:
+            before, paths = paths, row_paths(folder)
+            if set(before) <= set(paths):  # else the sweep puts its rows into one file
+                raise
 
 
 def unique_rows(tables: Sequence[Any]) -> Any:
@@ -151,10 +182,16 @@ def read_file(path: Path, info: SweepInfo) -> Any:
 
     Raises:
         BrokenRowsError: If it is not a file of rows of this sweep.
+        ScenarioError: If the operating system does not let it be read.
     """
     pa, pq = require_sweep("pyarrow"), require_sweep("pyarrow.parquet")
     try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
+        # Not by PyArrow, of whose errors it would be hard to say whose fault they are.
+        content = pa.BufferReader(path.read_bytes())
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    try:
+        with pq.ParquetFile(content, page_checksum_verification=True) as file:
             table = file.read(use_threads=False)
         trials = table["trial"].to_pylist()
         seeds = table["seed"].to_pylist()

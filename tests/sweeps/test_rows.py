@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.errors import ScenarioError
+from drake_srg.sweeps import rows as rows_module
 from drake_srg.sweeps.info import SweepInfo
 from drake_srg.sweeps.rows import (
     BrokenRowsError,
@@ -80,6 +81,40 @@ def test_single_rows_and_all_rows_are_read_as_one(folder):
     row_path(folder, 0).unlink()
     write_row(row_path(folder, 3), make_row(3))
     assert read_rows(folder)["trial"].to_pylist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("read", range(4))
+def test_rows_that_are_put_into_one_file_meanwhile_are_read(folder, monkeypatch, read):
+    for trial in range(3):
+        write_row(row_path(folder, trial), make_row(trial))
+    rows = read_rows(folder)
+    read_file, count = rows_module.read_file, 0
+
+    def finishing(path, info):
+        nonlocal count
+        if count == read:
+            write_rows(all_rows_path(folder), rows)
+            for trial in range(3):
+                row_path(folder, trial).unlink()
+        count += 1
+        return read_file(path, info)
+
+    monkeypatch.setattr(rows_module, "read_file", finishing)
+    assert read_rows(folder).equals(rows)
+
+
+def test_a_row_that_is_a_link_to_nothing_is_named(folder):
+    path = row_path(folder, 0)
+    path.parent.mkdir()
+    path.symlink_to("nothing")
+    with pytest.raises(ScenarioError, match=f"{path}: cannot be read: No such file"):
+        read_rows(folder)
+
+
+def test_a_broken_file_of_all_rows_says_what_to_do(folder):
+    all_rows_path(folder).write_bytes(b"PAR1")
+    with pytest.raises(BrokenRowsError, match=r"trials.parquet: .*; .*move it away"):
+        read_rows(folder)
 
 
 @pytest.mark.parametrize("keep", [0, 10, 200, -10])
