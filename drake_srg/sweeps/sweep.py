@@ -143,6 +143,7 @@ class _Bar:
     def __init__(self, trials: int, done: int, succeeded: int, show: bool):
         self._succeeded = succeeded
         self._bar = tqdm(
+            desc=self._description(done),
             total=trials,
             initial=done,
             disable=not show,
@@ -161,9 +162,12 @@ class _Bar:
     def count(self, success: bool) -> None:
         """Count a trial."""
         self._succeeded += success
+        words = self._description(self._bar.n + 1)
+        self._bar.set_description_str(words, refresh=False)  # which `update` shows
         self._bar.update()
-        share = self._succeeded / max(1, self._bar.n)
-        self._bar.set_description_str(f"{share:.1%} succeeded", refresh=False)
+
+    def _description(self, done: int) -> str:
+        return f"{self._succeeded / done:.1%} succeeded" if done else ""
 
     def write(self, text: str, tell: Callable[[str], None]) -> None:
         """Say something beside the bar."""

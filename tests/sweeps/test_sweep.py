@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+import tqdm.std
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -171,13 +172,76 @@ def test_a_broken_row_is_told_and_run_again(tmp_path):
     assert row_path(tmp_path, 3).with_suffix(".parquet.broken").read_bytes() == b"PAR1"
 
 
-def test_a_broken_file_of_all_rows_is_told_and_run_again(tmp_path):
+def test_a_second_broken_row_does_not_take_the_place_of_the_first(tmp_path):
     run(tmp_path)
-    all_rows_path(tmp_path).write_bytes(b"")
-    engine, told = stub.StubEngine(), []
-    run(tmp_path, engine, told, resume=True)
+    all_rows_path(tmp_path).unlink()
+    path = row_path(tmp_path, 3)
+    path.parent.mkdir()
+    told = []
+    for content in (b"first", b"second", b"third"):
+        all_rows_path(tmp_path).unlink(missing_ok=True)
+        path.write_bytes(content)
+        run(tmp_path, told=told, resume=True)
+    asides = [path.with_name(f"{path.name}.broken{n}") for n in ("", "-2", "-3")]
+    assert [a.read_bytes() for a in asides] == [b"first", b"second", b"third"]
+    for line, aside in zip(told, asides, strict=True):
+        assert f"it is {aside.name} now" in line
+
+
+def test_a_broken_file_of_all_rows_is_left_to_the_user(tmp_path):
+    run(tmp_path)
+    whole = all_rows_path(tmp_path)
+    whole.write_bytes(b"")
+    engine = stub.StubEngine()
+    with pytest.raises(ScenarioError, match=r"trials.parquet: .*move it away: .*again"):
+        run(tmp_path, engine, resume=True)
+    assert engine.given == []
+    assert whole.exists()
+    whole.rename(tmp_path / "trials.parquet.away")
+    assert run(tmp_path, engine, resume=True).num_rows == 6
     assert engine.given == list(range(6))
-    assert len(told) == 1
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.EMFILE])
+@pytest.mark.parametrize("single", [True, False])
+def test_what_cannot_be_read_now_is_not_broken(number, single, tmp_path, monkeypatch):
+    run(tmp_path)
+    path = all_rows_path(tmp_path)
+    if single:
+        path.unlink()
+        path = row_path(tmp_path, 3)
+        sweep.SweepFolder(tmp_path).add(stub.trial({}, "", 0, 3, "none"))
+    content, before = path.read_bytes(), sorted(tmp_path.rglob("*"))
+    read_bytes = Path.read_bytes
+
+    def failing(self):
+        if self == path:
+            raise OSError(number, os.strerror(number), str(self))
+        return read_bytes(self)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "read_bytes", failing)
+        with pytest.raises(ScenarioError) as caught:
+            run(tmp_path, resume=True)
+    assert str(caught.value) == f"{path}: cannot be read: {os.strerror(number)}"
+    assert sorted(tmp_path.rglob("*")) == before
+    assert path.read_bytes() == content
+    assert run(tmp_path, resume=True).num_rows == 6
+
+
+def test_a_folder_that_cannot_be_read_is_not_empty(tmp_path, monkeypatch):
+    run(tmp_path)
+    whole = all_rows_path(tmp_path)
+    content = whole.read_bytes()
+
+    def failing(self):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "iterdir", failing)
+        with pytest.raises(ScenarioError, match="trials: cannot be read: Permission"):
+            run(tmp_path, resume=True)
+    assert whole.read_bytes() == content
 
 
 def test_rows_are_not_overwritten(tmp_path):
@@ -277,6 +341,47 @@ def test_warnings_of_trials_are_told(tmp_path):
     told = []
     run(tmp_path, told=told, trials=1, trial_function=odd)
     assert told == ["odd"]
+
+
+def test_progress_tells_success_and_the_time_left(tmp_path, monkeypatch, capsys):
+    now, add = 0.0, sweep.SweepFolder.add
+
+    def a_minute_each(self, result):
+        nonlocal now
+        now += 60
+        add(self, result)
+
+    monkeypatch.setattr(sweep.SweepFolder, "add", a_minute_each)
+    monkeypatch.setattr(tqdm.std, "time", lambda: now)
+
+    def shown(trials):
+        run(tmp_path, trials=trials, progress=True, resume=True)
+        frames = re.split(r"[\r\n]+", capsys.readouterr().err)
+        return [re.sub(r"\|.*?\|", "|", frame) for frame in frames if frame]
+
+    # As `stub.trial` has it, trials 1 and 4 fail.
+    assert distinct(shown(3)) == [
+        "0/3 trials | [00:00 elapsed, ? left]",
+        "1/3 trials | 100.0% succeeded [01:00 elapsed, 02:00 left]",
+        "2/3 trials | 50.0% succeeded [02:00 elapsed, 01:00 left]",
+        "3/3 trials | 66.7% succeeded [03:00 elapsed, 00:00 left]",
+    ]
+    # The time left is of the trials run now, not of those that were there.
+    assert distinct(shown(5)) == [
+        "3/5 trials | 66.7% succeeded [00:00 elapsed, ? left]",
+        "4/5 trials | 75.0% succeeded [01:00 elapsed, 01:00 left]",
+        "5/5 trials | 60.0% succeeded [02:00 elapsed, 00:00 left]",
+    ]
+
+
+def distinct(frames):
+    """What is shown, in order, without what is drawn again and without gaps."""
+    return list(dict.fromkeys(" ".join(frame.split()) for frame in frames))
+
+
+def test_nothing_is_shown_unasked(tmp_path, capsys):
+    run(tmp_path)
+    assert capsys.readouterr().err == ""
 
 
 def test_no_folder_can_be_made_in_a_file(tmp_path):
