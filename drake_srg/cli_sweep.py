@@ -183,6 +183,8 @@ def dataset(options: argparse.Namespace) -> int:
         f"{made.episodes} episodes ({made.successes} successful), {made.frames} frames "
         f"at {made.fps} per second"
     )
+    if made.left_out:
+        print(f"left out, of the recorded trials: {made.left_out}")
     print(made.path)
     return 0
 

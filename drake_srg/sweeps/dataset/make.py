@@ -20,6 +20,7 @@ from drake_srg.errors import ScenarioError, one_line
 from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset.writer import DatasetWriter
 from drake_srg.sweeps.info import read_sweep
+from drake_srg.sweeps.rows import read_rows
 from drake_srg.yaml_loading import parse_yaml
 
 _RECORDING, _METRICS = "recording.mcap", "metrics.json"
@@ -34,6 +35,7 @@ class Dataset:
     successes: int
     frames: int
     fps: int
+    left_out: str = ""  # recordings that are no episodes: how many and why, in words
 
 
 def make_dataset(
@@ -47,6 +49,7 @@ def make_dataset(
     """Make a LeRobot data set of the trials of a sweep that were recorded.
 
     It appears under its name when it is complete; what is interrupted leaves nothing.
+    Of a sweep that runs, it has the trials that are over when this begins.
 
     Args:
         sweep: Folder of a sweep made with `--record all` (or failures).
@@ -58,14 +61,15 @@ def make_dataset(
     Raises:
         ImportError: If rosbags or PyAV is missing.
         OSError: If `out` cannot be written.
-        ScenarioError: If there are no recordings, or not all alike; if `fps` does not
-            fit; or if `out` exists.
+        ScenarioError: If there are no recordings of trials that came to their end, or
+            not all alike; if the sweep's rows cannot be read; if `fps` does not fit; or
+            if `out` exists.
     """
     out = sweep / "dataset" if out is None else out
     if out.exists():
         raise ScenarioError(f"-o {out}: exists; choose another folder, or remove it")
     task, robot = _task_and_robot(sweep)
-    trials = _recorded_trials(sweep, only_success)
+    trials, left_out = _recorded_trials(sweep, only_success)
     layout = read_signals(trials[0] / _RECORDING).layout
     fps = _whole_rate(layout.rate) if fps is None else fps
     every = _stride(layout.rate, fps)
@@ -79,7 +83,7 @@ def make_dataset(
             writer.finish()
         _sync(root)
         root.rename(out)
-    return Dataset(out, len(trials), successes, writer.frames, fps)
+    return Dataset(out, len(trials), successes, writer.frames, fps, left_out)
 
 
 def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -> bool:
@@ -111,23 +115,37 @@ def _task_and_robot(sweep: Path) -> tuple[str, str]:
     return f"Pick up the {pick} and place it on its goal.", Path(info.scenario).stem
 
 
-def _recorded_trials(sweep: Path, only_success: bool) -> list[Path]:
-    """Folders of the trials' recordings, in order; metrics.json is written last."""
+def _recorded_trials(sweep: Path, only_success: bool) -> tuple[list[Path], str]:
+    """Folders of the trials' recordings, in order, and what is left out, in words.
+
+    A trial's recording is there before its row and does not change from then on, so
+    that the sweep may go on meanwhile.
+    """
+    over = set(read_rows(sweep)["trial"].to_pylist())
     folders = sorted((sweep / "recordings").glob("[0-9]*[0-9]"))
-    trials = [
+    folders = [folder for folder in folders if folder.name.isdecimal()]  # no copies
+    rowed = [folder for folder in folders if int(folder.name) in over]
+    trials = [  # metrics.json is written last, and not where there is an error
         folder
-        for folder in folders
+        for folder in rowed
         if (folder / _RECORDING).exists() and (folder / _METRICS).exists()
     ]
+    counts = {
+        "that ended in an error": len(rowed) - len(trials),
+        "not over": len(folders) - len(rowed),
+    }
+    left_out = ", ".join(f"{n} {what}" for what, n in counts.items() if n)
     if not trials:
         raise ScenarioError(
-            f"{sweep}: has no recordings; make the sweep with --record all"
+            f"{sweep}: has no recordings of trials to their end ({left_out})"
+            if left_out
+            else f"{sweep}: has no recordings; make the sweep with --record all"
         )
     if only_success:
         trials = [folder for folder in trials if _metrics(folder)["success"]]
         if not trials:
             raise ScenarioError(f"{sweep}: --only-success: no recorded trial succeeded")
-    return trials
+    return trials, left_out
 
 
 def _metrics(trial: Path) -> dict[str, Any]:

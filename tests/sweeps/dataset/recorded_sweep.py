@@ -12,6 +12,8 @@ from pydrake.systems.sensors import ImageRgba8U
 from drake_srg.lifetime import LeafSystem
 from drake_srg.recording.ros_topics import cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.sweeps.rows import row_path, write_row
+from drake_srg.sweeps.trial import empty_row
 from drake_srg.types import Mode
 
 ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
@@ -94,12 +96,14 @@ CAMERAS = {"ceiling": (160, 128), "side": (131, 129)}  # one of odd size
 
 
 def write_trial(sweep, trial, until, *, failure=None, cameras=None, **how):
-    """Write the recording of a trial, as `drake-srg sweep --record all` does."""
+    """Write recording and row of a trial, as `drake-srg sweep --record all` does."""
     folder = sweep / "recordings" / f"{trial:06d}"
     cameras = CAMERAS if cameras is None else cameras
     record(folder / "recording.mcap", until, cameras=cameras, shade=9 * trial, **how)
     metrics = {"seed": 100 + trial, "success": failure is None, "failure": failure}
     (folder / "metrics.json").write_text(json.dumps(metrics))
+    row = {**empty_row(100, trial, ""), **metrics}
+    write_row(row_path(sweep, trial), row)
 
 
 def write_sweep(folder):

@@ -7,6 +7,7 @@ from drake_srg.errors import ScenarioError
 from drake_srg.sweeps.dataset import files, video
 from drake_srg.sweeps.dataset.make import make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals
+from drake_srg.sweeps.rows import all_rows_path, read_rows, row_path, write_rows
 from sweeps.dataset import lerobot_format as lerobot
 from sweeps.dataset.recorded_sweep import write_sweep, write_trial
 
@@ -27,6 +28,31 @@ def test_no_sweep_and_no_recordings(tmp_path):
     assert "no recordings; make the sweep with --record all" in complaint(sweep)
     write_trial(sweep, 0, 0.2, failure="blocked")
     assert "--only-success" in complaint(sweep, only_success=True)
+
+
+def test_recordings_of_no_trial_that_came_to_its_end(tmp_path):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2, failure="error")
+    (sweep / "recordings/000000/metrics.json").unlink()
+    assert "to their end (1 that ended in an error)" in complaint(sweep)
+    row_path(sweep, 0).unlink()
+    assert "to their end (1 not over)" in complaint(sweep)
+
+
+def test_rows_that_cannot_be_read(tmp_path):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2)
+    row_path(sweep, 0).write_bytes(b"PAR1")
+    assert "000000.parquet: cannot be read" in complaint(sweep)
+
+
+def test_nothing_is_left_out_of_a_sweep_that_is_over(tmp_path):
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2)
+    write_rows(all_rows_path(sweep), read_rows(sweep))
+    row_path(sweep, 0).unlink()
+    made = make_dataset(sweep)
+    assert (made.episodes, made.left_out) == (1, "")
 
 
 def test_recording_without_images(tmp_path):
@@ -142,7 +168,11 @@ def test_command(sweep, tmp_path, capsys):
     made = tmp_path / "made"
     assert command(sweep, "-o", made, "--fps", "4", "--only-success") == 0
     said = capsys.readouterr().out
-    assert said == f"2 episodes (2 successful), 9 frames at 4 per second\n{made}\n"
+    assert said.splitlines() == [
+        "2 episodes (2 successful), 9 frames at 4 per second",
+        "left out, of the recorded trials: 2 that ended in an error, 1 not over",
+        str(made),
+    ]
     lerobot.check(made)
 
 

@@ -35,7 +35,14 @@ FPS = 8
 def root(sweep, tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "deep" / "dataset"
     made = make_dataset(sweep, out)
-    assert made == Dataset(out, episodes=3, successes=2, frames=23, fps=FPS)
+    assert made == Dataset(
+        out,
+        episodes=3,
+        successes=2,
+        frames=23,
+        fps=FPS,
+        left_out="2 that ended in an error, 1 not over",
+    )
     assert list(out.parent.iterdir()) == [out]
     return out
 
