@@ -130,7 +130,8 @@ def difference(old: SweepInfo, new: SweepInfo) -> str:
     """
     different = version_difference(old.versions, new.versions)
     if different:
-        return "{}: {} there, {} now".format(*different)
+        name, there, now = different
+        return f"{name}: {there} there, {now} now"
     pairs = [("record", old.record, new.record), ("seed", old.seed, new.seed)]
     if old.tree != new.tree:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))

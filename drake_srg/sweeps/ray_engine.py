@@ -1,6 +1,6 @@
 """Trials on a cluster, by Ray. The nodes share no files: what comes of a trial is sent.
 
-drake_srg must be installed on every node, in the same version.
+drake_srg must be installed on every node, of the same version and files.
 """
 
 from __future__ import annotations
@@ -50,6 +50,7 @@ class RayEngine:
         self._ours = False
         self._running: set[Any] = set()
         self._call: Any = None
+        self._versions = current_versions()
 
     def __enter__(self) -> RayEngine:
         self._ours = not self._ray.is_initialized()
@@ -86,20 +87,17 @@ class RayEngine:
             ) from error
 
     def _check_versions(self) -> None:
-        """Other versions would make other rows."""
+        """Say what is wrong before the first trial does."""
         try:
-            there = self.submit(_versions).result()
+            self.submit(os.getpid).result()
         except self._ray.exceptions.RayError as error:
+            cause = getattr(error, "cause", None)
+            if isinstance(cause, ScenarioError):
+                raise cause from error
             raise ScenarioError(
                 "--engine ray: the cluster cannot run drake_srg; is it installed on "
                 f"all nodes? {str(error).strip().splitlines()[-1]}"
             ) from error
-        different = version_difference(there, current_versions())
-        if different:
-            raise ScenarioError(
-                "--engine ray: {} {} there, {} here; install the same on all "
-                "nodes".format(*different)
-            )
 
     def _stop(self) -> None:
         if self._ours:
@@ -114,7 +112,7 @@ class RayEngine:
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Let a function run on some node."""
-        reference = self._call.remote(function, *arguments)
+        reference = self._call.remote(self._versions, function, *arguments)
         self._running.add(reference)
         future: Future[T] = reference.future()
         future.add_done_callback(lambda _: self._running.discard(reference))
@@ -129,11 +127,19 @@ def _reach(address: str) -> None:
         socket.create_connection((host, int(port)), _PATIENCE).close()
 
 
-def _versions() -> dict[str, str]:
-    return current_versions()
+def _call(versions: dict[str, str], function: Callable[..., T], *arguments: Any) -> T:
+    """Call a function on a node, which may have come later and have other code.
 
-
-def _call(function: Callable[..., T], *arguments: Any) -> T:
+    Raises:
+        ScenarioError: If its versions are others, which would make other rows.
+    """
+    different = version_difference(current_versions(), versions)
+    if different:
+        name, there, here = different
+        raise ScenarioError(
+            f"--engine ray: {name} {there} on {socket.gethostname()}, {here} here; "
+            "install the same on all nodes"
+        )
     return function(*arguments)
 
 

@@ -122,10 +122,19 @@ def test_a_cluster_with_other_versions_is_refused(cluster, monkeypatch, name):
     here = {**ray_engine.current_versions(), name: "0.0"}
     monkeypatch.setattr(ray_engine, "current_versions", lambda: here)
     with (
-        pytest.raises(ScenarioError, match=rf"{name} .* there, 0.0 here"),
+        pytest.raises(ScenarioError, match=rf"{name} .* on .*, 0.0 here"),
         ray_engine.RayEngine(cluster.address),
     ):
         pass
+
+
+def test_a_node_with_other_code_runs_nothing():
+    from drake_srg.sweeps import ray_engine
+
+    here = ray_engine.current_versions()
+    assert ray_engine._call(here, abs, -1) == 1
+    with pytest.raises(ScenarioError, match=r"drake_srg_sources .* on .*, other here"):
+        ray_engine._call({**here, "drake_srg_sources": "other"}, pytest.fail)
 
 
 def test_no_cluster_at_an_address_says_so():
