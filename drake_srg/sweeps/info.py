@@ -111,11 +111,14 @@ def _processor() -> str:
 def version_difference(
     there: Mapping[str, str], here: Mapping[str, str]
 ) -> tuple[str, str, str] | None:
-    """Return what differs in versions so that trials would, and both; None: nothing.
+    """Return what makes other rows: its name, and which it is there and here.
 
     Args:
-        there: Versions of `current_versions`.
-        here: Others.
+        there: What `current_versions` returned elsewhere, or earlier.
+        here: The same, here and now.
+
+    Returns:
+        The first of several; None: rows are the same.
     """
     for name in _DECISIVE:
         if there.get(name) != here.get(name):
@@ -130,8 +133,8 @@ def difference(old: SweepInfo, new: SweepInfo) -> str:
     """
     different = version_difference(old.versions, new.versions)
     if different:
-        name, there, now = different
-        return f"{name}: {there} there, {now} now"
+        name, there, here = different
+        return f"{name}: {there} there, {here} now"
     pairs = [("record", old.record, new.record), ("seed", old.seed, new.seed)]
     if old.tree != new.tree:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))
