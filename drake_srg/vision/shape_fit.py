@@ -29,6 +29,9 @@ from drake_srg.vision.view import View
 _COARSE, _MIDDLE, _FINE = (3.0, 1.0), (0.3,), (0.1, 0.03)
 # Of a blob's pixels: another guess will hardly leave fewer.
 _EXPLAINED = 0.03
+# Likewise; so much more must a pose that leans explain. Nothing stands that leans a
+# little, but a size that is 1 % off, and blur, look like 3 degrees.
+_UPRIGHT = 0.1
 _MOST_UNEXPLAINED = 0.1  # of a blob's pixels; with more it may not be this solid
 _ANOTHER = 0.35  # with more it is another thing's blob
 _DEVIATIONS = 4.0  # of noise; of 16 000 normal values one is beyond
@@ -121,9 +124,9 @@ def _within_reach(shape: Shape, view: View) -> View:
 def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bool]:
     """The pose that explains most, coarsely, and whether it is held upright.
 
-    Most things stand. Where there is noise, it hides small leans; a solid that stands
-    and explains the image as well as anything could is then taken to stand. What hangs
-    from a hand may have turned in it, and is free to lean.
+    Most things stand. Where there is noise, it hides small leans; a solid whose depth
+    is that of one that stands is then taken to stand, unless something else explains
+    far more. What hangs from a hand may have turned in it, and is free to lean.
     """
     best, least, upright = RigidTransform(), np.inf, False
     if view.noise and not isinstance(shape, Sphere):
@@ -142,7 +145,7 @@ def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bo
             upright = not _hangs(shape, best, view)
             if least <= _EXPLAINED:
                 return best, upright
-            least -= _EXPLAINED * upright
+            least -= _UPRIGHT * upright
     guesses = _by_distance(shape, guess_poses(shape, view), points)
     for guess in guesses[: _FEW if view.noise else None]:
         X_WO = align(shape, guess, view, _COARSE).X_WO
