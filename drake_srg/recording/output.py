@@ -96,6 +96,7 @@ class Recorder(LeafSystem):
 
     _output: OutputFile
     _closed = False
+    _failed = False  # an error ended what was to be recorded
 
     @property
     def path(self) -> Path:
@@ -103,7 +104,7 @@ class Recorder(LeafSystem):
         return self._output.target
 
     def close(self) -> None:
-        """Finish the file and put it in its place; if nothing was recorded, write none.
+        """Finish the file and put it in its place, if it is one with what was recorded.
 
         Raises:
             OSError: If it cannot be finished; what was there before stays.
@@ -118,7 +119,7 @@ class Recorder(LeafSystem):
             self._output.discard()
 
     def _finish(self) -> bool:
-        """Complete the file, and say whether anything is in it."""
+        """Complete the file, and say whether it is worth keeping."""
         raise NotImplementedError
 
     def __enter__(self: _Self) -> _Self:
@@ -130,6 +131,7 @@ class Recorder(LeafSystem):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        self._failed = kind is not None and issubclass(kind, Exception)
         try:
             self.close()
         except Exception:

@@ -89,7 +89,8 @@ class RosbagRecorder(Recorder):
         except OSError as error:  # the disk is full, say
             raise OSError(error.errno, error.strerror, str(self.path)) from error
         (self._bag / self._output.path.name).replace(self._output.path)
-        return self._messages > 0
+        # Stopped before its first message, it is a bag; failed before, a leftover.
+        return self._messages > 0 or not self._failed
 
     def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:
         for port, model in topic.ports.items():

@@ -1,3 +1,5 @@
+import contextlib
+
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
@@ -215,9 +217,19 @@ def test_what_led_to_an_error_is_kept(tmp_path, error):
     assert list(tmp_path.iterdir()) == [tmp_path / "r.mcap"]
 
 
-def test_no_messages_no_file(tmp_path):
-    with RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]):
-        pass
+@pytest.mark.parametrize("error", [None, KeyboardInterrupt])
+def test_what_is_stopped_before_its_first_message_is_a_bag(tmp_path, error):
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),
+    ):
+        if error:
+            raise error
+    with Reader(tmp_path / "r.mcap") as reader:
+        assert reader.message_count == 0
+
+
+def test_what_fails_before_its_first_message_leaves_nothing(tmp_path):
     with (
         pytest.raises(ZeroDivisionError),
         RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),

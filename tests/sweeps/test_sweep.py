@@ -352,6 +352,8 @@ def test_progress_tells_success_and_the_time_left(tmp_path, monkeypatch, capsys)
         add(self, result)
 
     monkeypatch.setattr(sweep.SweepFolder, "add", a_minute_each)
+    # One after the other: of two that are over, either may come first.
+    monkeypatch.setattr(stub.StubEngine, "slots", lambda _: 1)
     monkeypatch.setattr(tqdm.std, "time", lambda: now)
 
     def shown(trials):
