@@ -114,7 +114,10 @@ class Ros2Bridge(Bridge):
     def has_subscribers(self, topic: str) -> bool:
         """Whether somebody listens to a topic."""
         with contextlib.suppress(DDSException):  # closed
-            return bool(self._writers[topic].get_matched_subscriptions())
+            # Not get_matched_subscriptions: it counts, then lists, and fails if
+            # somebody joins in between.
+            writer: Any = self._writers[topic]  # a status's getter has no annotations
+            return bool(writer.get_publication_matched_status().current_count)
         return False
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:

@@ -169,7 +169,7 @@ class Peer:
         self.readers[name] = DataReader(self.participant, topic, qos(reliable, 1000))
 
     def matched(self, name):
-        return len(self.readers[name].get_matched_publications())
+        return self.readers[name].get_subscription_matched_status().current_count
 
     def take(self, name):
         samples = self.readers[name].take(1000)
@@ -181,7 +181,7 @@ class Peer:
         self.writers[name] = (writer, kind)
 
     def subscribers(self, name):
-        return len(self.writers[name][0].get_matched_subscriptions())
+        return self.writers[name][0].get_publication_matched_status().current_count
 
     def introduce(self):
         """Return when all writers are known to who subscribes to /grasp.
@@ -191,7 +191,7 @@ class Peer:
         """
         topic = Topic(self.participant, "rt/grasp", Int32)
         writer = DataWriter(self.participant, topic, qos(True, 10))
-        while not writer.get_matched_subscriptions():
+        while not writer.get_publication_matched_status().current_count:
             time.sleep(0.001)
         writer.write(Int32(0))
         writer.wait_for_acks(10 * 10**9)

@@ -1,6 +1,8 @@
 import signal
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -204,6 +206,21 @@ def test_a_reader_that_stands_still_keeps_nobody_waiting(bridge, peer):
     finally:
         peer.signal(signal.SIGCONT)
         other.close()
+
+
+def test_readers_that_come_and_go_while_it_looks_are_no_error(bridge, peer):
+    subscribe(peer, bridge, "/joint_states", "JointState")
+    other = CyclonePeer(bridge.domain)
+
+    def come_and_go():
+        for _ in range(100):
+            other.subscribe("/joint_states", "JointState")
+
+    with closing(other), ThreadPoolExecutor() as threads:
+        coming = threads.submit(come_and_go)
+        while not coming.done():
+            assert bridge.has_subscribers("/joint_states")
+        coming.result()
 
 
 def test_a_peer_that_vanishes_is_forgotten(inbox, bridge, peer):
