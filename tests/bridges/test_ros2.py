@@ -126,7 +126,8 @@ def test_another_process_reads_what_is_published(bridge, peer, topic, values, ex
 def test_others_are_told_what_ros_2_tells(bridge, peer):
     def told():
         data = peer.user_data()
-        return data if len(data["subscription"]) == 2 * len(COMMANDS) else None
+        counts = [len(data[kind]) for kind in ("publication", "subscription")]
+        return data if counts == [len(TOPICS), 2 * len(COMMANDS)] else None
 
     data = wait_until(told)
     assert {entry["user_data"] for entry in data["participant"]} >= {"enclave=/;"}
