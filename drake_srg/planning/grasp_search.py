@@ -98,7 +98,7 @@ class GraspSearch:
             if isinstance(pick, IkFailure):
                 no_pick.append((grasp, pick))
                 continue
-            with carrying(self._scene, shape, grasp):
+            with carrying(self._scene, shape, grasp, supported=True):
                 place = SolveInverseKinematics(
                     self._scene,
                     place_target(grasp, X_WO_goal, self._config.place_height),
@@ -161,8 +161,11 @@ def place_target(
 
 
 @contextlib.contextmanager
-def carrying(scene: PlanningScene, shape: Shape, grasp: Grasp) -> Iterator[None]:
-    """Within the context, the hand of `scene` holds `shape`, which may stand."""
+def carrying(
+    scene: PlanningScene, shape: Shape, grasp: Grasp, *, supported: bool = False
+) -> Iterator[None]:
+    """Within the context, the hand of `scene` holds `shape`; `supported`, it stands."""
     scene.set_fingers(grasp.fingers_closed)
-    with scene.holding(shape, grasp.X_GO, margin=SUPPORT_OVERLAP):
+    margin = SUPPORT_OVERLAP if supported else None
+    with scene.holding(shape, grasp.X_GO, margin=margin):
         yield

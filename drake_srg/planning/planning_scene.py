@@ -63,7 +63,8 @@ class PlanningScene:
     the gripper may touch each other, what is held, and what is `touchable`.
 
     A held object touches its support when it is picked and placed. Give it a
-    negative margin there, such as -0.003 m: that much overlap then counts as free.
+    negative margin there, such as -0.003 m: that much overlap with furniture then
+    counts as free. From what stands about it keeps the gripper's distance all the same.
 
     Between two configurations of a path, checks are so close that no point moves
     further than `step` from one to the next. The default is twice the smaller
@@ -296,15 +297,16 @@ class PlanningScene:
         Args:
             shape: the object's.
             X_GO: the object's pose in the hand [m].
-            margin: distance it keeps from the surroundings [m]; default, the hand's.
+            margin: distance it keeps from furniture [m]; default, the hand's.
         """
-        keep = self._hand_margin if margin is None else margin
-        self._SetMargin(self._held.index(), keep)
+        held, obstacle = self._held.index(), self._obstacle.index()
+        self._SetMargin(held, self._hand_margin if margin is None else margin)
+        self._checker.SetPaddingBetween(held, obstacle, self._hand_margin)
         try:
             with self._Shape(self._held, shape, X_GO):
                 yield
         finally:
-            self._SetMargin(self._held.index(), self._hand_margin)
+            self._SetMargin(held, self._hand_margin)
 
     @contextlib.contextmanager
     def standing(

@@ -113,7 +113,7 @@ class TaskPlanner:
         place = place_target(grasp, X_WO_goal, self.config.place_height)
         try:
             with self._standing(obstacles):
-                with carrying(self.scene, shape, grasp):
+                with carrying(self.scene, shape, grasp, supported=True):
                     above = place.Shifted(self.config.lift_height * _UP)
                     path = self._moves.straight(q_start, above)
                     path = np.vstack([path, self._moves.straight(path[-1], place)[1:]])
@@ -214,7 +214,11 @@ class TaskPlanner:
             for mode, motion in task.motions.items():
                 with contextlib.ExitStack() as stack:
                     if mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
-                        stack.enter_context(carrying(self.scene, shape, task.grasp))
+                        supported = mode is not Mode.TRANSFER
+                        held = carrying(
+                            self.scene, shape, task.grasp, supported=supported
+                        )
+                        stack.enter_context(held)
                     else:
                         self.scene.set_fingers(task.grasp.fingers_open)
                     samples = motion_samples(self.scene, motion)
@@ -278,18 +282,20 @@ class TaskPlanner:
                 self._moves.joint_path(q_start, back[-1]), self._moves.free
             )
 
-        with carrying(self.scene, shape, grasp):
+        with carrying(scene, shape, grasp, supported=True):
             q_pick = candidate.q_grasp
             up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)
             motions[Mode.LIFT] = self._moves.timed(
                 up, self._moves.holding, straight=True
             )
-            q_place, down, across = self._transfer(up[-1], X_WO_goal, candidate)
+        across, down = self._transfer(up[-1], shape, X_WO_goal, candidate)
+        with carrying(scene, shape, grasp):
             motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
+        with carrying(scene, shape, grasp, supported=True):
             motions[Mode.PLACE] = self._moves.timed(
                 down, self._moves.holding, straight=True
             )
-        return motions | self._leave(q_place, grasp, shape, X_WO_goal)
+        return motions | self._leave(down[-1], grasp, shape, X_WO_goal)
 
     def _leave(
         self, q_place: Vector, grasp: Grasp, shape: Shape, X_WO: RigidTransform
@@ -309,27 +315,39 @@ class TaskPlanner:
         return motions
 
     def _transfer(
-        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
-    ) -> tuple[Vector, Vector, Vector]:
-        """Posture at the goal, the way down to it, and the way across."""
+        self,
+        q_lifted: Vector,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        candidate: Candidate,
+    ) -> tuple[Vector, Vector]:
+        """The way across, and down to the goal."""
         scene, grasp = self.scene, candidate.grasp
         lift = self.config.lift_height * _UP
         place = place_target(
             grasp, X_WO_goal, self.config.place_height, angle_tolerance=_UPRIGHT
         )
         # Straight across keeps the object upright. Where that does not go, any way.
-        across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
-        if not isinstance(across, PathFailure):
-            if scene.num_joints < FREEDOMS and self.config.tip_limits is None:
+        with carrying(scene, shape, grasp):
+            across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
+            if (
+                not isinstance(across, PathFailure)
+                and scene.num_joints < FREEDOMS
+                and self.config.tip_limits is None
+            ):
                 # Without a joint to spare, the hand's line costs detours of the joints.
                 line = scene.edge(q_lifted, across[-1])
                 lean = max(place.angle_violation(scene.X_WG(q)) for q in line)
                 kept = lean < 1e-6  # the line's end is as far off as is tolerated
                 if kept and scene.first_hit(line) is None:
                     across = np.array([q_lifted, across[-1]])
-            down = PlanCartesianPath(scene, across[-1], self._moves.below(across[-1]))
-            if not isinstance(down, PathFailure):
-                return down[-1], down, across
-        q_place = candidate.q_place
-        up = self._moves.straight(q_place, self._moves.above(q_place))
-        return q_place, up[::-1], self._moves.joint_path(q_lifted, up[-1])
+        with carrying(scene, shape, grasp, supported=True):
+            if not isinstance(across, PathFailure):
+                below = self._moves.below(across[-1])
+                down = PlanCartesianPath(scene, across[-1], below)
+                if not isinstance(down, PathFailure):
+                    return across, down
+            q_place = candidate.q_place
+            up = self._moves.straight(q_place, self._moves.above(q_place))
+        with carrying(scene, shape, grasp):
+            return self._moves.joint_path(q_lifted, up[-1]), up[::-1]

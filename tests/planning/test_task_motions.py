@@ -4,6 +4,7 @@ from planning_world import CAN, MOVING
 from pydrake.math import RigidTransform
 
 from drake_srg.cell import MakeTaskPlanner
+from drake_srg.planning.grasp_search import carrying
 from drake_srg.planning.moves import TaskFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Box, Cylinder, Failure, Mode
@@ -145,3 +146,20 @@ def test_motions_keep_clear_of_other_objects(planner, task):
         assert not planner.scene.is_free(q_way)
         for q in samples(around.motions[Mode.TRANSFER]):
             assert planner.scene.clearance(q).distance > 0.0
+
+
+def test_what_is_carried_keeps_clear_of_what_it_passes_over(planner, task):
+    # As high as the bottom of the carried can, in the middle of its way across.
+    p_way = object_in_world(planner, task, samples(task.motions[Mode.TRANSFER], 3)[1])
+    top = p_way[2] - 0.5 * CAN.length
+    post = Cylinder(0.03, top)
+    X_WO = RigidTransform([*p_way[:2], 0.5 * top])
+    over = planner.plan(planner.q_home, START, CAN, GOAL, obstacles=[(post, X_WO)])
+    scene = planner.scene
+    with (
+        scene.standing(post, X_WO),
+        carrying(scene, CAN, over.grasp, supported=True),
+    ):
+        for q in samples(over.motions[Mode.TRANSFER]):
+            found = scene.clearance(q)
+            assert found.distance > planner.config.hand_clearance - 5e-4, found
