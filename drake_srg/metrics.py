@@ -47,6 +47,8 @@ class Metrics:
     hold_drift_m_per_s: float | None  # in the hand, while the lifted arm dwells
     # Largest contact of the gripper with the object among the samples of the log [N].
     peak_contact_force_n: float | None
+    # Largest distance of any other object from where it stood at first, at any time.
+    others_moved_m: float | None
     sim_time_s: float
     wall_time_s: float
     real_time_factor: float
@@ -75,6 +77,7 @@ class Metrics:
             ("shift while closing", show(self.grasp_shift_m, 1e3, "mm")),
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
+            ("other objects moved", show(self.others_moved_m, 1e3, "mm")),
             ("planning", show(self.planning_wall_s, 1.0, "s of wall clock")),
             ("speed", f"{self.real_time_factor:.2f} x real time"),
         ]
@@ -169,6 +172,7 @@ def calc_metrics(
         smoothness=_smoothness(time, mode, _arm_states(log)),
         hold_drift_m_per_s=drift,
         peak_contact_force_n=peak,
+        others_moved_m=_others_moved(log, pick),
         sim_time_s=times.simulated,
         wall_time_s=times.wall,
         real_time_factor=times.simulated / times.wall,
@@ -223,6 +227,17 @@ def _grasp_shift(mode: Vector, poses: Vector) -> float | None:
         return None
     start, end = poses[rows[0], :3], poses[min(rows[-1] + 1, len(poses) - 1), :3]
     return float(np.linalg.norm(end - start))
+
+
+def _others_moved(log: Mapping[str, Vector], pick: str) -> float | None:
+    others = [
+        poses[:, :3]
+        for name, poses in log.items()
+        if name.startswith("object_pose.") and name != f"object_pose.{pick}"
+    ]
+    if not others:
+        return None
+    return float(max(np.max(np.linalg.norm(p - p[0], axis=1)) for p in others))
 
 
 def _hold_drift(

@@ -251,6 +251,16 @@ def test_the_peak_force_is_the_largest():
     assert judge(log).peak_contact_force_n == 12.5
 
 
+def test_other_objects_count_from_where_they_stood_at_first():
+    assert judge(make_log()).others_moved_m is None  # there are none
+    log = make_log()
+    for name, shift in (("near", 3e-3), ("far", 4e-3)):
+        poses = np.tile(pose_to_row(RigidTransform([0.3, 0.2, 0.1])), (151, 1))
+        poses[70:80, :2] += shift  # and back again
+        log[f"object_pose.{name}"] = poses
+    assert judge(log).others_moved_m == pytest.approx(4e-3 * np.sqrt(2.0))
+
+
 def test_the_drift_is_measured_in_the_hand():
     """The can slides in the hand at 2 mm/s while the hand is elsewhere and moves."""
     plant = MultibodyPlant(0.0)
@@ -319,8 +329,8 @@ KEYS = """
 schema_version scenario seed success failure attempts cycles cycle_time_s
 planning_wall_s localization_error_m placement_error_m placement_tilt_rad
 grasp_shift_m smoothness
-hold_drift_m_per_s peak_contact_force_n sim_time_s wall_time_s real_time_factor
-artifacts
+hold_drift_m_per_s peak_contact_force_n others_moved_m
+sim_time_s wall_time_s real_time_factor artifacts
 """
 
 

@@ -25,6 +25,7 @@ def metrics(**changes):
             "smoothness": -20.0,
             "hold_drift_m_per_s": 1e-5,
             "peak_contact_force_n": 5.0,
+            "others_moved_m": None,
             "sim_time_s": 6.5,
             "wall_time_s": 3.0,
             "real_time_factor": 2.2,

@@ -155,6 +155,7 @@ def distributions(trials: Trials) -> Element:
         ("Cycle time", "s", trials.cycle_time, False),
         ("Placement error", "mm", 1e3 * trials.placement_error, False),
         ("Localisation error", "mm", 1e3 * trials.localization_error, False),
+        ("Other objects moved", "mm", 1e3 * trials.others_moved, False),
         ("Attempts", "", trials.attempts, True),
     )
     figures = []

@@ -42,6 +42,7 @@ class Trials:
         self.cycle_time = self.numbers("cycle_time_s")
         self.placement_error = self.norms("placement_error_m")
         self.localization_error = self.norms("localization_error_m")
+        self.others_moved = self.numbers("others_moved_m")
         self.attempts = self.numbers("attempts")
 
     def __len__(self) -> int:
