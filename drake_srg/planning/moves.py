@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Iterable
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -53,9 +54,10 @@ class Moves:
         self.free = limits.Scaled(config.speed, config.speed)
         self.holding = limits.Scaled(config.holding_speed, config.holding_acceleration)
 
-    def above(self, q: Vector) -> HandTarget:
-        """The hand as at `q` (N,) [rad], lifted."""
-        return self._like(q).Shifted(self._config.lift_height * _UP)
+    def above(self, q: Vector, height: float | None = None) -> HandTarget:
+        """The hand as at `q` (N,) [rad], lifted by `height`, or `lift_height` [m]."""
+        height = self._config.lift_height if height is None else height
+        return self._like(q).Shifted(height * _UP)
 
     def below(self, q: Vector) -> HandTarget:
         """The hand as at `q` (N,) [rad], lowered by as much as `above` lifts it."""
@@ -96,6 +98,17 @@ class Moves:
             path = PlanCartesianPath(self._scene, q, target, spacing=0.005)
         if isinstance(path, PathFailure):
             raise NoPathError(path.failure, path.message)
+        return path
+
+    def through(self, q: Vector, targets: Iterable[HandTarget]) -> Vector:
+        """Path of the hand on straight lines from `q` through targets, (K, N) [rad].
+
+        Raises:
+            NoPathError: If there is none.
+        """
+        path = q[np.newaxis]
+        for target in targets:
+            path = np.vstack([path, self.straight(path[-1], target)[1:]])
         return path
 
     def joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:

@@ -12,26 +12,22 @@ from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.config import PlannerConfig
+from drake_srg.planning.grasp_motions import GraspMotions
 from drake_srg.planning.grasp_search import (
     SUPPORT_OVERLAP,
-    Candidate,
     GraspSearch,
     carrying,
-    place_target,
 )
 from drake_srg.planning.grasps import Grasp, Hand
-from drake_srg.planning.moves import FREEDOMS, Moves, NoPathError, TaskFailure
+from drake_srg.planning.moves import Moves, NoPathError, TaskFailure
 from drake_srg.planning.paths import PathFailure, PlanCartesianPath
 from drake_srg.planning.planning_scene import Clearance, PlanningScene
 from drake_srg.planning.trajectories import motion_samples
 from drake_srg.types import Failure, Mode, Shape, Vector
 
-_UP = np.array([0.0, 0.0, 1.0])
 # Grasps whose motions are planned before the planner gives up. More are there only
 # where the hand is turned about the object; a search for a way takes up to 5 s each.
 _MOST_CANDIDATES = 8
-# What a carried object may lean more than where it was taken [rad].
-_UPRIGHT = 0.004
 
 
 # Shapes that stand about, and their poses X_WO [m].
@@ -69,6 +65,7 @@ class TaskPlanner:
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
         self._moves = Moves(scene, hand, config)
+        self._grasp_motions = GraspMotions(scene, self._moves, self.q_home, config)
         self._search = GraspSearch(scene, hand, self.q_home, config)
 
     def plan(
@@ -110,16 +107,9 @@ class TaskPlanner:
             X_WO_goal: Where it shall be [m].
             obstacles: Other objects and their poses [m].
         """
-        place = place_target(grasp, X_WO_goal, self.config.place_height)
         try:
             with self._standing(obstacles):
-                with carrying(self.scene, shape, grasp, supported=True):
-                    above = place.Shifted(self.config.lift_height * _UP)
-                    path = self._moves.straight(q_start, above)
-                    path = np.vstack([path, self._moves.straight(path[-1], place)[1:]])
-                    down = self._moves.timed(path, self._moves.holding, straight=True)
-                motions = {Mode.PLACE: down}
-                motions |= self._leave(path[-1], grasp, shape, X_WO_goal)
+                motions = self._grasp_motions.place(q_start, grasp, shape, X_WO_goal)
         except NoPathError as error:
             return error.failure
         return TaskMotions(grasp, motions)
@@ -143,7 +133,9 @@ class TaskPlanner:
             no_path = []
             for candidate in candidates[:_MOST_CANDIDATES]:
                 try:
-                    motions = self._motions(q_start, shape, X_WO_goal, candidate)
+                    motions = self._grasp_motions.plan(
+                        q_start, shape, X_WO_goal, candidate
+                    )
                     return TaskMotions(candidate.grasp, motions)
                 except NoPathError as error:
                     no_path.append(error.failure)
@@ -258,96 +250,3 @@ class TaskPlanner:
             for shape, X_WO in obstacles:
                 stack.enter_context(self.scene.standing(shape, X_WO))
             yield
-
-    def _motions(
-        self,
-        q_start: Vector,
-        shape: Shape,
-        X_WO_goal: RigidTransform,
-        candidate: Candidate,
-    ) -> dict[Mode, Trajectory]:
-        scene, grasp, X_WO = self.scene, candidate.grasp, candidate.X_WO
-        motions: dict[Mode, Trajectory] = {}
-
-        scene.set_fingers(grasp.fingers_open)
-        with scene.standing(shape, X_WO, touchable=True):
-            back = self._moves.straight(
-                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
-            )
-            motions[Mode.GRASP] = self._moves.timed(
-                back[::-1], self._moves.free, straight=True
-            )
-        with scene.standing(shape, X_WO):
-            motions[Mode.PRE_GRASP] = self._moves.timed(
-                self._moves.joint_path(q_start, back[-1]), self._moves.free
-            )
-
-        with carrying(scene, shape, grasp, supported=True):
-            q_pick = candidate.q_grasp
-            up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)
-            motions[Mode.LIFT] = self._moves.timed(
-                up, self._moves.holding, straight=True
-            )
-        across, down = self._transfer(up[-1], shape, X_WO_goal, candidate)
-        with carrying(scene, shape, grasp):
-            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
-        with carrying(scene, shape, grasp, supported=True):
-            motions[Mode.PLACE] = self._moves.timed(
-                down, self._moves.holding, straight=True
-            )
-        return motions | self._leave(down[-1], grasp, shape, X_WO_goal)
-
-    def _leave(
-        self, q_place: Vector, grasp: Grasp, shape: Shape, X_WO: RigidTransform
-    ) -> dict[Mode, Trajectory]:
-        """Motions away from an object that has been placed, and home."""
-        scene, motions = self.scene, {}
-        scene.set_fingers(grasp.fingers_open)
-        with scene.standing(shape, X_WO, touchable=True):
-            away = self._moves.straight(q_place, self._moves.behind(q_place))
-            motions[Mode.RETREAT] = self._moves.timed(
-                away, self._moves.free, straight=True
-            )
-        with scene.standing(shape, X_WO):
-            motions[Mode.HOME] = self._moves.timed(
-                self._moves.joint_path(away[-1], self.q_home), self._moves.free
-            )
-        return motions
-
-    def _transfer(
-        self,
-        q_lifted: Vector,
-        shape: Shape,
-        X_WO_goal: RigidTransform,
-        candidate: Candidate,
-    ) -> tuple[Vector, Vector]:
-        """The way across, and down to the goal."""
-        scene, grasp = self.scene, candidate.grasp
-        lift = self.config.lift_height * _UP
-        place = place_target(
-            grasp, X_WO_goal, self.config.place_height, angle_tolerance=_UPRIGHT
-        )
-        # Straight across keeps the object upright. Where that does not go, any way.
-        with carrying(scene, shape, grasp):
-            across = PlanCartesianPath(scene, q_lifted, place.Shifted(lift))
-            if (
-                not isinstance(across, PathFailure)
-                and scene.num_joints < FREEDOMS
-                and self.config.tip_limits is None
-            ):
-                # Without a joint to spare, the hand's line costs detours of the joints.
-                line = scene.edge(q_lifted, across[-1])
-                lean = max(place.angle_violation(scene.X_WG(q)) for q in line)
-                kept = lean < 1e-6  # the line's end is as far off as is tolerated
-                if kept and scene.first_hit(line) is None:
-                    across = np.array([q_lifted, across[-1]])
-        with carrying(scene, shape, grasp, supported=True):
-            if not isinstance(across, PathFailure):
-                below = self._moves.below(across[-1])
-                down = PlanCartesianPath(scene, across[-1], below)
-                if not isinstance(down, PathFailure):
-                    return across, down
-            q_place = candidate.q_place
-            up = self._moves.straight(q_place, self._moves.above(q_place))
-        with carrying(scene, shape, grasp):
-            return self._moves.joint_path(q_lifted, up[-1]), up[::-1]

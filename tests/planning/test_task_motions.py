@@ -162,4 +162,7 @@ def test_what_is_carried_keeps_clear_of_what_it_passes_over(planner, task):
     ):
         for q in samples(over.motions[Mode.TRANSFER]):
             found = scene.clearance(q)
-            assert found.distance > planner.config.hand_clearance - 5e-4, found
+            # Rounded corners may graze what keeps its distance by a millimetre.
+            assert found.distance > planner.config.hand_clearance - 1e-3, found
+            up = (scene.X_WG(q) @ over.grasp.X_GO).rotation().matrix()[:, 2]
+            assert up[2] > np.cos(np.deg2rad(1.0))  # over it, not around it
