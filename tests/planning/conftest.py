@@ -1,14 +1,19 @@
-"""Two arms to plan for: the iiwa with the SRG on a table, and a pendulum."""
+"""Arms to plan for: the iiwa with the SRG on a table, a pendulum, the kitchen's."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from kitchen_task import GOAL, START
+from planning_world import CAN
 from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 
+from drake_srg.cell import MakeTaskPlanner
 from drake_srg.parsing import ConfigureParser
 from drake_srg.planning.planning_scene import PlanningScene
+from drake_srg.planning.task_motions import TaskMotions, TaskPlanner
+from drake_srg.scenario import load_scenario
 
 _IIWA = """
 directives:
@@ -84,3 +89,17 @@ def loaded_pendulum() -> PlanningScene:
 def home() -> np.ndarray:
     """Elbow up, hand pointing down, clear of the table."""
     return np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
+
+
+@pytest.fixture(scope="session")
+def planner() -> TaskPlanner:
+    """The kitchen's."""
+    return MakeTaskPlanner(load_scenario("kitchen"))
+
+
+@pytest.fixture(scope="session")
+def task(planner: TaskPlanner) -> TaskMotions:
+    """From where the kitchen's can stands to its mark."""
+    motions = planner.plan(planner.q_home, START, CAN, GOAL)
+    assert isinstance(motions, TaskMotions)
+    return motions
