@@ -10,14 +10,15 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_srg.metrics import MODES
 from drake_srg.plant import MakeModelsPlant
 from drake_srg.ports import Ports, output_ports
+from drake_srg.recording.log import write_log
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
-from drake_srg.recording.timeline import Timeline
+from drake_srg.recording.timeline import Timeline, draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 
-__all__ = ["FILES", "AddRecorders", "output_ports", "run_timeline"]
+__all__ = ["FILES", "AddRecorders", "output_ports", "run_timeline", "write_samples"]
 
 # Artifacts of a run: kind to file.
 FILES = {
@@ -114,6 +115,22 @@ def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]
 
 def _words(name: str) -> str:
     return name.replace("_", " ")
+
+
+def write_samples(
+    name: str, log: Mapping[str, Vector], scenario: Scenario, out: Path, timeline: bool
+) -> dict[str, str]:
+    """Write log.npz and, where it is wanted, timeline.png; see `Simulate`.
+
+    Returns:
+        Their paths, by kind.
+    """
+    written = {"log": str(write_log(out / FILES["log"], log))}
+    if timeline:
+        title = f"{name}, seed {scenario.random_seed}"
+        picture = run_timeline(title, log, scenario)
+        written["timeline"] = str(draw_timeline(picture, out / FILES["timeline"]))
+    return written
 
 
 def run_timeline(title: str, log: Mapping[str, Vector], scenario: Scenario) -> Timeline:

@@ -28,10 +28,8 @@ from drake_srg.metrics import (
     pose_to_row,
 )
 from drake_srg.ports import Ports, output_ports
-from drake_srg.recorders import FILES, AddRecorders, run_timeline
-from drake_srg.recording.log import write_log
+from drake_srg.recorders import FILES, AddRecorders, write_samples
 from drake_srg.recording.output import output_folder
-from drake_srg.recording.timeline import draw_timeline
 from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
@@ -78,6 +76,7 @@ def Simulate(
     object), sampled every `recording.period`.
 
     On a KeyboardInterrupt the run ends as `stopped`, judged and recorded up to there.
+    An error leaves log and recordings up to there, too, but no metrics.json.
 
     Args:
         scenario: What to simulate.
@@ -96,8 +95,8 @@ def Simulate(
         OSError: If `out` cannot be written.
     """
     artifacts: dict[str, str | None] = dict.fromkeys(FILES)
-    whole = make_cell is not MakeCell or (record and out is not None)
-    built = scenario if whole else _with_eyes_only(scenario)
+    whole = make_cell is not MakeCell
+    built = scenario if whole else _with_eyes_only(scenario, record and out is not None)
     with contextlib.ExitStack() as stack:
         with scenario_errors(name):
             builder = DiagramBuilder()
@@ -131,16 +130,16 @@ def Simulate(
                 (out / file).unlink(missing_ok=True)
         _warm_up(simulator, cell)
         log = _Log(scenario, cell)
-        status, times = _run(simulator, cell, scenario, name, log, progress)
+
+        def write() -> dict[str, str]:
+            if out is None or not log:
+                return {}
+            return write_samples(name, log.arrays(), scenario, out, record)
+
+        with _before_an_error_goes_on(write):
+            status, times = _run(simulator, cell, scenario, name, log, progress)
+    artifacts |= write()
     arrays = log.arrays()
-    if out is not None:
-        artifacts["log"] = str(write_log(out / FILES["log"], arrays))
-        if record:
-            title = f"{name}, seed {scenario.random_seed}"
-            timeline = run_timeline(title, arrays, scenario)
-            artifacts["timeline"] = str(
-                draw_timeline(timeline, out / FILES["timeline"])
-            )
     metrics = calc_metrics(
         scenario, name, arrays, status, log.touching, times, artifacts
     )
@@ -161,9 +160,24 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
         ) from error
 
 
-def _with_eyes_only(scenario: Scenario) -> Scenario:
-    """The scenario without cameras that nobody looks through unless it is recorded."""
-    seen = {name: scenario.cameras[name] for name in scenario.localizer.cameras}
+@contextlib.contextmanager
+def _before_an_error_goes_on(write: Callable[[], object]) -> Iterator[None]:
+    """Write what there is when an error comes up."""
+    try:
+        yield
+    except Exception:
+        # The error that came first is told: a full disk has both.
+        with contextlib.suppress(Exception):
+            write()
+        raise
+
+
+def _with_eyes_only(scenario: Scenario, recorded: bool) -> Scenario:
+    """The scenario without cameras that nobody looks through: each is to be built."""
+    used = set(scenario.localizer.cameras)
+    if recorded:
+        used |= {scenario.recording.video_camera, *scenario.recording.bag_cameras}
+    seen = {name: c for name, c in scenario.cameras.items() if name in used}
     return dc.replace(scenario, cameras=seen)
 
 
@@ -240,6 +254,9 @@ class _Log:
         self._present = scenario.objects[self._pick].present
         self._rows: list[dict[str, Vector | float]] = []
         self.touching: set[str] = set()
+
+    def __len__(self) -> int:
+        return len(self._rows)
 
     def sample(self, context: Context) -> None:
         """Add a row, whole or, where this is interrupted, not at all."""

@@ -156,14 +156,14 @@ def test_a_scripted_cell_is_recorded_too(tmp_path):
 
 @pytest.fixture
 def failing(monkeypatch):
-    """Makes the log raise an error at its 21st row."""
+    """Makes the log raise an error after some rows."""
 
-    def fail_with(error):
+    def fail_with(error, rows=20):
         sample, calls = _Log.sample, []
 
         def sample_or_fail(log, context):
             calls.append(context)
-            if len(calls) > 20:
+            if len(calls) > rows:
                 raise error
             sample(log, context)
 
@@ -198,9 +198,49 @@ def test_a_run_that_fails_leaves_what_led_to_it_and_nothing_stale(tmp_path, fail
     scenario = load_scenario("kitchen", overrides=["object.present=false"])
     with pytest.raises(ZeroDivisionError):
         Simulate(scenario, out=tmp_path)
-    kept = {"notes.txt", "recording.mcap", "video.mp4"}
+    kept = {"notes.txt", *FILES} - {"metrics.json"}
     assert {path.name for path in tmp_path.iterdir()} == kept
+    assert len(read_log(tmp_path / "log.npz")["time"]) == 20
     with Reader(tmp_path / "recording.mcap") as reader:
         assert reader.message_count > 0
     with av.open(str(tmp_path / "video.mp4")) as container:
         assert list(container.decode(video=0))
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_run_that_fails_at_once_leaves_what_there_is(tmp_path, failing, rows):
+    failing(ZeroDivisionError, rows)
+    scenario = load_scenario("kitchen", overrides=["recording.video_camera=''"])
+    with pytest.raises(ZeroDivisionError):
+        Simulate(scenario, out=tmp_path, record=False)
+    kept = {"log.npz"} if rows else set()
+    assert {path.name for path in tmp_path.iterdir()} == kept
+
+
+def test_the_error_that_came_first_is_told(tmp_path, failing, monkeypatch):
+    def full(*_):
+        raise OSError("full")
+
+    failing(ZeroDivisionError)
+    monkeypatch.setattr("drake_srg.recorders.write_log", full)
+    with pytest.raises(ZeroDivisionError):
+        Simulate(load_scenario("kitchen"), out=tmp_path / "out", record=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("record", "cameras"), [(False, {"ceiling"}), (True, {"ceiling", "side"})]
+)
+def test_cameras_that_nobody_uses_are_not_built(tmp_path, monkeypatch, record, cameras):
+    built = []
+
+    def make_cell(scenario):
+        built.append(set(scenario.cameras))
+        raise ScenarioError("enough")
+
+    monkeypatch.setattr("drake_srg.simulation.MakeCell", make_cell)
+    overrides = ["recording={video_camera: side}", "cameras.side={}"]
+    scenario = load_scenario("kitchen", overrides=overrides)
+    with pytest.raises(ScenarioError, match="enough"):
+        Simulate(scenario, out=tmp_path, record=record, make_cell=make_cell)
+    assert built == [cameras]
