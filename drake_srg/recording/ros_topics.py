@@ -11,6 +11,7 @@ import enum
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageRgba8U
@@ -101,7 +102,9 @@ def image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """An ImageRgba8U port as sensor_msgs/msg/Image, rgb8, every `period` [s]."""
 
     def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
-        return image_message(make, time, frame_id, "rgb8", value.data[..., :3])
+        # A copy by NumPy, of a slice, takes 20 times as long.
+        rgb = cv2.cvtColor(value.data, cv2.COLOR_RGBA2RGB)
+        return image_message(make, time, frame_id, "rgb8", rgb)
 
     model = AbstractValue.Make(ImageRgba8U())
     return Topic(name, "sensor_msgs/msg/Image", {port: model}, convert, period)

@@ -116,7 +116,8 @@ class VideoRecorder(Recorder):
                 f"VideoRecorder.color_image is {image.shape[1]}x{image.shape[0]} "
                 f"pixels; the video {self.path.name} is {width}x{height}"
             )
-        rgb = np.ascontiguousarray(image[: height // 2 * 2, : width // 2 * 2, :3])
+        even = image[: height // 2 * 2, : width // 2 * 2]
+        rgb = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)  # 20 times as fast as a slice
         if self._caption.HasValue(context):
             caption(rgb, context.get_time(), self._caption.Eval(context))
         frame = self._av.VideoFrame.from_ndarray(rgb, format="rgb24")
