@@ -23,7 +23,7 @@ from drake_srg.planning.scripted import ScriptedPlanner
 from drake_srg.planning.srg_hand import SrgHand
 from drake_srg.planning.task_motions import TaskPlanner
 from drake_srg.plant import Models
-from drake_srg.ports import Ports, output_ports
+from drake_srg.ports import Ports, input_ports, output_ports
 from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.station import AddStation, MakeStation
 from drake_srg.types import Vector
@@ -150,10 +150,8 @@ def AddDisturber(
         station.GetOutputPort("object_poses_cheat"),
         disturber.GetInputPort("object_poses"),
     )
-    builder.Connect(
-        disturber.GetOutputPort("object_forces"),
-        station.GetInputPort("object_forces_cheat"),
-    )
+    for port in input_ports(station, "object_forces_cheat"):
+        builder.Connect(disturber.GetOutputPort("object_forces"), port)
 
 
 def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:

@@ -19,6 +19,8 @@ class Ports:
 
     inputs: dict[str, InputPort] = dc.field(default_factory=dict)
     outputs: dict[str, OutputPort] = dc.field(default_factory=dict)
+    # Further input ports, each of which gets what the one of `inputs` by its name gets.
+    followers: dict[str, InputPort] = dc.field(default_factory=dict)
 
     def GetInputPort(self, name: str) -> InputPort:
         """Return an input port, as Drake's systems do."""
@@ -31,9 +33,19 @@ class Ports:
     def Export(self, builder: DiagramBuilder) -> None:
         """Export them all, in their order."""
         for name, source in self.inputs.items():
-            builder.ExportInput(source, name)
+            exported = builder.ExportInput(source, name)
+            if name in self.followers:
+                builder.ConnectInput(exported, self.followers[name])
         for name, port in self.outputs.items():
             builder.ExportOutput(port, name)
+
+
+def input_ports(system: Diagram | Ports, name: str) -> list[InputPort]:
+    """The input ports of a diagram, or of what stands for one, that a name is for."""
+    ports = [system.GetInputPort(name)]
+    if isinstance(system, Ports) and name in system.followers:
+        ports.append(system.followers[name])
+    return ports
 
 
 def output_ports(system: Diagram | Ports) -> dict[str, OutputPort]:

@@ -158,6 +158,12 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
             poses.get_input_port(1),
         )
     ports.inputs["object_forces_cheat"] = plant.get_applied_spatial_force_input_port()
+    if builder.HasSubsystemNamed("contact_torques"):
+        # An arm feels what pulls at what it holds.
+        contact_torques = builder.GetSubsystemByName("contact_torques")
+        ports.followers["object_forces_cheat"] = contact_torques.GetInputPort(
+            "applied_forces"
+        )
     ports.outputs["object_poses_cheat"] = poses.get_output_port()
     ports.outputs["contact_results_cheat"] = plant.get_contact_results_output_port()
     return ports

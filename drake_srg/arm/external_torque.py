@@ -14,14 +14,11 @@ from pydrake.systems.framework import (
     DiscreteValues,
     OutputPort,
 )
-from pydrake.systems.primitives import LinearSystem
 
+from drake_srg.arm.contact_torques import ContactTorques
+from drake_srg.arm.lag import TIME_CONSTANT, lag_share
 from drake_srg.joint_errors import ArmErrorsConfig, TorqueErrors
 from drake_srg.lifetime import LeafSystem
-
-# Time constant of the estimate [s]: that of contact forces which a motion at the arm's
-# top speed builds up is 20 to 50 ms.
-TIME_CONSTANT = 0.02
 
 
 class ExternalTorqueObserver(LeafSystem):
@@ -139,10 +136,11 @@ def AddExternalTorque(
     arm's own controller does: torques and motion at the joints, before the errors of
     what that reports. Between samples of a continuous plant the torque of stiff
     actuators is a saw, by v kp period, 170 N m at an iiwa's top speed, and no sample
-    stands for its mean. There, the torques are those of the contacts by the plant's own
-    account, with the same lag; inside the arm, joint torque sensors would tell as much.
-    What the hand holds comes with the plant's regularized friction, which is not in
-    balance where it creeps: 10 N m for a can that weighs 2.
+    stands for its mean. There, `ContactTorques` tells them by the plant's contacts,
+    with the same lag; inside the arm, joint torque sensors would tell as much.
+
+    Where something pulls at arm, hand or what that holds by the plant's applied spatial
+    forces, the caller connects `contact_torques`, where it is, to the same.
 
     Args:
         builder: Of the diagram.
@@ -179,15 +177,21 @@ def _external_torque(
     period: float,
 ) -> OutputPort:
     if not plant.time_step():
-        eye = np.eye(plant.num_velocities(arm))
-        share = lag_share(period)
-        lag = builder.AddNamedSystem(
-            "external_torque_lag",
-            LinearSystem((1.0 - share) * eye, share * eye, eye, 0.0 * eye, period),
+        torques = builder.AddNamedSystem(
+            "contact_torques",
+            ContactTorques(plant, arm, gripper, models_plant, period),
         )
-        contacts = plant.get_generalized_contact_forces_output_port(arm)
-        builder.Connect(contacts, lag.get_input_port())
-        return lag.get_output_port()
+        for source, name in (
+            (plant.get_state_output_port(arm), "arm_state"),
+            (plant.get_contact_results_output_port(), "contact_results"),
+            (plant.get_body_poses_output_port(), "body_poses"),
+            (
+                plant.get_body_spatial_velocities_output_port(),
+                "body_spatial_velocities",
+            ),
+        ):
+            builder.Connect(source, torques.GetInputPort(name))
+        return torques.get_output_port()
     instances = [arm] if gripper is None else [arm, gripper]
     observer = builder.AddNamedSystem(
         "external_torque_observer",
@@ -205,8 +209,3 @@ def _external_torque(
         plant.get_net_actuation_output_port(arm), observer.GetInputPort("torque")
     )
     return observer.get_output_port()
-
-
-def lag_share(period: float, time_constant: float = TIME_CONSTANT) -> float:
-    """Share of a step that a first-order lag follows in a period [s]."""
-    return float(-np.expm1(-period / time_constant))

@@ -1,21 +1,17 @@
 """Force sensors in the finger links, read from contact."""
 
 import dataclasses as dc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.geometry import ContactSurface, GeometryId, PolygonSurfaceMesh
+from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import (
-    ContactResults,
-    DeformableContactInfo,
-    HydroelasticContactInfo,
-    MultibodyPlant,
-)
+from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
+from drake_srg.contact_results import each_contact
 from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
@@ -69,7 +65,6 @@ class ContactForceSensors(LeafSystem):
         self.sensor_names = list(links)
         # Numbers, not ids: see ProximitySensors.
         self._bodies = [int(body) for body, _ in links.values()]
-        self._sensor_of_body = {body: i for i, body in enumerate(self._bodies)}
         self._sensor_of_geometry = {
             g.get_value(): i for i, (_, gs) in enumerate(links.values()) for g in gs
         }
@@ -96,27 +91,20 @@ class ContactForceSensors(LeafSystem):
         contacts: ContactResults = self._contacts.Eval(context)
         wrenches = np.zeros((len(self._bodies), 6))
         applied: list[tuple[int, Vector, Vector, Vector]] = []
-        for surface, a, b, info in _surface_contacts(contacts):
+        for contact in each_contact(contacts):
             sides = [
-                (self._sensor_of_geometry.get(a.get_value()), 1.0),
-                (self._sensor_of_geometry.get(b.get_value()), -1.0),
+                (self._sensor_of_geometry.get(contact.id_A), 1.0),
+                (self._sensor_of_geometry.get(contact.id_B), -1.0),
             ]
             if all(sensor is None for sensor, _ in sides):
                 continue
-            F_Ac_W = info.F_Ac_W()
+            F_Ac_W = contact.F_Ac_W()
             torque, force = F_Ac_W.rotational(), F_Ac_W.translational()
             for sensor, sign in sides:
                 if sensor is not None:
                     applied.append(
-                        (sensor, surface.centroid(), sign * torque, sign * force)
+                        (sensor, contact.p_WC(), sign * torque, sign * force)
                     )
-        for k in range(contacts.num_point_pair_contacts()):
-            pair = contacts.point_pair_contact_info(k)
-            for body, sign in ((pair.bodyA_index(), -1.0), (pair.bodyB_index(), 1.0)):
-                sensor = self._sensor_of_body.get(int(body))
-                if sensor is not None:
-                    force = sign * pair.contact_force()
-                    applied.append((sensor, pair.contact_point(), np.zeros(3), force))
         if applied:
             poses = self._poses.Eval(context)
             for sensor, p_WC, torque, force in applied:
@@ -139,26 +127,6 @@ class ContactForceSensors(LeafSystem):
     def _calc_triggered(self, context: Context, output: BasicVector) -> None:
         fired = self._forces(context) >= self.config.trigger_force
         output.SetFromVector(fired.astype(float))
-
-
-def _surface_contacts(
-    contacts: ContactResults,
-) -> Iterator[
-    tuple[
-        ContactSurface | PolygonSurfaceMesh,
-        GeometryId,
-        GeometryId,
-        HydroelasticContactInfo | DeformableContactInfo,
-    ]
-]:
-    """Surface, geometries A and B, and information of each contact over a surface."""
-    for k in range(contacts.num_hydroelastic_contacts()):
-        info = contacts.hydroelastic_contact_info(k)
-        surface = info.contact_surface()
-        yield surface, surface.id_M(), surface.id_N(), info
-    for k in range(contacts.num_deformable_contacts()):
-        soft = contacts.deformable_contact_info(k)
-        yield soft.contact_mesh(), soft.id_A(), soft.id_B(), soft
 
 
 def AddContactForceSensors(

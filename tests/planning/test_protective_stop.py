@@ -6,6 +6,7 @@ from helpers import fix
 from planning_world import CYCLE, MOVING, World, make_planner
 
 from drake_srg.errors import ScenarioError
+from drake_srg.metrics import MODES
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.types import Failure, Mode
@@ -126,3 +127,54 @@ def test_a_post_that_the_camera_sees_is_passed():
     post = run.log["object_pose.post"]
     # Untouched, it only settles.
     np.testing.assert_allclose(post[-1, :3], post[0, :3], atol=1e-4)
+
+
+# What the hand holds, on the fast physics.
+
+_CARRYING = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
+_WEIGHT = 0.349 * 9.81  # of the can [N]
+_FREE = 3.0 * _WEIGHT  # more than it pulls with at less than 1 m [N m]
+
+
+def carry(limit, *overrides):
+    """A run of the fast kitchen with limits of all joints [N m]."""
+    scenario = load_scenario(
+        "kitchen_fast",
+        seed=0,
+        overrides=[
+            "object.position=[0.6, 0.08]",
+            f"planner.max_external_torque={[limit] * 7}",
+            "planner.max_attempts=1",
+            "planner.time_budget=12",
+            *overrides,
+        ],
+    )
+    return Simulate(scenario)
+
+
+def test_what_is_carried_is_felt_as_its_weight_and_what_speeds_it_up():
+    run = carry(_FREE)
+    assert run.metrics.success
+    carrying = np.isin(run.log["mode"], [MODES.index(mode) for mode in _CARRYING])
+    felt = run.log["arm.external_torque"][carrying]
+    reach = np.linalg.norm(run.log["object_pose.soup_can"][carrying, :2], axis=1)
+    # Gravity pulls at the shoulder's second joint; half as much again, and no more,
+    # comes of acceleration.
+    share = np.abs(felt[:, 1]) / (_WEIGHT * reach)
+    assert np.median(share) == pytest.approx(1.0, abs=0.2)
+    assert np.max(share) < 1.5
+
+
+def test_what_is_set_down_on_something_unseen_stops_the_arm():
+    plate = (
+        "objects.plate={shape: !Box {size: [0.12, 0.12, 0.02]}, mass: 30.0, "
+        "friction: 1.0, color: [0.3, 0.3, 0.3], position: [0.3, -0.5], known: false}"
+    )
+    stopped = carry(_FREE, plate, "task.place.position=[0.3, -0.5]")
+    assert stopped.metrics.failure == "stopped"
+
+
+def test_a_pull_at_what_is_held_stops_the_arm():
+    pull = "{at: transfer, force: [0, 0, -15], duration: 0.3}"
+    stopped = carry(_FREE, f"disturbances=[!Force {pull}]")
+    assert stopped.metrics.failure == "stopped"

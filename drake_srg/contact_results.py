@@ -1,0 +1,63 @@
+"""Every contact of a plant's contact results in one form, however it was computed."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ContactResults, PointPairContactInfo
+
+from drake_srg.types import Vector
+
+
+class Contact(NamedTuple):
+    """What two geometries A and B do to each other; computed when called for.
+
+    Attributes:
+        id_A: Number of geometry A: its `GeometryId.get_value()`.
+        id_B: That of B.
+        p_WC: Returns the point C at which the force is told, in world, shape (3,) [m].
+        F_Ac_W: Returns the spatial force on A at C, in world [N m, N].
+    """
+
+    id_A: int
+    id_B: int
+    p_WC: Callable[[], Vector]
+    F_Ac_W: Callable[[], SpatialForce]
+
+
+def each_contact(results: ContactResults) -> Iterator[Contact]:
+    """Yield contacts over surfaces, of soft bodies and at points, in this order."""
+    for k in range(results.num_hydroelastic_contacts()):
+        info = results.hydroelastic_contact_info(k)
+        surface = info.contact_surface()
+        yield Contact(
+            surface.id_M().get_value(),
+            surface.id_N().get_value(),
+            surface.centroid,
+            info.F_Ac_W,
+        )
+    for k in range(results.num_deformable_contacts()):
+        soft = results.deformable_contact_info(k)
+        yield Contact(
+            soft.id_A().get_value(),
+            soft.id_B().get_value(),
+            soft.contact_mesh().centroid,
+            soft.F_Ac_W,
+        )
+    for k in range(results.num_point_pair_contacts()):
+        pair = results.point_pair_contact_info(k)
+        yield Contact(
+            pair.point_pair().id_A.get_value(),
+            pair.point_pair().id_B.get_value(),
+            pair.contact_point,
+            functools.partial(_point_force, pair),
+        )
+
+
+def _point_force(pair: PointPairContactInfo) -> SpatialForce:
+    # Drake tells the force on B.
+    return SpatialForce(tau=np.zeros(3), f=-pair.contact_force())

@@ -1,0 +1,324 @@
+"""Torques from outside, told by a continuous plant's contacts."""
+
+import numpy as np
+import pytest
+from helpers import fix, port_table
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialForce, SpatialVelocity
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    ExternallyAppliedSpatialForce,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.arm.external_torque import AddExternalTorque
+from drake_srg.arm.lag import lag_share
+from drake_srg.contacts import ContactReader
+
+PERIOD, G = 0.01, 9.81
+MASS, RADIUS, INERTIA = 0.3, 0.05, 3e-4  # of the balls
+REACH = 0.5  # of the hand, along x [m]
+_CONTACT = """<drake:proximity_properties>{}<drake:mu_dynamic>0.8</drake:mu_dynamic>
+<drake:mesh_resolution_hint>0.01</drake:mesh_resolution_hint>
+</drake:proximity_properties>"""
+RIGID = _CONTACT.format("<drake:rigid_hydroelastic/>")
+SOFT = _CONTACT.format(
+    "<drake:compliant_hydroelastic/>"
+    "<drake:hydroelastic_modulus>1e6</drake:hydroelastic_modulus>"
+)
+
+
+def box(name, size, xyz):
+    return f"""<collision name="{name}"><pose>{xyz} 0 0 0</pose><geometry><box>
+    <size>{size}</size></box></geometry>{RIGID}</collision>"""
+
+
+def model(name, content):
+    return f"""<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
+    <model name="{name}">{content}</model></sdf>"""
+
+
+# A slide along z, whose torque is a force, and a hinge about y, both at the origin. The
+# hand's palm is at x = REACH, its middle at height 1; between it and the
+# finger are 96 mm.
+ARM = model(
+    "arm",
+    f"""<link name="column">{box("c", "0.1 0.1 0.06", "0 0 1")}</link>
+    <link name="beam">{box("c", "0.1 0.1 0.06", "0.3 0 1")}</link>
+    <joint name="slide" type="prismatic"><parent>world</parent><child>column</child>
+    <axis><xyz>0 0 1</xyz></axis></joint>
+    <joint name="hinge" type="revolute"><parent>column</parent><child>beam</child>
+    <axis><xyz>0 1 0</xyz></axis></joint>""",
+)
+GRIPPER = model(
+    "gripper",
+    f"""<link name="palm">{box("c", "0.02 0.1 0.06", f"{REACH} 0 1")}</link>
+    <link name="finger">{box("c", "0.02 0.1 0.06", f"{REACH + 0.116} 0 1")}</link>
+    <joint name="grip" type="prismatic"><parent>palm</parent><child>finger</child>
+    <axis><xyz>1 0 0</xyz></axis></joint>""",
+)
+# There a ball is 1 mm in the palm and 3 mm in the finger.
+BETWEEN = np.array([REACH + 0.059, 0.0, 1.0])
+TABLE = model(
+    "table",
+    f"<static>true</static><link name='top'>{box('c', '4 4 0.1', '0 0 -0.05')}</link>",
+)
+BALL = model(
+    "ball",
+    f"""<link name="ball"><inertial><mass>{MASS}</mass><inertia><ixx>{INERTIA}</ixx>
+    <iyy>{INERTIA}</iyy><izz>{INERTIA}</izz></inertia></inertial><collision name="c">
+    <geometry><sphere><radius>{RADIUS}</radius></sphere></geometry>{SOFT}</collision>
+    </link>""",
+)
+# A ball that is not one body: a bob hangs in it.
+BELL = BALL.replace(
+    "</model>",
+    """<link name="bob"/><joint name="pivot" type="revolute"><parent>ball</parent>
+    <child>bob</child><axis><xyz>1 0 0</xyz></axis></joint></model>""",
+)
+
+
+def add_models(plant, gripper=True):
+    parser = Parser(plant)
+    (arm,) = parser.AddModelsFromString(ARM, "sdf")
+    if not gripper:
+        return arm, None
+    (hand,) = parser.AddModelsFromString(GRIPPER, "sdf")
+    plant.WeldFrames(plant.GetFrameByName("beam"), plant.GetFrameByName("palm"))
+    return arm, hand
+
+
+class Scene:
+    """An arm, perhaps with a hand, a table below, and balls where they are put."""
+
+    def __init__(self, contact="hydroelastic", balls=("ball",), gripper=True):
+        builder = DiagramBuilder()
+        config = MultibodyPlantConfig(time_step=0.0, contact_model=contact)
+        self.plant, _ = AddMultibodyPlant(config, builder)
+        self.arm, hand = add_models(self.plant, gripper)
+        parser = Parser(self.plant)
+        parser.SetAutoRenaming(True)
+        parser.AddModelsFromString(TABLE, "sdf")
+        for ball in balls:
+            parser.AddModelsFromString({"ball": BALL, "bell": BELL}[ball], "sdf")
+        self.plant.Finalize()
+        models = MultibodyPlant(time_step=0.0)
+        add_models(models, gripper)
+        models.Finalize()
+        AddExternalTorque(builder, self.plant, self.arm, hand, models, PERIOD)
+        self.diagram = builder.Build()
+        self.root = self.diagram.CreateDefaultContext()
+        self.torques = self.diagram.GetSubsystemByName("contact_torques")
+        self.context = self.plant.GetMyMutableContextFromRoot(self.root)
+
+    def put(self, p_WB, w=(0.0, 0.0, 0.0), v=(0.0, 0.0, 0.0), name="ball"):
+        """Put a ball in a place [m], with velocities [rad/s, m/s]."""
+        ball = self.plant.GetBodyByName("ball", self.plant.GetModelInstanceByName(name))
+        self.plant.SetFreeBodyPose(self.context, ball, RigidTransform(p_WB))
+        velocity = SpatialVelocity(w=w, v=v)
+        self.plant.SetFreeBodySpatialVelocity(self.context, ball, velocity)
+        return ball
+
+    def felt(self):
+        """What is felt in the next sample, the lag undone: [N, N m]."""
+        context = self.torques.GetMyMutableContextFromRoot(self.root)
+        port, share = self.torques.get_output_port(), lag_share(PERIOD)
+        before = port.Eval(context).copy()
+        updated = self.torques.EvalUniquePeriodicDiscreteUpdate(context)
+        context.SetDiscreteState(updated)
+        return before + (port.Eval(context) - before) / share
+
+    def felt_twice(self):
+        """The same of a scene that lasts for two samples."""
+        self.felt()
+        return self.felt()
+
+    @property
+    def contacts(self):
+        """The plant's own account [N, N m]."""
+        port = self.plant.get_generalized_contact_forces_output_port(self.arm)
+        return port.Eval(self.context).copy()
+
+    def standing(self, x):
+        """Put a ball on the table where it is in balance, at (x, 0)."""
+        high, low = RADIUS, RADIUS - 0.01
+        for _ in range(40):
+            self.put([x, 0.0, 0.5 * (low + high)])
+            if self.pressure() > MASS * G:
+                low = 0.5 * (low + high)
+            else:
+                high = 0.5 * (low + high)
+
+    def pressure(self):
+        """Of ball and table [N]."""
+        results = self.plant.get_contact_results_output_port().Eval(self.context)
+        return ContactReader(self.plant, "ball").forces(results).get("support", 0.0)
+
+    def lower(self, z):
+        """Lower the arm to where its hand, and all of it, is at a height [m]."""
+        self.plant.GetJointByName("slide").set_translation(self.context, z - 1.0)
+
+
+def about_origin(force, p, torque=(0.0, 0.0, 0.0)):
+    """What slide and hinge feel of a force [N] at a point [m] and a torque [N m]."""
+    return np.array([force[2], (np.cross(p, force) + torque)[1]])
+
+
+@pytest.fixture(params=["hydroelastic", "point"])
+def scene(request):
+    return Scene(request.param)
+
+
+def test_ports():
+    scene = Scene()
+    assert port_table(scene.torques) == (
+        {
+            "arm_state": 4,
+            "contact_results": None,
+            "body_poses": None,
+            "body_spatial_velocities": None,
+            "applied_forces": None,
+        },
+        {"external_torque": 2},
+    )
+
+
+def test_untouched_it_feels_nothing(scene):
+    scene.put([2.0, 0.0, 1.0], v=[0.0, 0.0, -1.0])
+    for _ in range(2):
+        np.testing.assert_array_equal(scene.felt(), 0.0)
+
+
+def test_what_is_held_counts_with_its_weight_whatever_its_contacts_say(scene):
+    scene.put(BETWEEN, v=[0.0, 0.01, 0.0])
+    weight = about_origin([0.0, 0.0, -MASS * G], BETWEEN)
+    assert np.max(np.abs(scene.contacts - weight)) > 1.0  # it creeps and is askew
+    np.testing.assert_allclose(scene.felt_twice(), weight, rtol=1e-9)
+
+
+def test_a_ball_that_stands_counts_nothing_when_it_is_touched(scene):
+    scene.standing(BETWEEN[0])
+    scene.lower(RADIUS)
+    assert np.max(np.abs(scene.contacts)) > 1.0
+    np.testing.assert_allclose(scene.felt_twice(), 0.0, atol=1e-3)
+
+
+def test_what_is_pressed_on_the_table_presses_back(scene):
+    height = RADIUS - 0.004
+    scene.put([BETWEEN[0], 0.0, height])
+    scene.lower(height)
+    pressure = scene.pressure()
+    assert pressure > 2.0 * MASS * G
+    expected = about_origin([0.0, 0.0, pressure - MASS * G], BETWEEN)
+    np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-3)
+
+
+def test_fixed_things_count_with_their_contacts():
+    scene = Scene("point")  # rigid, palm and finger meet the table at points only
+    scene.put([2.0, 0.0, 1.0])
+    scene.plant.SetPositions(scene.context, scene.arm, [-0.971, 0.02])
+    assert scene.contacts[0] > 1.0
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_what_touches_a_link_counts_with_its_contacts(scene):
+    scene.put([0.3, 0.0, 1.0 + 0.029 + RADIUS])
+    assert abs(scene.contacts[0]) > 0.1
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_without_a_hand_links_feel():
+    scene = Scene(gripper=False)
+    scene.put([0.3, 0.0, 1.0 + 0.029 + RADIUS])
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_what_is_not_one_body_counts_with_its_contacts():
+    scene = Scene(balls=["bell"])
+    scene.put(BETWEEN)
+    np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
+
+
+def test_what_lies_on_what_is_held_counts():
+    scene = Scene(balls=["ball", "ball"])
+    scene.put(BETWEEN)
+    above = BETWEEN + np.array([0.0, 0.0, 1.98 * RADIUS])
+    scene.put(above, name="ball_1")
+    results = scene.plant.get_contact_results_output_port().Eval(scene.context)
+    force = ContactReader(scene.plant, "ball").forces(results)["ball_1"]
+    expected = about_origin([0.0, 0.0, -force - MASS * G], BETWEEN)
+    np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-3)
+
+
+_SPEEDS = arrays(float, 3, elements=st.floats(-2.0, 2.0))
+
+
+@settings(max_examples=20, deadline=None)
+@given(dw=_SPEEDS, dv=_SPEEDS)
+def test_what_is_set_in_motion_resists(dw, dv):
+    scene = Scene("point")
+    scene.put(BETWEEN)
+    still = scene.felt_twice()
+    scene.put(BETWEEN, w=dw, v=dv)
+    inertial = about_origin(-MASS * dv / PERIOD, BETWEEN, -INERTIA * dw / PERIOD)
+    np.testing.assert_allclose(scene.felt(), still + inertial, rtol=1e-9, atol=1e-9)
+
+
+def test_what_is_hit_counts_from_its_first_sample_on():
+    scene = Scene("point")
+    scene.put([2.0, 0.0, 1.0])
+    scene.felt()
+    scene.put(BETWEEN, v=[0.0, 0.0, 1.0])
+    assert scene.felt()[0] == pytest.approx(-MASS / PERIOD)
+    assert scene.felt()[0] == pytest.approx(-MASS * G)
+
+
+def test_what_pulls_at_the_hand_or_at_what_it_holds_counts():
+    scene = Scene()
+    ball = scene.put(BETWEEN)
+    palm = scene.plant.GetBodyByName("palm")
+    column = scene.plant.GetBodyByName("column")
+    still = scene.felt_twice()
+    at = np.array([0.0, 0.0, 0.02])
+    pulls = {ball: BETWEEN, palm: np.zeros(3), column: np.zeros(3)}
+    expected = still.copy()
+    forces = []
+    for i, (body, p_WB) in enumerate(pulls.items()):
+        force, torque = np.array([1.0 + i, 2.0, -3.0]), np.array([0.1, 0.2, 0.3])
+        applied = ExternallyAppliedSpatialForce()
+        applied.body_index, applied.p_BoBq_B = body.index(), at
+        applied.F_Bq_W = SpatialForce(tau=torque, f=force)
+        forces.append(applied)
+        effect = about_origin(force, p_WB + at, torque)
+        expected += effect * ([1.0, 0.0] if body is column else 1.0)  # no hinge
+    context = scene.torques.GetMyMutableContextFromRoot(scene.root)
+    fix(scene.torques, context, applied_forces=AbstractValue.Make(forces))
+    np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-9)
+
+
+def test_what_presses_in_one_sample_alone_is_not_felt(scene):
+    scene.standing(BETWEEN[0])
+    scene.lower(RADIUS)
+    scene.felt_twice()
+    low = [BETWEEN[0], 0.0, RADIUS - 0.004]
+    scene.put(low)
+    assert scene.pressure() > 2.0 * MASS * G
+    np.testing.assert_allclose(scene.felt(), 0.0, atol=1e-3)
+    scene.standing(BETWEEN[0])
+    np.testing.assert_allclose(scene.felt(), 0.0, atol=1e-3)
+
+
+def test_all_state_is_in_the_context():
+    scene = Scene("point")
+    scene.put(BETWEEN)
+    other = scene.root.Clone()
+    scene.felt()
+    own = scene.torques.GetMyContextFromRoot(other)
+    np.testing.assert_array_equal(scene.torques.get_output_port().Eval(own), 0.0)
