@@ -80,9 +80,8 @@ class PlannerConfig:
     arrival_timeout: float = dc.field(default=1.0, metadata=positive())
     # Protective stop: torques from outside (see `AddExternalTorque`) that end the task
     # when the arm moves, one a joint [N m]; what is carried counts. null: none. With a
-    # can, the fast kitchen's iiwa 14 feels up to 13, at its wrist 7, so that 30 and 20
-    # ([30, 30, 30, 30, 20, 20, 10]) leave twice as much. The five-axis arm feels 1.9 of
-    # its shoulder's 3.4 with a cylinder: [1.0, 3.0, 1.2, 0.4, 0.5].
+    # can, the fast kitchen's iiwa 14 feels up to 4, at its wrist 0.3, with a cylinder
+    # the five-axis arm 0.12; errors of torque sensors come on top.
     max_external_torque: list[float] | None = dc.field(
         default=None, metadata=positive()
     )
