@@ -1,7 +1,18 @@
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
-from drake_srg.experiments.varied_scenes import WITHIN, Scene, judge, look
+from drake_srg.experiments.varied_scenes import (
+    WITHIN,
+    Obstacles,
+    Scene,
+    Scenery,
+    judge,
+    look,
+    match,
+)
+from drake_srg.object_config import ObjectConfig
+from drake_srg.types import Box, Obstacle
 
 GOOD, OFF, UNSEEN = Scene(1e-3, True), Scene(5e-3, True), Scene(np.nan, False)
 WRONG, DOUBTED = Scene(0.2, True), Scene(0.2, False)
@@ -35,3 +46,72 @@ def test_a_can_a_third_hidden_is_seen_beside_a_cup_like_it():
     scene = look("kitchen_varied", 37)
     assert scene.certain
     assert scene.distance < WITHIN["kitchen_varied"]
+
+
+@pytest.fixture(scope="module")
+def scenery():
+    return Scenery("assistive_arm_varied", 3)
+
+
+def test_images_are_looked_at_again(scenery, monkeypatch):
+    first = scenery.look()
+    assert scenery.look() == first
+    monkeypatch.setattr("drake_srg.vision.color.ColorRange.mask", nothing)
+    monkeypatch.setattr("drake_srg.vision.color.ColorRange.mask_in_any_light", nothing)
+    assert np.isnan(scenery.look().distance)
+
+
+def nothing(_, image):
+    return np.zeros(image.shape[:2], bool)
+
+
+def test_what_is_put_elsewhere_is_seen_there():
+    scenery = Scenery("assistive_arm_varied", 0, ["object.occlusion=null"])
+    x, y, z = scenery.pose().translation()
+    X_WO = RigidTransform([x + 0.01, y, z])
+    scenery.put(X_WO)
+    assert scenery.pose().IsExactlyEqualTo(X_WO)
+    assert scenery.look().distance < WITHIN["assistive_arm_varied"]
+
+
+def test_the_kitchens_clutter_is_found():
+    scenery = Scenery("kitchen_varied", 0)
+    scenery.look()
+    found = scenery.find_obstacles()
+    assert (found.missed, found.invented, len(found.errors)) == (0, 0, 3)
+
+
+SIDE, HIGH = 0.04, 0.05
+
+
+def obstacle(x, height=HIGH, side=SIDE):
+    return Obstacle(Box([side, side, height]), RigidTransform([x, 0.0, 0.5 * height]))
+
+
+def thing(x, height=HIGH):
+    config = ObjectConfig(shape=Box([SIDE, SIDE, height]), known=False)
+    return RigidTransform([x, 0.0, 0.5 * height]), config
+
+
+def test_obstacles_are_matched_with_things():
+    assert match([], []) == Obstacles(0, 0, ())
+    found = match([obstacle(0.0, HIGH + 0.001)], [thing(0.01)])
+    assert (found.missed, found.invented) == (0, 0)
+    assert found.errors == pytest.approx([0.001])
+
+
+def test_what_is_not_there_is_invented_and_what_is_not_found_missed():
+    assert match([obstacle(0.2)], [thing(0.0)]) == Obstacles(1, 1, ())
+    # The half that shows of a thing is no invention, but the thing is not found by it.
+    assert match([obstacle(0.02, side=0.01)], [thing(0.0)]) == Obstacles(1, 0, ())
+
+
+def test_two_things_may_be_one_obstacle():
+    found = match([obstacle(0.0, side=0.1)], [thing(-0.025), thing(0.025)])
+    assert found == Obstacles(0, 0, ())
+
+
+def test_low_things_may_be_found_or_not():
+    assert match([], [thing(0.0, height=0.005)]) == Obstacles(0, 0, ())
+    low = obstacle(0.0, height=0.009)
+    assert match([low], [thing(0.0, height=0.005)]) == Obstacles(0, 0, ())

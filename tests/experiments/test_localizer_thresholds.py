@@ -1,0 +1,127 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform
+
+from drake_srg.experiments import localizer_thresholds
+from drake_srg.experiments.localizer_thresholds import (
+    GROUPS,
+    Change,
+    Group,
+    Look,
+    kind,
+    lean,
+    make_result,
+    settings,
+)
+from drake_srg.experiments.registry import quiet
+from drake_srg.experiments.thresholds import THRESHOLDS, Setting
+from drake_srg.experiments.varied_scenes import Obstacles, Scene
+from drake_srg.types import Cylinder
+from drake_srg.vision import obstacles
+
+KITCHEN = GROUPS[0]
+CLEAN = Obstacles(missed=0, invented=0, errors=())
+GOOD = Look(KITCHEN, Scene(1e-3, True), CLEAN, 0.1)
+UNSEEN = dc.replace(GOOD, scene=Scene(np.nan, False, np.nan))
+OFF = dc.replace(GOOD, scene=Scene(5e-3, True))
+DOUBTED = dc.replace(GOOD, scene=Scene(1e-3, False))
+TURNED = dc.replace(GOOD, scene=Scene(1e-3, True, np.deg2rad(6.0)))
+MISSED = dc.replace(GOOD, obstacles=Obstacles(2, 1, ()))
+NEARER = dc.replace(GOOD, scene=Scene(0.5e-3, True))
+
+
+def of(look, count=10):
+    return {(look.group, seed): look for seed in range(count)}
+
+
+def failed(used, tried):
+    looks = {Setting(): of(used)}
+    looks |= {Setting(THRESHOLDS[0], i): of(tried) for i in range(2)}
+    return {row.quantity for row in make_result(looks).rows if not row.passed}
+
+
+@pytest.mark.parametrize(
+    ("look", "loss"),
+    [(GOOD, 0), (DOUBTED, 1), (UNSEEN, 1), (OFF, 2), (TURNED, 2), (MISSED, 3)],
+)
+def test_what_would_be_taken_wrongly_is_lost_twice(look, loss):
+    assert look.loss == loss
+
+
+def test_good_values_pass():
+    assert failed(GOOD, GOOD) == set()
+    assert failed(GOOD, OFF) == set()
+
+
+def test_another_value_that_loses_less_fails():
+    assert any(q.startswith("scenes better") for q in failed(DOUBTED, GOOD))
+
+
+def test_another_value_that_is_more_accurate_fails():
+    assert failed(GOOD, NEARER) == {
+        "error over that of the value in use, kitchen_varied; the least"
+    }
+
+
+@pytest.mark.parametrize(
+    ("used", "quantities"),
+    [
+        (OFF, {"share seen near enough", "certain, but not near"}),
+        (UNSEEN, {"share seen near enough"}),
+        (MISSED, {"obstacles missed", "obstacles invented"}),
+    ],
+)
+def test_values_in_use_that_lose_fail(used, quantities):
+    assert quantities <= failed(used, used)
+
+
+def test_errors_are_compared_where_both_are_near():
+    seen = {(KITCHEN, 0): NEARER, (KITCHEN, 1): OFF, (KITCHEN, 2): NEARER}
+    used = {(KITCHEN, 0): GOOD, (KITCHEN, 1): GOOD, (KITCHEN, 2): UNSEEN}
+    change = Change.of(seen, used, [kind(KITCHEN), "none"])
+    assert change == Change(better=1, worse=1, errors=(pytest.approx(0.5), 1.0))
+
+
+def test_thresholds_of_obstacles_are_tried_first_and_in_more_scenes():
+    modules = [s.threshold.module for s in settings(KITCHEN) if s.threshold]
+    count = modules.count(obstacles)
+    assert set(modules[:count]) == {obstacles}
+    assert len(modules) == 2 * len(THRESHOLDS)
+    (more,) = (group for group in GROUPS if group.modules)
+    assert len(settings(more)) == 1 + count
+
+
+@given(st.integers(0, 1000))
+def test_what_leans_touches_its_table_or_hangs(seed):
+    cylinder = Cylinder(0.012, 0.05)
+    X_WO = lean(RigidTransform([0.1, 0.2, 0.025]), cylinder, seed)
+    axis, p = X_WO.rotation().matrix()[:, 2], X_WO.translation()
+    assert p[:2] == pytest.approx([0.1, 0.2])
+    assert axis[2] >= 0.0
+    lowest = p[2] - 0.025 * axis[2] - 0.012 * np.hypot(axis[0], axis[1])
+    if seed % 2:
+        assert 0.0 <= lowest <= 0.1
+    else:
+        assert lowest == pytest.approx(0.0, abs=1e-12)
+
+
+def test_it_runs(monkeypatch):
+    group = Group("assistive_arm_varied", "leaning", range(1))
+    tried = tuple(
+        t for t in THRESHOLDS if t.constant in ("_KNOWN", "_MOST_UNEXPLAINED")
+    )
+    monkeypatch.setattr(localizer_thresholds, "GROUPS", (group,))
+    monkeypatch.setattr(localizer_thresholds, "THRESHOLDS", tried)
+    result = localizer_thresholds.run(quiet)
+    (table,) = result.tables.values()
+    assert table["threshold"] == [
+        "all",
+        *["obstacles._KNOWN"] * 2,
+        *["shape_fit._MOST_UNEXPLAINED"] * 2,
+    ]
+    assert table["scenes"] == [1] * 5
+    assert result.figure.axes
