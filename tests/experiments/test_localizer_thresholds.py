@@ -86,6 +86,12 @@ def test_errors_are_compared_where_both_are_near():
     assert change == Change(better=1, worse=1, errors=(pytest.approx(0.5), 1.0))
 
 
+def test_what_is_gained_here_may_not_be_lost_there():
+    assert Change(better=1, worse=1, errors=(0.5, 1.1)).harmless
+    assert not Change(better=1, worse=1, errors=(0.5, 1.2)).harmless
+    assert not Change(better=1, worse=2, errors=(0.5, 1.0)).harmless
+
+
 def test_thresholds_of_obstacles_are_tried_first_and_in_more_scenes():
     modules = [s.threshold.module for s in settings(KITCHEN) if s.threshold]
     count = modules.count(obstacles)
