@@ -111,7 +111,7 @@ Looks = dict[Setting, dict[tuple[Group, int], Look]]  # by group and seed
 
 GROUPS = (
     Group(_KITCHEN, _STANDING, range(8)),
-    Group(_ARM, _STANDING, range(4)),
+    Group(_ARM, _STANDING, range(12)),
     Group(_KITCHEN, _HARDER, range(5)),
     Group(_ARM, _HARDER, range(3)),
     Group(_ARM, _LEANING, range(6)),
@@ -190,7 +190,9 @@ def make_result(looks: Looks) -> ExperimentResult:
     return ExperimentResult(
         judge(list(used.values()), changes, kinds),
         {"values": table},
-        draw(drawn, ["scenes better, less worse", *(f"error, {k}" for k in kinds)]),
+        draw(
+            drawn, ["scenes better, less worse", *(f"error ratio, {k}" for k in kinds)]
+        ),
     )
 
 

@@ -17,21 +17,14 @@ from drake_srg.vision.color import ColorImage, ColorRange
 from drake_srg.vision.mask import Mask, grown
 from drake_srg.vision.solids import bounding_size
 
-# Figures below are of 35 varied scenes, and of what is seen of the target there.
-# Of a solid's least extent; what goes on behind it is farther off. With 0.4 four of 13
-# small cylinders move by up to 0.04 mm.
-_STEP = 0.25
-_DEVIATIONS = 6.0  # of noise; a step is more. With 3 nothing changes.
-# Of a solid's smallest face; less does not tell what it is. With 0.02 or 0.3 nothing
-# changes.
-_SMALLEST = 0.08
+# What other values change is measured by experiment localizer_thresholds.
+_STEP = 0.25  # of a solid's least extent; what goes on behind it is farther off
+_DEVIATIONS = 6.0  # of noise; a step is more
+_SMALLEST = 0.08  # of a solid's smallest face; less does not tell what it is
 # Of what is around it: at least as much is behind, the rest may hide it or touch it.
-# Without the second, three more things are looked at that are none.
 _SET_OFF, _MOST_LEVEL = 0.3, 0.25
-# Pixels; a step's own are neither before nor behind it. With 1, cans are seen 1.76 mm
-# off instead of 1.61 (root mean square).
-_RIM = 2
-_BESIDE = 5  # pixels beyond the rim that show what is around; 8 show the same
+_RIM = 2  # pixels; a step's own are neither before nor behind it
+_BESIDE = 5  # pixels beyond the rim that show what is around
 
 
 @dc.dataclass(frozen=True)

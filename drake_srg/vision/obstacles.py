@@ -18,18 +18,17 @@ from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surface import Surface
 
-# Figures below are of 95 varied scenes (80 of the kitchen, 15 of the arm) with 178
-# things on their tables; all of the 159 higher than `min_height` are found.
-_DEVIATIONS = 5.0  # of noise; with 3, noise made seven obstacles, with 5 none
-_LEAST_PIXELS = 8  # of an obstacle; with 1, noise made two, with 3 none
+# What other values change is measured by experiment localizer_thresholds.
+_DEVIATIONS = 5.0  # of noise; of three million normal values one is beyond
+_LEAST_PIXELS = 8  # of an obstacle; what noise makes is a few
 # m; what is as near to a surface is mostly the surface, and tells how well its height
-# is seen. 0.01 and 0.06 find the same obstacles.
+# is seen.
 _NEAR = 0.03
 # Quantile of heights that is the top: the highest of many noisy points is a millimetre
 # higher yet.
 _TOP = 0.98
 # m; what is nearer to a known object belongs to it, which may be 3 mm off where it is
-# seen. With 0 five obstacles were rims of the object itself, with 0.003 none.
+# seen, as its rim may.
 _KNOWN = 0.006
 
 

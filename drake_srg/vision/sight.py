@@ -18,6 +18,8 @@ Labels = npt.NDArray[np.int8]
 # Whether a pixel shows the solid; UNKNOWN is hidden, without depth, or in doubt.
 OUTSIDE, UNKNOWN, INSIDE = -1, 0, 1
 
+# What other values change is measured by experiment localizer_thresholds.
+
 # Least and most that a visible point of the solid may be off its surface. A renderer's
 # depth has no noise, but Drake draws circles with 50 sides, 0.2 % inside the radius.
 _FINEST, _FINEST_SHARE, _COARSEST = 1e-4, 3e-3, 3e-3  # m, of the radius, m
