@@ -1,0 +1,111 @@
+"""External torques of arms that carry, beside what stops them, on both physics."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_srg.errors import ScenarioError
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.metrics import MODES
+from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.types import Mode, Vector
+
+# Each cell on the fast and on the accurate physics: there the torques are those of
+# contacts, here they are estimated from motors and motion.
+CELLS = {
+    "kitchen_varied": ("kitchen_varied", "kitchen_varied_accurate"),
+    "assistive_arm_varied": ("assistive_arm_varied", "assistive_arm_varied_accurate"),
+}
+SEEDS = range(10)
+# In these the hand carries something; the planner watches the torques while it moves.
+_CARRYING = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
+# Of its limit, what a joint may feel where nothing is wrong.
+_SHARE = 0.5
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """A trial."""
+
+    scenario: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.scenario}, seed {self.seed}"
+
+
+def feel(case: Case) -> Vector:
+    """Return the largest torque of each joint while something is carried (N,) [N m]."""
+    scenario = load_scenario(case.scenario, seed=case.seed)
+    log = Simulate(scenario, name=str(case)).log
+    carrying = np.isin(log["mode"], [MODES.index(mode) for mode in _CARRYING])
+    if not np.any(carrying):
+        raise ScenarioError(f"external_torque: {case}: nothing is carried")
+    return np.asarray(np.max(np.abs(log["arm.external_torque"][carrying]), axis=0))
+
+
+def run(track: Track) -> ExperimentResult:
+    """Let both arms carry on both physics."""
+    cases = [Case(name, s) for names in CELLS.values() for name in names for s in SEEDS]
+    felt = {case: feel(case) for case in track(cases)}
+    largest = {
+        name: np.max([felt[Case(name, s)] for s in SEEDS], axis=0)
+        for names in CELLS.values()
+        for name in names
+    }
+    tables = {
+        name: {
+            "seed": list(SEEDS),
+            **{
+                f"joint {i + 1} [N m]": [felt[Case(name, s)][i] for s in SEEDS]
+                for i in range(len(torques))
+            },
+        }
+        for name, torques in largest.items()
+    }
+    stops = {cell: limits(cell) for cell in CELLS}
+    return ExperimentResult(judge(largest, stops), tables, draw(largest, stops))
+
+
+def limits(cell: str) -> Vector:
+    """Return the torques of a cell's protective stop, shape (N,) [N m]."""
+    stop = load_scenario(cell, seed=0).planner.max_external_torque
+    if stop is None:
+        raise ScenarioError(f"external_torque: {cell} has no protective stop")
+    return np.array(stop)
+
+
+def judge(largest: dict[str, Vector], stops: dict[str, Vector]) -> Sequence[Row]:
+    """Judge what is felt: far from what stops the arm."""
+    return [
+        Row.at_most(name, f"joint {i + 1}", _SHARE * stop, torque, "N m")
+        for cell, names in CELLS.items()
+        for name in names
+        for i, (stop, torque) in enumerate(zip(stops[cell], largest[name], strict=True))
+    ]
+
+
+def draw(largest: dict[str, Vector], stops: dict[str, Vector]) -> Any:
+    """Draw torques and limits by joint, a panel a cell."""
+    figure = make_figure(9.0, 3.2, "Felt while something is carried")
+    panels = figure.subplots(1, len(CELLS))
+    for axes, (cell, names) in zip(panels, CELLS.items(), strict=True):
+        style_axes(axes, xlabel="joint")
+        axes.set_title(cell, fontsize=9, loc="left")
+        joints = np.arange(1, len(stops[cell]) + 1)
+        axes.bar(joints, stops[cell], 0.8, color="0.88", label="stops the arm")
+        for shift, name, label in zip(
+            (-0.2, 0.2), names, ("fast", "accurate"), strict=True
+        ):
+            axes.bar(joints + shift, largest[name], 0.36, label=f"{label} physics")
+        axes.set_xticks(joints)
+        axes.legend(fontsize=8, frameon=False)
+    panels[0].set_ylabel("largest external torque [N m]", fontsize=9)
+    return figure

@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+
+from drake_srg.experiments import recording_cost as module
+from drake_srg.experiments.recording_cost import PARTS, SCENARIOS, Case, judge, ratios
+from drake_srg.scenario import load_scenario
+
+
+def made_up(everything):
+    seconds = {part: np.array([2.0, 4.0, 3.0]) for part in PARTS}
+    seconds["everything"] = everything * seconds["unrecorded"]
+    return dict.fromkeys(SCENARIOS, seconds)
+
+
+@pytest.mark.parametrize(("everything", "passes"), [(2.9, True), (3.1, False)])
+def test_what_everything_costs_is_judged(everything, passes):
+    rows = [row for row in judge(made_up(everything)) if row.quantity == "everything"]
+    assert len(rows) == len(SCENARIOS)
+    assert all(row.passed == passes for row in rows)
+
+
+def test_ratios_are_of_the_same_seeds():
+    cost = {"unrecorded": np.array([1.0, 10.0]), "everything": np.array([2.0, 30.0])}
+    assert ratios(cost) == {"unrecorded": 1.0, "everything": pytest.approx(2.5)}
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("part", PARTS)
+def test_each_part_is_a_scenario(scenario, part):
+    loaded = load_scenario(scenario, seed=0, overrides=PARTS[part] or ())
+    assert bool(loaded.recording.bag_cameras) == (
+        "no images" not in part and part != "numbers alone"
+    )
+    assert (loaded.recording.video_camera == "") == (
+        part in ("numbers alone", "images, no video")
+    )
+
+
+def test_a_trial_takes_processor_time(monkeypatch):
+    monkeypatch.setattr(
+        module, "PARTS", {"short": ("planner.time_budget=0.1", *PARTS["numbers alone"])}
+    )
+    assert module.processor_time(Case("kitchen_varied", "short", 0)) > 0.1
