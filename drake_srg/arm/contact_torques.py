@@ -21,17 +21,16 @@ from pydrake.multibody.tree import (
     ModelInstanceIndex,
     RigidBody,
 )
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context
 
-from drake_srg.arm.lag import TIME_CONSTANT, lag_share
+from drake_srg.arm.lag import TIME_CONSTANT, LaggedTorque
 from drake_srg.contact_results import each_contact
-from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
 _ZERO = np.zeros(3)
 
 
-class ContactTorques(LeafSystem):
+class ContactTorques(LaggedTorque):
     """Tells joint torques that come from outside: touch, and what the hand holds.
 
     .. pydrake_system::
@@ -88,12 +87,10 @@ class ContactTorques(LeafSystem):
         period: float,
         time_constant: float = TIME_CONSTANT,
     ) -> None:
-        super().__init__()
+        super().__init__(period, time_constant)
         self._plant = models_plant
         self._plant_context = models_plant.CreateDefaultContext()  # scratch, not state
         self._arm = models_plant.GetModelInstanceByName(plant.GetModelInstanceName(arm))
-        self._period = period
-        self._share = lag_share(period, time_constant)
         self._gravity = np.array(plant.gravity_field().gravity_vector())
 
         # Bodies and geometries by number, not by id: see ProximitySensors.
@@ -145,29 +142,11 @@ class ContactTorques(LeafSystem):
                 ("applied_forces", [ExternallyAppliedSpatialForce()]),
             )
         )
-        # [h of each free body, torque of the load's forces, external torque]; h is NaN
-        # until there is a sample.
-        self._splits = [6 * len(free), 6 * len(free) + n]
-        state = self.DeclareDiscreteState(
-            np.concatenate([np.full(self._splits[0], np.nan), np.zeros(2 * n)])
-        )
-        self.DeclareVectorOutputPort(
-            name="external_torque",
-            size=n,
-            calc=self._calc_external_torque,
-            prerequisites_of_calc={self.discrete_state_ticket(state)},
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
+        # h of each free body, and the torque of the load's forces.
+        self._declare_torque(n, num_kept=6 * len(free) + n)
 
-    def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value()[self._splits[1] :])
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        state = context.get_discrete_state(0).value()
-        i_load, i_torque = self._splits
-        load_last, torque = state[i_load:i_torque], state[i_torque:]
+    def _sample(self, context: Context, kept: Vector) -> tuple[Vector, Vector]:
+        load_last = np.nan_to_num(kept[6 * len(self._inertias) :])
         poses, velocities = self._poses.Eval(context), self._velocities.Eval(context)
         wrenches, touched = self._wrenches(context, poses)
         h = np.empty((len(self._inertias), 6))
@@ -180,13 +159,12 @@ class ContactTorques(LeafSystem):
                 weight = SpatialForce(_ZERO, M_BBo_W.get_mass() * self._gravity)
                 p_BcmWo_W = p_BWo_W - M_BBo_W.get_com()
                 wrenches[self._load] += weight.Shift(p_BcmWo_W).get_coeffs()
-                h_last = state[6 * i : 6 * i + 6]
+                h_last = kept[6 * i : 6 * i + 6]
                 if not math.isnan(h_last[0]):
                     wrenches[self._hand] -= (h[i] - h_last) / self._period
         felt, load = self._joint_torques(self._state.Eval(context), wrenches)
         felt += _minmod(load, load_last)
-        torque = torque + self._share * (felt - torque)
-        discrete_state.set_value(np.concatenate([h.ravel(), load, torque]))
+        return felt, np.concatenate([h.ravel(), load])
 
     def _wrenches(
         self, context: Context, poses: list[RigidTransform]

@@ -8,20 +8,18 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, MultibodyForces
 from pydrake.systems.framework import (
-    BasicVector,
     Context,
     DiagramBuilder,
-    DiscreteValues,
     OutputPort,
 )
 
 from drake_srg.arm.contact_torques import ContactTorques
-from drake_srg.arm.lag import TIME_CONSTANT, lag_share
+from drake_srg.arm.lag import TIME_CONSTANT, LaggedTorque
 from drake_srg.joint_errors import ArmErrorsConfig, TorqueErrors
-from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector
 
 
-class ExternalTorqueObserver(LeafSystem):
+class ExternalTorqueObserver(LaggedTorque):
     """Estimates joint torques that come from outside: touch, and what the hand holds.
 
     .. pydrake_system::
@@ -67,57 +65,34 @@ class ExternalTorqueObserver(LeafSystem):
         period: float,
         time_constant: float = TIME_CONSTANT,
     ) -> None:
-        super().__init__()
+        super().__init__(period, time_constant)
         self._plant = plant
         self._plant_context = plant.CreateDefaultContext()  # scratch, not state
         self._forces = MultibodyForces(plant)
         self._models = [plant.GetModelInstanceByName(name) for name in models]
-        self._period = period
-        self._share = lag_share(period, time_constant)
         for name, model in zip(models, self._models, strict=True):
             self.DeclareVectorInputPort(
                 name=f"{name}_state", size=plant.num_multibody_states(model)
             )
         n, n_all = plant.num_velocities(self._models[0]), plant.num_velocities()
         self._torque = self.DeclareVectorInputPort(name="torque", size=n)
-        # [v_last of all models, r]; NaN until there is a sample.
-        self._num_velocities = n_all
-        initial = np.concatenate([np.full(n_all, np.nan), np.zeros(n)])
-        state = self.DeclareDiscreteState(initial)
-        self.DeclareVectorOutputPort(
-            name="external_torque",
-            size=n,
-            calc=self._calc_external_torque,
-            prerequisites_of_calc={self.discrete_state_ticket(state)},
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
+        self._declare_torque(n, num_kept=n_all)  # v of all models
 
-    def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(
-            context.get_discrete_state(0).value()[self._num_velocities :]
-        )
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def _sample(self, context: Context, v_last: Vector) -> tuple[Vector | None, Vector]:
         plant, scratch = self._plant, self._plant_context
-        v_last, r = np.split(
-            context.get_discrete_state(0).value(), [self._num_velocities]
-        )
         for i, model in enumerate(self._models):
             plant.SetPositionsAndVelocities(
                 scratch, model, self.get_input_port(i).Eval(context)
             )
         v = plant.GetVelocities(scratch)
-        if not np.isnan(v_last[0]):
-            plant.CalcForceElementsContribution(scratch, self._forces)
-            needed = plant.CalcInverseDynamics(
-                scratch, (v - v_last) / self._period, self._forces
-            )
-            needed = plant.GetVelocitiesFromArray(self._models[0], needed)
-            external = needed - self._torque.Eval(context)
-            r = r + self._share * (external - r)
-        discrete_state.set_value(np.concatenate([v, r]))
+        if np.isnan(v_last[0]):
+            return None, v
+        plant.CalcForceElementsContribution(scratch, self._forces)
+        needed = plant.CalcInverseDynamics(
+            scratch, (v - v_last) / self._period, self._forces
+        )
+        needed = plant.GetVelocitiesFromArray(self._models[0], needed)
+        return needed - self._torque.Eval(context), v
 
 
 def AddExternalTorque(

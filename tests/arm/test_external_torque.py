@@ -12,11 +12,10 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.arm.drivers import AddArmPositionDriver, ArmPositionDriver, SetArmGains
 from drake_srg.arm.external_torque import (
-    TIME_CONSTANT,
     AddExternalTorque,
     ExternalTorqueObserver,
-    lag_share,
 )
+from drake_srg.arm.lag import TIME_CONSTANT, lag_share
 from drake_srg.plant import AddDirectives, MakeModelsPlant
 from drake_srg.scenario import load_scenario
 
