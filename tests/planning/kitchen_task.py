@@ -1,7 +1,7 @@
 """The kitchen's can, taken to its mark; and what to look at in the motions."""
 
 import numpy as np
-from planning_world import CAN
+from planning_world import CAN, MOVING
 from pydrake.math import RigidTransform
 
 START = RigidTransform([0.6, 0.05, 0.5 * CAN.length])
@@ -15,6 +15,16 @@ def ends(trajectory):
 def samples(trajectory, count=40):
     times = np.linspace(0.0, trajectory.end_time(), count)
     return [trajectory.value(t)[:, 0] for t in times]
+
+
+def assert_joined(planner, task):
+    """Each motion begins where the last one ends, from home to home."""
+    q = planner.q_home
+    for mode in MOVING:
+        start, end = ends(task.motions[mode])
+        np.testing.assert_allclose(start, q, atol=1e-6, err_msg=mode.value)
+        q = end
+    np.testing.assert_allclose(q, planner.q_home, atol=1e-6)
 
 
 def object_in_world(planner, task, q):

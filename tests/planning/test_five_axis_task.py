@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from kitchen_task import assert_joined, ends
 from planning_world import MOVING
 from pydrake.multibody.tree import JacobianWrtVariable
 
@@ -78,10 +79,6 @@ def posed(request, tasks):
     return POSES[request.param], task
 
 
-def ends(trajectory):
-    return [trajectory.value(t)[:, 0] for t in (0.0, trajectory.end_time())]
-
-
 def samples(trajectory, count=25):
     times = np.linspace(0.0, trajectory.end_time(), count)
     return [trajectory.value(t)[:, 0] for t in times]
@@ -96,12 +93,7 @@ def axis_angle(X_WO, axis_W):
 def test_each_motion_begins_where_the_last_one_ends(planner, posed):
     _, task = posed
     assert set(task.motions) == set(MOVING)
-    q = planner.q_home
-    for mode in MOVING:
-        start, end = ends(task.motions[mode])
-        np.testing.assert_allclose(start, q, atol=1e-6, err_msg=mode.value)
-        q = end
-    np.testing.assert_allclose(q, planner.q_home, atol=1e-6)
+    assert_joined(planner, task)
 
 
 def test_the_hand_grasps_at_the_middle_with_the_pads_along_the_axis(planner, posed):

@@ -1,6 +1,13 @@
 import numpy as np
 import pytest
-from kitchen_task import GOAL, START, ends, object_in_world, samples
+from kitchen_task import (
+    GOAL,
+    START,
+    assert_joined,
+    ends,
+    object_in_world,
+    samples,
+)
 from planning_world import CAN, MOVING
 from pydrake.math import RigidTransform
 
@@ -13,12 +20,7 @@ def test_every_moving_mode_has_a_motion(task):
 
 
 def test_each_motion_begins_where_the_last_one_ends(planner, task):
-    q = planner.q_home
-    for mode in MOVING:
-        start, end = ends(task.motions[mode])
-        np.testing.assert_allclose(start, q, atol=1e-6, err_msg=mode.value)
-        q = end
-    np.testing.assert_allclose(q, planner.q_home, atol=1e-6)
+    assert_joined(planner, task)
 
 
 def test_each_motion_begins_and_ends_at_rest(task):
