@@ -117,7 +117,7 @@ class VideoRecorder(Recorder):
                 f"pixels; the video {self.path.name} is {width}x{height}"
             )
         even = image[: height // 2 * 2, : width // 2 * 2]
-        rgb = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)  # 20 times as fast as a slice
+        rgb = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)  # faster than a slice's copy
         if self._caption.HasValue(context):
             caption(rgb, context.get_time(), self._caption.Eval(context))
         frame = self._av.VideoFrame.from_ndarray(rgb, format="rgb24")
