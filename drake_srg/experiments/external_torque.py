@@ -23,7 +23,8 @@ CELLS = {
     "kitchen_varied": ("kitchen_varied", "kitchen_varied_accurate"),
     "assistive_arm_varied": ("assistive_arm_varied", "assistive_arm_varied_accurate"),
 }
-SEEDS = range(10)
+# With the last one the cylinder grazes the rim of its recess on the fast physics.
+SEEDS = {"kitchen_varied": range(10), "assistive_arm_varied": (*range(10), 800264)}
 # In these the hand carries something; the planner watches the torques while it moves.
 _CARRYING = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 # Of its limit, what a joint may feel where nothing is wrong.
@@ -53,22 +54,23 @@ def feel(case: Case) -> Vector:
 
 def run(track: Track) -> ExperimentResult:
     """Let both arms carry on both physics."""
-    cases = [Case(name, s) for names in CELLS.values() for name in names for s in SEEDS]
-    felt = {case: feel(case) for case in track(cases)}
-    largest = {
-        name: np.max([felt[Case(name, s)] for s in SEEDS], axis=0)
-        for names in CELLS.values()
+    trials = {
+        name: [Case(name, seed) for seed in SEEDS[cell]]
+        for cell, names in CELLS.items()
         for name in names
     }
-    tables = {
+    cases = [case for own in trials.values() for case in own]
+    felt = {case: feel(case) for case in track(cases)}
+    torques = {
+        name: np.array([felt[case] for case in own]) for name, own in trials.items()
+    }
+    largest = {name: np.max(t, axis=0) for name, t in torques.items()}
+    tables: dict[str, dict[str, Any]] = {
         name: {
-            "seed": list(SEEDS),
-            **{
-                f"joint {i + 1} [N m]": [felt[Case(name, s)][i] for s in SEEDS]
-                for i in range(len(torques))
-            },
+            "seed": [case.seed for case in trials[name]],
+            **{f"joint {i + 1} [N m]": joint for i, joint in enumerate(t.T)},
         }
-        for name, torques in largest.items()
+        for name, t in torques.items()
     }
     stops = {cell: limits(cell) for cell in CELLS}
     return ExperimentResult(judge(largest, stops), tables, draw(largest, stops))

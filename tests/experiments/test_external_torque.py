@@ -38,7 +38,7 @@ def test_an_arm_feels_what_it_carries():
 def test_the_experiment_has_rows_tables_and_a_figure(monkeypatch):
     def made_up(case):
         (cell,) = (cell for cell, names in CELLS.items() if case.scenario in names)
-        return 0.01 * (case.seed + 1) * STOPS[cell]
+        return 0.01 * (case.seed % 10 + 1) * STOPS[cell]
 
     monkeypatch.setattr(module, "feel", made_up)
     result = module.run(quiet)
