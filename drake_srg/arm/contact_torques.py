@@ -24,7 +24,7 @@ from pydrake.multibody.tree import (
 from pydrake.systems.framework import Context
 
 from drake_srg.arm.lag import TIME_CONSTANT, LaggedTorque
-from drake_srg.contact_results import each_contact
+from drake_srg.common.contacts import each_contact
 from drake_srg.types import Vector
 
 _ZERO = np.zeros(3)

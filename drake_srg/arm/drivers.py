@@ -19,7 +19,7 @@ from pydrake.systems.primitives import (
 )
 
 from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
-from drake_srg.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
+from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 

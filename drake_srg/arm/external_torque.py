@@ -15,7 +15,7 @@ from pydrake.systems.framework import (
 
 from drake_srg.arm.contact_torques import ContactTorques
 from drake_srg.arm.lag import TIME_CONSTANT, LaggedTorque
-from drake_srg.joint_errors import ArmErrorsConfig, TorqueErrors
+from drake_srg.common.joint_errors import ArmErrorsConfig, TorqueErrors
 from drake_srg.types import Vector
 
 

@@ -16,10 +16,10 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
-from drake_srg.cameras import AddRemoteCameras
-from drake_srg.perception import AddLocalizer
-from drake_srg.ports import Ports
+from drake_srg.cell.perception import AddLocalizer
+from drake_srg.common.ports import Ports
 from drake_srg.scenario import Scenario
+from drake_srg.station.cameras import AddRemoteCameras
 from drake_srg.types import Vector
 
 _PATIENCE = 2.0  # with what should end [s]

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
@@ -52,7 +52,7 @@ class BridgeOptions:
                         "a letter first"
                     )
                 if self.ros1:
-                    from drake_srg.bridges.ros1 import Ros1Bridge
+                    from drake_srg.bridges.ros1.bridge import Ros1Bridge
 
                     add(
                         Ros1Bridge(
@@ -64,7 +64,7 @@ class BridgeOptions:
                         )
                     )
                 if self.ros2:
-                    from drake_srg.bridges.ros2 import Ros2Bridge
+                    from drake_srg.bridges.ros2.bridge import Ros2Bridge
 
                     add(
                         Ros2Bridge(
@@ -76,7 +76,7 @@ class BridgeOptions:
                         )
                     )
                 if self.servo is not None:
-                    from drake_srg.bridges.servo import ServoBridge
+                    from drake_srg.bridges.dynamixel.bridge import ServoBridge
 
                     if not isinstance(scenario.gripper, SrgTendonDriver):
                         raise ValueError(

@@ -20,13 +20,13 @@ from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
 from drake_srg.bridges.served_station import AddServedStation
-from drake_srg.errors import ScenarioError, scenario_errors
-from drake_srg.ports import Ports, output_ports
-from drake_srg.recorders import AddRosbagRecorder, recorded_topics
+from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.ports import Ports, output_ports
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
+from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
 
 # Time between status reports [s, real].
 _STATUS_PERIOD = 0.5

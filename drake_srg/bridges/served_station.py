@@ -8,7 +8,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from drake_srg.arm.drivers import AddJerkLimits
-from drake_srg.ports import Ports
+from drake_srg.common.ports import Ports
 from drake_srg.scenario import Scenario
 from drake_srg.station import AddStation
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox, CommandTopic, PortValues, Warnings
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.recording.ros_topics import MakeMessage, Topic, float64_array
 from drake_srg.types import Vector
 
@@ -84,7 +84,7 @@ class ServedProcess:
     def __init__(self, *arguments: str):
         self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 (it stays open)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "drake_srg.cli", "serve", *arguments],
+            [sys.executable, "-m", "drake_srg", "serve", *arguments],
             stdout=subprocess.PIPE,
             stderr=self._errors,
             text=True,
@@ -148,7 +148,7 @@ def meeting_place(wire: str) -> Iterator[MeetingPlace]:
         ImportError: If a package is missing.
     """
     if wire == "ROS 1":
-        from drake_srg.bridges.ros1 import Ros1Bridge
+        from drake_srg.bridges.ros1.bridge import Ros1Bridge
 
         with ros1_master() as uri:
             yield MeetingPlace(
@@ -157,7 +157,7 @@ def meeting_place(wire: str) -> Iterator[MeetingPlace]:
                 functools.partial(Ros1Bridge, master=uri, name="/client"),
             )
     else:
-        from drake_srg.bridges.ros2 import Ros2Bridge
+        from drake_srg.bridges.ros2.bridge import Ros2Bridge
 
         domain = os.getpid() % 233
         make = functools.partial(Ros2Bridge, domain=domain)

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.plant import MakeModelsPlant
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 
 # Scenario, the key of its step, and steps of which each is half the one before [s]. The

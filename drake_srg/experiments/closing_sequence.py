@@ -16,12 +16,12 @@ import numpy.typing as npt
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.touch import TouchConfig
 from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 
 DRIVERS = {

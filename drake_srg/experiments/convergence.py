@@ -13,9 +13,9 @@ import numpy as np
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.underactuation import JOINT_NAMES
 from drake_srg.recording.figure import make_figure, style_axes
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 
 # What the accurate bench may differ by from each of its finest variants: angles that

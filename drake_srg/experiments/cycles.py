@@ -12,10 +12,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram
 
 from drake_srg.cell import MakeCell
-from drake_srg.hand_poses import hand_poses
-from drake_srg.metrics import MODES, Metrics
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.simulation.hand_poses import hand_poses
+from drake_srg.simulation.metrics import MODES, Metrics
 from drake_srg.types import Mode, Vector
 
 

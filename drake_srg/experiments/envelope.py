@@ -20,11 +20,11 @@ import numpy as np
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.cell import MakeTaskPlanner
+from drake_srg.cell.goals import goal_pose
 from drake_srg.experiments.cycles import run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.goals import goal_pose
-from drake_srg.planning.moves import TaskFailure
+from drake_srg.planning.task.moves import TaskFailure
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Cylinder, Vector

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.metrics import MODES
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.simulation.metrics import MODES
 from drake_srg.types import Mode, Vector
 
 # Each cell on the fast and on the accurate physics: there the torques are those of

@@ -29,12 +29,12 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from drake_srg.cell import ConnectPlanner, MakePlanner
+from drake_srg.cell.perception import AddLocalizer
+from drake_srg.common.ports import Ports, output_ports
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.lifetime import LeafSystem
-from drake_srg.perception import AddLocalizer
-from drake_srg.ports import Ports, output_ports
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation

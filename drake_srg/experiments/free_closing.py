@@ -17,10 +17,10 @@ from pydrake.geometry import CollisionFilterDeclaration, GeometrySet
 from drake_srg.experiments.data import read_csv
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.moment_arms import base_moment_arm, tip_moment_arm
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 
 # Upper stops of base and tip [rad]: the MuJoCo model's, and those of SAKE's URDF.

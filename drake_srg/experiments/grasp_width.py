@@ -15,9 +15,9 @@ import numpy as np
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.rig import Rig, bench_scenario, shake
-from drake_srg.object_config import ObjectConfig
+from drake_srg.objects.config import ObjectConfig
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder, Vector
 
 CLAIM = 0.145  # m, the SRG thesis's figure

@@ -8,12 +8,12 @@ import numpy as np
 from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from drake_srg.errors import ScenarioError
-from drake_srg.experiments.rig import Rig, bench_scenario, shake
+from drake_srg.common.errors import ScenarioError
 from drake_srg.gripper.drivers import SrgTendonDriver
-from drake_srg.object_config import ObjectConfig
-from drake_srg.objects import simple_shape
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
+from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # what the gantry's joint positions count from [m]

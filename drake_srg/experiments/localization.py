@@ -16,12 +16,12 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.cell.perception import AddLocalizer
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.varied_scenes import WITHIN, Scene
 from drake_srg.experiments.varied_scenes import judge as judge_scenes
 from drake_srg.experiments.varied_scenes import look as look_at_scene
-from drake_srg.perception import AddLocalizer
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from drake_srg.object_config import ObjectConfig
-from drake_srg.yaml_loading import load_typed, parse_yaml
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.scenario.yaml_tree import load_typed, parse_yaml
 
 _OBJECTS = Path(__file__).parent / "objects.yaml"
 

@@ -11,16 +11,16 @@ from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import FINGERS
-from drake_srg.object_config import ObjectConfig
+from drake_srg.objects.config import ObjectConfig
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import Scenario
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder, Vector
 
 # A cylinder of 68 mm, wide as the soup can; long enough to lie on the cradle. Painted

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from drake_srg import experiments
-from drake_srg.errors import ScenarioError, suggest
+from drake_srg.common.errors import ScenarioError, suggest
 
 if TYPE_CHECKING:
     from drake_srg.experiments.result import ExperimentResult

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.tree import DeformableBody
 
-from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.moment_arms import base_moment_arm
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import JOINT_NAMES
-from drake_srg.object_config import ObjectConfig, SoftConfig
-from drake_srg.objects import object_body
+from drake_srg.objects.config import ObjectConfig, SoftConfig
+from drake_srg.objects.models import object_body
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Vector
 
 # A piece of a dry kitchen sponge, x, y (across the hand) and z [m], and its density

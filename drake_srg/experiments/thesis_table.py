@@ -23,9 +23,9 @@ from drake_srg.arm.kinematics import (
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.plant import AddDirectives
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
+from drake_srg.station.plant import AddDirectives
 
 SEEDS = range(50)
 _FLAT = "directives.9.add_model.file=package://drake_srg/sdf/linkage_gripper_flat.sdf"

@@ -14,10 +14,10 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
+from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.experiments.result import Row
-from drake_srg.object_config import ObjectConfig
-from drake_srg.objects import simple_shape
-from drake_srg.perception import AddLocalizer, AddObstacleFinder
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import BlobFlag, Obstacle, Shape

@@ -10,11 +10,11 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.common.joint_errors import AddEncoderNoise, JointErrorsConfig
 from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.gripper.grasp_detector import GraspDetector, GraspDetectorConfig
 from drake_srg.gripper.proximity import AddProximitySensors, ProximityConfig
 from drake_srg.gripper.touch import AddContactForceSensors, TouchConfig
-from drake_srg.joint_errors import AddEncoderNoise, JointErrorsConfig
 from drake_srg.types import Vector
 
 TRIGGERS = ("proximity", "touch")

@@ -7,13 +7,13 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.common.joint_errors import AddLatency
 from drake_srg.gripper.driver_wiring import AddDriver, AddJointServos
 from drake_srg.gripper.finger_layout import LINKAGE_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
 from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
-from drake_srg.joint_errors import AddLatency
 from drake_srg.types import positive
 
 

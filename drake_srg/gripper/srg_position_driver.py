@@ -8,6 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.common.joint_errors import AddLatency
 from drake_srg.gripper.driver_wiring import AddDriver, AddJointServos
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
@@ -18,7 +19,6 @@ from drake_srg.gripper.underactuation import (
     UnderactuationConfig,
     UnderactuationLogic,
 )
-from drake_srg.joint_errors import AddLatency
 from drake_srg.types import positive
 
 

@@ -9,6 +9,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.common.joint_errors import AddLatency
 from drake_srg.gripper.driver_wiring import (
     AddDriver,
     gripper_actuators,
@@ -24,7 +25,6 @@ from drake_srg.gripper.motor_temperature import (
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.spool_command import SpoolCommand, SpoolCommandConfig
 from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
-from drake_srg.joint_errors import AddLatency
 
 
 def _default_motor_servo() -> GripperServoConfig:

@@ -11,7 +11,7 @@ from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
-from drake_srg.contact_results import each_contact
+from drake_srg.common.contacts import each_contact
 from drake_srg.gripper.finger_layout import FingerLayout
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import TypeVar
 
-from drake_srg import installing
+from drake_srg.common import installing
 from drake_srg.lifetime import LeafSystem
 
 _Self = TypeVar("_Self", bound="Recorder")

@@ -20,9 +20,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from drake_srg.errors import ScenarioError, one_line
-from drake_srg.installing import require
-from drake_srg.metrics import Metrics
+from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.installing import require
+from drake_srg.simulation.metrics import Metrics
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.info import SweepInfo, read_sweep
 

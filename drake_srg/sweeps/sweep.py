@@ -20,7 +20,7 @@ from pydrake.systems.framework import DiagramBuilder
 from tqdm import tqdm
 
 from drake_srg.cell import AddCell
-from drake_srg.errors import ScenarioError, scenario_errors
+from drake_srg.common.errors import ScenarioError, scenario_errors
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
 from drake_srg.sweeps.dispatch import dispatch

@@ -14,9 +14,9 @@ from drake_srg.arm.drivers import (
     GravityCompensation,
     SetArmGains,
 )
-from drake_srg.joint_errors import ArmErrorsConfig
-from drake_srg.plant import AddDirectives
+from drake_srg.common.joint_errors import ArmErrorsConfig
 from drake_srg.scenario import load_scenario
+from drake_srg.station.plant import AddDirectives
 
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
 CONFIG = ArmPositionDriver(home=list(HOME))

@@ -16,8 +16,8 @@ from drake_srg.arm.external_torque import (
     ExternalTorqueObserver,
 )
 from drake_srg.arm.lag import TIME_CONSTANT, lag_share
-from drake_srg.plant import AddDirectives, MakeModelsPlant
 from drake_srg.scenario import load_scenario
+from drake_srg.station.plant import AddDirectives, MakeModelsPlant
 
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
 CONFIG = ArmPositionDriver(home=list(HOME))

@@ -5,12 +5,13 @@ import contextlib
 import pytest
 from helpers import needs_debian
 
-from bridges import ros1_peers
-from bridges.ros1_peers import wait_until
-from bridges.ros1_programs import Roscore
-from drake_srg.bridges import ros1_node, ros1_subscription
+from bridges.ros1 import ros1_peers
+from bridges.ros1.ros1_peers import wait_until
+from bridges.ros1.ros1_programs import Roscore
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros1 import Ros1Bridge
+from drake_srg.bridges.ros1 import node as ros1_node
+from drake_srg.bridges.ros1 import subscription as ros1_subscription
+from drake_srg.bridges.ros1.bridge import Ros1Bridge
 
 
 def pytest_configure(config):

@@ -10,8 +10,8 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.bridges.camera_process import CameraProcess
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, COLOR
-from drake_srg.plant import MakePlant
 from drake_srg.scenario import load_scenario
+from drake_srg.station.plant import MakePlant
 
 SCENARIO = load_scenario("kitchen", overrides=["object.position=[0.6, 0.1]"])
 

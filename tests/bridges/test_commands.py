@@ -13,8 +13,8 @@ from drake_srg.bridges.commands import (
     Warnings,
     station_topics,
 )
-from drake_srg.plant import MakePlant
 from drake_srg.scenario import load_scenario
+from drake_srg.station.plant import MakePlant
 
 SINGLE = "gripper.joint_position_commanded"
 INPUTS = (

@@ -8,7 +8,7 @@ from bridges.fake_bridge import FakeBridge
 from drake_srg.bridges import pacing
 from drake_srg.bridges.pictures import served_camera
 from drake_srg.bridges.serve import Serve
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.scenario import load_scenario
 
 PICTURES = {

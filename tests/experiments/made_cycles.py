@@ -3,7 +3,7 @@
 import numpy as np
 
 from drake_srg.experiments.cycles import Cycle
-from drake_srg.metrics import Metrics
+from drake_srg.simulation.metrics import Metrics
 
 
 def metrics(**changes):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RollPitchYaw
 
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments import grasping
 from drake_srg.experiments.grasping import (
     GraspConfig,
@@ -17,8 +17,8 @@ from drake_srg.experiments.grasping import (
     width_between_pads,
 )
 from drake_srg.experiments.objects import household_objects
-from drake_srg.experiments.rig import Rig, bench_scenario
-from drake_srg.object_config import ObjectConfig
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Cylinder, Sphere
 
 angles = st.tuples(*[st.floats(-180.0, 180.0)] * 3).map(np.deg2rad)

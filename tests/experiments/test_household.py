@@ -8,7 +8,7 @@ from drake_srg.experiments.grasping import HELD, Outcome, present
 from drake_srg.experiments.household import OPENING, household_cases, judge
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import quiet
-from drake_srg.experiments.rig import Rig
+from drake_srg.simulation.rig import Rig
 
 CASES = {str(case): case for case in household_cases()}
 FIRM = Outcome(

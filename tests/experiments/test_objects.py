@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from drake_srg.experiments.objects import household_objects
-from drake_srg.experiments.rig import Rig, bench_scenario
-from drake_srg.objects import simple_shape
+from drake_srg.objects.models import simple_shape
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Cylinder
 
 NOT_CONVEX = {"mug", "bowl", "squeeze_bottle", "wrench"}

@@ -5,7 +5,7 @@ import sys
 import pytest
 
 from drake_srg import experiments
-from drake_srg.cli import main
+from drake_srg.cli.main import main
 from drake_srg.experiments import registry
 
 FAKE = '''"""Half of what was asked for.

@@ -3,12 +3,12 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.errors import ScenarioError
+from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments import soft, sponge
-from drake_srg.experiments.rig import Rig, bench_scenario
 from drake_srg.experiments.soft import judge
 from drake_srg.experiments.sponge import CLOSE, FOAM, HOLD, LIFT, SIZE, Case, Grasp
-from drake_srg.object_config import ObjectConfig
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box
 
 COARSE = Case(103.0, resolution=0.0225)

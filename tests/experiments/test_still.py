@@ -3,11 +3,11 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.errors import ScenarioError
-from drake_srg.experiments.rig import Rig, bench_scenario
+from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments.still import take_picture
-from drake_srg.object_config import ObjectConfig
+from drake_srg.objects.config import ObjectConfig
 from drake_srg.scenario import RecordingConfig
+from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Sphere
 
 BALL = ObjectConfig(shape=Sphere(0.04), color=[1.0, 0.0, 0.0])

@@ -11,7 +11,7 @@ from drake_srg.experiments.varied_scenes import (
     look,
     match,
 )
-from drake_srg.object_config import ObjectConfig
+from drake_srg.objects.config import ObjectConfig
 from drake_srg.types import Box, Obstacle
 
 GOOD, OFF, UNSEEN = Scene(1e-3, True), Scene(5e-3, True), Scene(np.nan, False)

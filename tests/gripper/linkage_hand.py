@@ -10,8 +10,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.gripper.drivers import AddGripperDriver, LinkageDriver
-from drake_srg.object_config import ObjectConfig
-from drake_srg.objects import AddObject, SetDefaultObjectPose
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.models import AddObject, SetDefaultObjectPose
 from drake_srg.parsing import ConfigureParser
 from drake_srg.types import Cylinder
 

@@ -21,8 +21,8 @@ from drake_srg.gripper.touch import (
     ContactForceSensors,
     TouchConfig,
 )
-from drake_srg.object_config import ObjectConfig, SoftConfig
-from drake_srg.objects import AddObject, object_body
+from drake_srg.objects.config import ObjectConfig, SoftConfig
+from drake_srg.objects.models import AddObject, object_body
 from drake_srg.parsing import ConfigureParser
 from drake_srg.types import Box
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from kitchen_task import GOAL, START
-from planning_world import CAN
 from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 
 from drake_srg.cell import MakeTaskPlanner
 from drake_srg.parsing import ConfigureParser
-from drake_srg.planning.planning_scene import PlanningScene
-from drake_srg.planning.task_motions import TaskMotions, TaskPlanner
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.task.task_motions import TaskMotions, TaskPlanner
 from drake_srg.scenario import load_scenario
+from planning.planning_world import CAN
+from planning.task.kitchen_task import GOAL, START
 
 _IIWA = """
 directives:

@@ -11,7 +11,6 @@ from pydrake.systems.primitives import (
     TrajectorySource,
 )
 from pydrake.trajectories import PiecewisePolynomial
-from recording_sources import RED, Sweep, is_freed
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -19,6 +18,7 @@ from drake_srg.recording import ros_topics
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.types import Mode
+from recording.recording_sources import RED, Sweep, is_freed
 
 ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
 TOPICS = cell_topics(ARM, GRIPPER, 2, {"top": 0.25})

@@ -5,10 +5,10 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
-from recording_sources import Sweep, image, is_freed
 
 from drake_srg.recording.video import VideoRecorder, caption
 from drake_srg.types import Mode
+from recording.recording_sources import Sweep, image, is_freed
 
 
 def make(path, width=64, height=48, text=None, **config):

@@ -6,7 +6,12 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.sensors import CameraInfo, ImageRgba8U
-from vision_scene import (
+
+from drake_srg import types
+from drake_srg.types import BlobFlag
+from drake_srg.vision.blob_localizer import BlobLocalizer
+from drake_srg.vision.camera import CameraModel
+from vision.vision_scene import (
     BLUE,
     CAN,
     DOWN,
@@ -20,11 +25,6 @@ from vision_scene import (
     standing,
     target,
 )
-
-from drake_srg import types
-from drake_srg.types import BlobFlag
-from drake_srg.vision.blob_localizer import BlobLocalizer
-from drake_srg.vision.camera import CameraModel
 
 MODEL = CameraModel(CameraInfo(640, 480, FOV_Y))
 # 35 degrees off the vertical, 1.5 m above the table, looking at its middle.

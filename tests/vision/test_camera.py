@@ -3,10 +3,10 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo
-from vision_scene import FOV_Y, RED, Camera, Thing, make_sensors, render
 
 from drake_srg import types
 from drake_srg.vision.camera import DRAKE_PIXEL_CENTER, CameraModel
+from vision.vision_scene import FOV_Y, RED, Camera, Thing, make_sensors, render
 
 INFO = CameraInfo(640, 480, FOV_Y)
 

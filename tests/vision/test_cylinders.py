@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
-from vision_scene import TENT, Camera, Thing, directional, locate
 
 from drake_srg.types import BlobFlag, Box, Cylinder
 from drake_srg.vision.blob_localizer import BlobTarget
 from drake_srg.vision.color import ColorRange
+from vision.vision_scene import TENT, Camera, Thing, directional, locate
 
 CYLINDER = Cylinder(0.0125, 0.05)
 LAVENDER = (0.85, 0.85, 1.0)

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
-from ray_cast import lying, view_of
 
 from drake_srg.types import Cylinder
 from drake_srg.vision.guesses import fit_plane, guess_poses
+from vision.ray_cast import lying, view_of
 
 degrees = st.floats(-8.0, 8.0)
 

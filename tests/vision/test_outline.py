@@ -4,10 +4,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
-from ray_cast import X_WC, cast, lying, view_of
 
 from drake_srg.types import Box, Cylinder, Sphere
 from drake_srg.vision.outline import Outline, cross
+from vision.ray_cast import X_WC, cast, lying, view_of
 
 CYLINDER = Cylinder(0.0125, 0.05)
 SOLIDS = [CYLINDER, Box([0.02, 0.03, 0.05]), Sphere(0.02)]

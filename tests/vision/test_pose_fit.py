@@ -4,10 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
-from ray_cast import lying, view_of
 
 from drake_srg.types import Cylinder
 from drake_srg.vision.pose_fit import align
+from vision.ray_cast import lying, view_of
 
 CYLINDER = Cylinder(0.0125, 0.05)
 PIXEL = 1.3e-3  # m, on the table

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
-from ray_cast import X_WC, lying, view_of
 
 from drake_srg.types import Cylinder
 from drake_srg.vision.shape_fit import fit_shape
+from vision.ray_cast import X_WC, lying, view_of
 
 CYLINDER = Cylinder(0.0125, 0.05)
 PIXEL = 1.3e-3  # m, on the table

@@ -3,10 +3,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
-from ray_cast import view_of
 
 from drake_srg.types import Cylinder
 from drake_srg.vision.sight import INSIDE, OUTSIDE, UNKNOWN, look
+from vision.ray_cast import view_of
 
 CYLINDER = Cylinder(0.0125, 0.05)
 # Off the camera's axis, so that its side and its foot are seen, too.

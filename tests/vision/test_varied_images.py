@@ -6,13 +6,22 @@ from pydrake.geometry import LightParameter, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, ImageDepth32F, ImageRgba8U
-from test_cylinders import CEILING, CYLINDER, LAVENDER, TARGET, WOOD, on_table
-from vision_scene import BLUE, CAN, RED, Camera, Thing, make_sensors, standing, target
 
 from drake_srg.types import BlobFlag, Box, Cylinder
 from drake_srg.vision.blob_localizer import BlobLocalizer
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import CameraErrors, CameraErrorsConfig
+from vision.test_cylinders import CEILING, CYLINDER, LAVENDER, TARGET, WOOD, on_table
+from vision.vision_scene import (
+    BLUE,
+    CAN,
+    RED,
+    Camera,
+    Thing,
+    make_sensors,
+    standing,
+    target,
+)
 
 NOISY = CameraErrorsConfig(
     color_noise=3.0, blur=0.7, depth_noise=5e-4, depth_dropout=0.01

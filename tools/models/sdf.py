@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from drake_srg.soft_mesh import box_mesh, vtk_text
+from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 
 from .shapes import MassProperties, Number, Obj, Points, Solid
 

@@ -16,12 +16,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from drake_srg.errors import ScenarioError, one_line
+from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset.writer import DatasetWriter
 from drake_srg.sweeps.info import read_sweep
 from drake_srg.sweeps.rows import read_rows
-from drake_srg.yaml_loading import parse_yaml
 
 _RECORDING, _METRICS = "recording.mcap", "metrics.json"
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from drake_srg import cli
-from drake_srg.errors import ScenarioError
+from drake_srg.cli import main as cli
+from drake_srg.common.errors import ScenarioError
 from drake_srg.sweeps.dataset import files, video
 from drake_srg.sweeps.dataset.make import make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals

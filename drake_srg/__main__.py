@@ -1,0 +1,7 @@
+"""`python -m drake_srg` is the command drake-srg."""
+
+import sys
+
+from drake_srg.cli.main import main
+
+sys.exit(main())

@@ -1,0 +1,1 @@
+"""The gripper's servo: an emulated Dynamixel MX-64."""

@@ -1,0 +1,1 @@
+"""ROS 1: a node on the wire, without ROS installed."""

@@ -1,0 +1,175 @@
+"""The topics that a ROS 1 node subscribes to, and the connections to publishers."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses as dc
+from collections.abc import Callable, Iterable
+
+from drake_srg.bridges.addresses import Resolver
+from drake_srg.bridges.commands import Warnings
+from drake_srg.bridges.ros1.tcpros import (
+    ANY,
+    Connection,
+    Frames,
+    MessageType,
+    MismatchError,
+    TcprosError,
+    decode_header,
+    encode_header,
+)
+from drake_srg.bridges.ros1.xmlrpc import TIMEOUT, call
+from drake_srg.common.errors import one_line
+
+# Until a publisher is tried again [s, real]; doubles up to the maximum while it fails.
+_RETRY, _RETRY_MAX = 0.5, 4.0
+# Read at once at most [bytes]; other connections have their turn in between.
+_CHUNK = 2**16
+# Names of publishers' machines that are not found are the commonest fault of ROS 1.
+_resolver = Resolver()
+
+
+@dc.dataclass
+class _Publisher:
+    task: asyncio.Task[None] | None = None
+    connection: Connection | None = None
+
+
+class Subscription:
+    """A topic that a node subscribes to.
+
+    A publisher that the master lists is connected to, again and again. One that works
+    is kept when a new master does not know it.
+
+    Args:
+        name: Of our node.
+        topic: Its name.
+        type: Its type.
+        receive: Called with each message, serialized.
+        warnings: Hears of publishers that do not fit.
+
+    Attributes:
+        updates: How many lists of publishers there have been.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        topic: str,
+        type: MessageType,
+        receive: Callable[[bytes], None],
+        warnings: Warnings,
+    ):
+        self.topic, self.type = topic, type
+        self._name, self._receive, self._warnings = name, receive, warnings
+        self._publishers: dict[str, _Publisher] = {}
+        self._listed: set[str] = set()
+        self.updates = 0
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Those to publishers that send."""
+        publishers = self._publishers.values()
+        return [p.connection for p in publishers if p.connection is not None]
+
+    def update(self, publishers: Iterable[str]) -> None:
+        """Take the master's list of publishers, by URI."""
+        self.updates += 1
+        self._listed = set(publishers)
+        for uri in self._publishers.keys() - self._listed:
+            if self._publishers[uri].connection is None:
+                self._drop(uri)
+        for uri in self._listed - self._publishers.keys():
+            publisher = self._publishers[uri] = _Publisher()
+            publisher.task = asyncio.create_task(self._follow(uri, publisher))
+
+    def close(self) -> None:
+        """End all connections."""
+        self._listed = set()
+        for uri in list(self._publishers):
+            self._drop(uri)
+
+    def _drop(self, uri: str) -> None:
+        task = self._publishers.pop(uri).task
+        if task is not None:
+            task.cancel()
+
+    async def _follow(self, uri: str, publisher: _Publisher) -> None:
+        """Receive from a publisher while it is listed, or sends."""
+        retry, worked = _RETRY, False
+        while uri in self._listed:
+            try:
+                await self._read(uri, publisher)
+            except TcprosError as error:
+                kind = type(error).__name__
+                self._warn(kind, f"{uri}: {error}; connection closed")
+            except (OSError, ValueError, asyncio.TimeoutError) as error:
+                # Who has just left may be listed for a moment still.
+                if publisher.connection is None and not worked:
+                    text = one_line(error) or "no answer"
+                    self._warn("unreachable", f"{uri} cannot be reached: {text}")
+            worked, publisher.connection = publisher.connection is not None, None
+            retry = _RETRY if worked else min(2.0 * retry, _RETRY_MAX)
+            await asyncio.sleep(retry)
+        self._publishers.pop(uri, None)
+
+    async def _read(self, uri: str, publisher: _Publisher) -> None:
+        """Connect to a publisher and receive until one of both is closed."""
+        protocols = [["TCPROS"]]
+        answer = await call(
+            uri, "requestTopic", self._name, self.topic, protocols, resolver=_resolver
+        )
+        match answer:
+            case ["TCPROS", str(host), int(port)] if 0 < port < 2**16:
+                connecting = _connect(host, port)
+            case _:
+                raise TcprosError(f"it answers {answer!r:.100} when asked for TCPROS")
+        reader, writer = await asyncio.wait_for(connecting, TIMEOUT)
+        try:
+            writer.write(
+                encode_header(
+                    {
+                        "callerid": self._name,
+                        "md5sum": self.type.md5sum,
+                        "message_definition": self.type.definition,
+                        "tcp_nodelay": "1",
+                        "topic": self.topic,
+                        "type": self.type.name,
+                    }
+                )
+            )
+            frames = Frames()
+            while data := await reader.read(_CHUNK):
+                for content in frames.feed(data):
+                    if publisher.connection is None:
+                        self._check(decode_header(content))
+                        publisher.connection = Connection(uri)
+                    else:
+                        publisher.connection.count(len(content))
+                        self._receive(content)
+            if frames.pending:
+                raise TcprosError("it ended in the middle of a message")
+        finally:
+            writer.close()
+
+    def _check(self, header: dict[str, str]) -> None:
+        """Raise a MismatchError unless a publisher's header fits."""
+        if "error" in header:
+            raise MismatchError(f"it refuses us: {header['error']!r:.200}")
+        md5sum = header.get("md5sum")
+        if md5sum not in (ANY, self.type.md5sum):
+            raise MismatchError(
+                f"it sends {header.get('type')!r:.99} with MD5 sum {md5sum!r:.99}; "
+                f"allowed is {self.type.name} with {self.type.md5sum}"
+            )
+
+    def _warn(self, kind: str, message: str) -> None:
+        self._warnings.warn(
+            f"ROS 1 {self.topic} {kind}", f"ROS 1: {self.topic}: {message}"
+        )
+
+
+async def _connect(
+    host: str, port: int
+) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    return await asyncio.open_connection(await _resolver.address(host), port)

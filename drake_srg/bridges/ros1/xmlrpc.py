@@ -1,0 +1,130 @@
+"""XML-RPC, how ROS 1's master and nodes ask each other, in an asyncio loop.
+
+The messages are the standard library's. Its client and server are not: they wait for
+peers that dawdle, and take in whatever comes, without end.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import socket
+import xmlrpc.client
+from collections.abc import Callable
+from typing import Any
+from urllib.parse import urlsplit
+
+from drake_srg.bridges.addresses import Resolver
+from drake_srg.common.errors import one_line
+
+# Allowed of a request or an answer [bytes]: as of TCPROS frames.
+_LIMIT = 2**20
+# The peer is on this machine or near, and answers without thinking [s, real].
+TIMEOUT = 2.0
+
+# Answers a call of a method with its arguments, or raises a TypeError if it cannot.
+Answer = Callable[[str, tuple[Any, ...]], Any]
+
+
+class XmlRpcError(ConnectionError):
+    """A peer that does not answer, or not as ROS says."""
+
+
+async def call(
+    uri: str,
+    method: str,
+    *arguments: Any,
+    resolver: Resolver,
+    timeout: float = TIMEOUT,
+) -> Any:
+    """Call a method of ROS's master or node API; return the value of its answer.
+
+    Args:
+        uri: Of the peer, as in "http://localhost:11311".
+        method: As in "requestTopic".
+        arguments: Of the method, the caller's name first.
+        resolver: Looks up the peer.
+        timeout: For everything [s, real].
+
+    Raises:
+        XmlRpcError: If it fails for whatever reason.
+    """
+    request = xmlrpc.client.dumps(arguments, method).encode()
+    try:
+        body = await asyncio.wait_for(_exchange(uri, request, resolver), timeout)
+        answers: Any = xmlrpc.client.loads(body)[0]
+        ((code, status, value),) = answers
+    except socket.gaierror as error:
+        raise XmlRpcError(f"{uri}: host not found") from error
+    except (OSError, asyncio.TimeoutError) as error:
+        raise XmlRpcError(f"{uri} does not answer") from error
+    except Exception as error:  # there is no end of what can be wrong with a text
+        raise XmlRpcError(f"{uri} does not answer as ROS: {one_line(error)}") from error
+    if code != 1:
+        raise XmlRpcError(f"{uri} answers {status!r:.200}")
+    return value
+
+
+async def serve(
+    listener: socket.socket, answer: Answer, refuse: Callable[[str], None]
+) -> asyncio.Server:
+    """Answer calls at a socket until the server that is returned is closed.
+
+    Args:
+        listener: Bound, taken over.
+        answer: What answers.
+        refuse: Told what is wrong with requests that are none.
+    """
+
+    async def handle(
+        reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        try:
+            request = await asyncio.wait_for(_read(reader), TIMEOUT)
+            body = _answer(request, answer)
+            writer.write(_message(b"HTTP/1.0 200 OK", body))
+            await asyncio.wait_for(writer.drain(), TIMEOUT)
+        except asyncio.TimeoutError:
+            refuse("half a request")
+        except Exception as error:  # as in call()
+            refuse(one_line(error))
+        finally:
+            writer.close()
+
+    return await asyncio.start_server(handle, sock=listener)
+
+
+def _answer(request: bytes, answer: Answer) -> bytes:
+    arguments, method = xmlrpc.client.loads(request)
+    result: Any
+    try:
+        result = (answer(str(method), arguments),)
+    except TypeError as error:
+        result = xmlrpc.client.Fault(1, str(error))
+    return xmlrpc.client.dumps(result, methodresponse=True).encode()
+
+
+async def _exchange(uri: str, request: bytes, resolver: Resolver) -> bytes:
+    address = urlsplit(uri)
+    host = await resolver.address(address.hostname or "")
+    reader, writer = await asyncio.open_connection(host, address.port)
+    try:
+        target = f"POST {address.path or '/'} HTTP/1.0\r\nHost: {address.netloc}"
+        writer.write(_message(target.encode(), request))
+        return await _read(reader)
+    finally:
+        writer.close()
+
+
+def _message(start: bytes, body: bytes) -> bytes:
+    head = b"%s\r\nContent-Type: text/xml\r\nContent-Length: %d\r\n\r\n"
+    return head % (start, len(body)) + body
+
+
+async def _read(reader: asyncio.StreamReader) -> bytes:
+    """Return the body of an HTTP message."""
+    head = await reader.readuntil(b"\r\n\r\n")
+    length = re.search(rb"\r\ncontent-length: *(\d{1,9})\r", head, re.IGNORECASE)
+    if length is None or int(length[1]) > _LIMIT:
+        raise ValueError(f"no HTTP message of up to {_LIMIT} bytes")
+    return await reader.readexactly(int(length[1]))

@@ -1,0 +1,1 @@
+"""ROS 2: a participant on DDS, without ROS installed."""

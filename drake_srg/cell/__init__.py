@@ -1,0 +1,27 @@
+"""The cell: a station with a localizer and a planner."""
+
+from drake_srg.cell.cell import (
+    AddCell,
+    AddDisturber,
+    ConnectCommands,
+    ConnectPlanner,
+    MakeCell,
+)
+from drake_srg.cell.planners import (
+    MakeHand,
+    MakePlanner,
+    MakeScriptedPlanner,
+    MakeTaskPlanner,
+)
+
+__all__ = [
+    "AddCell",
+    "AddDisturber",
+    "ConnectCommands",
+    "ConnectPlanner",
+    "MakeCell",
+    "MakeHand",
+    "MakePlanner",
+    "MakeScriptedPlanner",
+    "MakeTaskPlanner",
+]

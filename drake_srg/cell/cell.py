@@ -1,0 +1,173 @@
+"""The cell: a station with localizer and planner, the autonomous system."""
+
+import copy
+
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
+
+from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
+from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner
+from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.ports import Ports, input_ports, output_ports
+from drake_srg.objects.disturbances import Disturber, Target
+from drake_srg.objects.models import (
+    object_body,
+    simple_shape,
+)
+from drake_srg.scenario import Scenario, is_continuous
+from drake_srg.station import AddStation, MakeStation
+
+# What a planner commands, and what that is called at the station.
+_COMMANDS = (
+    ("position_commanded", "arm.position_commanded"),
+    ("closure_commanded", "gripper.closure_commanded"),
+)
+
+
+@scenario_errors()
+def MakeCell(scenario: Scenario) -> Diagram:
+    """Build the diagram of a station whose task a localizer and a planner do.
+
+    .. pydrake_system::
+
+        name: Cell
+        output_ports:
+        - (all of the station's)
+        - localizer.blobs
+        - planner.mode
+        - planner.status
+        - arm.position_commanded
+        - gripper.closure_commanded
+
+    The subsystems are named `station`, `localizer`, `planner` and, where the scenario
+    has disturbances, `disturber`. To replace one, build the diagram with your own in
+    its place: this function is short for that reason.
+
+    Where the scenario has a `script`, the planner plays it, and there is no localizer.
+    Where its plant is continuous, what is in the station is in the cell itself.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    AddCell(builder, scenario).Export(builder)
+    diagram = builder.Build()
+    diagram.set_name("cell")
+    return diagram
+
+
+def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
+    """Add what `MakeCell` makes a diagram of to a diagram, and return its ports.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    needed = {
+        "arm": scenario.arm,
+        "gripper": scenario.gripper,
+        "task.pick": scenario.task.pick,
+        "localizer.cameras (or script)": scenario.localizer.cameras or scenario.script,
+    }
+    missing = [key for key, value in needed.items() if not value]
+    if missing:
+        raise ScenarioError(f"a cell also needs {', '.join(missing)}")
+    station: Diagram | Ports
+    if is_continuous(scenario):
+        # Drake's CENIC integrator looks for the plant among the root's own subsystems.
+        station = AddStation(builder, scenario)
+    else:
+        station = builder.AddNamedSystem("station", MakeStation(scenario))
+    ports = Ports()
+    planner: System
+    if scenario.script:
+        planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
+        ConnectCommands(builder, station, planner)
+        if any(step.force_limit is not None for step in scenario.script):
+            builder.Connect(
+                planner.GetOutputPort("force_limit"),
+                station.GetInputPort("gripper.force_limit"),
+            )
+    else:
+        localizer = AddLocalizer(builder, scenario, station)
+        planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
+        ConnectPlanner(builder, station, localizer, planner)
+        if scenario.localizer.obstacles:
+            finder = AddObstacleFinder(builder, scenario, station, localizer)
+            builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
+        ports.outputs["localizer.blobs"] = localizer.GetOutputPort("blobs")
+    AddDisturber(builder, scenario, station, planner)
+    ports.outputs |= output_ports(station)
+    for name, exported in (
+        ("mode", "planner.mode"),
+        ("status", "planner.status"),
+        *_COMMANDS,
+    ):
+        ports.outputs[exported] = planner.GetOutputPort(name)
+    return ports
+
+
+def AddDisturber(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram | Ports,
+    planner: System,
+) -> None:
+    """Add what lets a scenario's disturbances happen, where it has any.
+
+    It is connected to the station and to the planner's `mode`.
+    """
+    plant = (builder if isinstance(station, Ports) else station).GetSubsystemByName(
+        "plant"
+    )
+    disturbances = []
+    for disturbance in scenario.disturbances:
+        name = disturbance.object or scenario.task.pick
+        config = scenario.objects[name]
+        if config.present:
+            body = object_body(plant, plant.GetModelInstanceByName(name))
+            # A copy: the plant's own would keep its diagram alive.
+            inertia = copy.copy(plant.get_body(body).default_spatial_inertia())
+            target = Target(name, body, inertia, simple_shape(name, config))
+            disturbances.append((disturbance, target))
+    if not disturbances:
+        return
+    # With CENIC, a power of two: see `scenario_checks`.
+    period = scenario.plant_config.time_step or 1.0 / 256.0
+    disturber = builder.AddNamedSystem("disturber", Disturber(disturbances, period))
+    builder.Connect(planner.GetOutputPort("mode"), disturber.GetInputPort("mode"))
+    builder.Connect(
+        station.GetOutputPort("object_poses_cheat"),
+        disturber.GetInputPort("object_poses"),
+    )
+    for port in input_ports(station, "object_forces_cheat"):
+        builder.Connect(disturber.GetOutputPort("object_forces"), port)
+
+
+def ConnectPlanner(
+    builder: DiagramBuilder,
+    station: Diagram | Ports,
+    localizer: System,
+    planner: System,
+) -> None:
+    """Connect a planner with our ports to a station and a localizer."""
+    builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    for source, target in (
+        ("arm.state_measured", "arm_state"),
+        ("gripper.state_measured", "gripper_state"),
+        ("gripper.grasped", "grasped"),
+        ("gripper.proximity", "proximity"),
+    ):
+        builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
+    if "arm.external_torque" in output_ports(station):
+        builder.Connect(
+            station.GetOutputPort("arm.external_torque"),
+            planner.GetInputPort("external_torque"),
+        )
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectCommands(
+    builder: DiagramBuilder, station: Diagram | Ports, planner: System
+) -> None:
+    """Connect what a planner commands to a station."""
+    for source, target in _COMMANDS:
+        builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))

@@ -1,0 +1,158 @@
+"""What a cell sees with: the localizer, and what finds things in the way."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+
+from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.ports import Ports
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.models import known_shape
+from drake_srg.scenario import Scenario
+from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.camera_leveling import CameraLeveling
+from drake_srg.vision.color import ColorRange
+from drake_srg.vision.obstacles import ObstacleFinder
+from drake_srg.vision.surface import Surface
+
+# What is set down not farther than this below a table's top [m], or above, is set into
+# a recess of it, or on a mat.
+_RECESS = 0.01
+
+
+def AddLocalizer(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
+) -> BlobLocalizer:
+    """Add the localizer of a scenario, connected to the station's cameras."""
+    cameras = _camera_models(builder, scenario, station)
+    localizer = builder.AddNamedSystem(
+        "localizer",
+        BlobLocalizer(
+            _targets(scenario),
+            cameras,
+            min_area=scenario.localizer.min_area,
+            period=scenario.localizer.period,
+        ),
+    )
+    for name, camera in cameras.items():
+        for port in ("color_image", "depth_image", "body_pose_in_world"):
+            source = station.GetOutputPort(f"camera_{name}.{port}")
+            if port == "body_pose_in_world" and scenario.localizer.level_cameras:
+                source = _leveled(builder, scenario, station, name, camera)
+            builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
+    return localizer
+
+
+def AddObstacleFinder(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram | Ports,
+    localizer: System,
+) -> ObstacleFinder:
+    """Add what finds things in the way, connected to the station and the localizer."""
+    cameras = _camera_models(builder, scenario, station)
+    known = {n: known_shape(n, config) for n, config in scenario.objects.items()}
+    finder = builder.AddNamedSystem(
+        "obstacle_finder",
+        ObstacleFinder(
+            cameras,
+            _surfaces(scenario),
+            {name: shape for name, shape in known.items() if shape is not None},
+        ),
+    )
+    for name in cameras:
+        depth = station.GetOutputPort(f"camera_{name}.depth_image")
+        builder.Connect(depth, finder.GetInputPort(f"{name}.depth_image"))
+        pose = station.GetOutputPort(f"camera_{name}.body_pose_in_world")
+        if scenario.localizer.level_cameras:
+            leveling = builder.GetSubsystemByName(f"camera_leveling_{name}")
+            pose = leveling.get_output_port()
+        builder.Connect(pose, finder.GetInputPort(f"{name}.body_pose_in_world"))
+    builder.Connect(localizer.GetOutputPort("blobs"), finder.GetInputPort("blobs"))
+    return finder
+
+
+def _leveled(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    station: Diagram | Ports,
+    name: str,
+    camera: CameraModel,
+) -> OutputPort:
+    """The pose of a camera by the tables that it sees."""
+    leveling = builder.AddNamedSystem(
+        f"camera_leveling_{name}", CameraLeveling(camera, _tables(scenario))
+    )
+    for port in ("depth_image", "body_pose_in_world"):
+        source = station.GetOutputPort(f"camera_{name}.{port}")
+        builder.Connect(source, leveling.GetInputPort(port))
+    return leveling.get_output_port()
+
+
+def _camera_models(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
+) -> dict[str, CameraModel]:
+    """Models of the localizer's cameras."""
+    around = builder if isinstance(station, Ports) else station
+    return {
+        name: CameraModel.from_sensor(around.GetSubsystemByName(f"rgbd_sensor_{name}"))
+        for name in scenario.localizer.cameras
+    }
+
+
+def _surfaces(scenario: Scenario) -> list[Surface]:
+    """Where things may be in the way: around the objects' region and the goal."""
+    task, table = scenario.task, scenario.table
+    low = np.maximum(np.array(task.region.min) - task.spacing, table.min)
+    high = np.minimum(np.array(task.region.max) + task.spacing, table.max)
+    return [
+        Surface((low[0], low[1]), (high[0], high[1]), table.height),
+        _around_goal(scenario),
+    ]
+
+
+def _tables(scenario: Scenario) -> list[Surface]:
+    """What is level: the table, and what is around the goal."""
+    low, high = scenario.table.min, scenario.table.max
+    table = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
+    return [table, _around_goal(scenario)]
+
+
+def _around_goal(scenario: Scenario) -> Surface:
+    (x, y), around = scenario.task.place.position, scenario.task.spacing
+    height = scenario.table.height
+    on = scenario.task.place.height
+    if on is not None and abs(on - height) > _RECESS:  # on something else
+        height = on
+    return Surface((x - around, y - around), (x + around, y + around), height)
+
+
+def _targets(scenario: Scenario) -> list[BlobTarget]:
+    targets: list[BlobTarget] = []
+    for name, config in scenario.objects.items():
+        shape = known_shape(name, config)
+        if shape is None:
+            continue  # nothing looks for it
+        with scenario_errors(f"objects.{name}.color_range"):
+            colors = _color_range(config)
+        for other in targets:
+            if (other.shape, other.color) == (shape, colors):
+                raise ScenarioError(
+                    f"objects.{name}: cannot be told from {other.name}; "
+                    "give it another shape, color or color_range"
+                )
+        targets.append(BlobTarget(name, shape, colors))
+    return targets
+
+
+def _color_range(config: ObjectConfig) -> ColorRange:
+    if config.color_range is None:
+        return ColorRange.around(config.color)
+    lower, upper = config.color_range.lower, config.color_range.upper
+    return ColorRange(
+        (lower[0], lower[1], lower[2]),
+        (upper[0], upper[1], upper[2]),
+        config.color_range.space,  # type: ignore[arg-type] # it checks that itself
+    )

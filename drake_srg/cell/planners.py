@@ -1,0 +1,114 @@
+"""Planners of a scenario: for its task, or for its script."""
+
+import functools
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.planning import RobotDiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, System
+
+from drake_srg.arm.drivers import AddJerkLimits
+from drake_srg.cell.goals import goal_pose
+from drake_srg.common.ports import output_ports
+from drake_srg.gripper.drivers import LinkageDriver
+from drake_srg.objects.models import known_shape, object_shape
+from drake_srg.planning.grasps.grasps import Hand
+from drake_srg.planning.grasps.linkage_hand import LinkageHand
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.script.scripted import ScriptedPlanner
+from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
+from drake_srg.planning.task.task_motions import TaskPlanner
+from drake_srg.scenario import Scenario
+from drake_srg.station.plant import Models
+from drake_srg.types import Vector
+
+
+def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
+    """Make the planner of a scenario's task."""
+    name, place = scenario.task.pick, scenario.task.place
+    shape = object_shape(name, scenario.objects[name])
+    return PickAndPlacePlanner(
+        MakeTaskPlanner(scenario),
+        name,
+        shape,
+        goal_pose(scenario, shape),
+        place.tolerance,
+        obstacles={
+            other: known
+            for other, config in scenario.objects.items()
+            if other != name and (known := known_shape(other, config)) is not None
+        },
+        repeat=scenario.task.repeat,
+        config=scenario.planner,
+    )
+
+
+def MakeScriptedPlanner(scenario: Scenario) -> System:
+    """Make what plays a scenario's script: a `ScriptedPlanner`, or one in a diagram.
+
+    Where the scenario has `messages`, `arm_reference` in that diagram makes motion of
+    the arm's targets.
+    """
+    assert scenario.arm is not None
+    home = np.array(scenario.arm.home)
+    if scenario.messages is None:
+        return ScriptedPlanner(home, scenario.script)
+    builder = DiagramBuilder()
+    messages = builder.AddNamedSystem(
+        "messages", ScriptedPlanner(home, scenario.script, jumps=True)
+    )
+    reference = AddJerkLimits(builder, scenario.arm)
+    position = "position_commanded"
+    builder.Connect(messages.GetOutputPort(position), reference.get_input_port())
+    builder.ExportOutput(reference.get_output_port(), position)
+    for name, port in output_ports(messages).items():
+        if name != position:
+            builder.ExportOutput(port, name)
+    return builder.Build()
+
+
+def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
+    """Make what plans the motions, with a model of its own of arm and furniture."""
+    config = scenario.planner
+    scene = _planning_scene(
+        Models.of(scenario), config.clearance, config.hand_clearance, config.payload
+    ).copy()
+    assert scenario.arm is not None
+    hand = MakeHand(scenario, scene.plant)
+    return TaskPlanner(scene, hand, np.array(scenario.arm.home), config)
+
+
+@functools.lru_cache(maxsize=2)
+def _planning_scene(
+    models: Models, margin: float, hand_margin: float, payload: float
+) -> PlanningScene:
+    """The planner's model; only copies of it are used."""
+    builder = RobotDiagramBuilder(time_step=0.0)
+    models.add_to(builder.plant())
+    return PlanningScene(
+        builder, margin=margin, hand_margin=hand_margin, payload=payload
+    )
+
+
+def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
+    """Make what the planner knows of a scenario's gripper, a model of `plant`."""
+    config = scenario.planner
+    if not isinstance(scenario.gripper, LinkageDriver):
+        return SrgHand(config.approaches, config.tilts, config.squeeze)
+    gripper = plant.GetModelInstanceByName("gripper")
+
+    def p_GF(name: str) -> Vector:
+        frame = plant.GetFrameByName(name, gripper)
+        X_GF = frame.GetFixedPoseInBodyFrame()
+        return np.array(X_GF.translation())  # the plant may not live on
+
+    def measured(name: str, otherwise: Vector) -> Vector:  # by calibration
+        return p_GF(name) if plant.HasFrameNamed(name, gripper) else otherwise
+
+    p_GT = measured("tip", p_GF("grasp_center"))
+    return LinkageHand(
+        p_GT,
+        measured("released", p_GT) - p_GT,
+        scenario.gripper.master_slave.full_scale,
+    )

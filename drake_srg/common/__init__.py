@@ -1,0 +1,1 @@
+"""What every storey may use: errors, ports, contacts, imperfect joints."""

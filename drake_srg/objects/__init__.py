@@ -1,0 +1,1 @@
+"""Objects: models, poses, contacts, disturbances."""

@@ -1,0 +1,256 @@
+"""Movable objects: models with a scenario's mass and friction, and known shapes."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    BodyIndex,
+    DeformableBody,
+    ModelInstanceIndex,
+    UnitInertia,
+)
+
+from drake_srg.common.errors import ScenarioError
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.soft import AddSoftObject
+from drake_srg.parsing import ConfigureParser
+from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+
+# Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
+# shape: stiff beside the fingers' rubber (2 MPa), so that the pads deform, as they do
+# on hard household objects.
+_MODULUS = 5.0e7
+_DISSIPATION = 5.0
+# Edges of the facets of what is round, over its radius: a circle gets 22 sides, within
+# 1 % of the radius; see the soup can's model.
+_RESOLUTION = 0.3
+
+# Drake cuts a cylinder along the points farthest from its surface, and gives up on the
+# slivers where its length comes this near to its diameter [m] (1.51.1). Equal is fine.
+_NEARLY_AS_LONG = 1e-4
+
+_TEMPLATE = """<?xml version="1.0"?>
+<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="object">
+<link name="object">
+  <inertial><mass>1</mass><inertia>
+    <ixx>{ixx}</ixx><iyy>{iyy}</iyy><izz>{izz}</izz>
+    <ixy>0</ixy><ixz>0</ixz><iyz>0</iyz>
+  </inertia></inertial>
+  <visual name="visual"><geometry>{geometry}</geometry>
+    <material><diffuse>{color} 1</diffuse></material></visual>
+  <collision name="collision"><geometry>{touched}</geometry>
+    <drake:proximity_properties>
+      <drake:compliant_hydroelastic/>
+      <drake:hydroelastic_modulus>{modulus}</drake:hydroelastic_modulus>
+      <drake:hunt_crossley_dissipation>{dissipation}</drake:hunt_crossley_dissipation>
+      <drake:mesh_resolution_hint>{resolution}</drake:mesh_resolution_hint>
+      <drake:mu_dynamic>1</drake:mu_dynamic><drake:mu_static>1</drake:mu_static>
+    </drake:proximity_properties></collision>
+</link></model></sdf>
+"""
+
+_CYLINDER = "<cylinder><radius>{radius}</radius><length>{length}</length></cylinder>"
+
+
+def object_shape(name: str, config: ObjectConfig) -> Shape:
+    """Return the shape that the localizer and the planner take an object for.
+
+    Raises:
+        ScenarioError: If a model cannot be read or has not just one simple geometry, or
+            the object is soft or not known.
+    """
+    if config.soft is not None:
+        raise ScenarioError(
+            f"objects.{name}.soft: a soft object cannot be localized and planned with; "
+            "pick it by a script"
+        )
+    if not config.known:
+        raise ScenarioError(f"objects.{name}.known: must be true of what is picked")
+    shape = known_shape(name, config)
+    if shape is None:
+        raise ScenarioError(
+            f"objects.{name}.model: {config.model} must have one collision geometry, "
+            "a cylinder, box or sphere, to be localized and planned with"
+        )
+    return shape
+
+
+def known_shape(name: str, config: ObjectConfig) -> Shape | None:
+    """Return the shape that localizer and planner take an object for; None: neither.
+
+    Raises:
+        ScenarioError: If a model cannot be read.
+    """
+    if not config.known or (shape := simple_shape(name, config)) is None:
+        return None
+    return shape.scaled(config.known_scale)
+
+
+def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
+    """Return the shape of an object, None where it is not a single simple one.
+
+    Raises:
+        ScenarioError: If a model cannot be read.
+    """
+    if config.shape is not None:
+        return config.shape
+    collisions = _model_tree(name, config).findall(".//collision")
+    geometries = [g for c in collisions for g in c.findall("geometry/*")]
+    if len(geometries) != 1:
+        return None
+    values = {child.tag: child.text or "" for child in geometries[0]}
+    match geometries[0].tag:
+        case "cylinder":
+            return Cylinder(float(values["radius"]), float(values["length"]))
+        case "sphere":
+            return Sphere(float(values["radius"]))
+        case "box":
+            return Box([float(x) for x in values["size"].split()])
+    return None
+
+
+def X_FO_start(
+    config: ObjectConfig, shape: Shape | None, table_height: float
+) -> RigidTransform:
+    """Pose of an object at the start, in world or in its pose's `base_frame`.
+
+    Args:
+        config: Its configuration, the position drawn.
+        shape: Its shape, whose middle is its origin; None: its origin is under it.
+        table_height: Height in world of the table on which it stands [m].
+    """
+    if config.pose is not None:
+        return config.pose.GetDeterministicValue()
+    if config.position is None:
+        raise ValueError("The object's position has not been drawn.")
+    half_height = 0.5 * shape.height if shape is not None else 0.0
+    return RigidTransform(
+        RollPitchYaw(0.0, 0.0, config.yaw),
+        [*config.position, table_height + half_height],
+    )
+
+
+def AddObject(
+    plant: MultibodyPlant, name: str, config: ObjectConfig
+) -> ModelInstanceIndex:
+    """Add an object to a plant that is not finalized, as model instance `name`.
+
+    Mass (its inertia scaled with it), friction, resolution and modulus replace the
+    model's where given.
+
+    Raises:
+        ScenarioError: If a model cannot be read or has not just one link, or a soft
+            object cannot be simulated by such a plant.
+    """
+    if config.soft is not None:
+        return AddSoftObject(plant, name, config)
+    root = (
+        _shape_tree(config) if config.shape is not None else _model_tree(name, config)
+    )
+    if (links := len(root.findall("model/link"))) != 1:
+        raise ScenarioError(
+            f"objects.{name}.model: {config.model} must have one link, has {links}"
+        )
+    if config.mass is not None:
+        masses = root.findall(".//inertial/mass")
+        scale = config.mass / sum(float(m.text or 0.0) for m in masses)
+        for element in (*masses, *root.findall(".//inertial/inertia/*")):
+            element.text = repr(float(element.text or 0.0) * float(scale))
+    for value, tags in (
+        (config.resolution, ("mesh_resolution_hint",)),
+        (config.modulus, ("hydroelastic_modulus",)),
+        (config.friction, ("mu_dynamic", "mu_static")),
+    ):
+        if value is None:
+            continue
+        for element in root.iter():
+            if element.tag.rpartition("}")[2] in tags:
+                element.text = repr(float(value))
+    parser = Parser(plant, model_name_prefix="")
+    ConfigureParser(parser)
+    root_model = root.find("model")
+    assert root_model is not None
+    root_model.set("name", name)
+    (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
+    return model
+
+
+def SetDefaultObjectPose(
+    plant: MultibodyPlant, model: ModelInstanceIndex, X_WO: RigidTransform
+) -> None:
+    """Set where an object of `AddObject` is at the start, before `Finalize`."""
+    body = object_body(plant, model)
+    if isinstance(body, BodyIndex):
+        plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
+    else:
+        body.set_default_pose(X_WO)
+
+
+def object_body(
+    plant: MultibodyPlant, model: ModelInstanceIndex
+) -> BodyIndex | DeformableBody:
+    """Return the one body of an object: a rigid one's index, or the soft one."""
+    deformables = plant.deformable_model()
+    soft = [deformables.GetBody(i) for i in deformables.GetBodyIds(model)]
+    (body,) = soft or plant.GetBodyIndices(model)
+    return body
+
+
+def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
+    key = f"objects.{name}.model"
+    try:
+        plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
+        parser = Parser(plant)
+        ConfigureParser(parser)
+        path = parser.package_map().ResolveUrl(str(config.model))
+        text = Path(path).read_text(encoding="utf-8")
+        for _, (prefix, uri) in ET.iterparse(io.StringIO(text), events=["start-ns"]):
+            ET.register_namespace(prefix, uri)  # keeps `drake:` spelled so
+        root = ET.fromstring(text)
+    except (RuntimeError, OSError, ET.ParseError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ScenarioError(f"{key}: {config.model} cannot be read: {reason}") from None
+    if root.find("model") is None:
+        raise ScenarioError(f"{key}: {config.model} must be an SDF file with a model")
+    return root
+
+
+def _shape_tree(config: ObjectConfig) -> ET.Element:
+    touched = None  # where it is not the geometry that is seen
+    match config.shape:
+        case Cylinder(radius, length):
+            geometry = _CYLINDER.format(radius=radius, length=length)
+            if abs(length - 2.0 * radius) < _NEARLY_AS_LONG:
+                touched = _CYLINDER.format(radius=radius, length=2.0 * radius)
+            inertia = UnitInertia.SolidCylinder(radius, length, [0.0, 0.0, 1.0])
+        case Box(size):
+            geometry = f"<box><size>{' '.join(map(str, size))}</size></box>"
+            inertia = UnitInertia.SolidBox(*size)
+        case Sphere(radius):
+            geometry = f"<sphere><radius>{radius}</radius></sphere>"
+            inertia = UnitInertia.SolidSphere(radius)
+        case _:
+            raise ValueError("The object has no shape.")
+    moments: Vector = np.asarray(inertia.get_moments())
+    ET.register_namespace("drake", "http://drake.mit.edu")
+    return ET.fromstring(
+        _TEMPLATE.format(
+            ixx=moments[0],
+            iyy=moments[1],
+            izz=moments[2],
+            geometry=geometry,
+            touched=touched or geometry,
+            color=" ".join(map(str, config.color)),
+            modulus=_MODULUS,
+            dissipation=_DISSIPATION,
+            # Drake cuts a box the same at any resolution.
+            resolution=_RESOLUTION * getattr(config.shape, "radius", 1.0),
+        )
+    )

@@ -1,0 +1,1 @@
+"""Grasps of a hand, and the search for one that can be reached."""

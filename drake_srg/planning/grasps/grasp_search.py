@@ -1,0 +1,174 @@
+"""Looks for grasps that the arm reaches at the object and at its goal."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkFailure,
+    SolveInverseKinematics,
+)
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.task.moves import FREEDOMS, TaskFailure
+from drake_srg.types import Cylinder, Shape, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+# A held object may overlap its support by this much in the plan [m], because it is
+# planned to stand on it.
+SUPPORT_OVERLAP = -0.003
+# In so many directions about its axis an object is approached where the nearest one is
+# blocked; each stands for a sector of 45 degrees.
+_TURNS = 8
+# A grasp that failed counts so much worse each time [rad²]. On the kitchen's table, to
+# come from the side instead of from above costs 16 to 30: another look and a firmer
+# hand come first, and another grasp after that.
+_FAILED = 15.0
+_PALM_Y = np.array([0.0, 1.0, 0.0])
+
+
+@dc.dataclass(frozen=True)
+class Candidate:
+    """A grasp with the arm's postures at both ends."""
+
+    grasp: Grasp
+    X_WO: RigidTransform  # of the object, the end up that shall be
+    q_grasp: Vector  # shape (N,) [rad]
+    q_place: Vector  # shape (N,) [rad]
+    score: float  # the less, the better
+
+
+class GraspSearch:
+    """Searches with a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        hand: How that gripper takes things.
+        q_home: Where the arm rests, shape (N,) [rad].
+        config: Distances.
+    """
+
+    def __init__(
+        self, scene: PlanningScene, hand: Hand, q_home: Vector, config: PlannerConfig
+    ) -> None:
+        self._scene = scene
+        self._hand = hand
+        self._q_home = q_home
+        self._config = config
+
+    def candidates(
+        self,
+        X_WO_seen: RigidTransform,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        *,
+        turned: bool = False,
+        tried: Sequence[str] = (),
+    ) -> tuple[list[Candidate], list[TaskFailure]]:
+        """Grasps that can be reached at both ends, the best first; or why none is.
+
+        Args:
+            X_WO_seen: The object's pose [m]; its turn about its z does not count.
+            shape: Its shape.
+            X_WO_goal: Where it shall be [m].
+            turned: Whether to look for each grasp from all around the object's axis,
+                and not for the posture alone that is nearest to home.
+            tried: Names of grasps that failed: a worse choice now, and all more firm.
+        """
+        candidates: list[Candidate] = []
+        no_pick: list[tuple[Grasp, IkFailure]] = []
+        no_place: list[tuple[Grasp, IkFailure]] = []
+        firmness = self._config.regrasp_squeeze if tried else 1.0
+        choices = [
+            (X_WO, grasp, target)
+            for X_WO in self._ends_up(X_WO_seen, shape)
+            for grasp in self._hand.grasps(shape, X_WO.rotation().col(2), firmness)
+            for target in self._pick_targets(grasp, X_WO, turned)
+        ]
+        for X_WO, grasp, target in choices:
+            self._scene.set_fingers(grasp.fingers_open)
+            with self._scene.standing(shape, X_WO, touchable=True):
+                pick = SolveInverseKinematics(
+                    self._scene, target, q_nominal=self._q_home
+                )
+            if isinstance(pick, IkFailure):
+                no_pick.append((grasp, pick))
+                continue
+            with carrying(self._scene, shape, grasp, supported=True):
+                place = SolveInverseKinematics(
+                    self._scene,
+                    place_target(grasp, X_WO_goal, self._config.place_height),
+                    q_nominal=self._q_home,
+                    q_guess=pick.q,
+                )
+            if isinstance(place, IkFailure):
+                no_place.append((grasp, place))
+                continue
+            # Reach: how far the joints are from home [rad²]. Clearance counts up to
+            # 5 cm, and 1 cm as much as 0.5 rad². A leaning hand tilts what it holds:
+            # 5 degrees, 4 mm beside the goal, count 3.5 rad².
+            spare = min(
+                0.05,
+                *(s.clearance.distance for s in (pick, place) if s.clearance),
+            )
+            score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
+            score += _FAILED * tried.count(grasp.name)
+            candidates.append(Candidate(grasp, X_WO, pick.q, place.q, score))
+        # The narrowest miss, of angles or of distances, tells most.
+        step, missed = ("place", no_place) if no_place else ("pick", no_pick)
+        failures = [
+            TaskFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
+            for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
+        ]
+        return sorted(candidates, key=lambda c: c.score), failures
+
+    def _pick_targets(
+        self, grasp: Grasp, X_WO: RigidTransform, turned: bool
+    ) -> list[HandTarget]:
+        target = grasp.pick_target(X_WO)
+        if not turned:
+            return [target]
+        if self._scene.num_joints < FREEDOMS:
+            return []  # the arm has no choice
+        # The palm's y is across the axis in every grasp.
+        angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)
+        across = [X_WO.rotation() @ [np.cos(a), np.sin(a), 0.0] for a in angles]
+        turns = [AxisTarget(_PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
+        return [dc.replace(target, axes=(*target.axes, turn)) for turn in turns]
+
+    def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
+        """The object's pose with either end up, where that is not settled."""
+        if X_WO.rotation().col(2)[2] >= np.cos(self._hand.upright_within):
+            return [X_WO]
+        if not isinstance(shape, Cylinder):
+            return [X_WO]
+        return [
+            X_WO,
+            X_WO @ RigidTransform(RotationMatrix.MakeXRotation(np.pi), [0] * 3),
+        ]
+
+
+def place_target(
+    grasp: Grasp, X_WO_goal: RigidTransform, height: float, **tolerance: float
+) -> HandTarget:
+    """Where the hand lets go: `height` [m] above the goal."""
+    released = dc.replace(grasp, p_GO=grasp.p_GO + grasp.release_shift_G)
+    return released.target(X_WO_goal, **tolerance).Shifted(height * _UP)
+
+
+@contextlib.contextmanager
+def carrying(
+    scene: PlanningScene, shape: Shape, grasp: Grasp, *, supported: bool = False
+) -> Iterator[None]:
+    """Within the context, the hand of `scene` holds `shape`; `supported`, it stands."""
+    scene.set_fingers(grasp.fingers_closed)
+    margin = SUPPORT_OVERLAP if supported else None
+    with scene.holding(shape, grasp.X_GO, margin=margin):
+        yield

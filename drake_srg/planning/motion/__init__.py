@@ -1,0 +1,1 @@
+"""Motion planning: collisions, inverse kinematics, paths, trajectories."""

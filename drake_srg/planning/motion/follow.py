@@ -1,0 +1,85 @@
+"""Follows a target that moves a little: Newton's method from the last posture."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.tree import JacobianWrtVariable
+
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.types import Vector
+
+_DAMPING = 1e-6  # m^2 and rad^2: felt only within a millimetre of a singularity
+_CLOSE = 1e-7  # m and rad; Newton's next step would be at rounding errors
+
+
+def Follow(
+    scene: PlanningScene,
+    target: HandTarget,
+    q: Vector,
+    *,
+    joint_margin: float = 0.02,
+    max_iterations: int = 20,
+) -> Vector | None:
+    """Moves the joints from `q` as little as takes the hand to `target`.
+
+    Position and orientation are met exactly, whatever their tolerances; an axis is
+    turned only where it leaves its angle. A joint that meets its limit stays there
+    while the others go on. Collisions are not looked at.
+
+    Returns:
+        Joint angles near `q`, shape (N,) [rad], or None where Newton finds none.
+    """
+    # A start beyond the margin may stay where it is, but goes no further.
+    lower = np.minimum(scene.lower + joint_margin, q)
+    upper = np.maximum(scene.upper - joint_margin, q)
+    for _ in range(max_iterations):
+        error, jacobian = _Linearized(scene, target, q)
+        if np.max(np.abs(error)) < _CLOSE:
+            return q
+        step = np.zeros_like(q)
+        free = np.ones(q.shape, dtype=bool)
+        while True:
+            J = jacobian * free
+            rest = error - jacobian @ np.where(free, 0.0, step)
+            damped = J @ J.T + _DAMPING * np.eye(len(error))
+            step = np.where(free, J.T @ np.linalg.solve(damped, rest), step)
+            beyond = (q + step < lower - 1e-12) | (q + step > upper + 1e-12)
+            if not np.any(beyond):
+                break
+            step = np.clip(q + step, lower, upper) - q
+            free &= ~beyond
+        q = q + step
+    return None
+
+
+def _Linearized(
+    scene: PlanningScene, target: HandTarget, q: Vector
+) -> tuple[Vector, Vector]:
+    """What is missing, shape (m,) [m, rad], and its Jacobian, shape (m, N)."""
+    X_WG = scene.X_WG(q)
+    world = scene.plant.world_frame()
+    J_W = scene.plant.CalcJacobianSpatialVelocity(
+        scene.context, JacobianWrtVariable.kQDot, scene.hand_frame, target.p_GT,
+        world, world,
+    )[:, scene.arm_indices]  # fmt: skip
+    errors = [target.p_WT - X_WG @ target.p_GT]
+    rows = [J_W[3:]]
+    if target.R_WG is not None:
+        turn = (target.R_WG @ X_WG.rotation().inverse()).ToAngleAxis()
+        errors.append(turn.angle() * turn.axis())
+        rows.append(J_W[:3])
+    for axis in target.axes:
+        axis_W = X_WG.rotation() @ axis.axis_G
+        normal = np.cross(axis_W, axis.direction_W)
+        sine = float(np.linalg.norm(normal))
+        beyond = np.arctan2(sine, axis_W @ axis.direction_W) - axis.angle
+        if axis.angle == 0.0:
+            # All that is across the axis; its length alone would let it go around.
+            errors.append(beyond * normal / max(sine, 1e-12))
+            across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
+            rows.append(across @ J_W[:3])
+        elif beyond > 0.0 and sine > 0.0:
+            errors.append(np.array([beyond]))
+            rows.append(normal[np.newaxis] / sine @ J_W[:3])
+    return np.concatenate(errors), np.concatenate(rows)

@@ -1,0 +1,280 @@
+"""Finds joint angles that put the hand where it is wanted, or says what forbids it."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import enum
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.random import Generator, default_rng
+from pydrake.math import RotationMatrix
+from pydrake.multibody.inverse_kinematics import InverseKinematics
+from pydrake.solvers import SnoptSolver, SolverOptions
+
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
+from drake_srg.types import Failure, Vector
+
+# A solvable call needs 5 to 20 major iterations; one that needs more is lost.
+_OPTIONS = SolverOptions()
+_OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
+# The cosine of an angle has no slope at 0, and SNOPT meets it to 1e-6: an axis that is
+# wanted closer than this [rad] is kept at 90 degrees to two normals of its direction.
+_SMALL_ANGLE = 1.4e-3
+_FINE = SolverOptions()
+_FINE.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
+_FINE.SetOption(SnoptSolver.id(), "Major feasibility tolerance", 1e-9)
+
+
+class Requirement(enum.Enum):
+    """The kinds of constraint of the problem; a failure names one of them."""
+
+    POSITION = "position"
+    ORIENTATION = "orientation"
+    AXIS = "axis"
+    JOINT_LIMITS = "joint_limits"
+    MINIMUM_DISTANCE = "minimum_distance"
+
+
+@dc.dataclass(frozen=True)
+class IkSolution:
+    """Joint angles that meet every requirement."""
+
+    q: Vector  # shape (N,) [rad]
+    cost: float  # squared distance from the nominal posture [rad^2]
+    clearance: Clearance | None  # None where collisions were not asked for
+    starts: int  # how many starts it took
+
+
+@dc.dataclass(frozen=True)
+class IkFailure:
+    """The requirement that cannot be met, all others being met."""
+
+    requirement: Requirement
+    violation: float  # by how much [m] or [rad], in the best compromise found
+    message: str
+    q: Vector  # that compromise, shape (N,) [rad]
+    clearance: Clearance | None = None  # of the colliding pair
+
+    @property
+    def failure(self) -> Failure:
+        """What it means for the task: blocked by something, or out of reach."""
+        if self.requirement is Requirement.MINIMUM_DISTANCE:
+            return Failure.BLOCKED
+        return Failure.OUT_OF_REACH
+
+
+def SolveInverseKinematics(
+    scene: PlanningScene,
+    target: HandTarget,
+    *,
+    q_nominal: Vector,
+    q_guess: Vector | None = None,
+    joint_margin: float = 0.02,
+    max_starts: int = 12,
+    good_cost: float = np.inf,
+    check_clearance: bool = True,
+    seed: int = 0,
+) -> IkSolution | IkFailure:
+    """Solves for the posture nearest to a nominal one that reaches `target`.
+
+    SNOPT solves a program of position, orientation and joint limits; the scene then
+    judges the solution. Minimum distance is not part of the program: that takes ten
+    times longer than solving from another start. The first start is `q_guess`; each
+    further one is drawn at random, ever further away, and is also where its program
+    pulls to, which spreads the solutions of a redundant arm over its free motion.
+
+    Args:
+        scene: the arm, and what to keep clear of.
+        target: where the hand shall be.
+        q_nominal: the posture that costs nothing, shape (N,) [rad].
+        q_guess: the first start, shape (N,) [rad]; default, `q_nominal`.
+        joint_margin: distance kept from the joint limits [rad].
+        max_starts: how many starts to try.
+        good_cost: stop at the first solution that costs no more [rad^2]; the default
+            takes the first solution there is.
+        check_clearance: whether solutions have to be free in `scene`.
+        seed: of the random starts; the same call returns the same result.
+
+    Returns:
+        The cheapest free solution among those tried, or what cannot be met.
+
+    Raises:
+        ValueError: if a vector does not have N entries.
+    """
+    guess = q_nominal if q_guess is None else q_guess
+    for name, vector in (
+        ("q_nominal", q_nominal),
+        ("q_guess", guess),
+    ):
+        if np.shape(vector) != (scene.num_joints,):
+            raise ValueError(
+                f"{name} needs one entry for each of {', '.join(scene.joint_names)}; "
+                f"its shape is {np.shape(vector)}."
+            )
+    limits = (scene.lower + joint_margin, scene.upper - joint_margin)
+    program = _Program(scene, target, limits)
+    best: IkSolution | None = None
+    blocked: list[tuple[Clearance, Vector]] = []
+    for count, start in enumerate(
+        _Starts(limits, guess, default_rng(seed), max_starts), 1
+    ):
+        q, solved = program.Solve(start, q_nominal if count == 1 else start)
+        if not solved:
+            continue
+        clearance = scene.clearance(q) if check_clearance else None
+        if clearance and clearance.spare < 0.0:
+            blocked.append((clearance, q))
+            continue
+        cost = float(np.sum((q - q_nominal) ** 2))
+        if best is None or cost < best.cost:
+            best = IkSolution(q, cost, clearance, count)
+        if best.cost <= good_cost:
+            break
+    if best:
+        return best
+    if blocked:
+        clearance, q = max(blocked, key=lambda item: item[0].spare)
+        return IkFailure(
+            Requirement.MINIMUM_DISTANCE,
+            -clearance.spare,
+            f"minimum_distance: the pose is reached, but {clearance}",
+            q,
+            clearance,
+        )
+    return _Diagnose(scene, target, limits, guess)
+
+
+def _Starts(
+    limits: tuple[Vector, Vector], guess: Vector, rng: Generator, count: int
+) -> Iterator[Vector]:
+    """The guess, then random postures further and further away from it."""
+    guess = np.clip(guess, *limits)
+    for share in np.linspace(0.0, 1.0, count):
+        yield guess + share * (rng.uniform(*limits) - guess)
+
+
+class _Program:
+    """One inverse kinematics program; a softened target costs instead of binding."""
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        target: HandTarget,
+        limits: tuple[Vector, Vector],
+        *,
+        soft_position: bool = False,
+        soft_rotation: bool = False,
+    ) -> None:
+        self._scene, self._soft = scene, soft_position or soft_rotation
+        world, hand = scene.plant.world_frame(), scene.hand_frame
+        ik = InverseKinematics(scene.plant, scene.context, with_joint_limits=False)
+        self._ik, self._prog = ik, ik.get_mutable_prog()
+        lower = scene.positions(limits[0])
+        upper = scene.positions(limits[1])  # all but the arm stands still
+        self._prog.AddBoundingBoxConstraint(lower, upper, ik.q())
+        # A softened program looks for the least violation, whatever the posture.
+        weight = 1e-6 if self._soft else 1.0
+        self._weights = weight * np.eye(scene.num_joints)
+        fine = any(axis.angle < _SMALL_ANGLE for axis in target.axes)
+        self._options = _FINE if fine else _OPTIONS
+
+        tolerance = np.full(3, target.position_tolerance)
+        if soft_position:
+            ik.AddPositionCost(world, target.p_WT, hand, target.p_GT, np.eye(3))
+        else:
+            ik.AddPositionConstraint(
+                hand, target.p_GT, world, target.p_WT - tolerance,
+                target.p_WT + tolerance,
+            )  # fmt: skip
+        if soft_position:
+            return
+        if target.R_WG is not None:
+            pair = (hand, RotationMatrix(), world, target.R_WG)
+            if soft_rotation:
+                ik.AddOrientationCost(*pair, 1.0)
+            else:
+                ik.AddOrientationConstraint(*pair, target.angle_tolerance)
+        for axis in target.axes:
+            vectors = (hand, axis.axis_G, world, axis.direction_W)
+            if soft_rotation:
+                ik.AddAngleBetweenVectorsCost(*vectors, 1.0)
+            elif axis.angle >= _SMALL_ANGLE:
+                ik.AddAngleBetweenVectorsConstraint(*vectors, 0.0, axis.angle)
+            else:
+                R = RotationMatrix.MakeFromOneVector(axis.direction_W, 2).matrix()
+                right, a = 0.5 * np.pi, axis.angle
+                for vector_W, least, most in (
+                    (R[:, 0], right - a, right + a),
+                    (R[:, 1], right - a, right + a),
+                    (R[:, 0] + R[:, 2], 0.0, right),  # not the opposite direction
+                ):
+                    ik.AddAngleBetweenVectorsConstraint(
+                        hand, axis.axis_G, world, vector_W, least, most
+                    )
+
+    def Solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
+        """Solves from `start`, drawn towards `pull`; says whether it succeeded."""
+        q_arm = self._ik.q()[self._scene.arm_indices]
+        cost = self._prog.AddQuadraticErrorCost(self._weights, pull, q_arm)
+        result = SnoptSolver().Solve(
+            self._prog, self._scene.positions(start), self._options
+        )
+        self._prog.RemoveCost(cost)
+        return result.GetSolution(q_arm), result.is_success()
+
+
+def _Diagnose(
+    scene: PlanningScene,
+    target: HandTarget,
+    limits: tuple[Vector, Vector],
+    guess: Vector,
+) -> IkFailure:
+    """Drops one requirement after the other until the rest can be met."""
+    rng = default_rng(0)
+    starts = list(_Starts(limits, guess, rng, 4))
+    turn = np.full(scene.num_joints, 2.0 * np.pi)
+
+    unlimited = _Program(scene, target, (-turn, turn))
+    for start in starts:
+        q, solved = unlimited.Solve(start, start)
+        beyond = np.maximum(limits[0] - q, q - limits[1])
+        worst = int(np.argmax(beyond))
+        if solved and beyond[worst] > 0.0:
+            return IkFailure(
+                Requirement.JOINT_LIMITS,
+                float(beyond[worst]),
+                f"joint_limits: {scene.joint_names[worst]} would have to go "
+                f"{beyond[worst]:.3f} rad beyond its limit",
+                q,
+            )
+
+    turning = target.R_WG is not None or bool(target.axes)
+    if turning:
+        free = _Program(scene, target, limits, soft_rotation=True)
+        tries = [free.Solve(start, start)[0] for start in starts]
+        close = 2.0 * target.position_tolerance  # beyond the corner of the box
+        reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
+        if reached:
+            q = min(reached, key=lambda q: target.angle_violation(scene.X_WG(q)))
+            angle = target.angle_violation(scene.X_WG(q))
+            kind = Requirement.ORIENTATION if target.R_WG else Requirement.AXIS
+            return IkFailure(
+                kind,
+                angle,
+                f"{kind.value}: the position is reached, but the hand stays "
+                f"{np.degrees(angle):.1f} degrees beyond its tolerance",
+                q,
+            )
+
+    near = _Program(scene, target, limits, soft_position=True)
+    tries = [near.Solve(start, start)[0] for start in starts]
+    q = min(tries, key=lambda q: target.distance(scene.X_WG(q)))
+    distance = target.distance(scene.X_WG(q))
+    return IkFailure(
+        Requirement.POSITION,
+        distance,
+        f"position: the hand gets no nearer than {1e3 * distance:.0f} mm",
+        q,
+    )

@@ -1,0 +1,154 @@
+"""Free paths: the joints' straight line, a way around, the hand's straight line."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from numpy.random import default_rng
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RotationMatrix
+
+from drake_srg.planning.motion.follow import Follow
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkFailure,
+    SolveInverseKinematics,
+)
+from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
+from drake_srg.planning.motion.rrt import ConnectTrees, Shortcut
+from drake_srg.types import Failure, Vector
+
+
+@dc.dataclass(frozen=True)
+class PathFailure:
+    """Why there is no path."""
+
+    message: str
+    failure: Failure = Failure.BLOCKED
+    clearance: Clearance | None = None  # of the colliding pair, where one is known
+
+
+def PlanJointPath(
+    scene: PlanningScene,
+    q_start: Vector,
+    q_goal: Vector,
+    *,
+    max_iterations: int = 1000,
+    shortcuts: int = 20,
+    seed: int = 0,
+) -> Vector | PathFailure:
+    """Finds waypoints that straight joint lines connect freely.
+
+    The straight line if it is free; else RRT-Connect, shortened. The same call returns
+    the same path.
+
+    Args:
+        scene: the arm, and what to keep clear of.
+        q_start: first waypoint, shape (N,) [rad].
+        q_goal: last waypoint, shape (N,) [rad].
+        max_iterations: of RRT-Connect; about 5 ms each.
+        shortcuts: how many random shortcuts to try.
+        seed: of the search.
+
+    Returns:
+        Waypoints, shape (K, N) [rad], or why there are none.
+    """
+    for name, q in (("start", q_start), ("goal", q_goal)):
+        hit = scene.first_hit([q])
+        if hit:
+            return PathFailure(f"the {name} is not free: {hit}", clearance=hit)
+    if scene.is_edge_free(q_start, q_goal):
+        return np.array([q_start, q_goal])
+    rng = default_rng(seed)
+    path = ConnectTrees(
+        q_start,
+        q_goal,
+        lower=scene.lower,
+        upper=scene.upper,
+        weights=scene.levers,
+        is_edge_free=scene.is_edge_free,
+        step=0.5,  # metres of motion; a few make up any way around
+        max_iterations=max_iterations,
+        rng=rng,
+    )
+    if path is None:
+        hit = scene.first_hit(scene.edge(q_start, q_goal))
+        return PathFailure(
+            f"no path in {max_iterations} iterations; on the straight line, {hit}",
+            clearance=hit,
+        )
+    return Shortcut(path, is_edge_free=scene.is_edge_free, attempts=shortcuts, rng=rng)
+
+
+def PlanCartesianPath(
+    scene: PlanningScene,
+    q_start: Vector,
+    target: HandTarget,
+    *,
+    spacing: float = 0.02,
+    turn_spacing: float = 0.1,
+    max_joint_step: float = 0.3,
+    joint_margin: float = 0.02,
+) -> Vector | PathFailure:
+    """Moves the hand's point T straight from where it is at `q_start` to `target`.
+
+    An orientation turns evenly about one axis from where it starts. Axes are kept
+    within their angles all along, so `q_start` has to have them there. To arrive at a
+    known posture instead of starting from it, plan backwards and reverse.
+
+    Args:
+        scene: the arm, and what to keep clear of.
+        q_start: first waypoint, shape (N,) [rad].
+        target: where the hand shall arrive.
+        spacing: distance of T between waypoints [m].
+        turn_spacing: turn of the hand between waypoints [rad].
+        max_joint_step: a joint that moves more between two waypoints is a jump: the
+            hand then would leave its line [rad].
+        joint_margin: distance kept from the joint limits [rad].
+
+    Returns:
+        Waypoints, shape (K, N) [rad], or why there are none.
+    """
+    X_WG = scene.X_WG(q_start)
+    p_start = X_WG @ target.p_GT
+    turn = AngleAxis()
+    if target.R_WG is not None:
+        turn = (X_WG.rotation().inverse() @ target.R_WG).ToAngleAxis()
+    length = float(np.linalg.norm(target.p_WT - p_start))
+    count = int(np.ceil(max(length / spacing, abs(turn.angle()) / turn_spacing, 1.0)))
+    path = [q_start]
+    for share in np.linspace(0.0, 1.0, count + 1)[1:]:
+        R_WG = None
+        if target.R_WG is not None:
+            part = RotationMatrix(AngleAxis(share * turn.angle(), turn.axis()))
+            R_WG = X_WG.rotation() @ part
+        waypoint = dc.replace(
+            target, p_WT=p_start + share * (target.p_WT - p_start), R_WG=R_WG
+        )
+        where = f"{share * length:.3f} m along the line"
+        q = Follow(scene, waypoint, path[-1], joint_margin=joint_margin)
+        if q is None:
+            found = SolveInverseKinematics(
+                scene,
+                waypoint,
+                q_nominal=path[-1],
+                joint_margin=joint_margin,
+                max_starts=1,
+                check_clearance=False,
+            )
+            if isinstance(found, IkFailure):
+                return PathFailure(f"{where}, {found.message}", found.failure)
+            q = found.q
+        jump = np.abs(q - path[-1])
+        if np.max(jump) > max_joint_step:
+            joint = scene.joint_names[int(np.argmax(jump))]
+            return PathFailure(
+                f"{where}, {joint} would jump by {np.max(jump):.2f} rad",
+                Failure.OUT_OF_REACH,
+            )
+        hit = scene.first_hit(scene.edge(path[-1], q))
+        if hit:
+            return PathFailure(f"{where}, {hit}", clearance=hit)
+        path.append(q)
+    return np.array(path)

@@ -1,0 +1,233 @@
+"""Turns a free path into a smooth motion as fast as the arm's limits allow.
+
+Two approximations do the work, and both are the same: a cubic spline whose control
+points lie on the curve it approximates, at its knots' averages (Schoenberg, 1967).
+Such a spline reproduces straight lines, keeps within the convex hull of four
+neighbouring points, and its first and second derivatives are weighted averages of
+those of the curve. So it rounds the corners of a path by a bounded amount; and in time
+it turns the steps of a time-optimal acceleration into ramps without exceeding a limit.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.math import BsplineBasis
+from pydrake.multibody.optimization import Toppra
+from pydrake.multibody.tree import MultibodyForces
+from pydrake.trajectories import (
+    BsplineTrajectory,
+    PathParameterizedTrajectory,
+    Trajectory,
+)
+
+from drake_srg.planning.motion.paths import PathFailure
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.types import Failure, Vector
+
+# The polyline may touch its margin between the configurations that were checked; a
+# motion that is checked elsewhere on it must not fail for that [m].
+_GRAZE = 1e-3
+
+
+@dc.dataclass(frozen=True)
+class MotionLimits:
+    """What a trajectory must not exceed; the same in both directions."""
+
+    velocity: Vector  # shape (N,) [rad/s]
+    acceleration: Vector  # shape (N,) [rad/s^2]
+    torque: Vector  # shape (N,) [N m]
+
+    @staticmethod
+    def OfPlant(scene: PlanningScene) -> MotionLimits:
+        """The limits that the arm's model states."""
+        plant, arm = scene.plant, scene.arm_indices
+        torque = np.full(plant.num_positions(), np.inf)
+        for index in plant.GetJointActuatorIndices():
+            actuator = plant.get_joint_actuator(index)
+            torque[actuator.joint().position_start()] = actuator.effort_limit()
+        return MotionLimits(
+            plant.GetVelocityUpperLimits()[arm],
+            plant.GetAccelerationUpperLimits()[arm],
+            torque[arm],
+        )
+
+    def Scaled(
+        self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
+    ) -> MotionLimits:
+        """Gentler limits, such as for a hand that carries something."""
+        return dc.replace(
+            self,
+            velocity=velocity * self.velocity,
+            acceleration=acceleration * self.acceleration,
+            torque=torque * self.torque,
+        )
+
+
+def TimeOptimalTrajectory(
+    scene: PlanningScene,
+    waypoints: Vector,
+    limits: MotionLimits,
+    *,
+    rounding: float = 0.2,
+    ramp: float = 0.04,
+) -> BsplineTrajectory | PathFailure:
+    """Moves from rest to rest along `waypoints`, as fast as `limits` allow.
+
+    The path's corners are rounded, less and less until the motion is free in `scene`.
+    Drake's TOPPRA (Pham and Pham, 2018) finds the fastest motion along it; a spline
+    then gives each step of the acceleration a ramp. The result keeps the limits of
+    velocity and acceleration at every instant, and those of torque at every knot.
+
+    Args:
+        scene: what the polyline `waypoints` is free in, held object and all.
+        waypoints: shape (K, N) [rad].
+        limits: what not to exceed.
+        rounding: how far the motion may leave the polyline [rad]; for a path of
+            `PlanCartesianPath`, 1e-3 keeps the hand on its line to a millimetre.
+        ramp: duration of the shortest ramp from one acceleration to another [s].
+            The whole motion lasts two to three of it longer than the fastest.
+
+    Returns:
+        q(t), shape (N, 1) [rad], from t = 0; its velocity is EvalDerivative(t, 1). Or
+        why there is none.
+
+    Raises:
+        ValueError: if a number is not positive or waypoints are not shape (K, N).
+    """
+    if np.ndim(waypoints) != 2 or waypoints.shape[1] != scene.num_joints:
+        raise ValueError(f"waypoints need shape (K, N), not {np.shape(waypoints)}.")
+    if rounding <= 0.0 or ramp <= 0.0:
+        raise ValueError("rounding and ramp must be positive.")
+    lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    waypoints = waypoints[np.append(True, lengths > 1e-9)]
+    if len(waypoints) == 1:
+        return _Ramped(np.repeat(waypoints, 5, axis=0), ramp)
+    message = ""
+    spans = 4
+    while spans <= 256:
+        path, deviation = _RoundedPath(waypoints, spans)
+        spans *= 2
+        if deviation > rounding:
+            continue
+        motion = _FastestMotion(scene, path, limits)
+        if motion is None:
+            return PathFailure(
+                "the arm's torque cannot hold it all along this path",
+                Failure.OUT_OF_REACH,
+            )
+        trajectory = _WithinLimits(scene, motion, limits, ramp)
+        # A straight line stays straight and has been checked.
+        samples = motion_samples(scene, trajectory) if len(waypoints) > 2 else ()
+        hit = scene.first_hit(samples, _GRAZE)
+        if hit is None:
+            return trajectory
+        message = f": {hit}"
+    return PathFailure(f"no rounding of the path is free{message}")
+
+
+def _RoundedPath(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
+    """A spline of `spans` equal spans over the polyline's length, and its deviation."""
+    lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
+    breaks = np.append(0.0, np.cumsum(lengths))
+
+    def Polyline(s: Vector) -> Vector:
+        return np.array([np.interp(s, breaks, q) for q in waypoints.T]).T
+
+    knots = np.linspace(0.0, breaks[-1], spans + 1)
+    knots = np.concatenate([[0.0] * 3, knots, breaks[-1:], breaks[-1:], breaks[-1:]])
+    averages = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
+    control = Polyline(averages)
+    path = BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
+    s = np.concatenate([breaks, knots])
+    deviation = np.linalg.norm(path.vector_values(s).T - Polyline(s), axis=1)
+    return path, float(np.max(deviation))
+
+
+def _FastestMotion(
+    scene: PlanningScene, path: BsplineTrajectory, limits: MotionLimits
+) -> Trajectory | None:
+    """All positions of the plant over time, from rest to rest; None if none exists."""
+    control = [scene.positions(point[:, 0])[:, None] for point in path.control_points()]
+    path = BsplineTrajectory(path.basis(), control)
+    spans = path.num_control_points() - 3
+    grid = np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 30, 200)) + 1)
+    toppra = Toppra(path, scene.plant, grid)
+    toppra.AddJointVelocityLimit(*_Bounds(scene, limits.velocity))
+    toppra.AddJointAccelerationLimit(*_Bounds(scene, limits.acceleration))
+    toppra.AddJointTorqueLimit(*_Bounds(scene, limits.torque))
+    scaling = toppra.SolvePathParameterization()
+    return None if scaling is None else PathParameterizedTrajectory(path, scaling)
+
+
+def _Bounds(scene: PlanningScene, limit: Vector) -> tuple[Vector, Vector]:
+    """Bounds on all positions of the plant; loose ones on what does not move."""
+    upper = np.full(scene.plant.num_positions(), 1e6)
+    upper[scene.arm_indices] = np.minimum(limit, 1e6)
+    return -upper, upper
+
+
+def _WithinLimits(
+    scene: PlanningScene, motion: Trajectory, limits: MotionLimits, ramp: float
+) -> BsplineTrajectory:
+    """The motion with ramped acceleration, stretched by the little that it exceeds.
+
+    TOPPRA keeps the limits at its grid points and may exceed them between these. Of a
+    uniform cubic spline, differences of the control points bound the derivatives.
+    """
+    count = int(np.ceil(motion.end_time() / ramp))
+    times = np.linspace(0.0, motion.end_time(), count + 1)
+    times = np.concatenate([[0.0] * 2, times, times[-1:], times[-1:]])
+    control = motion.vector_values(times).T[:, scene.arm_indices]
+    step = motion.end_time() / count
+    v = np.diff(control, axis=0) / step
+    a = np.diff(v, axis=0) / step
+    q_knot = (control[:-2] + 4.0 * control[1:-1] + control[2:]) / 6.0
+    v_knot = (v[:-1] + v[1:]) / 2.0
+    stretch = max(
+        1.0,
+        np.max(np.abs(v) / limits.velocity),
+        np.sqrt(np.max(np.abs(a) / limits.acceleration)),
+        np.sqrt(_TorqueUse(scene, q_knot, v_knot, a, limits.torque)),
+    )
+    return _Ramped(control, stretch * step)
+
+
+def _TorqueUse(
+    scene: PlanningScene, q: Vector, v: Vector, a: Vector, limit: Vector
+) -> float:
+    """Torque of the motion over what gravity leaves of the limit, the largest."""
+    plant, context, arm = (
+        scene.plant,
+        scene.plant.CreateDefaultContext(),
+        scene.arm_indices,
+    )
+    no_forces = MultibodyForces(plant)
+    full = np.zeros(plant.num_velocities())
+    use = 0.0
+    for q_i, v_i, a_i in zip(q, v, a, strict=True):
+        plant.SetPositions(context, scene.positions(q_i))
+        full[arm] = v_i
+        plant.SetVelocities(context, full)
+        full[arm] = a_i
+        motion = plant.CalcInverseDynamics(context, full, no_forces)[arm]
+        hold = -plant.CalcGravityGeneralizedForces(context)[arm]
+        left = np.maximum(limit - np.sign(motion) * hold, 1e-6)
+        use = max(use, float(np.max(np.abs(motion) / left)))
+    return use
+
+
+def _Ramped(control: Vector, step: float) -> BsplineTrajectory:
+    """The uniform cubic spline of control points (n, N), `step` seconds apart."""
+    knots = step * np.arange(-3.0, len(control) + 1.0)
+    return BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
+
+
+def motion_samples(scene: PlanningScene, trajectory: Trajectory) -> Vector:
+    """Configurations along a motion, as close as the scene's step, shape (K, N)."""
+    times = np.linspace(0.0, trajectory.end_time(), 1000)
+    q = trajectory.vector_values(times).T
+    moved = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ scene.levers))
+    marks = np.arange(0.0, moved[-1], scene.step)
+    return q[np.append(np.searchsorted(moved, marks), -1)]

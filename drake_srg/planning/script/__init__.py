@@ -1,0 +1,1 @@
+"""Fixed scripts and message sequences in place of a planner."""

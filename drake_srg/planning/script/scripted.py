@@ -1,0 +1,153 @@
+"""A fixed list of arm motions and gripper commands, in place of a planner."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context
+
+from drake_srg.common.minimum_jerk import minimum_jerk_blend
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Mode, PlannerStatus, Vector, positive
+
+# The modes of a step: a cycle's, without its beginning and its ends.
+SCRIPT_MODES = tuple(
+    mode.value
+    for mode in Mode
+    if mode not in (Mode.IDLE, Mode.VERIFY, Mode.DONE, Mode.FAILED)
+)
+
+
+@dc.dataclass(kw_only=True)
+class ScriptStep:
+    """What is commanded for a while."""
+
+    # What the step is about; metrics and recordings go by it.
+    mode: str = dc.field(default=Mode.TRANSFER.value, metadata={"among": SCRIPT_MODES})
+    duration: float = dc.field(default=1.0, metadata=positive())  # s
+    # Joint positions at the step's end [rad or m]; null: the arm stays.
+    arm: list[float] | None = None
+    # Of the gripper, from the step's begin on, 0 open .. 1 closed; null: as before.
+    closure: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
+    # Fraction of full PWM, from the step's begin on; null: as before, at first
+    # what the driver has for its own.
+    force_limit: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
+
+
+class ScriptedPlanner(LeafSystem):
+    """Plays a script, whatever comes of it.
+
+    .. pydrake_system::
+
+        name: ScriptedPlanner
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - force_limit
+        - mode
+        - status
+
+    `position_commanded` (N) [rad or m] moves from rest to rest with minimum jerk, every
+    step from where the one before it ended, the first from `home` at time 0.
+    `closure_commanded` (1) and `force_limit` (1) change at once where a step begins;
+    `force_limit` is NaN, the driver's own, until a step names it.
+    `mode` (Mode) is the step's, and DONE after the last; `status` (PlannerStatus) says
+    no more than that.
+
+    Args:
+        home: Where the arm is at first, shape (N,) [rad or m].
+        script: The steps, at least one.
+        jumps: Whether `position_commanded` changes at once where a step begins, too:
+            then it needs something that makes motion of that.
+
+    Raises:
+        ValueError: If there is no step, or one's arm position has another size.
+    """
+
+    def __init__(
+        self, home: Vector, script: Sequence[ScriptStep], *, jumps: bool = False
+    ) -> None:
+        super().__init__()
+        if not script:
+            raise ValueError("script: needs at least one step")
+        n = len(home)
+        for i, step in enumerate(script):
+            if step.arm is not None and len(step.arm) != n:
+                raise ValueError(
+                    f"script[{i}].arm: has {len(step.arm)} entries, the arm has {n}"
+                )
+        self._script = list(script)
+        self._jumps = jumps
+        self._ends = np.cumsum([step.duration for step in script])
+        # Row i: where step i begins; the last row: where the script ends.
+        self._positions = _filled(
+            np.asarray(home, dtype=float), [step.arm for step in script]
+        )
+        self._closures = _filled(0.0, [step.closure for step in script])[1:]
+        self._force_limits = _filled(np.nan, [step.force_limit for step in script])[1:]
+
+        time = {self.time_ticket()}
+        for name, size, calc in (
+            ("position_commanded", n, self._calc_position),
+            ("closure_commanded", 1, self._calc_closure),
+            ("force_limit", 1, self._calc_force_limit),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name, size=size, calc=calc, prerequisites_of_calc=time
+            )
+        self.DeclareAbstractOutputPort(
+            name="mode",
+            alloc=lambda: AbstractValue.Make(Mode.IDLE),
+            calc=self._calc_mode,
+            prerequisites_of_calc=time,
+        )
+        self.DeclareAbstractOutputPort(
+            name="status",
+            alloc=lambda: AbstractValue.Make(PlannerStatus()),
+            calc=self._calc_status,
+            prerequisites_of_calc=time,
+        )
+
+    def _step(self, context: Context) -> int:
+        """Index of the step under way; after the script, how many it has."""
+        # Times of updates are multiples of a period, rounded: they belong to the step
+        # that begins there.
+        time = context.get_time() + 1e-9
+        return int(np.searchsorted(self._ends, time, side="right"))
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        i = min(self._step(context), len(self._script) - 1)
+        start, end = self._positions[i], self._positions[i + 1]
+        if self._jumps:
+            output.SetFromVector(end)
+            return
+        duration = self._script[i].duration
+        s = (context.get_time() - self._ends[i]) / duration + 1.0
+        output.SetFromVector(start + minimum_jerk_blend(s) * (end - start))
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        output[0] = self._closures[min(self._step(context), len(self._script) - 1)]
+
+    def _calc_force_limit(self, context: Context, output: BasicVector) -> None:
+        output[0] = self._force_limits[min(self._step(context), len(self._script) - 1)]
+
+    def _mode(self, context: Context) -> Mode:
+        i = self._step(context)
+        return Mode(self._script[i].mode) if i < len(self._script) else Mode.DONE
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._mode(context))
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(PlannerStatus(mode=self._mode(context), attempts=1))
+
+
+def _filled(
+    start: Vector | float, values: Sequence[list[float] | float | None]
+) -> Vector:
+    """Return `start` and the values, each None replaced by what is before it."""
+    rows = [np.asarray(start)]
+    for value in values:
+        rows.append(rows[-1] if value is None else np.asarray(value, dtype=float))
+    return np.array(rows)

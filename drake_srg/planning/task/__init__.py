@@ -1,0 +1,1 @@
+"""The pick-and-place task: its modes, and the motions of each."""

@@ -1,0 +1,184 @@
+"""The motions that one grasp takes, from the approach to the arm back at home."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.grasps.grasp_search import Candidate, carrying, place_target
+from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.paths import PathFailure, PlanCartesianPath
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.task.moves import FREEDOMS, Moves, NoPathError
+from drake_srg.types import Failure, Mode, Shape, Vector
+
+_UP = np.array([0.0, 0.0, 1.0])
+# What a carried object may lean more than where it was taken [rad].
+_UPRIGHT = 0.004
+# How much higher what is carried may pass over what is in its way [m].
+_HIGHER = (0.0, 0.04, 0.08)
+
+
+class GraspMotions:
+    """Plans them with a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        moves: In that scene.
+        q_home: Where the arm rests, shape (N,) [rad].
+        config: Distances.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        moves: Moves,
+        q_home: Vector,
+        config: PlannerConfig,
+    ) -> None:
+        self._scene = scene
+        self._moves = moves
+        self._q_home = q_home
+        self._config = config
+
+    def plan(
+        self,
+        q_start: Vector,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        candidate: Candidate,
+    ) -> dict[Mode, Trajectory]:
+        """Plan all motions from `q_start` to home.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            shape: The object's.
+            X_WO_goal: Where it shall be [m].
+            candidate: The grasp, and where the object is.
+
+        Raises:
+            NoPathError: If there is none.
+        """
+        scene, grasp, X_WO = self._scene, candidate.grasp, candidate.X_WO
+        motions: dict[Mode, Trajectory] = {}
+
+        scene.set_fingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
+            back = self._moves.straight(
+                candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
+            )
+            motions[Mode.GRASP] = self._moves.timed(
+                back[::-1], self._moves.free, straight=True
+            )
+        with scene.standing(shape, X_WO):
+            motions[Mode.PRE_GRASP] = self._moves.timed(
+                self._moves.joint_path(q_start, back[-1]), self._moves.free
+            )
+
+        with carrying(scene, shape, grasp, supported=True):
+            q_pick = candidate.q_grasp
+            up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)
+            motions[Mode.LIFT] = self._moves.timed(
+                up, self._moves.holding, straight=True
+            )
+        across, down = self._transfer(up[-1], shape, X_WO_goal, candidate)
+        with carrying(scene, shape, grasp):
+            motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
+        with carrying(scene, shape, grasp, supported=True):
+            motions[Mode.PLACE] = self._moves.timed(
+                down, self._moves.holding, straight=True
+            )
+        return motions | self._leave(down[-1], grasp, shape, X_WO_goal)
+
+    def place(
+        self, q_start: Vector, grasp: Grasp, shape: Shape, X_WO_goal: RigidTransform
+    ) -> dict[Mode, Trajectory]:
+        """Plan the motions onto the goal and home, with the object in the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: With the object's pose in the hand as it is.
+            shape: The object's.
+            X_WO_goal: Where it shall be [m].
+
+        Raises:
+            NoPathError: If there is none.
+        """
+        goal = place_target(grasp, X_WO_goal, self._config.place_height)
+        above = goal.Shifted(self._config.lift_height * _UP)
+        with carrying(self._scene, shape, grasp, supported=True):
+            path = self._moves.through(q_start, [above, goal])
+            down = self._moves.timed(path, self._moves.holding, straight=True)
+        return {Mode.PLACE: down} | self._leave(path[-1], grasp, shape, X_WO_goal)
+
+    def _leave(
+        self, q_place: Vector, grasp: Grasp, shape: Shape, X_WO: RigidTransform
+    ) -> dict[Mode, Trajectory]:
+        """Motions away from an object that has been placed, and home."""
+        scene, motions = self._scene, {}
+        scene.set_fingers(grasp.fingers_open)
+        with scene.standing(shape, X_WO, touchable=True):
+            away = self._moves.straight(q_place, self._moves.behind(q_place))
+            motions[Mode.RETREAT] = self._moves.timed(
+                away, self._moves.free, straight=True
+            )
+        with scene.standing(shape, X_WO):
+            motions[Mode.HOME] = self._moves.timed(
+                self._moves.joint_path(away[-1], self._q_home), self._moves.free
+            )
+        return motions
+
+    def _transfer(
+        self,
+        q_lifted: Vector,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        candidate: Candidate,
+    ) -> tuple[Vector, Vector]:
+        """The way across, and down to the goal."""
+        scene, grasp = self._scene, candidate.grasp
+        lift = self._config.lift_height * _UP
+        place = place_target(
+            grasp, X_WO_goal, self._config.place_height, angle_tolerance=_UPRIGHT
+        )
+        # Straight across keeps the object upright. Where that does not go, any way.
+        with carrying(scene, shape, grasp):
+            across = self._across(q_lifted, place.Shifted(lift))
+        with carrying(scene, shape, grasp, supported=True):
+            if across is not None:
+                below = self._moves.below(across[-1])
+                down = PlanCartesianPath(scene, across[-1], below)
+                if not isinstance(down, PathFailure):
+                    return across, down
+            q_place = candidate.q_place
+            up = self._moves.straight(q_place, self._moves.above(q_place))
+        with carrying(scene, shape, grasp):
+            return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
+
+    def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
+        """The way above the goal that keeps the object upright, if there is one."""
+        scene = self._scene
+        for higher in _HIGHER:
+            lines = [above_goal]
+            if higher:
+                over = self._moves.above(q_lifted, higher)
+                lines = [over, above_goal.Shifted(higher * _UP), above_goal]
+            try:
+                across = self._moves.through(q_lifted, lines)
+                break
+            except NoPathError as error:
+                if error.failure.failure is not Failure.BLOCKED:
+                    return None
+        else:
+            return None
+        if scene.num_joints < FREEDOMS and self._config.tip_limits is None:
+            # Without a joint to spare, the hand's line costs detours of the joints.
+            line = scene.edge(q_lifted, across[-1])
+            lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
+            kept = lean < 1e-6  # the line's end is as far off as is tolerated
+            if kept and scene.first_hit(line) is None:
+                return np.array([q_lifted, across[-1]])
+        return across

@@ -1,0 +1,142 @@
+"""What the planner reads from blobs: where its object and the others are."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.grasps.grasps import pose_along
+from drake_srg.planning.task.task_motions import Obstacles
+from drake_srg.types import (
+    Blob,
+    Box,
+    Cylinder,
+    Obstacle,
+    Shape,
+    Sphere,
+    Vector,
+)
+
+# Blobs further apart are not of the same thing, seen twice [m].
+_APART = 0.03
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dc.dataclass(frozen=True)
+class View:
+    """What is seen when the planner looks."""
+
+    blobs: Sequence[Blob]
+    obstacles: Sequence[Obstacle] = ()  # what is none of the objects that are known
+
+
+class Sightings:
+    """Reads views for one object to take and others to keep clear of.
+
+    Args:
+        object_name: Whose blobs tell where the object is.
+        shape: The object's.
+        others: Names and shapes of the other objects.
+        upright_within: Lean up to which an object counts as standing upright [rad].
+    """
+
+    def __init__(
+        self,
+        object_name: str,
+        shape: Shape,
+        others: Mapping[str, Shape],
+        upright_within: float,
+    ) -> None:
+        self.object_name = object_name
+        self.shape = shape
+        self._others = dict(others)
+        self._upright = np.cos(upright_within)
+
+    def best(
+        self, view: View, rests: Callable[[RigidTransform], bool] | None = None
+    ) -> Blob | None:
+        """The most trustworthy blob of the object, None where it is not seen.
+
+        Args:
+            view: What is seen.
+            rests: Says of a pose X_WO whether the object may rest there; what looks
+                like it but floats, or is in the table, is something else.
+        """
+
+        def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, int, bool, float]]:
+            stands = rests is None or rests(self.pose(blob))
+            return blob.certain, stands, blob.trust
+
+        return max(self._own(view), key=likely, default=None)
+
+    def nearest(self, view: View, p_WO: Vector) -> Blob | None:
+        """The blob of the object that is nearest to where it is believed to be.
+
+        Args:
+            view: What is seen.
+            p_WO: Where the object is believed to be, shape (3,) [m].
+        """
+
+        def distance(blob: Blob) -> float:
+            return float(np.linalg.norm(blob.position - p_WO))
+
+        return min(self._own(view), key=distance, default=None)
+
+    def _own(self, view: View) -> list[Blob]:
+        return [blob for blob in view.blobs if blob.object_name == self.object_name]
+
+    def pose(self, blob: Blob) -> RigidTransform:
+        """The object's pose X_WO [m]; its turn about its axis has no meaning."""
+        return self._pose(self.shape, blob)
+
+    def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
+        """The other objects and the obstacles that are seen.
+
+        Args:
+            view: What is seen.
+            p_WO: Where the object is believed to be, shape (3,) [m]: what looks like
+                it elsewhere is something, too, and an obstacle around it is itself.
+        """
+        known = tuple(
+            (shape, self._pose(shape, blob))
+            for blob in view.blobs
+            if (shape := self._others.get(blob.object_name)) is not None
+        )
+        unknown = tuple((seen.shape, seen.X_WO) for seen in view.obstacles)
+        if p_WO is None:
+            return (*known, *unknown)
+        apart = [
+            (self.shape, self.pose(blob))
+            for blob in self._own(view)
+            if np.linalg.norm(blob.position - p_WO) > _APART
+        ]
+        others = [o for o in unknown if not _inside(*o, p_WO)]
+        return (*known, *apart, *others)
+
+    def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
+        # What stands on something level is upright, whatever an image says of it.
+        stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
+        return pose_along(blob.position, _UP if stands else blob.axis)
+
+
+def _inside(box: Box, X_WO: RigidTransform, p_W: Vector) -> bool:
+    p_O = X_WO.inverse() @ p_W
+    return bool(np.all(np.abs(p_O) <= 0.5 * np.array(box.size)))
+
+
+def lean(axis_1: Vector, axis_2: Vector) -> float:
+    """Angle between two lines of directions (3,), 0 .. pi/2 [rad]."""
+    sine = float(np.linalg.norm(np.cross(axis_1, axis_2)))
+    return float(np.arctan2(sine, abs(float(axis_1 @ axis_2))))
+
+
+def standing_at(X_WO: RigidTransform, shape: Shape) -> RigidTransform:
+    """Where an object stands upright, on the same level, that is now at X_WO [m]."""
+    p_WO, z = X_WO.translation(), X_WO.rotation().col(2)
+    below = 0.5 * shape.height
+    if isinstance(shape, Cylinder):
+        below = below * abs(z[2]) + shape.radius * float(np.hypot(z[0], z[1]))
+    return RigidTransform([*p_WO[:2], p_WO[2] - below + 0.5 * shape.height])

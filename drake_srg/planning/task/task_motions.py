@@ -1,0 +1,252 @@
+"""All motions of one pick and place, planned at once from where the object is seen."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.grasps.grasp_search import (
+    SUPPORT_OVERLAP,
+    GraspSearch,
+    carrying,
+)
+from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.motion.paths import PathFailure, PlanCartesianPath
+from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
+from drake_srg.planning.motion.trajectories import motion_samples
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.task.grasp_motions import GraspMotions
+from drake_srg.planning.task.moves import Moves, NoPathError, TaskFailure
+from drake_srg.types import Failure, Mode, Shape, Vector
+
+# Grasps whose motions are planned before the planner gives up. More are there only
+# where the hand is turned about the object; a search for a way takes up to 5 s each.
+_MOST_CANDIDATES = 8
+
+
+# Shapes that stand about, and their poses X_WO [m].
+Obstacles: TypeAlias = Sequence[tuple[Shape, RigidTransform]]
+
+
+@dc.dataclass(frozen=True)
+class TaskMotions:
+    """A grasp and the motion of each mode that moves the arm."""
+
+    grasp: Grasp
+    motions: Mapping[Mode, Trajectory]
+
+
+class TaskPlanner:
+    """Plans picking and placing with a planning scene; holds nothing between calls."""
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        hand: Hand,
+        q_home: Vector,
+        config: PlannerConfig,
+    ) -> None:
+        """Take what planning needs.
+
+        Args:
+            scene: The arm, the gripper and what they may hit.
+            hand: How that gripper takes things.
+            q_home: Where the arm rests, shape (N,) [rad].
+            config: Distances and speeds.
+        """
+        self.scene = scene
+        self.hand = hand
+        self.q_home = np.asarray(q_home, dtype=float)
+        self.config = config
+        self._moves = Moves(scene, hand, config)
+        self._grasp_motions = GraspMotions(scene, self._moves, self.q_home, config)
+        self._search = GraspSearch(scene, hand, self.q_home, config)
+
+    def plan(
+        self,
+        q_start: Vector,
+        X_WO: RigidTransform,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+        tried: Sequence[str] = (),
+    ) -> TaskMotions | TaskFailure:
+        """Plan the motions from `q_start` over pick and place to home.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            X_WO: The object's pose [m]; how it is turned about its z does not count.
+            shape: Its shape.
+            X_WO_goal: Where it shall be [m].
+            obstacles: Other objects and their poses [m].
+            tried: Names of grasps that failed.
+        """
+        with self._standing(obstacles):
+            return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
+
+    def plan_place(
+        self,
+        q_start: Vector,
+        grasp: Grasp,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+    ) -> TaskMotions | TaskFailure:
+        """Plan from above the goal onto it, and home, with the object in the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: With the object's pose in the hand as it is.
+            shape: The object's.
+            X_WO_goal: Where it shall be [m].
+            obstacles: Other objects and their poses [m].
+        """
+        try:
+            with self._standing(obstacles):
+                motions = self._grasp_motions.place(q_start, grasp, shape, X_WO_goal)
+        except NoPathError as error:
+            return error.failure
+        return TaskMotions(grasp, motions)
+
+    def _plan(
+        self,
+        q_start: Vector,
+        X_WO: RigidTransform,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        tried: Sequence[str],
+    ) -> TaskMotions | TaskFailure:
+        taken = self._overlap(shape, X_WO_goal)
+        if taken is not None:
+            return TaskFailure(Failure.BLOCKED, f"the goal is taken: {taken}")
+        reasons: list[TaskFailure] = []
+        for turned in (False, True):
+            candidates, failures = self._search.candidates(
+                X_WO, shape, X_WO_goal, turned=turned, tried=tried
+            )
+            no_path = []
+            for candidate in candidates[:_MOST_CANDIDATES]:
+                try:
+                    motions = self._grasp_motions.plan(
+                        q_start, shape, X_WO_goal, candidate
+                    )
+                    return TaskMotions(candidate.grasp, motions)
+                except NoPathError as error:
+                    no_path.append(error.failure)
+            # The grasps that came furthest tell what is in the way.
+            reasons = reasons or no_path or failures
+            # From another side there may be a way past what blocks; nothing else.
+            blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
+            if not blocked:
+                break
+        if not reasons:
+            return TaskFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
+        # What only the surroundings forbid is worth knowing before what no arm
+        # posture reaches.
+        return (blocked or reasons)[0]
+
+    def rests(self, shape: Shape, X_WO: RigidTransform) -> bool:
+        """Whether a thing at `X_WO` [m] is on something, and in nothing."""
+        lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
+        return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
+
+    def _overlap(self, shape: Shape, X_WO: RigidTransform) -> Clearance | None:
+        """Return what a thing at `X_WO` [m] is in, None where it fits there.
+
+        Fixed things are only checked against what moves, so it hangs from the distant
+        hand of an arm at home.
+        """
+        self.scene.set_fingers({})
+        X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO
+        with self.scene.holding(shape, X_GO, margin=SUPPORT_OVERLAP):
+            clearance = self.scene.clearance(self.q_home)
+        taken = clearance.spare < 0.0 and "held_object" in clearance.bodies
+        return clearance if taken else None
+
+    def others(
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
+    ) -> Obstacles:
+        """Those of `obstacles` that are not the arm itself, seen by a camera.
+
+        Images show it some pixels, a bent joint and a finger that gives beside where it
+        is believed to be. What is nearer than motions keep from all else is the arm.
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            fingers: Angles of the gripper's joints by name [rad].
+            obstacles: Shapes and their poses [m].
+        """
+        self.scene.set_fingers(fingers)
+        return tuple(
+            o
+            for o in obstacles
+            if not self.scene.touches(q, *o, within=self.config.hand_clearance)
+        )
+
+    def obstruction(
+        self, task: TaskMotions, shape: Shape, obstacles: Obstacles
+    ) -> str | None:
+        """Say what of `obstacles` is in the way of motions, in words; None: nothing.
+
+        Half of every margin may be used up by what images of the same thing differ by.
+
+        Args:
+            task: The motions.
+            shape: The object's that is taken.
+            obstacles: Other objects and their poses [m].
+        """
+        slack = 0.5 * min(self.config.clearance, self.config.hand_clearance)
+        with self._standing(obstacles):
+            for mode, motion in task.motions.items():
+                with contextlib.ExitStack() as stack:
+                    if mode in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
+                        supported = mode is not Mode.TRANSFER
+                        held = carrying(
+                            self.scene, shape, task.grasp, supported=supported
+                        )
+                        stack.enter_context(held)
+                    else:
+                        self.scene.set_fingers(task.grasp.fingers_open)
+                    samples = motion_samples(self.scene, motion)
+                    hit = self.scene.first_hit(samples, slack)
+                if hit is not None:
+                    return f"{mode.value}: {hit}"
+        return None
+
+    def plan_escape(
+        self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
+    ) -> tuple[Trajectory, Trajectory] | TaskFailure:
+        """Plan back out of a failed grasp: away from the object, then home.
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            fingers: Angles of the gripper's joints, open, by name [rad].
+            obstacles: Other objects and their poses [m].
+        """
+        self.scene.set_fingers(fingers)
+        try:
+            with self._standing(obstacles):
+                path = PlanCartesianPath(self.scene, q, self._moves.behind(q))
+                if isinstance(path, PathFailure):
+                    path = q[np.newaxis]
+                return (
+                    self._moves.timed(path, self._moves.free),
+                    self._moves.timed(
+                        self._moves.joint_path(path[-1], self.q_home), self._moves.free
+                    ),
+                )
+        except NoPathError as error:
+            return error.failure
+
+    @contextlib.contextmanager
+    def _standing(self, obstacles: Obstacles) -> Iterator[None]:
+        with contextlib.ExitStack() as stack:
+            for shape, X_WO in obstacles:
+                stack.enter_context(self.scene.standing(shape, X_WO))
+            yield

@@ -1,0 +1,97 @@
+"""The modes of picking and placing: which follows which, and when."""
+
+import dataclasses as dc
+from collections.abc import Callable
+
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.types import Failure, Mode
+
+
+@dc.dataclass(frozen=True)
+class Observation:
+    """What the next mode depends on."""
+
+    ready: bool = False  # motions are planned and the planning latency has passed
+    stuck: bool = False  # there is no plan from here, but a way home
+    moved: bool = False  # the object is not where the motions take it
+    arrived: bool = False  # the mode's motion is over and the arm follows
+    still: bool = False  # the fingers have come to rest
+    holding: bool = False  # something of the right size is between the fingers
+    clear: bool = False  # nothing is near the fingers
+    at_goal: bool = False  # the object has been seen on its goal
+    last_cycle: bool = True  # nothing is left to do then
+    failure: Failure | None = None  # the reason to give up
+
+
+# mode: [(condition on the observation o, the time t in the mode and the planner's
+#         configuration c; next mode)]. The first condition that holds decides.
+_Condition = Callable[[Observation, float, PlannerConfig], bool]
+TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
+    Mode.IDLE: [
+        (lambda o, t, c: o.failure is not None, Mode.FAILED),
+        (lambda o, t, c: o.ready, Mode.PRE_GRASP),
+        (lambda o, t, c: o.stuck, Mode.RETREAT),
+    ],
+    Mode.PRE_GRASP: [
+        (lambda o, t, c: o.arrived and o.moved, Mode.IDLE),
+        (lambda o, t, c: o.arrived, Mode.GRASP),
+    ],
+    Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
+    Mode.CLOSE: [
+        (
+            lambda o, t, c: t >= c.gripper_reaction and o.holding and o.still,
+            Mode.VERIFY,
+        ),
+        (lambda o, t, c: t >= c.gripper_timeout, Mode.VERIFY),
+    ],
+    Mode.VERIFY: [
+        (lambda o, t, c: not o.holding, Mode.RELEASE),
+        (lambda o, t, c: t >= max(c.verify_time, c.grip_wait), Mode.LIFT),
+    ],
+    Mode.LIFT: [
+        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (lambda o, t, c: o.arrived, Mode.TRANSFER),
+    ],
+    Mode.TRANSFER: [
+        (lambda o, t, c: o.arrived and not o.holding, Mode.RELEASE),
+        (lambda o, t, c: o.arrived and o.failure is not None, Mode.FAILED),
+        (lambda o, t, c: o.arrived and o.ready, Mode.PLACE),
+    ],
+    Mode.PLACE: [(lambda o, t, c: o.arrived, Mode.RELEASE)],
+    Mode.RELEASE: [
+        (
+            lambda o, t, c: t >= c.release_wait and o.clear and o.still,
+            Mode.RETREAT,
+        ),
+        (lambda o, t, c: t >= c.gripper_timeout + c.release_wait, Mode.RETREAT),
+    ],
+    Mode.RETREAT: [(lambda o, t, c: o.arrived, Mode.HOME)],
+    Mode.HOME: [
+        (lambda o, t, c: o.arrived and o.at_goal and o.last_cycle, Mode.DONE),
+        (lambda o, t, c: o.arrived and o.at_goal, Mode.IDLE),
+        (lambda o, t, c: o.arrived and o.failure is not None, Mode.FAILED),
+        (lambda o, t, c: o.arrived, Mode.IDLE),
+    ],
+    Mode.DONE: [],
+    Mode.FAILED: [],
+}
+
+
+def transition(
+    mode: Mode, observation: Observation, t: float, config: PlannerConfig | None = None
+) -> Mode:
+    """Return the mode that follows, by the table `TRANSITIONS`.
+
+    Args:
+        mode: The mode now.
+        observation: What is known now.
+        t: Time since the mode began [s].
+        config: Its waits and the times of the gripper count here.
+    """
+    if observation.failure in (Failure.TIME_BUDGET, Failure.STOPPED):
+        return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
+    config = config or PlannerConfig()
+    for condition, following in TRANSITIONS[mode]:
+        if condition(observation, t, config):
+            return following
+    return mode

@@ -1,0 +1,37 @@
+"""Scenarios: the schema of a scenario file, and how one is loaded."""
+
+from drake_srg.scenario.load import (
+    SCENARIOS,
+    Drawn,
+    draw_scenario,
+    list_scenarios,
+    load_scenario,
+    load_tree,
+)
+from drake_srg.scenario.schema import (
+    LocalizerConfig,
+    PlaceConfig,
+    RecordingConfig,
+    RegionConfig,
+    Scenario,
+    TableConfig,
+    TaskConfig,
+    is_continuous,
+)
+
+__all__ = [
+    "SCENARIOS",
+    "Drawn",
+    "LocalizerConfig",
+    "PlaceConfig",
+    "RecordingConfig",
+    "RegionConfig",
+    "Scenario",
+    "TableConfig",
+    "TaskConfig",
+    "draw_scenario",
+    "is_continuous",
+    "list_scenarios",
+    "load_scenario",
+    "load_tree",
+]

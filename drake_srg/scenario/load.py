@@ -1,0 +1,203 @@
+"""Loads scenario files: bases, overrides, draws, checks."""
+
+import dataclasses as dc
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.common import RandomGenerator
+from pydrake.common.schema import UniformVectorX
+
+from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.planning.script.messages import message_script
+from drake_srg.scenario.checks import check_scenario
+from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
+from drake_srg.scenario.schema import Scenario
+from drake_srg.scenario.yaml_tree import load_typed, merge, parse_yaml, set_key
+from drake_srg.types import Vector
+
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
+
+
+@dc.dataclass(frozen=True)
+class Drawn:
+    """A scenario with nothing left to chance, and what chance made of it."""
+
+    scenario: Scenario
+    # What was drawn, by the key that `--set` knows it by: `objects.soup_can.mass`; of
+    # vectors each entry, `objects.soup_can.position[0]`.
+    values: Mapping[str, float | int | str]
+
+
+def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Drawn:
+    """Draw what is random in a tree of `load_tree`, load it and check it.
+
+    Args:
+        tree: It is not changed.
+        origin: File or name to begin errors with.
+        seed: Replaces `random_seed`.
+
+    Raises:
+        ScenarioError: With one line that says what is wrong, where, what is allowed.
+    """
+    tree = dict(tree)
+    if seed is not None:
+        tree["random_seed"] = seed
+    # The seed is needed for the draws, so it is checked before them.
+    seed = load_typed(
+        Scenario, {"random_seed": tree.get("random_seed", 0)}, origin
+    ).random_seed
+    values: dict[str, Any] = {}
+    tree = add_clutter(tree, int(seed or 0), origin, values)
+    drawn = draw_distributions(tree, int(seed or 0), origin, values)
+    scenario: Scenario = load_typed(Scenario, drawn, origin)
+    _play_messages(scenario, origin)
+    check_scenario(scenario, origin)
+    _draw_positions(scenario, origin, values)
+    return Drawn(scenario, values)
+
+
+def load_scenario(
+    name: str | Path,
+    *,
+    seed: int | None = None,
+    overrides: Iterable[str] = (),
+) -> Scenario:
+    """Load a scenario, draw what is random and check it.
+
+    Args:
+        name: Name of a scenario of the package, or path of a YAML file.
+        seed: Replaces `random_seed`.
+        overrides: `KEY=VALUE` each; the key dotted (`object.` is short for the picked
+            object's entry), the value YAML.
+
+    Raises:
+        ScenarioError: With one line that says what is wrong, where, what is allowed.
+    """
+    return draw_scenario(load_tree(name, overrides), str(name), seed).scenario
+
+
+def _play_messages(scenario: Scenario, origin: str) -> None:
+    """Make the script of what is sent."""
+    if scenario.messages is None:
+        return
+    if scenario.script:
+        raise ScenarioError(f"{origin}: script: must be empty, the messages replace it")
+    with scenario_errors(origin):
+        num_joints = len(scenario.arm.home) if scenario.arm else 0
+        scenario.script = message_script(scenario.messages, num_joints)
+
+
+def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:
+    """Draw where the objects without a position stand, clear of the others."""
+    objects, pick = scenario.objects, scenario.task.pick
+    homeless = [n for n, o in objects.items() if o.position is None and o.pose is None]
+    # The picked object comes first: the others must not change where it stands.
+    for names in (
+        [n for n in homeless if n == pick],
+        [n for n in homeless if n != pick],
+    ):
+        for name, p in _free_places(scenario, origin, names).items():
+            objects[name].position = [float(x) for x in p]
+            values |= {f"objects.{name}.position[{i}]": float(p[i]) for i in range(2)}
+
+
+def _free_places(
+    scenario: Scenario, origin: str, names: Iterable[str]
+) -> dict[str, Vector]:
+    """Draw places for some objects, clear of each other and of those that have one."""
+    region, spacing = scenario.task.region, scenario.task.spacing
+    uniform = UniformVectorX(np.array(region.min), np.array(region.max))
+    generators: dict[str, RandomGenerator] = {
+        name: key_generator(scenario.random_seed, f"objects.{name}.position")
+        for name in names
+    }
+    fixed = [np.array(o.position) for o in scenario.objects.values() if o.position]
+
+    def free_place(name: str, taken: list[Vector]) -> Vector | None:
+        for _ in range(1000):
+            p = np.asarray(uniform.Sample(generators[name]))
+            if all(np.linalg.norm(p - other) > spacing for other in taken):
+                return p
+        return None
+
+    for _ in range(20):  # the places of the first may leave none for the last
+        places: dict[str, Vector] = {}
+        for name in names:
+            p = free_place(name, [*fixed, *places.values()])
+            if p is None:
+                break
+            places[name] = p
+        else:
+            return places
+    raise ScenarioError(
+        f"{origin}: task.region: no free place for {name!r}; make it larger"
+    )
+
+
+def list_scenarios() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
+
+
+def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]:
+    """Read a scenario with its bases and overrides; nothing is drawn or checked.
+
+    Plain dicts, lists and values, which can be sent to other processes; a tag is the
+    entry `_tag` of its mapping.
+
+    Args:
+        name: Name of a scenario of the package, or path of a YAML file.
+        overrides: `KEY=VALUE` each; see `load_scenario`.
+
+    Raises:
+        ScenarioError: If a file cannot be read, or a key leads nowhere.
+    """
+    tree = _read(Path(name) if str(name).endswith(".yaml") else _builtin(name))
+    for override in overrides:
+        key, equals, value = override.partition("=")
+        if not (key and equals):
+            raise ScenarioError(f"--set {override}: must be KEY=VALUE")
+        if key.split(".")[0] == "object":
+            task = tree.get("task")
+            picked = task.get("pick") if isinstance(task, dict) else None
+            if not (picked and isinstance(picked, str)):
+                raise ScenarioError(f"--set {key}: the scenario picks no object")
+            key = f"objects.{picked}{key.removeprefix('object')}"
+        set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
+    return tree
+
+
+def _builtin(name: str | Path) -> Path:
+    if name not in list_scenarios():
+        raise ScenarioError(
+            f"scenario {str(name)!r} is unknown; allowed: {', '.join(list_scenarios())}"
+            " or a path that ends in .yaml"
+        )
+    return SCENARIOS / f"{name}.yaml"
+
+
+def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeError:
+        raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
+    except (OSError, ValueError) as error:  # ValueError: of a null in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
+    tree = parse_yaml(text, path.name)
+    if tree is None:
+        tree = {}
+    if not isinstance(tree, dict):
+        raise ScenarioError(f"{path.name}: must be a mapping of keys to values")
+    base = tree.pop("base", None)
+    if base is None:
+        return tree
+    if not isinstance(base, str):
+        raise ScenarioError(f"{path.name}: base: must be a scenario's name or path")
+    base_path = path.parent / base if base.endswith(".yaml") else _builtin(base)
+    if base_path in seen:
+        raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
+    merged: dict[str, Any] = merge(_read(base_path, (*seen, path)), tree)
+    return merged

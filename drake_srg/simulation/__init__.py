@@ -1,0 +1,5 @@
+"""Simulation: runs a cell, logs and records it, and judges the result."""
+
+from drake_srg.simulation.simulate import Result, Simulate, failure_time
+
+__all__ = ["Result", "Simulate", "failure_time"]

@@ -1,0 +1,197 @@
+"""How fast a scenario runs, beside its bare plant, and where the time goes."""
+
+import dataclasses as dc
+import time as wall
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.cell import MakeCell
+from drake_srg.common.errors import scenario_errors
+from drake_srg.scenario import Scenario, list_scenarios
+from drake_srg.simulation import Simulate, failure_time
+from drake_srg.station.plant import MakePlant
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+
+# Inputs of the plant that a replay needs: subsystem of the station, output port, and
+# the plant's input port with the model instance it belongs to.
+_PLANT_INPUTS = (
+    ("arm_driver", "desired_state", "arm", "get_desired_state_input_port"),
+    ("arm_driver", "actuation", "arm", "get_actuation_input_port"),
+    ("gripper_driver", "actuation", "gripper", "get_actuation_input_port"),
+)
+
+
+@dc.dataclass(frozen=True)
+class Bench:
+    """Wall-clock times of one run [s], and of the bare plant on the same inputs."""
+
+    result: str  # success, or the failure's name
+    placement_error: list[float] | None  # final position minus goal [m]
+    simulated: float
+    total: float
+    plant: float
+    planning: float
+    rendering: float
+
+    @property
+    def other(self) -> float:
+        """What is left: our systems in Python, and logging."""
+        return self.total - self.plant - self.planning - self.rendering
+
+    def rows(self) -> dict[str, str]:
+        """Return the figures as text, by what they are called."""
+        error = self.placement_error
+
+        def share(time: float) -> str:
+            return f"{time:.2f} s, {time / self.total:.0%}"
+
+        return {
+            "result": self.result,
+            "placement error x, y": (
+                f"{1e3 * error[0]:.2f}, {1e3 * error[1]:.2f} mm" if error else "-"
+            ),
+            "simulated": f"{self.simulated:.2f} s",
+            "wall clock": f"{self.total:.2f} s",
+            "speed": f"{self.simulated / self.total:.2f} x real time",
+            "bare plant": f"{self.simulated / self.plant:.2f} x real time",
+            "speed : bare plant": f"{self.plant / self.total:.2f}",
+            "plant": share(self.plant),
+            "planning": share(self.planning),
+            "rendering": share(self.rendering),
+            "our systems": share(self.other),
+        }
+
+
+def bench_table(benches: Mapping[str, Bench]) -> str:
+    """Return the figures of several scenarios side by side, as text."""
+    columns = [bench.rows() for bench in benches.values()]
+    width = max(26, *(len(name) + 2 for name in benches))
+    lines = [("", *benches)]
+    lines += [(key, *(column[key] for column in columns)) for key in columns[0]]
+    return "\n".join(
+        f"{key:22}" + "".join(f"{cell:{width}}" for cell in cells).rstrip()
+        for key, *cells in lines
+    )
+
+
+def scenarios_with_a_twin() -> list[str]:
+    """Return the package's scenarios with a fast variant, each followed by that."""
+    names = list_scenarios()
+    return [
+        name
+        for base in names
+        if f"{base}_fast" in names
+        for name in (base, f"{base}_fast")
+    ]
+
+
+def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
+    """Measure a scenario: a run, the plant alone, and single images.
+
+    The bare plant gets the inputs that it got in a run, from trajectories held between
+    its steps, so that it makes the same contacts with none of our systems attached.
+
+    Args:
+        scenario: What to measure.
+        name: Its name, for errors.
+
+    Raises:
+        ScenarioError: As `Simulate` does.
+    """
+    inputs = _record_inputs(scenario, name)
+    result = Simulate(scenario, name=name)
+    if result.status.failure is Failure.STOPPED:
+        raise KeyboardInterrupt
+    times = result.metrics
+    return Bench(
+        result=times.failure or "success",
+        placement_error=times.placement_error_m,
+        simulated=times.sim_time_s,
+        total=times.wall_time_s,
+        plant=_replay(scenario, inputs, times.sim_time_s),
+        planning=times.planning_wall_s,
+        rendering=_look_time(scenario, result.status.looks),
+    )
+
+
+def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:
+    """What the plant's inputs were at each of its steps, in a run."""
+    with scenario_errors(name):
+        cell = MakeCell(scenario)
+        simulator = Simulator(cell)
+        ApplySimulatorConfig(scenario.simulator_config, simulator)
+    nested = cell.HasSubsystemNamed("station")
+    station = cell.GetSubsystemByName("station") if nested else cell
+    times: list[float] = []
+    rows: list[list[Vector]] = [[] for _ in _PLANT_INPUTS]
+    ports = [
+        (station.GetSubsystemByName(driver), output)
+        for driver, output, *_ in _PLANT_INPUTS
+    ]
+
+    def monitor(root: Context) -> EventStatus:
+        times.append(root.get_time())
+        for (driver, output), values in zip(ports, rows, strict=True):
+            context = driver.GetMyContextFromRoot(root)
+            values.append(np.array(driver.GetOutputPort(output).Eval(context)))
+        status: PlannerStatus = cell.GetOutputPort("planner.status").Eval(root)
+        if status.mode in (Mode.DONE, Mode.FAILED):
+            return EventStatus.ReachedTermination(cell, "the planner has ended")
+        return EventStatus.Succeeded()
+
+    simulator.set_monitor(monitor)
+    with failure_time(name, simulator):
+        simulator.AdvanceTo(scenario.task.repeat * scenario.planner.time_budget + 1.0)
+    # Termination steps are shorter than the plant's; keep one sample a time.
+    unique = np.unique(np.round(times, 9), return_index=True)[1]
+    breaks = np.array(times)[unique]
+    return {
+        i: PiecewisePolynomial.ZeroOrderHold(breaks, np.array(values)[unique].T)
+        for i, values in enumerate(rows)
+    }
+
+
+def _replay(
+    scenario: Scenario, inputs: dict[int, PiecewisePolynomial], duration: float
+) -> float:
+    """Wall-clock time of the bare plant on recorded inputs [s]."""
+    builder = DiagramBuilder()
+    plant, _ = MakePlant(builder, scenario)
+    for i, (*_, name, port) in enumerate(_PLANT_INPUTS):
+        source = builder.AddSystem(TrajectorySource(inputs[i]))
+        target = getattr(plant, port)(plant.GetModelInstanceByName(name))
+        builder.Connect(source.get_output_port(), target)
+    simulator = Simulator(builder.Build())
+    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    simulator.Initialize()
+    return _timed(lambda: simulator.AdvanceTo(duration))
+
+
+def _look_time(scenario: Scenario, looks: int) -> float:
+    """Wall-clock time of that many looks at the blobs [s].
+
+    The first one costs more: each context has a renderer of its own, which prepares
+    itself. What every first renderer of a process costs, a run has behind it.
+    """
+    if looks == 0:
+        return 0.0
+    cell: Diagram = MakeCell(scenario)
+    port = cell.GetOutputPort("localizer.blobs")
+    port.Eval(cell.CreateDefaultContext())
+    context = cell.CreateDefaultContext()
+    times = []
+    for i in range(4):
+        context.SetTime(float(i))  # what was rendered before counts no more
+        times.append(_timed(lambda: port.Eval(context)))
+    return times[0] + (looks - 1) * float(np.mean(times[1:]))
+
+
+def _timed(action: Callable[[], object]) -> float:
+    start = wall.perf_counter()
+    action()
+    return wall.perf_counter() - start

@@ -1,0 +1,154 @@
+"""What records a cell's run: video, rosbag and timeline."""
+
+import contextlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydrake.multibody.tree import Joint, PrismaticJoint
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from drake_srg.common.ports import Ports, output_ports
+from drake_srg.recording.log import write_log
+from drake_srg.recording.ros_topics import Topic, cell_topics
+from drake_srg.recording.rosbag import RosbagRecorder
+from drake_srg.recording.timeline import Timeline, draw_timeline
+from drake_srg.recording.video import VideoRecorder
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.metrics import MODES
+from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.types import Vector
+
+__all__ = ["FILES", "AddRecorders", "output_ports", "run_timeline", "write_samples"]
+
+# Artifacts of a run: kind to file.
+FILES = {
+    "video": "video.mp4",
+    "recording": "recording.mcap",
+    "log": "log.npz",
+    "timeline": "timeline.png",
+}
+
+
+def AddRecorders(
+    builder: DiagramBuilder, cell: Diagram | Ports, scenario: Scenario, out: Path
+) -> dict[str, VideoRecorder | RosbagRecorder]:
+    """Add what records video.mp4 and recording.mcap, connected to the cell.
+
+    Close them after the simulation; they are context managers.
+    """
+    config = scenario.recording
+    recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
+    with contextlib.ExitStack() as stack:  # forgets the first if the second fails
+        if config.video_camera:
+            camera = scenario.cameras[config.video_camera]
+            video = VideoRecorder(
+                out / FILES["video"],
+                camera.width,
+                camera.height,
+                frame_rate=config.video_fps,
+            )
+            recorders["video"] = stack.enter_context(video)
+            builder.AddNamedSystem("video_recorder", video)
+            builder.Connect(
+                cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
+                video.GetInputPort("color_image"),
+            )
+            builder.Connect(
+                cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
+            )
+        recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out)
+        stack.pop_all()
+    return recorders
+
+
+def AddRosbagRecorder(
+    builder: DiagramBuilder, cell: Diagram | Ports, scenario: Scenario, out: Path
+) -> RosbagRecorder:
+    """Add what records recording.mcap, connected to a cell or a station.
+
+    Close it after the simulation; it is a context manager.
+    """
+    bag = RosbagRecorder(
+        out / FILES["recording"],
+        recorded_topics(cell, scenario),
+        period=scenario.recording.period,
+    )
+    builder.AddNamedSystem("rosbag_recorder", bag)
+    ports = output_ports(cell)
+    for i in range(bag.num_input_ports()):
+        port = bag.get_input_port(i)
+        if port.get_name() in ports:
+            builder.Connect(ports[port.get_name()], port)
+    return bag
+
+
+def recorded_topics(cell: Diagram | Ports, scenario: Scenario) -> list[Topic]:
+    """Return those topics of a cell for which this one, or a station, has ports."""
+    config = scenario.recording
+    gripper_joints, sensors = _gripper_names(scenario)
+    topics = cell_topics(
+        [joint.name() for joint in _arm_joints(scenario)],
+        gripper_joints,
+        len(sensors),
+        dict.fromkeys(config.bag_cameras, config.bag_camera_period),
+    )
+    ports = output_ports(cell)
+    return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]
+
+
+def _arm_joints(scenario: Scenario) -> list[Joint]:
+    """The arm's joints, in the order of its state; none without an arm."""
+    if scenario.arm is None:
+        return []
+    plant = MakeModelsPlant(scenario)
+    arm = plant.GetModelInstanceByName("arm")
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(arm)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    return sorted(joints, key=lambda joint: joint.position_start())
+
+
+def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of the gripper's measured joints and of its finger sensors."""
+    driver = scenario.gripper
+    return ((), ()) if driver is None else (driver.joint_names, driver.sensor_names)
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def write_samples(
+    name: str, log: Mapping[str, Vector], scenario: Scenario, out: Path, timeline: bool
+) -> dict[str, str]:
+    """Write log.npz and, where it is wanted, timeline.png; see `Simulate`.
+
+    Returns:
+        Their paths, by kind.
+    """
+    written = {"log": str(write_log(out / FILES["log"], log))}
+    if timeline:
+        title = f"{name}, seed {scenario.random_seed}"
+        picture = run_timeline(title, log, scenario)
+        written["timeline"] = str(draw_timeline(picture, out / FILES["timeline"]))
+    return written
+
+
+def run_timeline(title: str, log: Mapping[str, Vector], scenario: Scenario) -> Timeline:
+    """Return what timeline.png shows of a log, see `Simulate`."""
+    arm = log["arm.state_measured"]
+    gripper = log.get("gripper.state_measured")
+    joints, sensors = _gripper_names(scenario)
+    poses = log.get(f"object_pose.{scenario.task.pick}")
+    return Timeline(
+        time=log["time"],
+        mode=[MODES[int(i)].value for i in log["mode"]],
+        gripper_position=None if gripper is None else gripper[:, : len(joints)],
+        gripper_joints=[_words(name.removesuffix("_joint")) for name in joints],
+        closure=log.get("gripper.closure_commanded"),
+        proximity=log.get("gripper.proximity"),
+        sensors=[_words(name) for name in sensors],
+        arm_velocity=arm[:, arm.shape[1] // 2 :],
+        arm_slides=_arm_joints(scenario)[0].type_name() == PrismaticJoint.kTypeName,
+        object_height=None if poses is None else poses[:, 2],
+        title=title,
+    )

@@ -1,0 +1,362 @@
+"""A station driven by hand, step by step: what experiments are written with.
+
+scenario = bench_scenario(household_objects()["056_tennis_ball"])
+with Rig(scenario) as rig:
+    rig.move([0.0, 0.0, 0.2], 1.0)  # lower the hand over the object
+    rig.advance(1.5, closure=1.0, force_limit=0.3)
+    rig.move([0.0, 0.0, 0.4], 1.0)
+    rig.advance(3.0, arm=shake([0.0, 0.0, 0.4], [0.0, 9.81, 0.0], 2.0, 3.0))
+    held = rig.X_WO().translation()[2] > 0.1
+    log = rig.log()
+largest_force = log["gripper.contact_force"].max()
+"""
+
+import contextlib
+import copy
+import dataclasses as dc
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+import numpy.typing as npt
+from pydrake.common.schema import Rotation
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import DiagramBuilder, PortDataType
+
+from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.minimum_jerk import minimum_jerk_blend
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.recording.video import VideoRecorder
+from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous, load_scenario
+from drake_srg.simulation import failure_time
+from drake_srg.simulation.metrics import pose_to_row
+from drake_srg.simulation.recorders import output_ports
+from drake_srg.station import MakeStation
+from drake_srg.types import Vector
+
+# A command: a value, or a function of the time since the call that gives it [s].
+Command = npt.ArrayLike | Callable[[float], npt.ArrayLike]
+
+
+class Rig:
+    """A station with its inputs in the caller's hands, simulated and logged.
+
+    The arm is commanded to its home and the gripper to be open until something else is
+    said; the gripper's force limit is its driver's until then. The same calls give the
+    same log, bit for bit.
+
+    Args:
+        scenario: What to simulate; its task, planner and script do not matter.
+        name: Of the experiment, for errors.
+        period: Time between samples of commands that are functions [s]; None takes the
+            arm driver's, below which nothing is read.
+        log_period: Time between rows of the log [s], a multiple of `period`.
+        images: Whether the scenario's cameras are there, for `image`.
+        video: An .mp4 file for what `recording.video_camera` sees, complete when the
+            rig is closed; use the rig with `with`.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+        ValueError: If a period is not positive or they do not fit each other.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        name: str = "rig",
+        period: float | None = None,
+        log_period: float = 0.01,
+        images: bool = False,
+        video: Path | str | None = None,
+    ) -> None:
+        if is_continuous(scenario):
+            raise ScenarioError(f"{name}: needs a plant_config.time_step above 0")
+        self.scenario = scenario
+        self._name = name
+        self._period = period or (scenario.arm.period if scenario.arm else 0.005)
+        self._rows_every = round(log_period / self._period)
+        off = abs(self._rows_every * self._period - log_period)
+        if self._rows_every < 1 or off > 1e-9:
+            raise ValueError(
+                "log_period must be a positive multiple of period, "
+                f"{self._period} s, is {log_period} s"
+            )
+        self._video: VideoRecorder | None = None
+        if video is None and not images:  # cameras would only take time to make
+            scenario = dc.replace(scenario, cameras={}, localizer=LocalizerConfig())
+        with scenario_errors(name), contextlib.ExitStack() as stack:
+            builder = DiagramBuilder()
+            self.station = builder.AddNamedSystem("station", MakeStation(scenario))
+            for i in range(self.station.num_input_ports()):
+                port = self.station.get_input_port(i)
+                builder.ExportInput(port, port.get_name())
+            if video is not None:
+                self._video = stack.enter_context(_add_video(builder, self, video))
+            self.diagram = builder.Build()
+            self.diagram.set_name(name)
+            self.simulator = Simulator(self.diagram)
+            ApplySimulatorConfig(scenario.simulator_config, self.simulator)
+            self.context = self.simulator.get_mutable_context()
+            stack.pop_all()
+        self.plant = self.station.GetSubsystemByName("plant")
+        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
+        self._station_context = self.station.GetMyContextFromRoot(self.context)
+        self._ports = output_ports(self.station)
+        self._commanded: dict[str, Vector] = {}
+        if scenario.arm is not None:
+            self.fix("arm.position_commanded", scenario.arm.home)
+        if scenario.gripper is not None:
+            self.fix("gripper.closure_commanded", 0.0)
+        self._readers: dict[str, ContactReader] = {}
+        self._tick = 0
+        self._rows: list[dict[str, Vector | float]] = []
+
+    # Simulation.
+
+    def advance(
+        self,
+        duration: float,
+        *,
+        arm: Command | None = None,
+        closure: Command | None = None,
+        force_limit: Command | None = None,
+    ) -> None:
+        """Go on for a while, rounded to whole periods.
+
+        Args:
+            duration: How long [s].
+            arm: Joint positions (N) [rad or m]; None: as before.
+            closure: 0 open .. 1 closed; None: as before.
+            force_limit: Fraction of full PWM, 0 .. 1; None: as before.
+
+        Raises:
+            ScenarioError: If Drake gives up, saying when.
+        """
+        given = {
+            "arm.position_commanded": arm,
+            "gripper.closure_commanded": closure,
+            "gripper.force_limit": force_limit,
+        }
+        functions: dict[str, Callable[[float], npt.ArrayLike]] = {}
+        for name, value in given.items():
+            if callable(value):
+                functions[name] = value
+            elif value is not None:
+                self.fix(name, value)
+        for i in range(round(duration / self._period)):
+            for name, function in functions.items():
+                self.fix(name, function(i * self._period))
+            with failure_time(self._name, self.simulator):
+                if self._tick == 0:
+                    self.simulator.Initialize()
+                    self._log_row()
+                self._tick += 1
+                self.simulator.AdvanceTo(self._tick * self._period)
+            if self._tick % self._rows_every == 0:
+                self._log_row()
+
+    def move(self, q: npt.ArrayLike, duration: float) -> None:
+        """Move the arm with minimum jerk from its last command to `q` (N) [rad or m].
+
+        On the gantry that is the hand's position above the middle of the bench.
+
+        Raises:
+            ScenarioError: If Drake gives up, saying when.
+        """
+        start, end = self.commanded("arm.position_commanded"), np.asarray(q, float)
+        self.advance(
+            duration,
+            arm=lambda t: start + minimum_jerk_blend(t / duration) * (end - start),
+        )
+        self.fix("arm.position_commanded", end)
+
+    def fix(self, name: str, value: npt.ArrayLike) -> None:
+        """Set an input port of the station, until it is set again.
+
+        Raises:
+            ScenarioError: If there is no such port or the value has another size.
+        """
+        vector = np.atleast_1d(np.asarray(value, dtype=float))
+        if not self.diagram.HasInputPort(name):
+            raise ScenarioError(f"{self._name}: the station has no input {name}")
+        port = self.diagram.GetInputPort(name)
+        if vector.shape != (port.size(),):
+            raise ScenarioError(
+                f"{self._name}: {name} must have {port.size()} numbers, has "
+                f"{vector.size}"
+            )
+        port.FixValue(self.context, vector)
+        self._commanded[name] = vector
+
+    # What came of it.
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.context.get_time())
+
+    def commanded(self, name: str) -> Vector:
+        """Return what an input port of the station was last set to."""
+        return self._commanded[name].copy()
+
+    def measured(self, name: str) -> Vector:
+        """Return the value of a vector output port of the station now."""
+        return np.array(self._ports[name].Eval(self._station_context))
+
+    def image(self, camera: str) -> npt.NDArray[np.uint8]:
+        """Return what a camera sees now, RGB (height, width, 3); see `images`."""
+        port = self._ports[f"camera_{camera}.color_image"]
+        return np.array(port.Eval(self._station_context).data[:, :, :3])
+
+    def X_WO(self, name: str | None = None) -> RigidTransform:
+        """Pose of an object in world; without a name, of the picked one."""
+        poses = self._ports["object_poses_cheat"].Eval(self._station_context)
+        X_WO: RigidTransform = poses[name or self.scenario.task.pick]
+        return X_WO
+
+    def X_WG(self) -> RigidTransform:
+        """Pose of the palm frame in world."""
+        gripper = self.plant.GetModelInstanceByName("gripper")
+        palm = self.plant.GetFrameByName("palm", gripper)
+        return palm.CalcPoseInWorld(self.plant_context)
+
+    def X_GO(self, name: str | None = None) -> RigidTransform:
+        """Pose of an object in the palm frame; without a name, of the picked one."""
+        return self.X_WG().inverse() @ self.X_WO(name)
+
+    def contact_forces(self, name: str | None = None) -> dict[str, float]:
+        """Return what touches an object, and how hard; see `ContactReader.forces`."""
+        name = name or self.scenario.task.pick
+        if name not in self._readers:
+            self._readers[name] = ContactReader(self.plant, name)
+        results = self._ports["contact_results_cheat"].Eval(self._station_context)
+        return self._readers[name].forces(results)
+
+    def log(self) -> dict[str, Vector]:
+        """Return what was sampled, one row (K) every `log_period`.
+
+        `time` (K); the station's vector inputs that were set, as they were just before
+        the row, NaN before they were set the first time, and all its vector outputs, by
+        their names (K, n); `object_pose.NAME` (K, 7) [x, y, z, qw, qx, qy, qz].
+        """
+        last = self._rows[-1] if self._rows else {}
+        return {
+            name: np.array(
+                [row.get(name, np.full_like(x, np.nan)) for row in self._rows]
+            )
+            for name, x in last.items()
+        }
+
+    def _log_row(self) -> None:
+        row: dict[str, Vector | float] = {"time": self.time, **self._commanded}
+        for name, port in self._ports.items():
+            if port.get_data_type() == PortDataType.kVectorValued:
+                row[name] = self.measured(name)
+        poses = self._ports["object_poses_cheat"].Eval(self._station_context)
+        for name, X_WO in poses.items():
+            row[f"object_pose.{name}"] = pose_to_row(X_WO)
+        self._rows.append(row)
+
+    def __enter__(self) -> "Rig":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._video is not None:
+            self._video.__exit__(kind, error, traceback)
+
+
+def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoRecorder:
+    name = rig.scenario.recording.video_camera
+    if not name:
+        raise ScenarioError("recording.video_camera: names no camera for a video")
+    camera = rig.scenario.cameras[name]
+    recorder = VideoRecorder(
+        path,
+        camera.width,
+        camera.height,
+        frame_rate=rig.scenario.recording.video_fps,
+    )
+    builder.AddNamedSystem("video_recorder", recorder)
+    image = rig.station.GetOutputPort(f"camera_{name}.color_image")
+    builder.Connect(image, recorder.GetInputPort("color_image"))
+    return recorder
+
+
+def shake(
+    q: npt.ArrayLike, acceleration: npt.ArrayLike, frequency: float, duration: float
+) -> Callable[[float], Vector]:
+    """Return a shaking motion about an arm position, as a function of time [s].
+
+    It swells and fades within two cycles each, so that it starts and ends at rest.
+
+    Args:
+        q: Joint positions (N) [rad or m].
+        acceleration: Of each joint at its turning points (N) [rad/s² or m/s²].
+        frequency: Of the sine [Hz].
+        duration: From rest to rest [s].
+    """
+    omega = 2.0 * np.pi * frequency
+    middle, amplitude = np.asarray(q, float), np.asarray(acceleration, float) / omega**2
+    swell = 2.0 / frequency
+
+    def position(t: float) -> Vector:
+        envelope = minimum_jerk_blend(t / swell)
+        envelope *= minimum_jerk_blend((duration - t) / swell)
+        value: Vector = middle + envelope * np.sin(omega * t) * amplitude
+        return value
+
+    return position
+
+
+def bench_scenario(
+    thing: ObjectConfig | None = None,
+    *,
+    gripper_rpy: Sequence[float] | None = None,
+    home: Sequence[float] | None = None,
+    scenario: str | Path = "gripper_bench",
+    seed: int | None = None,
+    overrides: Sequence[str] = (),
+) -> Scenario:
+    """Load a bench scenario with another object or with the hand turned.
+
+    Args:
+        thing: The object in place of the scenario's own, as `objects.thing`; unless it
+            says where, it stands where that did, on the bench under the hand.
+        gripper_rpy: Roll, pitch and yaw [degrees] of the palm in the flange's frame,
+            which on the gantry is parallel to world: [0, 90, 0] points down,
+            [0, 0, 0] to the front.
+        home: Joint positions of the arm at the start [rad or m].
+        scenario: Name or path of the scenario.
+        seed: Replaces its seed.
+        overrides: `KEY=VALUE` each, as for `load_scenario`.
+
+    Raises:
+        ScenarioError: If something does not fit.
+    """
+    bench = load_scenario(scenario, seed=seed, overrides=overrides)
+    if thing is not None:
+        thing = copy.deepcopy(thing)
+        if thing.position is None and thing.pose is None:
+            thing.position = bench.objects[bench.task.pick].position
+        bench.objects = {"thing": thing}
+        bench.task.pick = "thing"
+        bench.task.place.marker = ""  # of a goal that nobody has for it
+    if gripper_rpy is not None:
+        welds = [d.add_weld for d in bench.directives if d.add_weld is not None]
+        (weld,) = [weld for weld in welds if weld.child == "gripper::palm"]
+        weld.X_PC.rotation = Rotation(RollPitchYaw(np.deg2rad(gripper_rpy)))
+    if home is not None:
+        if bench.arm is None:
+            raise ScenarioError(f"{scenario}: home: there is no arm")
+        bench.arm.home = [float(x) for x in home]
+    bench.script = []  # of the scenario's own object
+    return bench

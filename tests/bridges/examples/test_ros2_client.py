@@ -1,0 +1,44 @@
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from bridges.conftest import wait_until
+from bridges.ros2.ros2_peers import command_topics, free_domain
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.ros2.bridge import Ros2Bridge
+from drake_srg.recording import ros_topics
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "ros2_client.py"
+
+
+def test_the_example_closes_and_opens_the_gripper():
+    inbox = CommandInbox(command_topics(), Warnings(print))
+    joints = ["joint_1", "left_base_joint", "right_base_joint"]
+    topic = ros_topics.joint_states({"gripper": joints})
+    bridge = Ros2Bridge(inbox, [topic], domain=free_domain())
+    client = subprocess.Popen(
+        [sys.executable, "-u", EXAMPLE],
+        env={**os.environ, "ROS_DOMAIN_ID": str(bridge.domain)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    closure = 0.0
+
+    def serve():
+        nonlocal closure
+        closure = inbox.take().get("/grasp", [closure])[0]
+        state = np.array([9.0, 0.01 * closure, 0.02 * closure, 0.0, 0.0, 0.0])
+        bridge.publish(topic, 0.0, [state, None])
+        return client.poll() is not None
+
+    assert wait_until(serve, timeout=20.0) or client.kill()
+    bridge.close()
+    output, _ = client.communicate()
+    assert client.returncode == 0
+    assert inbox.received == 2
+    closed, opened = output.split("grasp 0\n")
+    assert closed.count("left_base_joint 1.00 rad, right_base_joint 2.00 rad") == 3
+    assert opened.count("left_base_joint 0.00 rad, right_base_joint 0.00 rad") == 3

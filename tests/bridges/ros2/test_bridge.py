@@ -1,0 +1,278 @@
+import signal
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
+
+import numpy as np
+import pytest
+from pydrake.systems.sensors import CameraInfo
+
+from bridges.conftest import wait_until
+from bridges.ros2.ros2_peers import (
+    COMMANDS,
+    CyclonePeer,
+    advertise,
+    command_topics,
+    free_domain,
+    received,
+)
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.ros2.bridge import Ros2Bridge
+from drake_srg.bridges.topics import camera_topics
+from drake_srg.recording import ros_topics
+
+JOINT_STATES = ros_topics.joint_states({"arm": ["a", "b"]})
+STATE = np.array([0.1, 0.2, 0.3, 0.4])
+CAMERA = camera_topics("ceiling", CameraInfo(640, 480, 500.0, 510.0, 320.0, 240.0))
+IMAGE = CAMERA["/camera/color/image_raw"]
+PIXELS = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
+TOPICS = [
+    ros_topics.clock(),
+    JOINT_STATES,
+    ros_topics.float64("/gripper/closure_commanded", "closure"),
+    ros_topics.float64_array("/gripper/proximity", "proximity", 3),
+    *CAMERA.values(),
+]
+
+
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def inbox(told):
+    return CommandInbox(command_topics(), Warnings(told.append))
+
+
+@pytest.fixture
+def bridge(inbox, monkeypatch):
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    bridge = Ros2Bridge(inbox, TOPICS, domain=free_domain())
+    yield bridge
+    bridge.close()
+
+
+@pytest.fixture
+def peer(bridge):
+    peer = CyclonePeer(bridge.domain)
+    yield peer
+    peer.close()
+
+
+def subscribe(peer, bridge, topic, kind, reliable=True):
+    peer.subscribe(topic, kind, reliable)
+    assert wait_until(lambda: bridge.has_subscribers(topic) and peer.matched(topic))
+
+
+@pytest.mark.parametrize(
+    "topic, values, expected",
+    [
+        (TOPICS[0], [], {"clock": {"sec": 1, "nanosec": 500_000_000}}),
+        (
+            JOINT_STATES,
+            [STATE, None],
+            {
+                "name": ["a", "b"],
+                "position": [0.1, 0.2],
+                "velocity": [0.3, 0.4],
+            },
+        ),
+        (TOPICS[2], [[0.25]], {"data": 0.25}),
+        (
+            TOPICS[3],
+            [[1.0, np.inf, -0.5]],
+            {"layout": {"dim": [], "data_offset": 0}, "data": [1.0, np.inf, -0.5]},
+        ),
+        (
+            IMAGE,
+            [PIXELS],
+            {
+                "height": 480,
+                "width": 640,
+                "encoding": "rgb8",
+                "is_bigendian": 0,
+                "step": 1920,
+                "data": PIXELS.reshape(-1).tolist(),
+            },
+        ),
+        (
+            CAMERA["/camera/color/camera_info"],
+            [],
+            {
+                "height": 480,
+                "width": 640,
+                "distortion_model": "plumb_bob",
+                "d": [0.0] * 5,
+                "r": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            },
+        ),
+        (CAMERA["/blobs"], [[]], {}),
+    ],
+    ids=lambda value: value.name if isinstance(value, ros_topics.Topic) else "",
+)
+def test_another_process_reads_what_is_published(bridge, peer, topic, values, expected):
+    assert not bridge.has_subscribers(topic.name)
+    kind = topic.type.rpartition("/")[2]
+    subscribe(peer, bridge, topic.name, kind, reliable=not topic.sensor)
+    bridge.publish(topic, 1.5, values)
+    (message,) = wait_until(lambda: peer.take(topic.name))
+    if "header" in message:
+        assert message["header"]["stamp"] == {"sec": 1, "nanosec": 500_000_000}
+    assert {name: message[name] for name in expected} == expected
+
+
+def test_others_are_told_what_ros_2_tells(bridge, peer):
+    def told():
+        data = peer.user_data()
+        counts = [len(data[kind]) for kind in ("publication", "subscription")]
+        return data if counts == [len(TOPICS), 2 * len(COMMANDS)] else None
+
+    data = wait_until(told)
+    assert {entry["user_data"] for entry in data["participant"]} >= {"enclave=/;"}
+    offered = {entry["topic"]: entry for entry in data["publication"]}
+    # The hashes are those that `ros2 topic info -v` of Jazzy prints.
+    assert offered["rt/joint_states"] == {
+        "topic": "rt/joint_states",
+        "type": "sensor_msgs::msg::dds_::JointState_",
+        "user_data": "typehash=RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11"
+        "c5882bc9179260e;",
+        "reliable": True,
+    }
+    assert offered["rt/camera/color/image_raw"] == {
+        "topic": "rt/camera/color/image_raw",
+        "type": "sensor_msgs::msg::dds_::Image_",
+        "user_data": "typehash=RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4"
+        "588fb9582527d47;",
+        "reliable": False,
+    }
+    assert {
+        (entry["type"], entry["user_data"], entry["reliable"])
+        for entry in data["subscription"]
+        if entry["topic"] == "rt/grasp"
+    } == {
+        (
+            "std_msgs::msg::dds_::Int32_",
+            "typehash=RIHS01_b6578ded3c58c626cfe8d1a6fb6e04f706f97e9f03d2727c9ff4e74b1c"
+            "ef0deb;",
+            reliable,
+        )
+        for reliable in (True, False)
+    }
+
+
+def test_the_largest_picture_is_not_too_large(bridge):
+    camera = camera_topics(
+        "ceiling", CameraInfo(1920, 1080, 900.0, 900.0, 960.0, 540.0)
+    )
+    depth = np.zeros((1080, 1920), np.float32)
+    message = camera["/camera/depth/image_raw"].convert(bridge._make, 0.0, depth)
+    size = len(bridge._store.serialize_cdr(message, IMAGE.type))
+    assert size < bridge._max_size([*TOPICS, *camera.values()])
+
+
+def test_a_reader_that_stands_still_keeps_nobody_waiting(bridge, peer):
+    other = CyclonePeer(bridge.domain)
+    try:
+        for each in (peer, other):
+            subscribe(each, bridge, "/joint_states", "JointState")
+        # Both are known here when both have a message.
+        for each in (peer, other):
+            assert wait_until(
+                lambda each=each: (
+                    bridge.publish(JOINT_STATES, 0.0, [STATE, None])
+                    or each.take("/joint_states")
+                )
+            )
+        other.take("/joint_states")
+        peer.signal(signal.SIGSTOP)
+        times = []
+        for i in range(500):
+            start = time.perf_counter()
+            bridge.publish(JOINT_STATES, i + 1.0, [STATE, None])
+            times.append(time.perf_counter() - start)
+            time.sleep(0.001)
+        # Who waits for a reader waits 100 ms, Cyclone's max_blocking_time.
+        assert np.median(times) < 0.05
+        stamps = []
+
+        def all_came():
+            messages = other.take("/joint_states")
+            stamps.extend(message["header"]["stamp"]["sec"] for message in messages)
+            return stamps[-1:] == [500]
+
+        assert wait_until(all_came)
+        assert [stamp for stamp in stamps if stamp] == list(range(1, 501))
+    finally:
+        peer.signal(signal.SIGCONT)
+        other.close()
+
+
+def test_readers_that_come_and_go_while_it_looks_are_no_error(bridge, peer):
+    subscribe(peer, bridge, "/joint_states", "JointState")
+    other = CyclonePeer(bridge.domain)
+
+    def come_and_go():
+        for _ in range(100):
+            other.subscribe("/joint_states", "JointState")
+
+    with closing(other), ThreadPoolExecutor() as threads:
+        coming = threads.submit(come_and_go)
+        while not coming.done():
+            assert bridge.has_subscribers("/joint_states")
+        coming.result()
+
+
+def test_a_peer_that_vanishes_is_forgotten(inbox, bridge, peer):
+    subscribe(peer, bridge, "/joint_states", "JointState")
+    peer.signal(signal.SIGKILL)
+    bridge.publish(JOINT_STATES, 0.0, [STATE, None])
+    assert wait_until(lambda: not bridge.has_subscribers("/joint_states"))
+    other = CyclonePeer(bridge.domain)
+    advertise(inbox, other, "/grasp")
+    other.publish("/grasp", 7)
+    assert received(inbox, 1)
+    other.close()
+
+
+def test_it_closes_at_once_and_twice_and_is_silent_then(bridge, peer):
+    subscribe(peer, bridge, "/joint_states", "JointState")
+    start = time.monotonic()
+    bridge.close()
+    bridge.close()
+    assert time.monotonic() - start < 1.0
+    assert not bridge.has_subscribers("/joint_states")
+    bridge.publish(JOINT_STATES, 0.0, [STATE, None])
+    assert wait_until(lambda: peer.matched("/joint_states") == 0)
+    assert peer.take("/joint_states") == []
+
+
+def test_two_domains_in_one_process_do_not_mix(inbox, bridge, told):
+    others = CommandInbox(command_topics(), Warnings(told.append))
+    other = Ros2Bridge(others, TOPICS, domain=free_domain())
+    peer = CyclonePeer(other.domain)
+    advertise(others, peer, "/grasp")
+    peer.publish("/grasp", 5)
+    assert received(others, 1)
+    assert inbox.received == 0
+    peer.close()
+    other.close()
+
+
+def test_a_domain_is_open_once_in_a_process(inbox, bridge):
+    with pytest.raises(ValueError, match=f"domain {bridge.domain} is open already"):
+        Ros2Bridge(inbox, [], domain=bridge.domain)
+    bridge.close()
+    Ros2Bridge(inbox, [], domain=bridge.domain).close()
+
+
+def test_the_status_tells_the_domain(bridge):
+    assert bridge.status == f"ROS 2 in domain {bridge.domain}"
+
+
+def test_what_is_missing_is_told_how_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
+    monkeypatch.delitem(sys.modules, "drake_srg.bridges.ros2.bridge")
+    with pytest.raises(ImportError, match=r"pip install .*\[ros2\]"):
+        import drake_srg.bridges.ros2.bridge  # noqa: F401

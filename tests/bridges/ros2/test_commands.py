@@ -1,0 +1,166 @@
+import random
+import socket
+import time
+
+import numpy as np
+import pytest
+from pydrake.systems.sensors import CameraInfo
+
+from bridges.conftest import wait_until
+from bridges.ros2.ros2_peers import (
+    COMMANDS,
+    CyclonePeer,
+    advertise,
+    command_topics,
+    free_domain,
+    received,
+)
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.ros2 import commands as ros2_commands
+from drake_srg.bridges.ros2.bridge import Ros2Bridge
+from drake_srg.bridges.ros2.commands import COMMAND_LIMIT
+from drake_srg.bridges.topics import camera_topics
+
+CAMERA = camera_topics("ceiling", CameraInfo(640, 480, 500.0, 510.0, 320.0, 240.0))
+
+
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def inbox(told):
+    return CommandInbox(command_topics(), Warnings(told.append))
+
+
+@pytest.fixture
+def bridge(inbox, monkeypatch):
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    bridge = Ros2Bridge(inbox, [*CAMERA.values()], domain=free_domain())
+    yield bridge
+    bridge.close()
+
+
+@pytest.fixture
+def peer(bridge):
+    peer = CyclonePeer(bridge.domain)
+    yield peer
+    peer.close()
+
+
+@pytest.mark.parametrize("reliable", [True, False])
+def test_commands_of_another_process_are_obeyed_once_each(
+    inbox, bridge, peer, told, reliable
+):
+    advertise(inbox, peer, *COMMANDS, reliable=reliable)
+    for i, (topic, (_, data)) in enumerate(COMMANDS.items()):
+        peer.publish(topic, data)
+        assert received(inbox, i + 1)
+        assert inbox.take()[topic].tolist() == np.atleast_1d(data).tolist()
+    assert told == []
+
+
+def test_of_several_topics_the_last_message_counts(inbox, bridge, peer):
+    topics = ["/kuka", "/grasp"]
+    advertise(inbox, peer, *topics)
+    for i in range(20):
+        random.Random(i).shuffle(topics)
+        for topic in topics:
+            peer.publish(topic, COMMANDS[topic][1])
+        assert received(inbox, 2 * i + 2)
+        # The first message of a reliable writer may have to wait for a heartbeat.
+        assert inbox.take()["last"] == topics[1] or i == 0
+
+
+def test_1_khz_on_all_topics_loses_nothing(inbox, bridge, peer):
+    advertise(inbox, peer, *COMMANDS)
+    last = {topic: data for topic, (_, data) in COMMANDS.items()}
+    peer.stream(1000, 500, last)
+    assert received(inbox, 2000)
+    taken = inbox.take()
+    for topic, data in last.items():
+        assert taken[topic].tolist() == np.atleast_1d(data).tolist()
+
+
+def test_bad_commands_are_refused_with_one_warning_a_kind(inbox, bridge, peer, told):
+    advertise(inbox, peer, "/kuka")
+    good = COMMANDS["/kuka"][1]
+    for data in (good, [0.0] * 6, [0.0] * 8, [float("nan")] * 7, [float("inf")] * 7):
+        peer.publish("/kuka", data)
+    assert received(inbox, 5)
+    assert inbox.take()["/kuka"].tolist() == good
+    assert len(told) == 2
+
+
+def test_commands_that_are_huge_are_refused(inbox, bridge, peer, told, capfd):
+    advertise(inbox, peer, "/kuka")
+    good = COMMANDS["/kuka"][1]
+    # Up to the largest picture they come as far as here, then Cyclone DDS drops them.
+    for data in good, [0.0] * (COMMAND_LIMIT // 8), [0.0] * (COMMAND_LIMIT // 2):
+        peer.publish("/kuka", data)
+    assert received(inbox, 2)
+    assert inbox.take()["/kuka"].tolist() == good
+    peer.publish("/kuka", good)
+    assert received(inbox, 3)
+    (warning,) = told
+    assert warning.startswith("/kuka: has 10485")
+    assert capfd.readouterr().err.count("dropping oversize") == 1
+
+
+def test_a_fault_does_not_end_commands(inbox, bridge, peer, told, monkeypatch):
+    advertise(inbox, peer, "/grasp")
+    receive = inbox.receive
+
+    def fail(topic, data):
+        if data < 3:
+            raise RuntimeError("nobody expected it")
+        receive(topic, data)
+
+    monkeypatch.setattr(inbox, "receive", fail)
+    for value in range(4):
+        peer.publish("/grasp", value)
+        time.sleep(0.15)
+    assert received(inbox, 1)
+    assert inbox.take()["/grasp"] == [3.0]
+    assert len(told) == 1
+    assert "nobody expected it" in told[0]
+
+
+def test_writers_that_are_forgotten_are_asked_for_again(
+    inbox, bridge, peer, monkeypatch
+):
+    monkeypatch.setattr(ros2_commands, "_MAX_WRITERS", 1)
+    advertise(inbox, peer, "/grasp", "/startgrasp", reliable=True)
+    advertise(inbox, peer, "/kuka", reliable=False)
+    for _ in range(3):
+        for topic in "/grasp", "/kuka", "/startgrasp":
+            peer.publish(topic, COMMANDS[topic][1])
+    assert received(inbox, 9)
+
+
+def test_a_topic_of_another_type_is_warned_of_once(inbox, bridge, peer, told):
+    peer.advertise("/grasp", "String")
+    peer.advertise("/startgrasp", "Bool")
+    peer.publish("/grasp", "close", "close")
+    assert wait_until(lambda: told)
+    assert told == [
+        "/grasp: somebody publishes it as std_msgs::msg::dds_::String_; it is "
+        "std_msgs/msg/Int32"
+    ]
+    assert inbox.received == 0
+
+
+def test_noise_on_its_ports_disturbs_nothing(inbox, bridge, peer, told):
+    generator = random.Random(0)
+    first = 7400 + 250 * bridge.domain
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as noise:
+        for _ in range(200):
+            for header in (b"", b"RTPS\x02\x01\x01\x10"):
+                data = header + generator.randbytes(generator.randrange(1, 200))
+                for port in (first, first + 1, first + 10, first + 11):
+                    noise.sendto(data, ("127.0.0.1", port))
+    advertise(inbox, peer, "/grasp")
+    peer.publish("/grasp", 3)
+    assert received(inbox, 1)
+    assert told == []

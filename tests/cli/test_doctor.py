@@ -1,0 +1,189 @@
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from drake_srg.cli import doctor
+from drake_srg.cli.main import main
+from drake_srg.common.installing import pip_install, this_package
+
+SCRIPT = Path(__file__).parents[2] / "tools" / "install_system_libraries.sh"
+
+
+def by_name(checks):
+    return {check.name: check for check in checks}
+
+
+def test_this_machine_is_well():
+    checks = doctor.Checks()
+    assert [check.name for check in checks] == [
+        "python",
+        "drake",
+        "packages",
+        "rendering",
+        "video",
+        "rosbags",
+        "plots",
+        "solvers",
+        "models",
+        "sweeps",
+        "ray",
+        "ros2",
+        "graphviz",
+    ]
+    assert [check for check in checks if not (check.ok or check.optional)] == []
+    assert all(check.detail and check.ok != bool(check.fix) for check in checks)
+
+
+def test_the_doctor_does_not_need_drake(tmp_path):
+    (tmp_path / "pydrake.py").write_text("raise ImportError('no pydrake here')")
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
+        "from drake_srg.cli import main; sys.exit(main(['doctor']))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+    lines = done.stdout.splitlines()
+    (line,) = [i for i, line in enumerate(lines) if line.startswith("FAIL drake ")]
+    assert "no pydrake here" in lines[line]
+    assert "-m pip install 'drake>=" in lines[line + 1]
+
+
+def test_a_crash_elsewhere_is_reported():
+    crash = "import os; os.abort()"
+    check = doctor._check("x", lambda: doctor._run_apart(crash), "reboot")
+    assert check == doctor.Check("x", False, "crashed by SIGABRT", "reboot")
+
+
+def test_the_last_error_elsewhere_is_reported():
+    code = "import nothing_of_this_name"
+    check = doctor._check("x", lambda: doctor._run_apart(code), "")
+    assert check.detail == (
+        "ModuleNotFoundError: No module named 'nothing_of_this_name'"
+    )
+
+
+def test_silence_elsewhere_is_not_waited_for(monkeypatch):
+    monkeypatch.setattr(doctor, "_PATIENCE", 0.1)
+    code = "import time; time.sleep(20)"
+    check = doctor._check("x", lambda: doctor._run_apart(code), "")
+    assert not check.ok
+    assert "timed out" in check.detail
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        ("av", "video"),
+        ("cv2", "packages"),
+        ("cyclonedds.domain", "ros2"),
+        ("joblib", "sweeps"),
+        ("matplotlib.figure", "plots"),
+        ("rosbags.rosbag2", "rosbags"),
+        ("ruckig", "packages"),
+        ("tqdm", "packages"),
+    ],
+)
+def test_a_missing_package_is_named_with_its_cure(monkeypatch, module, name):
+    monkeypatch.setattr(doctor, "_run_apart", lambda code: "")
+    monkeypatch.setattr(shutil, "which", lambda name: "/dot")
+    monkeypatch.setitem(sys.modules, module, None)
+    checks = by_name(doctor.Checks())
+    assert {check.name for check in checks.values() if not check.ok} == {name}
+    extra = {"packages": "", "ros2": "ros2", "sweeps": "sweep"}.get(name, "recording")
+    assert checks[name].fix == pip_install(*this_package(extra))
+
+
+def test_a_command_installs_for_this_interpreter():
+    checkout = Path(__file__).resolve().parents[2]
+    assert pip_install(*this_package("recording")) == (
+        f"{sys.executable} -m pip install -e '{checkout}[recording]'"
+    )
+
+
+def test_graphviz_may_be_missing(monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "_run_apart", lambda code: "")
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    assert main(["doctor"]) == 0
+    assert "only `drake-srg diagram` needs it" in capsys.readouterr().out
+
+
+def test_missing_libraries_are_named_with_their_packages(monkeypatch):
+    def fail(code):
+        if "MakeRenderEngineVtk" in code:
+            raise RuntimeError("crashed by SIGSEGV")
+        raise RuntimeError("ImportError: libglib-2.0.so.0: cannot open shared object")
+
+    monkeypatch.setattr(doctor, "_run_apart", fail)
+    checks = by_name(doctor.Checks())
+    assert checks["rendering"].fix.endswith(" libegl1 libgl1")
+    assert checks["drake"].fix.endswith("--no-install-recommends libglib2.0-0")
+
+
+def test_old_versions_are_not_accepted():
+    doctor._at_least("drake", "1.51.1", "1.51.1")
+    doctor._at_least("drake", "1.100", "1.51.1")
+    with pytest.raises(RuntimeError, match=r"drake 1\.9\.9 is older than 1\.51\.1"):
+        doctor._at_least("drake", "1.9.9", "1.51.1")
+
+
+def test_script_and_doctor_name_the_same_packages():
+    packages = re.findall(r"^\S+\.so\S*:(\S+)$", SCRIPT.read_text(), re.MULTILINE)
+    assert tuple(packages) == doctor.IMPORT_PACKAGES + doctor.RENDERING_PACKAGES
+
+
+def fake_machine(folder, libraries, user):
+    """A PATH where ldconfig lists `libraries` and id says `user`."""
+    commands = {
+        "ldconfig": "".join(f"echo '\t{x} (libc6) => /lib/{x}'\n" for x in libraries),
+        "id": f"echo {user}",
+        "apt-get": 'echo "apt-get $*"',
+    }
+    for name, body in commands.items():
+        (folder / name).write_text(f"#!/bin/sh\n{body}\n")
+        (folder / name).chmod(0o755)
+    return {"PATH": str(folder)}
+
+
+@pytest.mark.skipif(not shutil.which("sh"), reason="a POSIX shell runs the script")
+@pytest.mark.parametrize(
+    ("libraries", "user", "code", "out", "err"),
+    [
+        (["libglib-2.0.so.0", "libEGL.so.1", "libGL.so.1"], 1000, 0, "", ""),
+        (
+            ["libglib-2.0.so.0"],
+            0,
+            0,
+            "apt-get update\n"
+            "apt-get install -y --no-install-recommends libegl1 libgl1\n",
+            "",
+        ),
+        (
+            ["libEGL.so.1", "libGL.so.1", "libglib-2.0.so.0.1"],
+            1000,
+            1,
+            "",
+            "sudo apt-get update && sudo apt-get install -y "
+            "--no-install-recommends libglib2.0-0\n",
+        ),
+    ],
+    ids=["nothing_missing", "root_installs", "a_user_is_told"],
+)
+def test_the_script_installs_or_says_what_is_missing(
+    tmp_path, libraries, user, code, out, err
+):
+    done = subprocess.run(
+        [shutil.which("sh"), str(SCRIPT)],
+        env=fake_machine(tmp_path, libraries, user),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (code, out)
+    assert done.stderr.endswith(err)
+    assert bool(done.stderr) == bool(err)

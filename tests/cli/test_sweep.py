@@ -1,0 +1,151 @@
+"""The command `drake-srg sweep`, with the real trials."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from helpers import HEEDING_CTRL_C
+from sweeps import stub
+
+from drake_srg.cli import sweep as cli_sweep
+from drake_srg.cli.main import main
+from drake_srg.sweeps import sweep
+from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows
+
+ABSENT = ["--set", "object.present=false"]
+
+
+def arguments(out, *options):
+    return ["sweep", stub.SCENARIO, "--out", str(out), *ABSENT, *options]
+
+
+@pytest.fixture
+def stubbed(monkeypatch):
+    """The command with trials that cost nothing, run here."""
+    run_sweep = sweep.run_sweep
+
+    def run(*args, **options):
+        return run_sweep(*args, **{**options, "trial_function": stub.trial})
+
+    monkeypatch.setattr(cli_sweep, "_engine", lambda options: stub.StubEngine())
+    monkeypatch.setattr(sweep, "run_sweep", run)
+    monkeypatch.setattr(sweep, "_check", lambda tree, name, seed, record: seed or 0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--trials", "0"], ["--trials 0", "at least 1"]),
+        (["--trials", "-3"], ["--trials -3", "at least 1"]),
+        (["--trials", "1.5"], ["--trials", "1.5"]),
+        ([], ["--trials"]),
+        (["--trials", "2", "--jobs", "0"], ["--jobs 0", "at least 1"]),
+        (["--trials", "2", "--record", "some"], ["some", "none", "failures", "all"]),
+        (["--trials", "2", "--engine", "dask"], ["dask", "joblib", "ray"]),
+        (["--trials", "2", "--address", "x"], ["--address", "--engine ray"]),
+        (["--trials", "2", "--engine", "ray", "--jobs", "2"], ["--jobs", "joblib"]),
+        (["--trials", "2", "--seed", "-1"], ["random_seed", "at least 0"]),
+        (["--trials", "2", "--set", "object.mass=-1"], ["mass", "greater than 0"]),
+        (["--trials", "2", "--set", "directives=[]"], [stub.SCENARIO, "arm"]),
+        (["--trials", "2", "--set", "objct.mass=1"], ["objct"]),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(options, words, tmp_path, capsys):
+    try:
+        code = main(arguments(tmp_path / "out", *options))
+    except SystemExit as end:
+        code = end.code
+    assert code == 2
+    output = capsys.readouterr()
+    assert output.out == ""
+    assert len(output.err.splitlines()) == 1
+    for word in words:
+        assert word in output.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_complete_sweep_is_told_in_a_table(stubbed, tmp_path, capsys):
+    assert main(arguments(tmp_path, "--trials", "7", "--record", "failures")) == 0
+    output = capsys.readouterr()
+    assert output.err == ""
+    lines = [" ".join(line.split()) for line in output.out.splitlines()]
+    assert lines[:5] == [
+        "success 5 of 7, 71.43%",
+        "95 % interval (Wilson) 35.89% to 91.78%",
+        "failure: dropped 2",
+        "said done, but was not 1",
+        "median cycle 8 s",
+    ]
+    assert lines[6:] == [str(tmp_path / "trials.parquet"), str(tmp_path / "recordings")]
+
+
+def test_what_exists_is_kept_and_the_way_on_is_told(stubbed, tmp_path, capsys):
+    assert main(arguments(tmp_path, "--trials", "2")) == 0
+    capsys.readouterr()
+    assert main(arguments(tmp_path, "--trials", "2")) == 2
+    error = capsys.readouterr().err
+    assert "--resume" in error
+    assert len(error.splitlines()) == 1
+    assert main(arguments(tmp_path, "--trials", "3", "--resume")) == 0
+    assert read_rows(tmp_path).num_rows == 3
+
+
+def test_a_full_disk_is_one_line_with_the_way_on(
+    stubbed, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(sweep.SweepFolder, "add", lambda *_: stub.no_space())
+    assert main(arguments(tmp_path, "--trials", "2", "--seed", "3")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "cannot be written: No space left on device" in line
+    assert line.endswith(f"--seed 3 {' '.join(ABSENT)} --out {tmp_path} --resume")
+
+
+def test_what_a_trial_cannot_read_is_not_blamed_on_out(
+    stubbed, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr(stub, "trial", lambda *_: Path("/missing.sdf").read_bytes())
+    assert main(arguments(tmp_path, "--trials", "2")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert ": /missing.sdf: No such file or directory" in line
+    assert "--out" not in line and "--resume" in line
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_a_sweep_that_is_ended_goes_on_where_it_was(end, tmp_path, capfd):
+    command = arguments(tmp_path, "--trials", "5", "--jobs", "1")
+    with subprocess.Popen(
+        [*HEEDING_CTRL_C, sys.executable, "-m", "drake_srg", *command],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as sweeping:
+        trials = tmp_path / "trials"
+        while not (trials.exists() and list(trials.glob("[0-9]*.parquet"))):
+            assert sweeping.poll() is None
+            time.sleep(0.02)
+        if end == signal.SIGINT:
+            os.killpg(sweeping.pid, end)  # as a terminal does, to all
+        else:
+            sweeping.send_signal(end)
+        _, errors = sweeping.communicate(timeout=30)
+    assert sweeping.returncode == (-end if end == signal.SIGKILL else 130)
+    if end != signal.SIGKILL:
+        (line,) = errors.splitlines()
+        assert line.startswith("drake-srg: stopped; to go on: drake-srg sweep")
+        assert line.endswith("--resume")
+    done = read_rows(tmp_path).num_rows
+    assert 1 <= done < 5
+    assert main([*command, "--resume"]) == 0
+    rows = read_rows(tmp_path)
+    assert rows["trial"].to_pylist() == list(range(5))
+    for row in rows.to_pylist():
+        seed, trial = row["seed"] - row["trial"], row["trial"]
+        again = sweep.run_trial(
+            sweep.load_tree(stub.SCENARIO, ABSENT[1:]), stub.SCENARIO, seed, trial
+        )
+        for name, value in again.row.items():
+            assert name in TIMING_COLUMNS or row[name] == value

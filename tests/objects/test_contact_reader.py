@@ -1,0 +1,48 @@
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeStation
+
+
+def forces(*overrides):
+    """What touches the can once it has settled on the table [N]."""
+    scenario = load_scenario("kitchen", overrides=overrides)
+    station = MakeStation(scenario)
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    home = scenario.arm.home
+    station.GetInputPort("arm.position_commanded").FixValue(context, home)
+    station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.0])
+    simulator.AdvanceTo(0.2)
+    contacts = station.GetOutputPort("contact_results_cheat").Eval(context)
+    return ContactReader(contacts.plant(), "soup_can").forces(contacts)
+
+
+def test_a_standing_can_touches_its_support_with_its_weight():
+    found = forces("object.mass=0.4")
+    assert found == {"support": pytest.approx(0.4 * 9.81, rel=1e-3)}
+
+
+def test_point_contact_is_read_too():
+    # The can rocks from point to point, so its weight is only the order of the force.
+    found = forces("object.mass=0.4", "plant_config.contact_model=point")
+    assert set(found) == {"support"}
+    assert 0.1 < found["support"] / (0.4 * 9.81) < 10.0
+
+
+def test_other_objects_are_named():
+    found = forces(
+        "object.position=[0.6, 0.0]",
+        "objects.box={shape: !Box {size: [0.1, 0.1, 0.1]}, mass: 1.0, friction: 0.5, "
+        "position: [0.6835, 0.0]}",  # 0.4 mm into the can, which pushes it off
+    )
+    assert "support" in found
+    assert set(found) <= {"support", "box"}
+
+
+def test_an_object_that_is_not_there_is_an_error():
+    station = MakeStation(load_scenario("kitchen"))
+    with pytest.raises(RuntimeError, match="cup"):
+        ContactReader(station.GetSubsystemByName("plant"), "cup")

@@ -1,0 +1,348 @@
+import numpy as np
+import pytest
+from helpers import port_table, read
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.multibody.tree import BodyIndex, SpatialInertia
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.cell import AddDisturber, MakeCell
+from drake_srg.common.errors import ScenarioError
+from drake_srg.objects.disturbances import Disturber, Force, Push, Target, Topple
+from drake_srg.planning.script.scripted import ScriptedPlanner, ScriptStep
+from drake_srg.scenario import is_continuous, load_scenario
+from drake_srg.station import AddStation, MakeStation
+from drake_srg.types import Cylinder, Sphere
+
+RADIUS, LENGTH, MASS = 0.0125, 0.05, 0.02
+GRAVITY = 9.81
+TABLE = f"""
+plant_config:
+  time_step: 0.002
+  contact_model: hydroelastic_with_fallback
+  discrete_contact_approximation: lagged
+directives:
+- add_model: {{name: table, file: package://drake_srg/sdf/table.sdf}}
+table: {{min: [-0.4, -0.8], max: [1.3, 0.8]}}
+objects:
+  thing:
+    shape: !Cylinder {{radius: {RADIUS}, length: {LENGTH}}}
+    mass: {MASS}
+    friction: 0.8
+    position: [0.5, 0.0]
+task: {{pick: thing}}
+"""
+CENIC = [
+    "plant_config.time_step=0",
+    "simulator_config.integration_scheme=cenic",
+    "simulator_config.max_step_size=0.0078125",
+    # Periods of what is not there, exact in binary as CENIC needs them.
+    "planner.period=0.015625",
+    "recording={period: 0.03125, video_fps: 16, bag_camera_period: 0.5}",
+]
+BOX = "objects.thing.shape=!Box {size: [0.04, 0.05, 0.06]}"
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """Loads the scenario of a cylinder on a table, with disturbances."""
+    path = tmp_path_factory.mktemp("scenarios") / "table.yaml"
+    path.write_text(TABLE)
+
+    def load(disturbances, *overrides):
+        overrides = [f"disturbances={disturbances}", *overrides]
+        return load_scenario(path, overrides=overrides)
+
+    return load
+
+
+def poses(scenario, duration):
+    """Poses of the object every 1/128 s while the mode is pre_grasp."""
+    builder = DiagramBuilder()
+    if is_continuous(scenario):
+        station = AddStation(builder, scenario)
+    else:
+        station = builder.AddSystem(MakeStation(scenario))
+    script = [ScriptStep(mode="pre_grasp", duration=duration + 1.0)]
+    planner = builder.AddSystem(ScriptedPlanner(np.zeros(0), script))
+    AddDisturber(builder, scenario, station, planner)
+    builder.ExportOutput(station.GetOutputPort("object_poses_cheat"), "poses")
+    simulator = Simulator(builder.Build())
+    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    port = simulator.get_system().GetOutputPort("poses")
+    context = simulator.get_context()
+    simulator.Initialize()
+    result = [port.Eval(context)["thing"]]
+    for time in np.arange(1.0 / 128.0, duration, 1.0 / 128.0):
+        simulator.AdvanceTo(time)
+        result.append(port.Eval(context)["thing"])
+    return result
+
+
+def tilt(X_WO):
+    return np.arccos(np.clip(X_WO.rotation().matrix()[2, 2], -1.0, 1.0))
+
+
+# What comes of them.
+
+
+@pytest.mark.parametrize("overrides", [(), (BOX,), CENIC], ids=["", "box", "cenic"])
+@pytest.mark.parametrize("displacement", [(0.0, 0.03, 0.0), (-0.02, -0.01, 0.0)])
+def test_what_is_pushed_stands_that_much_further(table, displacement, overrides):
+    push = f"[!Push {{after: 0.1, displacement: {list(displacement)}, duration: 0.4}}]"
+    before, *_, after = poses(table(push, *overrides), 1.0)
+    moved = after.translation() - before.translation()
+    assert moved == pytest.approx(displacement, abs=2e-3)
+    assert tilt(after) < np.deg2rad(1.0)
+
+
+def test_a_push_begins_and_ends_when_it_shall(table):
+    push = "[!Push {after: 0.3, displacement: [0.03, 0, 0], duration: 0.3}]"
+    x = np.array([X.translation()[0] - 0.5 for X in poses(table(push), 1.2)])
+    time = np.arange(len(x)) / 128.0
+    assert np.all(np.abs(x[time < 0.3]) < 1e-4)
+    # Half way, but for the spring's stretch: the path's acceleration, 5.77 d / T² at
+    # most, over 25² rad²/s².
+    (half,) = np.interp([0.45], time, x)
+    assert half == pytest.approx(0.015, abs=5.77 * 0.03 / 0.3**2 / 25.0**2)
+    assert np.ptp(x[time > 0.9]) < 1e-4
+
+
+@pytest.mark.parametrize("overrides", [(), CENIC], ids=["", "cenic"])
+@pytest.mark.parametrize("direction", [(0.0, 1.0), (-3.0, 1.0)])
+def test_a_cylinder_that_is_toppled_lies(table, direction, overrides):
+    topple = f"[!Topple {{after: 0.1, direction: {list(direction)}}}]"
+    X_WO = poses(table(topple, *overrides), 1.5)[-1]
+    assert tilt(X_WO) == pytest.approx(np.pi / 2, abs=np.deg2rad(1.0))
+    assert X_WO.translation()[2] == pytest.approx(RADIUS, abs=5e-4)
+    # It falls the way it is pushed, and lands on its side next to where it stood.
+    axis = X_WO.rotation().matrix()[:2, 2]
+    assert axis @ direction / np.linalg.norm(direction) > 0.95
+    assert np.linalg.norm(X_WO.translation()[:2] - [0.5, 0.0]) < 2.0 * LENGTH
+
+
+def test_a_box_that_is_toppled_lies_on_its_side(table):
+    X_WO = poses(table("[!Topple {direction: [1.0, 0.0]}]", BOX), 1.5)[-1]
+    assert tilt(X_WO) == pytest.approx(np.pi / 2, abs=np.deg2rad(1.0))
+    assert X_WO.translation()[2] == pytest.approx(0.02, abs=5e-4)
+
+
+def test_what_lies_is_not_toppled(table):
+    lying = "objects.thing={position: null, pose: {translation: [0.5, 0, 0.0125], "
+    lying += "rotation: !Rpy {deg: [90, 0, 0]}}}"
+    first, *_, last = poses(table("[!Topple {}]", lying), 0.5)
+    assert np.linalg.norm(last.translation() - first.translation()) < 1e-3
+
+
+def test_a_force_throws(table):
+    # Up with g for 0.1 s, then the parabola: 0.05 m and another 0.05 m.
+    force = f"[!Force {{force: [0, 0, {2 * MASS * GRAVITY}], duration: 0.1}}]"
+    z = max(X.translation()[2] for X in poses(table(force), 0.5)) - LENGTH / 2
+    assert z == pytest.approx(2 * 0.5 * GRAVITY * 0.1**2, rel=0.05)  # steps of 2 ms
+
+
+def test_the_same_scenario_gives_the_same_bytes(table):
+    entries = "[!Topple {direction: [1.0, 1.0]}, !Push {after: 0.6}]"
+
+    def run():
+        return b"".join(X.GetAsMatrix4().tobytes() for X in poses(table(entries), 1.0))
+
+    assert run() == run()
+
+
+# When they act, and how strongly.
+
+
+def disturber(*disturbances, shape=Cylinder(RADIUS, LENGTH)):  # noqa: B008 # not changed
+    inertia = SpatialInertia.SolidCylinderWithMass(MASS, RADIUS, LENGTH, [0, 0, 1])
+    target = Target("thing", BodyIndex(7), inertia, shape)
+    return Disturber([(d, target) for d in disturbances], 0.01)
+
+
+def forces(script, *disturbances, X_WO=RigidTransform()):  # noqa: B008 # not changed
+    """Lists of forces every 10 ms, just after the update, on a thing that stays."""
+    builder = DiagramBuilder()
+    planner = builder.AddSystem(ScriptedPlanner(np.zeros(0), script))
+    system = builder.AddSystem(disturber(*disturbances))
+    builder.Connect(planner.GetOutputPort("mode"), system.GetInputPort("mode"))
+    simulator = Simulator(builder.Build())
+    context = system.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    system.GetInputPort("object_poses").FixValue(
+        context, AbstractValue.Make({"thing": X_WO})
+    )
+    result = []
+    for i in range(round(100 * sum(step.duration for step in script))):
+        simulator.AdvanceTo(0.01 * i + 0.005)
+        result.append(read(system, context, "object_forces"))
+    return result
+
+
+def steps(*modes):
+    return [ScriptStep(mode=mode, duration=0.2) for mode in modes]
+
+
+def when(script, *disturbances):
+    """Indices of the periods in which something acts."""
+    acting = forces(script, *disturbances)
+    return [i for i, applied in enumerate(acting) if applied]
+
+
+def test_the_ports():
+    assert port_table(disturber()) == (
+        {"mode": None, "object_poses": None},
+        {"object_forces": None},
+    )
+
+
+def test_it_acts_once_its_mode_has_begun():
+    script = steps("pre_grasp", "lift", "transfer")
+    assert when(script, Force(at="lift", duration=0.05)) == list(range(20, 25))
+    late = Force(at="lift", after=0.1, duration=0.05)
+    assert when(script, late) == list(range(30, 35))
+    # The mode is over by then.
+    later = Force(at="lift", after=0.25, duration=0.05)
+    assert when(script, later) == list(range(45, 50))
+    assert when(script, Force(at="grasp")) == []
+    assert when(script, Force(at="pre_grasp", duration=0.05)) == list(range(5))
+
+
+def test_it_acts_so_many_times():
+    script = steps("grasp", "lift", "grasp", "lift", "grasp")
+    once = Force(at="grasp", duration=0.02)
+    assert when(script, once) == [0, 1]
+    assert when(script, Force(at="grasp", duration=0.02, times=2)) == [0, 1, 40, 41]
+    always = Force(at="grasp", duration=0.02, times=9)
+    assert when(script, always) == [0, 1, 40, 41, 80, 81]
+
+
+def test_steps_of_one_mode_are_one_mode():
+    script = steps("grasp", "grasp")
+    assert when(script, Force(at="grasp", duration=0.02, times=2)) == [0, 1]
+
+
+def test_what_is_under_way_is_not_begun_again():
+    script = steps("grasp", "lift", "grasp", "lift")
+    long = Force(at="grasp", duration=0.5, times=2)
+    assert when(script, long) == list(range(50))
+
+
+def test_several_act_at_once():
+    one = Force(at="grasp", force=[1.0, 0.0, 0.0], torque=[0.0, 2.0, 0.0])
+    two = Force(at="grasp", force=[0.0, 0.0, 3.0])
+    applied, *_ = forces(steps("grasp"), one, two)
+    np.testing.assert_array_equal(applied[0].F_Bq_W.translational(), one.force)
+    np.testing.assert_array_equal(applied[0].F_Bq_W.rotational(), one.torque)
+    np.testing.assert_array_equal(applied[1].F_Bq_W.translational(), two.force)
+    assert [a.body_index for a in applied] == [BodyIndex(7)] * 2
+    for a in applied:
+        np.testing.assert_array_equal(a.p_BoBq_B, np.zeros(3))
+
+
+@settings(max_examples=20)
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.05, 1.0))
+def test_a_push_that_moves_nothing_presses_with_three_weights_at_most(x, y, duration):
+    push = Push(at="grasp", displacement=[x, y, 0.0], duration=duration)
+    script = [ScriptStep(mode="grasp", duration=2.0)]
+    sizes = [
+        np.linalg.norm(applied.F_Bq_W.translational())
+        for period in forces(script, push)
+        for applied in period
+    ]
+    assert max(sizes) <= 3.0 * MASS * GRAVITY * (1.0 + 1e-9)
+
+
+def test_what_does_not_topple_is_let_go():
+    # A weight more every second, for two seconds.
+    script = [ScriptStep(mode="grasp", duration=3.0)]
+    acting = forces(script, Topple(at="grasp", direction=[0.0, -2.0]))
+    push = np.array([a.F_Bq_W.translational() for period in acting for a in period])
+    assert len(push) == 200
+    weights = push[:, 1] / (-MASS * GRAVITY)
+    assert weights == pytest.approx(0.01 * np.arange(200), abs=1e-6)
+    assert not np.any(push[:, [0, 2]])
+    np.testing.assert_allclose(acting[0][0].p_BoBq_B, [0.0, 0.0, LENGTH / 2])
+
+
+# Where they stand.
+
+
+def test_a_cell_has_a_disturber_where_there_is_something_for_it_to_do():
+    def has(*overrides):
+        bench = load_scenario("gripper_bench", overrides=overrides)
+        bench.cameras.clear()
+        return MakeCell(bench).HasSubsystemNamed("disturber")
+
+    assert not has()
+    assert has("disturbances=[!Push {at: lift}]")
+    assert not has("disturbances=[!Push {at: lift}]", "object.present=false")
+
+
+@pytest.mark.parametrize("name", ["kitchen", "kitchen_fast"])
+def test_planners_are_disturbed_too(name):
+    scenario = load_scenario(name, overrides=["disturbances=[!Push {at: idle}]"])
+    cell = MakeCell(scenario)
+    simulator = Simulator(cell)
+    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    port = cell.GetOutputPort("object_poses_cheat")
+    context = simulator.get_context()
+    before = port.Eval(context)["soup_can"].translation()
+    simulator.AdvanceTo(0.7)
+    moved = port.Eval(context)["soup_can"].translation() - before
+    assert moved == pytest.approx([0.03, 0.0, 0.0], abs=2e-3)
+
+
+def test_a_cell_with_a_disturber_is_freed(leaked):
+    push = "disturbances=[!Push {at: grasp}]"
+    simulator = Simulator(MakeCell(load_scenario("kitchen", overrides=[push])))
+    simulator.AdvanceTo(0.02)
+    assert "Disturber" in leaked()
+    del simulator
+    assert leaked() == []
+
+
+def test_what_cannot_be_toppled_is_refused():
+    with pytest.raises(ValueError, match="cannot be used with 'thing'; allowed: an ob"):
+        disturber(Topple(), shape=Sphere(0.03))
+    mug = "objects.mug={model: package://drake_srg/sdf/mug.sdf, position: [0.9, 0.5]}"
+    topple = "disturbances=[!Topple {object: mug}]"
+    with pytest.raises(ScenarioError, match=r"^disturbances: !Topple .* 'mug'; all"):
+        MakeCell(load_scenario("kitchen", overrides=[mug, topple]))
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("!Pusch {}", r"disturbances\[0\]: unknown tag !Pusch; did you mean '!Push'"),
+        ("{at: lift}", r"\[0\]: needs a tag; allowed: !Force, !Push, !Topple"),
+        ("!Push {at: flight}", r"\[0\]\.at: must be one of .*close, grasp.* 'flight'"),
+        ("!Push {at: failed}", r"\[0\]\.at: must be one of"),
+        ("!Push {after: -1}", r"\[0\]\.after: must be at least 0"),
+        ("!Push {times: 0}", r"\[0\]\.times: must be at least 1"),
+        ("!Push {duration: 0}", r"\[0\]\.duration: must be greater than 0"),
+        ("!Push {displacement: [1, 2]}", r"\[0\]\.displacement: must have 3 numbers"),
+        ("!Push {direction: [1, 2]}", r"\[0\]: unknown key 'direction'"),
+        ("!Topple {direction: [0, 0]}", r"\[0\]\.direction: must not be \[0, 0\]"),
+        ("!Force {force: 3}", r"\[0\]\.force: must be a list, is 3"),
+        ("!Force {object: can}", r"\[0\]\.object: 'can' is not .*; allowed: thing$"),
+    ],
+)
+def test_bad_entries_are_refused_in_one_line(table, entry, message):
+    with pytest.raises(ScenarioError, match=message) as error:
+        table(f"[{entry}]")
+    assert "\n" not in str(error.value)
+
+
+def test_soft_objects_are_refused(table):
+    soft = "objects.thing={soft: {}, shape: !Box {size: [0.05, 0.05, 0.05]}}"
+    with pytest.raises(ScenarioError, match=r"\[0\]\.object: .* soft; allowed: none$"):
+        table("[!Push {}]", soft)
+
+
+def test_modes_that_a_script_does_not_have_are_refused():
+    push = "disturbances=[!Push {at: verify}]"
+    message = r"disturbances\[0\]\.at: the script has no step 'verify'; allowed: close,"
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario("gripper_bench", overrides=[push])

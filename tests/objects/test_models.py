@@ -1,0 +1,224 @@
+import numpy as np
+import pytest
+from pydrake.common.schema import Transform
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
+    MultibodyPlantConfig,
+)
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.common.errors import ScenarioError
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.models import (
+    AddObject,
+    SetDefaultObjectPose,
+    X_FO_start,
+    known_shape,
+    object_shape,
+)
+from drake_srg.types import Box, Cylinder, Sphere
+
+CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
+SHAPES = [Cylinder(0.03, 0.1), Box([0.04, 0.05, 0.06]), Sphere(0.035)]
+
+
+def add(config):
+    """Mass, inertia about the centre of mass, and the geometry's properties."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
+    model = AddObject(plant, "thing", config)
+    plant.Finalize()
+    assert plant.GetModelInstanceName(model) == "thing"
+    (index,) = plant.GetBodyIndices(model)
+    body = plant.get_body(index)
+    (geometry,) = plant.GetCollisionGeometriesForBody(body)
+    inspector = scene_graph.model_inspector()
+    inertia = body.default_spatial_inertia()
+    return (
+        inertia.get_mass(),
+        inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3(),
+        inspector.GetProximityProperties(geometry),
+        inspector.GetShape(geometry),
+        inspector.GetIllustrationProperties(plant.GetVisualGeometriesForBody(body)[0]),
+    )
+
+
+def moments(shape):
+    """Of one kilogram, by the textbook, about x, y, z."""
+    match shape:
+        case Cylinder(r, length):
+            side = (3 * r**2 + length**2) / 12
+            return [side, side, r**2 / 2]
+        case Box((a, b, c)):
+            return [(b**2 + c**2) / 12, (a**2 + c**2) / 12, (a**2 + b**2) / 12]
+        case Sphere(r):
+            return [0.4 * r**2] * 3
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_shape_becomes_a_solid_body(shape):
+    config = ObjectConfig(shape=shape, mass=0.25, friction=0.7, color=[0.1, 0.2, 0.3])
+    mass, inertia, properties, geometry, looks = add(config)
+    assert mass == 0.25
+    np.testing.assert_allclose(inertia, 0.25 * np.diag(moments(shape)), atol=1e-12)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.static_friction() == friction.dynamic_friction() == 0.7
+    assert type(geometry).__name__ == type(shape).__name__
+    color = looks.GetProperty("phong", "diffuse")
+    assert (color.r(), color.g(), color.b()) == pytest.approx((0.1, 0.2, 0.3))
+
+
+def test_a_model_keeps_what_is_not_overridden():
+    mass, inertia, properties, *_ = add(ObjectConfig(model=CAN))
+    # The data sheet's 0.349 kg.
+    assert mass == pytest.approx(0.349)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.dynamic_friction() > 0.0
+    assert np.all(np.linalg.eigvalsh(inertia) > 0.0)
+
+
+def test_mass_and_friction_override_the_models():
+    _, reference, *_ = add(ObjectConfig(model=CAN))
+    mass, inertia, properties, *_ = add(
+        ObjectConfig(model=CAN, mass=3 * 0.349, friction=0.0)
+    )
+    assert mass == pytest.approx(3 * 0.349)
+    np.testing.assert_allclose(inertia, 3.0 * reference, rtol=1e-9, atol=1e-15)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.static_friction() == friction.dynamic_friction() == 0.0
+
+
+@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
+def test_resolution_overrides_what_round_geometry_has(config):
+    for resolution in (None, 0.007):
+        _, _, properties, *_ = add(
+            ObjectConfig(**config, mass=0.3, friction=0.5, resolution=resolution)
+        )
+        hint = properties.GetProperty("hydroelastic", "resolution_hint")
+        assert hint == pytest.approx(resolution or 0.01, abs=1.1e-3)
+
+
+@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
+def test_modulus_overrides_that_of_contact(config):
+    for modulus in (None, 2.0e6):
+        _, _, properties, *_ = add(
+            ObjectConfig(**config, mass=0.3, friction=0.5, modulus=modulus)
+        )
+        found = properties.GetProperty("hydroelastic", "hydroelastic_modulus")
+        assert found == pytest.approx(modulus or 5.0e7)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_given_shape_is_the_known_one(shape):
+    assert object_shape("thing", ObjectConfig(shape=shape)) == shape
+
+
+def sdf(path, geometry, count=1):
+    """A model of one link, in a file."""
+    collision = f"<collision name='c{{}}'><geometry>{geometry}</geometry></collision>"
+    collisions = "".join(collision.format(i) for i in range(count))
+    path.write_text(
+        "<sdf version='1.9'><model name='m'><link name='l'>"
+        f"{collisions}</link></model></sdf>"
+    )
+    return path.as_uri()
+
+
+@pytest.mark.parametrize(
+    ("geometry", "shape"),
+    [
+        (
+            "<cylinder><radius>0.03</radius><length>0.1</length></cylinder>",
+            Cylinder(0.03, 0.1),
+        ),
+        ("<box><size>0.04 0.05 0.06</size></box>", Box([0.04, 0.05, 0.06])),
+        ("<sphere><radius>0.035</radius></sphere>", Sphere(0.035)),
+    ],
+)
+def test_a_models_shape_is_that_of_its_collision(tmp_path, geometry, shape):
+    config = ObjectConfig(model=sdf(tmp_path / "m.sdf", geometry))
+    assert object_shape("thing", config) == shape
+
+
+def test_the_can_has_the_datasheets_size():
+    shape = object_shape("can", ObjectConfig(model=CAN))
+    # YCB's 005: 66 mm across, 101 mm high, both to a couple of millimetres.
+    assert shape.radius == pytest.approx(0.0335, abs=1.5e-3)
+    assert shape.length == pytest.approx(0.1015, abs=1.5e-3)
+
+
+BALL = "<sphere><radius>1</radius></sphere>"
+
+
+@pytest.mark.parametrize(
+    ("geometry", "count"),
+    [(BALL, 0), (BALL, 2), ("<plane><normal>0 0 1</normal></plane>", 1)],
+)
+def test_a_model_needs_one_simple_collision(tmp_path, geometry, count):
+    config = ObjectConfig(model=sdf(tmp_path / "m.sdf", geometry, count))
+    with pytest.raises(ScenarioError, match=r"^objects\.thing\.model: .*must have one"):
+        object_shape("thing", config)
+    assert known_shape("thing", config) is None
+
+
+@pytest.mark.parametrize("content", ["<sdf", "<sdf version='1.9'/>", "hello"])
+def test_what_is_not_a_model_is_refused(tmp_path, content):
+    path = tmp_path / "m.sdf"
+    path.write_text(content)
+    with pytest.raises(ScenarioError, match=r"^objects\.thing"):
+        object_shape("thing", ObjectConfig(model=path.as_uri()))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_an_object_stands_upright_on_its_table(shape):
+    X = X_FO_start(ObjectConfig(position=[0.3, -0.2], yaw=0.5), shape, 0.1)
+    height = {"Cylinder": 0.1, "Box": 0.06, "Sphere": 0.07}[type(shape).__name__]
+    np.testing.assert_allclose(X.translation(), [0.3, -0.2, 0.1 + height / 2])
+    np.testing.assert_allclose(X.rotation().col(2), [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(
+        X.rotation().col(0), [np.cos(0.5), np.sin(0.5), 0], atol=1e-12
+    )
+
+
+def test_an_object_without_a_known_shape_has_its_origin_on_the_table():
+    X = X_FO_start(ObjectConfig(position=[0.3, -0.2]), None, 0.1)
+    np.testing.assert_array_equal(X.translation(), [0.3, -0.2, 0.1])
+
+
+def test_a_pose_is_taken_as_it_is():
+    X_FO = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [1.0, 2.0, 3.0])
+    config = ObjectConfig(pose=Transform(X_FO))
+    for shape in (None, *SHAPES):
+        assert X_FO_start(config, shape, 0.1).IsNearlyEqualTo(X_FO, 1e-12)
+
+
+def test_an_object_has_one_link(tmp_path):
+    path = tmp_path / "m.sdf"
+    path.write_text("<sdf version='1.9'><model name='m'/></sdf>")
+    with pytest.raises(ScenarioError, match=r"^objects\.thing.* one link, has 0"):
+        add(ObjectConfig(model=path.as_uri()))
+
+
+def test_a_position_must_have_been_drawn():
+    with pytest.raises(ValueError, match="has not been drawn"):
+        X_FO_start(ObjectConfig(), SHAPES[0], 0.0)
+
+
+@pytest.mark.parametrize("excess", [-1e-4, -3.3e-5, -1e-6, 0.0, 1e-9, 2e-5, 1e-4])
+def test_a_cylinder_as_long_as_it_is_wide_can_be_touched(excess):
+    shape = Cylinder(0.0183, 0.0366 + excess)
+    builder = DiagramBuilder()
+    config = MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic")
+    plant, _ = AddMultibodyPlant(config, builder)
+    for name in ("below", "above"):
+        thing = ObjectConfig(shape=shape, mass=0.1, friction=0.5, modulus=1e7)
+        model = AddObject(plant, name, thing)
+        height = 0.0 if name == "below" else shape.length - 1e-4
+        SetDefaultObjectPose(plant, model, RigidTransform([0.002, 0.0, height]))
+    plant.Finalize()
+    diagram = builder.Build()
+    context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    contacts = plant.get_contact_results_output_port().Eval(context)
+    assert contacts.num_hydroelastic_contacts() == 1

@@ -1,0 +1,175 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.common.schema import Transform
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.common.errors import ScenarioError
+from drake_srg.objects.config import ObjectConfig, SoftConfig
+from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.objects.models import AddObject, object_shape
+from drake_srg.objects.soft import nearest_pose
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.rig import Rig, bench_scenario
+from drake_srg.station import MakeStation
+from drake_srg.types import Box, Sphere
+
+SPONGE = ObjectConfig(
+    shape=Box([0.04, 0.06, 0.05]),
+    soft=SoftConfig(),
+    mass=0.02,
+    friction=0.6,
+    resolution=0.03,
+)
+SETTINGS = {"time_step": 0.005, "discrete_contact_approximation": "sap"}
+angles = st.floats(-3.0, 3.0)
+
+
+def add(config=SPONGE, **settings):
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(
+        MultibodyPlantConfig(**{**SETTINGS, **settings}), builder
+    )
+    model = AddObject(plant, "sponge", config)
+    plant.Finalize()
+    deformables = plant.deformable_model()
+    (body,) = map(deformables.GetBody, deformables.GetBodyIds(model))
+    return builder.Build(), plant, body
+
+
+def test_a_box_becomes_a_soft_body_of_its_material():
+    _, plant, body = add()
+    assert plant.GetModelInstanceName(body.model_instance()) == "sponge"
+    config = body.config()
+    assert config.youngs_modulus() == SPONGE.soft.youngs_modulus
+    assert config.poissons_ratio() == SPONGE.soft.poissons_ratio
+    assert config.stiffness_damping_coefficient() == SPONGE.soft.damping
+    assert config.mass_density() == pytest.approx(0.02 / (0.04 * 0.06 * 0.05))
+    p = body.reference_positions().reshape(-1, 3)
+    np.testing.assert_allclose(np.ptp(p, axis=0), SPONGE.shape.size)
+
+
+def test_a_falling_one_falls_freely():
+    diagram, plant, body = add()
+    simulator = Simulator(diagram)
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+    start = body.GetPositions(context)
+    simulator.AdvanceTo(0.1)
+    fallen = np.zeros(3)
+    fallen[2] = -0.5 * 9.81 * 0.1**2
+    np.testing.assert_allclose(
+        body.GetPositions(context) - start,
+        np.tile(fallen[:, None], start.shape[1]),
+        atol=1e-6,
+    )
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"time_step": 0.006}, "time_step above 0 and up to 0.005 s, is 0.006"),
+        ({"time_step": 0.0}, "time_step above 0 and up to 0.005 s, is 0"),
+        ({"discrete_contact_approximation": "lagged"}, "approximation: sap"),
+        ({"discrete_contact_approximation": "similar"}, "approximation: sap"),
+        ({"discrete_contact_approximation": "tamsi"}, "approximation: sap"),
+    ],
+)
+def test_a_plant_that_cannot_do_it_is_refused(settings, message):
+    with pytest.raises(ScenarioError, match=rf"^objects\.sponge\.soft: .*{message}"):
+        add(**settings)
+
+
+def test_a_scenario_that_cannot_do_it_is_refused():
+    bench = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.01"])
+    with pytest.raises(ScenarioError, match=r"objects\.thing\.soft: .* up to 0\.005 s"):
+        Rig(bench)
+
+
+@pytest.mark.parametrize(
+    "thing", ["shape: !Sphere {radius: 0.03}", "model: package://drake_srg/sdf/lid.sdf"]
+)
+def test_only_a_box_can_be_soft(thing):
+    override = f"objects.x={{{thing}, soft: {{}}, mass: 0.1, friction: 0.5}}"
+    message = r"objects\.x\.soft: needs a shape; allowed: !Box"
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario("gripper_bench", overrides=[override])
+    ball = ObjectConfig(shape=Sphere(), soft=SoftConfig(), mass=0.1, friction=0.5)
+    with pytest.raises(ScenarioError, match="allowed: !Box"):
+        add(ball)
+
+
+def test_a_planner_cannot_pick_it():
+    with pytest.raises(ScenarioError, match=r"^objects\.sponge\.soft: .*by a script"):
+        object_shape("sponge", SPONGE)
+
+
+@pytest.mark.parametrize(
+    ("key", "allowed"),
+    [
+        ("youngs_modulus: 0", "greater than 0.0, is 0"),
+        ("poissons_ratio: 0.5", "at most 0.45, is 0.5"),
+        ("damping: -1", "at least 0.0, is -1"),
+    ],
+)
+def test_its_material_is_checked(key, allowed):
+    soft = f"objects.x={{shape: !Box {{}}, soft: {{{key}}}, mass: 0.1, friction: 0.5}}"
+    name = key.partition(":")[0]
+    with pytest.raises(ScenarioError, match=rf"objects\.x\.soft\.{name}.*{allowed}"):
+        load_scenario("gripper_bench", overrides=[soft])
+
+
+def test_it_stands_where_the_scenario_says_and_presses_with_its_weight():
+    scenario = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.005"])
+    scenario.objects["thing"].yaw = 0.5
+    with Rig(scenario) as rig:
+        X_WO = rig.X_WO()
+        rig.advance(0.5)
+        forces = rig.contact_forces()
+        settled = rig.X_WO()
+    turned = RigidTransform(RollPitchYaw(0.0, 0.0, 0.5), [0.5, 0.0, 0.025])
+    assert X_WO.IsNearlyEqualTo(turned, 1e-9)
+    assert forces == {"support": pytest.approx(0.02 * 9.81, rel=0.01)}
+    assert settled.IsNearlyEqualTo(X_WO, 1e-3)
+
+
+def test_the_bodies_of_a_contact_are_named():
+    bench = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.005"])
+    bench.objects["box"] = ObjectConfig(
+        shape=Box([0.03, 0.03, 0.03]), mass=0.2, friction=0.5
+    )
+    bench.objects["box"].pose = Transform(RigidTransform([0.5, 0.0, 0.065]))
+    station = MakeStation(bench)
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    home = bench.arm.home
+    station.GetInputPort("arm.position_commanded").FixValue(context, home)
+    station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.0])
+    simulator.AdvanceTo(1.0)
+    contacts = station.GetOutputPort("contact_results_cheat").Eval(context)
+    plant = station.GetSubsystemByName("plant")
+    weight = pytest.approx(0.2 * 9.81, rel=0.05)
+    assert ContactReader(plant, "box").forces(contacts) == {"thing": weight}
+    assert ContactReader(plant, "thing").forces(contacts)["box"] == weight
+
+
+@given(angles, angles, angles)
+def test_the_nearest_pose_is_that_of_a_rigid_motion(roll, pitch, yaw):
+    p_RV = np.random.default_rng(0).normal(size=(3, 9))
+    X_WR = RigidTransform(RollPitchYaw(roll, pitch, yaw), [1.0, 2.0, 3.0])
+    assert nearest_pose(p_RV, X_WR @ p_RV).IsNearlyEqualTo(X_WR, 1e-9)
+
+
+def test_an_even_squeeze_turns_nothing():
+    p_RV = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
+    X = nearest_pose(p_RV, p_RV * [[1.0], [0.5], [1.2]])
+    assert X.IsNearlyEqualTo(RigidTransform(), 1e-12)
+
+
+def test_a_flat_body_has_a_rotation_too():
+    p_RV = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
+    X_WR = RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), [0.0, 0.0, 1.0])
+    assert nearest_pose(p_RV, X_WR @ p_RV).IsNearlyEqualTo(X_WR, 1e-9)

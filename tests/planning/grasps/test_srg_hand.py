@@ -1,0 +1,192 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.geometry import Cylinder as DrakeCylinder
+from pydrake.geometry import Sphere as DrakeSphere
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.parsing import ConfigureParser
+from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, Approach, SrgHand
+from drake_srg.types import Box, Cylinder, Sphere
+
+CAN = Cylinder(0.0339, 0.1018)
+SQUEEZE = 0.4
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def grasps_of(shape, approaches, tilts, squeeze):
+    return SrgHand(approaches, tilts, squeeze).grasps(shape, UP)
+
+
+def above(shape):
+    (grasp,) = grasps_of(shape, ["above"], [], SQUEEZE)
+    return grasp
+
+
+def side(shape, tilt):
+    (grasp,) = grasps_of(shape, ["side"], [tilt], SQUEEZE)
+    return grasp
+
+
+def link_distances(grasp, shape, base, tip):
+    """Signed distance of the object in the hand from each link of the model [m]."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    parser = Parser(plant)
+    ConfigureParser(parser)
+    parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
+    geometry = (
+        DrakeSphere(shape.radius)
+        if isinstance(shape, Sphere)
+        else DrakeCylinder(shape.radius, shape.length)
+    )
+    model = plant.AddModelInstance("object")
+    body = plant.AddRigidBody(
+        "object", model, SpatialInertia.SolidSphereWithMass(1.0, 0.1)
+    )
+    own = plant.RegisterCollisionGeometry(
+        body, RigidTransform(), geometry, "object", CoulombFriction(1, 1)
+    )
+    plant.Finalize()
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    context = plant.GetMyMutableContextFromRoot(root)
+    plant.SetFreeBodyPose(context, body, grasp.X_GO)
+    for side_ in ("left", "right"):
+        plant.GetJointByName(f"{side_}_base_joint").set_angle(context, base)
+        plant.GetJointByName(f"{side_}_tip_joint").set_angle(context, tip)
+    query = scene_graph.get_query_output_port().Eval(
+        scene_graph.GetMyContextFromRoot(root)
+    )
+    inspector, distances = query.inspector(), {}
+    for pair in query.ComputeSignedDistancePairwiseClosestPoints(0.3):
+        if own in (pair.id_A, pair.id_B):
+            other = pair.id_B if pair.id_A == own else pair.id_A
+            name = inspector.GetName(inspector.GetFrameId(other)).split("::")[-1]
+            distances[name] = min(distances.get(name, np.inf), pair.distance)
+    return distances
+
+
+SHAPES = [CAN, Cylinder(0.028, 0.15), Sphere(0.033)]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_from_above_the_pads_lie_on_the_sides(shape):
+    grasp = above(shape)
+    distances = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    for link in ("left_tip_link", "right_tip_link"):
+        # The model's pads are modelled to a few tenths of a millimetre.
+        assert distances[link] == pytest.approx(0.0, abs=1e-3)
+    assert distances["palm"] > 0.01
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.0873, 0.1745])
+@pytest.mark.parametrize("shape", [CAN, Cylinder(0.03, 0.15)])
+def test_from_the_side_base_and_tip_touch(shape, tilt):
+    grasp = side(shape, tilt)
+    distances = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    for link in (
+        "left_base_link",
+        "right_base_link",
+        "left_tip_link",
+        "right_tip_link",
+    ):
+        # Tilted, the circle becomes an ellipse: below 1.5 % of the radius, and the
+        # finger has a height, 15 mm each way: 15 mm tan(10 degrees) at the most.
+        assert distances[link] == pytest.approx(0.0, abs=1e-3 + 0.015 * np.tan(tilt))
+    assert distances["palm"] > 0.0
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_open_hand_lets_the_object_pass(shape):
+    for grasp in grasps_of(shape, ["above", "side"], [0.0, 0.1745], SQUEEZE):
+        distances = link_distances(grasp, shape, 3.0 * grasp.closure_open, 0.0)
+        assert min(distances.values()) > 0.002
+
+
+@given(radius=st.floats(0.02, 0.04), length=st.floats(0.05, 0.2))
+@settings(max_examples=30)
+def test_the_command_asks_for_contact_and_a_squeeze(radius, length):
+    for grasp in grasps_of(Cylinder(radius, length), ["above", "side"], [0.1], SQUEEZE):
+        asked = 3.0 * grasp.closure_closed
+        expected = grasp.base_angle + grasp.tip_angle + SQUEEZE
+        assert asked == pytest.approx(min(3.0, expected))
+        assert 0.0 <= grasp.closure_open < grasp.closure_closed <= 1.0
+
+
+@given(
+    radius=st.floats(0.02, 0.04),
+    tilt=st.floats(0.0, 0.5),
+    yaw=st.floats(-3.0, 3.0),
+)
+@settings(max_examples=50)
+def test_a_reached_target_holds_the_object_upright(radius, tilt, yaw):
+    grasp = side(Cylinder(radius, 0.1), tilt)
+    p_WO = np.array([0.5, 0.1, 0.05])
+    X_WO = RigidTransform(RotationMatrix.MakeZRotation(yaw), p_WO)
+    X_WG = X_WO @ grasp.X_GO.inverse()
+    target = grasp.target(RigidTransform(p_WO))
+    assert target.distance(X_WG) == pytest.approx(0.0, abs=1e-12)
+    assert target.angle_violation(X_WG) == 0.0
+    # The palm's x points down by the tilt, its y is level.
+    x, y = X_WG.rotation().col(0), X_WG.rotation().col(1)
+    assert x[2] == pytest.approx(-np.sin(tilt), abs=1e-12)
+    assert y[2] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_tilted_object_violates_the_target():
+    grasp = above(CAN)
+    X_WO = RigidTransform(RotationMatrix.MakeXRotation(0.1), [0.5, 0.1, 0.05])
+    violation = grasp.target(RigidTransform(X_WO.translation())).angle_violation(
+        X_WO @ grasp.X_GO.inverse()
+    )
+    assert violation == pytest.approx(0.1 - 0.002, abs=1e-6)
+
+
+def test_low_objects_are_taken_clear_of_the_table():
+    grasp = above(Sphere(0.02))
+    (bottom,) = grasp.X_GO.translation()[:1] + 0.02
+    # Fingers straight ahead end 58.8 mm beyond the tip's hinge.
+    assert bottom - (0.072569 + 0.052 + 0.0588) >= 0.005 - 1e-9
+
+
+def test_approaches_and_tilts_are_those_asked_for():
+    both = grasps_of(CAN, ["above", "side"], [0.1, 0.2], SQUEEZE)
+    assert [(g.approach, g.tilt) for g in both] == [
+        (Approach.ABOVE, pytest.approx(np.pi / 2)),
+        (Approach.SIDE, 0.1),
+        (Approach.SIDE, 0.2),
+    ]
+    assert grasps_of(CAN, [], [0.1], SQUEEZE) == []
+    assert grasps_of(Box([0.05, 0.05, 0.05]), ["above", "side"], [0.1], SQUEEZE) == []
+    assert [g.name for g in both] == [
+        "from above",
+        "from the side, 6 degrees down",
+        "from the side, 11 degrees down",
+    ]
+
+
+@pytest.mark.parametrize("radius", [0.004, 0.0125, 0.02])
+def test_thin_objects_are_pinched_by_straight_fingers(radius):
+    shape = Cylinder(radius, 0.1)
+    grasp = above(shape)
+    assert grasp.tip_angle >= 0.0
+    assert grasp.base_angle < EMPTY_BASE_ANGLE
+    touching = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    assert min(touching.values()) == pytest.approx(0.0, abs=1.5e-3)
+
+
+def test_an_empty_hand_meets_at_the_published_angle():
+    # The gap of straight fingers is 0.9 mm at 100.7 degrees (SAKE's URDF).
+    assert np.rad2deg(EMPTY_BASE_ANGLE) == pytest.approx(100.7, abs=0.3)
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.085, 0.3])
+def test_what_does_not_fit_the_hand_has_no_grasp(radius):
+    assert grasps_of(Cylinder(radius, 0.1), ["above", "side"], [0.0], SQUEEZE) == []

@@ -1,0 +1,120 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
+from drake_srg.planning.motion.inverse_kinematics import SolveInverseKinematics
+from drake_srg.planning.motion.paths import (
+    PathFailure,
+    PlanCartesianPath,
+    PlanJointPath,
+)
+from drake_srg.types import Box, Failure, Sphere
+
+DOWN = RotationMatrix(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]))
+WALL = Box((0.3, 0.03, 0.5))
+X_WALL = RigidTransform([0.6, 0.0, 0.25])
+
+
+@pytest.fixture(scope="module")
+def sides(iiwa):
+    """Postures left and right of a wall."""
+    home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
+    return [
+        SolveInverseKinematics(
+            iiwa, HandTarget(np.array([0.55, y, 0.3]), DOWN), q_nominal=home
+        ).q
+        for y in (-0.3, 0.3)
+    ]
+
+
+def test_a_free_straight_line_is_the_path(iiwa, sides):
+    path = PlanJointPath(iiwa, *sides)
+    np.testing.assert_array_equal(path, sides)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wall_is_gone_around_freely_and_the_same_way_again(iiwa, sides, seed):
+    with iiwa.standing(WALL, X_WALL):
+        path = PlanJointPath(iiwa, *sides, seed=seed)
+        again = PlanJointPath(iiwa, *sides, seed=seed)
+        # Between two checked configurations nothing comes closer than contact.
+        fine = [q for a, b in itertools.pairwise(path) for q in
+                a + np.linspace(0, 1, 200)[:, None] * (b - a)]  # fmt: skip
+        assert all(iiwa.clearance(q).distance > 0.0 for q in fine)
+    assert len(path) > 2
+    np.testing.assert_array_equal(path[[0, -1]], sides)
+    np.testing.assert_array_equal(path, again)
+    assert np.all((path >= iiwa.lower) & (path <= iiwa.upper))
+
+
+def test_a_blocked_goal_is_named(iiwa, sides):
+    with iiwa.standing(Sphere(0.1), iiwa.X_WG(sides[1])):
+        failure = PlanJointPath(iiwa, *sides)
+    assert isinstance(failure, PathFailure)
+    assert failure.message.startswith("the goal is not free")
+    assert "obstacle" in failure.clearance.bodies
+    assert failure.failure is Failure.BLOCKED
+
+
+def test_a_search_that_ends_names_what_is_on_the_straight_line(iiwa, sides):
+    with iiwa.standing(WALL, X_WALL):
+        failure = PlanJointPath(iiwa, *sides, max_iterations=0)
+    assert isinstance(failure, PathFailure)
+    assert "no path in 0 iterations" in failure.message
+    assert "obstacle" in failure.clearance.bodies
+
+
+def test_the_hand_goes_straight_and_turns_evenly(iiwa, sides):
+    X_start = iiwa.X_WG(sides[0])
+    target = HandTarget(
+        X_start.translation() + np.array([0.05, 0.08, -0.03]),
+        X_start.rotation() @ RotationMatrix.MakeXRotation(0.6),
+    )
+    path = PlanCartesianPath(iiwa, sides[0], target)
+    np.testing.assert_array_equal(path[0], sides[0])
+    way = target.p_WT - X_start.translation()
+    for q_1, q_2 in itertools.pairwise(path):
+        # Half way between waypoints, where the hand is furthest from its line: the
+        # sagitta of 0.1 rad over the arm's 0.2 m between wrist and hand is 0.25 mm.
+        X_WG = iiwa.X_WG((q_1 + q_2) / 2)
+        offset = X_WG.translation() - X_start.translation()
+        share = (offset @ way) / (way @ way)
+        assert 0.0 < share < 1.0
+        assert np.linalg.norm(offset - share * way) < 5e-4
+        turn = (X_start.rotation().inverse() @ X_WG.rotation()).ToAngleAxis()
+        assert turn.angle() == pytest.approx(0.6 * share, abs=5e-3)
+    assert target.distance(iiwa.X_WG(path[-1])) < 2e-6
+
+
+def test_an_axis_is_kept_while_the_hand_moves(iiwa, sides):
+    axis = AxisTarget(np.array([1.0, 0, 0]), np.array([0.0, 0, -1.0]), 0.05)
+    start = iiwa.X_WG(sides[0]).translation()
+    target = HandTarget(start + np.full(3, 0.1), axes=(axis,))
+    path = PlanCartesianPath(iiwa, sides[0], target)
+    for q in path:
+        assert target.angle_violation(iiwa.X_WG(q)) < 1e-5
+
+
+def test_a_line_into_the_table_is_blocked_where_it_meets_it(iiwa, sides):
+    target = HandTarget.Pose(iiwa.X_WG(sides[0])).Shifted(np.array([0, 0, -0.25]))
+    failure = PlanCartesianPath(iiwa, sides[0], target)
+    assert isinstance(failure, PathFailure)
+    assert "table" in failure.clearance.bodies
+    assert "along the line" in failure.message
+
+
+def test_a_line_out_of_reach_says_so(iiwa, sides):
+    target = HandTarget.Pose(iiwa.X_WG(sides[0])).Shifted(np.array([0.6, 0, 0]))
+    failure = PlanCartesianPath(iiwa, sides[0], target)
+    assert isinstance(failure, PathFailure)
+    assert failure.failure is Failure.OUT_OF_REACH
+
+
+def test_standing_still_is_a_path(iiwa, sides):
+    path = PlanCartesianPath(iiwa, sides[0], HandTarget.Pose(iiwa.X_WG(sides[0])))
+    np.testing.assert_allclose(path, [sides[0]] * 2, atol=1e-6)

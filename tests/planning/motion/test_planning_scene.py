@@ -1,0 +1,170 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform
+from pydrake.planning import RobotDiagramBuilder
+
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkSolution,
+    SolveInverseKinematics,
+)
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.types import Box, Cylinder, Shape, Sphere
+
+CAN = Cylinder(0.033, 0.102)
+# Above the grasp: the can's axis along the hand's x, its centre in front of the palm.
+X_GO_ABOVE = RigidTransform(
+    RigidTransform([0.176, 0.0, 0.0]).rotation().MakeYRotation(-np.pi / 2),
+    [0.176, 0.0, 0.0],
+)
+
+
+def Above(scene: PlanningScene, home: np.ndarray, can_bottom: float) -> np.ndarray:
+    """Posture with a can held as in X_GO_ABOVE, its bottom at that height."""
+    X_WO = RigidTransform([0.55, 0.0, can_bottom + 0.051])
+    X_WG = X_WO @ X_GO_ABOVE.inverse()
+    found = SolveInverseKinematics(
+        scene, HandTarget.Pose(X_WG), q_nominal=home, check_clearance=False
+    )
+    assert isinstance(found, IkSolution)
+    return found.q
+
+
+def test_arm_joints_are_in_order_and_limits_are_theirs(iiwa):
+    assert iiwa.joint_names == [f"joint_{i}" for i in range(1, 8)]
+    assert iiwa.lower.shape == iiwa.upper.shape == (7,)
+    assert iiwa.upper[3] == pytest.approx(2.0944, abs=1e-4)
+
+
+def test_hand_pose_of_the_stretched_arm_is_the_sum_of_its_links(iiwa):
+    # 0.36 + 0.42 + 0.4 + 0.081 + 0.045 of the data sheet's and the flange's heights.
+    X_WG = iiwa.X_WG(np.zeros(7))
+    np.testing.assert_allclose(X_WG.translation(), [0.0, 0.0, 1.306], atol=1e-6)
+    np.testing.assert_allclose(X_WG.rotation().matrix()[:, 0], [0, 0, 1], atol=1e-6)
+
+
+def test_home_is_free_and_an_arm_in_the_table_is_not(iiwa, home):
+    assert iiwa.is_free(home)
+    fallen = np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert not iiwa.is_free(fallen)
+    clearance = iiwa.clearance(fallen)
+    assert clearance.spare < 0.0
+    assert "table" in clearance.bodies
+    assert "table" in str(clearance)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(-1, 1), min_size=7, max_size=7))
+def test_is_free_and_clearance_agree(iiwa, unit):
+    q = (iiwa.upper + iiwa.lower + np.array(unit) * (iiwa.upper - iiwa.lower)) / 2
+    assert iiwa.is_free(q) == (iiwa.clearance(q).spare > 0.0)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(-1, 1), min_size=14, max_size=14))
+def test_no_body_moves_further_than_a_step_along_an_edge(iiwa, unit):
+    q1, q2 = np.array(unit).reshape(2, 7) * iiwa.upper
+    samples = iiwa.edge(q1, q2)
+    np.testing.assert_array_equal(samples[0], q1)
+    np.testing.assert_allclose(samples[-1], q2, atol=1e-12)
+    middle = len(samples) // 2
+    for point in ([0.0, 0.0, 0.0], [0.17, 0.0, 0.0], [0.07, 0.14, 0.0]):
+        moved = (
+            iiwa.X_WG(samples[middle]) @ point - iiwa.X_WG(samples[middle - 1]) @ point
+        )
+        assert np.linalg.norm(moved) <= iiwa.step
+
+
+@pytest.mark.parametrize("shape", [CAN, Box((0.1, 0.1, 0.1)), Sphere(0.05)])
+def test_an_obstacle_blocks_and_leaves_with_its_context(
+    iiwa: PlanningScene, home: np.ndarray, shape: Shape
+):
+    X_WO = iiwa.X_WG(home) @ RigidTransform([0.1, 0.0, 0.0])
+    with iiwa.standing(shape, X_WO):
+        assert not iiwa.is_free(home)
+        assert "obstacle" in iiwa.clearance(home).bodies
+    assert iiwa.is_free(home)
+
+
+def test_what_is_touchable_blocks_the_arm_but_not_the_gripper(iiwa, home):
+    at_hand = iiwa.X_WG(home) @ RigidTransform([0.12, 0.0, 0.0])
+    at_forearm = RigidTransform([0.2, 0.0, 0.85])
+    with iiwa.standing(CAN, at_hand, touchable=True):
+        assert iiwa.is_free(home)
+    with iiwa.standing(Sphere(0.1), at_forearm, touchable=True):
+        assert not iiwa.is_free(home)
+        assert "standing_object" in iiwa.clearance(home).bodies
+
+
+def test_contexts_nest_and_leave_in_any_way(iiwa, home):
+    X_WO = iiwa.X_WG(home) @ RigidTransform([0.1, 0.0, 0.0])
+    with (
+        pytest.raises(KeyError),
+        iiwa.standing(CAN, RigidTransform([5.0, 0.0, 0.0])),
+        iiwa.standing(CAN, X_WO),
+    ):
+        assert not iiwa.is_free(home)
+        raise KeyError
+    assert iiwa.is_free(home)
+
+
+def test_a_held_can_may_stand_on_the_table_only_with_a_negative_margin(iiwa, home):
+    standing = Above(iiwa, home, can_bottom=0.0)
+    with iiwa.holding(CAN, X_GO_ABOVE, margin=-0.003):
+        assert iiwa.is_free(standing)
+        assert not iiwa.is_free(Above(iiwa, home, can_bottom=-0.005))
+    with iiwa.holding(CAN, X_GO_ABOVE):
+        assert not iiwa.is_free(standing)
+        assert set(iiwa.clearance(standing).bodies) == {"held_object", "table"}
+        assert iiwa.is_free(Above(iiwa, home, can_bottom=0.006))
+        assert not iiwa.is_free(Above(iiwa, home, can_bottom=0.004))
+
+
+def test_a_held_object_must_not_hit_the_arm(iiwa, home):
+    assert iiwa.is_free(home)
+    with iiwa.holding(Sphere(0.05), RigidTransform([-0.126, 0.0, 0.0])):
+        assert "held_object" in iiwa.clearance(home).bodies
+        assert not iiwa.is_free(home)
+
+
+def test_fingers_stand_where_they_are_set(iiwa, home):
+    reaching = Above(iiwa, home, can_bottom=-0.06)
+    try:
+        iiwa.fingers = np.full(4, 0.0)
+        with_open = iiwa.is_free(reaching)
+        straight = np.array([1.57 * ("base" in name) for name in iiwa.finger_names])
+        iiwa.fingers = straight
+        with_straight = iiwa.is_free(reaching)
+        np.testing.assert_array_equal(iiwa.fingers, straight)
+    finally:
+        iiwa.fingers = np.zeros(4)
+    assert with_open
+    assert not with_straight  # straight fingers reach 0.06 m further than open ones
+
+
+def test_margins_are_checked_before_anything_is_built():
+    with pytest.raises(ValueError, match="must not be negative"):
+        PlanningScene(RobotDiagramBuilder(), margin=-0.01)
+    with pytest.raises(ValueError, match="step must be positive"):
+        PlanningScene(RobotDiagramBuilder(), margin=0.0)
+
+
+def test_a_joint_without_limits_gets_two_turns(pendulum):
+    np.testing.assert_allclose(pendulum.lower, [-3.0, -2 * np.pi])
+    np.testing.assert_allclose(pendulum.upper, [3.0, 2 * np.pi])
+
+
+def test_a_copy_has_a_state_of_its_own(iiwa, home):
+    twin, before = iiwa.copy(), iiwa.fingers
+    assert twin.clearance(home) == iiwa.clearance(home)
+    twin.fingers = before + 0.1
+    np.testing.assert_array_equal(iiwa.fingers, before)
+    twin.fingers = before
+    with twin.standing(Sphere(0.05), iiwa.X_WG(home)):
+        assert not twin.is_free(home)
+        assert iiwa.is_free(home)
+    assert twin.is_free(home)

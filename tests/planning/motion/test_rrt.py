@@ -1,0 +1,86 @@
+"""A point among walls in the plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drake_srg.planning.motion.rrt import ConnectTrees, Shortcut
+
+LOWER, UPPER = np.array([-1.0, -1.0]), np.array([1.0, 1.0])
+START, GOAL = np.array([-0.8, 0.0]), np.array([0.8, 0.0])
+
+
+def Wall(gap: float):
+    """A wall of |x| < 0.05 that ends `gap` below y = 1, met exactly."""
+
+    def IsEdgeFree(q1: np.ndarray, q2: np.ndarray) -> bool:
+        left, right = sorted((q1, q2), key=lambda q: q[0])
+        inside = np.clip([-0.05, 0.05], left[0], right[0])
+        if abs(inside.sum()) > 0.1 - 1e-12 and np.ptp(inside) < 1e-12:
+            return True  # all of it on one side
+        height = np.interp(inside, [left[0], right[0]], [left[1], right[1]])
+        return bool(np.min(height) >= 1.0 - gap - 1e-9)
+
+    return IsEdgeFree
+
+
+def Search(gap: float, seed: int) -> np.ndarray | None:
+    return ConnectTrees(
+        START,
+        GOAL,
+        lower=LOWER,
+        upper=UPPER,
+        weights=np.ones(2),
+        is_edge_free=Wall(gap),
+        step=0.3,
+        max_iterations=500,
+        rng=np.random.default_rng(seed),
+    )
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_goes_around_the_wall_freely_from_start_to_goal(seed):
+    path = Search(0.3, seed)
+    assert path is not None
+    np.testing.assert_array_equal(path[0], START)
+    np.testing.assert_array_equal(path[-1], GOAL)
+    assert all(map(Wall(0.3), path[:-1], path[1:]))
+    assert np.all((path >= LOWER) & (path <= UPPER))
+
+
+def test_finds_nothing_where_there_is_no_gap():
+    assert Search(-0.1, 0) is None
+
+
+def test_same_seed_same_path_and_another_seed_another():
+    np.testing.assert_array_equal(Search(0.3, 1), Search(0.3, 1))
+    assert not np.array_equal(Search(0.3, 1), Search(0.3, 2))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_shortcut_is_free_and_no_longer_and_keeps_the_ends(seed):
+    path = Search(0.3, seed)
+    short = Shortcut(
+        path, is_edge_free=Wall(0.3), attempts=50, rng=np.random.default_rng(seed)
+    )
+    assert all(map(Wall(0.3), short[:-1], short[1:]))
+    np.testing.assert_array_equal(short[[0, -1]], path[[0, -1]])
+    assert Length(short) <= Length(path) + 1e-12
+    # Two straight lines over the wall's end are 2.13 long.
+    assert Length(short) < 1.2 * 2.13
+
+
+def test_a_shortcut_of_a_free_detour_is_the_straight_line():
+    detour = np.array([START, [-0.4, 0.9], [0.3, -0.7], GOAL])
+    short = Shortcut(
+        detour,
+        is_edge_free=lambda a, b: True,
+        attempts=5,
+        rng=np.random.default_rng(0),
+    )
+    np.testing.assert_array_equal(short, [START, GOAL])
+
+
+def Length(path: np.ndarray) -> float:
+    return float(np.sum(np.linalg.norm(np.diff(path, axis=0), axis=1)))

@@ -1,0 +1,321 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE
+from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.types import BlobFlag, Failure, Mode
+from planning.planning_world import CUP, CYCLE, GOAL, START, World, blob, make_planner
+
+CARRYING = [Mode.PRE_GRASP, Mode.GRASP, Mode.CLOSE, Mode.VERIFY, Mode.LIFT]
+ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
+
+
+# The system, in a world where everything goes as planned unless told otherwise.
+
+
+def test_ports():
+    planner = make_planner()
+    inputs = {
+        planner.get_input_port(i).get_name() for i in range(planner.num_input_ports())
+    }
+    required = {"blobs", "arm_state", "gripper_state", "grasped", "proximity"}
+    assert inputs == required | {"obstacles", "external_torque"}
+    outputs = {planner.get_output_port(i).get_name() for i in range(4)}
+    assert outputs == {"position_commanded", "closure_commanded", "mode", "status"}
+    assert planner.GetOutputPort("position_commanded").size() == 2
+
+
+def test_a_cycle_where_all_goes_well():
+    world = World()
+    status = world.run()
+    assert world.trace == CYCLE
+    assert (status.failure, status.attempts, status.message) == (None, 1, "")
+    assert status.localization is world.seen[0]
+    (call,) = world.task_planner.calls
+    np.testing.assert_array_equal(call[0], world.task_planner.q_home)
+    np.testing.assert_array_equal(call[1].translation(), START)
+
+
+def test_the_fingers_close_on_the_object_and_open_to_let_go():
+    world = World()
+    world.run()
+    grasp = world.task_planner.grasp
+    for mode, closure in world.closures.items():
+        closed = Mode.CLOSE.value, Mode.VERIFY.value, Mode.LIFT.value
+        closed += Mode.TRANSFER.value, Mode.PLACE.value
+        if mode is Mode.IDLE:
+            assert closure == 0.0
+        elif mode.value in closed:
+            assert closure == grasp.closure_closed
+        else:
+            assert closure == grasp.closure_open
+
+
+def test_the_commanded_position_never_jumps():
+    world = World(max_attempts=2)
+    world.holding = lambda mode: world.status.attempts == 2
+    world.run()
+    # The fake motions move 1 rad in 0.1 s, so 0.1 rad a period.
+    steps = np.abs(np.diff(world.commands, axis=0))
+    assert 0.09 < np.max(steps) <= 0.1 + 1e-9
+    np.testing.assert_array_equal(world.commands[-1], world.task_planner.q_home)
+
+
+def test_planning_takes_simulated_time():
+    for latency in (0.0, 0.1, 0.35):
+        world = World(latency=latency)
+        world.run()
+        begun = world.began[Mode.PRE_GRASP]
+        # Two events at most lie between the decision and the motion.
+        assert latency <= begun + 1e-9 <= latency + 2 * world.period
+
+
+def test_time_may_begin_anywhere():
+    world = World(start=100.0, time_budget=10.0)
+    assert world.run().mode is Mode.DONE
+    assert world.status.localized_at == 100.0
+
+
+def test_images_are_asked_for_only_when_they_are_needed():
+    world = World()
+    status = world.run()
+    # Once before the grasp and once at home, to see the object on its goal.
+    assert world.camera.evaluations == 2
+    assert status.looks == 2
+
+
+def test_an_object_that_is_nowhere_is_looked_for_and_given_up():
+    world = World(search_time=0.5, search_period=0.25)
+    world.where = lambda mode: []
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.NOT_SEEN)
+    assert world.camera.evaluations == status.looks == 3  # at 0, 0.25 and 0.5 s
+    assert world.time == pytest.approx(0.5, abs=2 * world.period)
+    assert "can" in status.message
+    assert status.attempts == 0
+
+
+def test_an_object_that_appears_later_is_found():
+    world = World(search_time=0.5, search_period=0.25)
+    late = world.where
+    world.where = lambda mode: late(mode) if world.time > 0.1 else []
+    status = world.run()
+    assert status.mode is Mode.DONE
+    assert status.localized_at == pytest.approx(0.25, abs=world.period)
+
+
+def test_the_best_blob_of_the_right_name_counts():
+    world = World()
+    good, bad = blob(START), blob([9.0, 9.0, 9.0], quality=0.5)
+    other = blob([8.0, 8.0, 8.0], name="cup", quality=1.0)
+    at_goal = world.where
+    world.where = lambda m: [bad, other, good] if m is Mode.IDLE else at_goal(m)
+    assert world.run().localization is good
+
+
+@pytest.mark.parametrize("failure", [Failure.BLOCKED, Failure.OUT_OF_REACH])
+def test_where_there_is_no_plan_the_reason_is_told(failure):
+    world = World()
+    world.task_planner.result = TaskFailure(failure, "there is a wall")
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, failure)
+    assert status.message == "there is a wall"
+    assert status.attempts == 0
+    assert np.ptp(world.commands, axis=0).max() == 0.0
+
+
+def test_after_a_failed_grasp_the_arm_escapes_and_tries_again():
+    world = World(max_attempts=3)
+    world.holding = lambda mode: world.status.attempts == 2
+    status = world.run()
+    assert world.trace == [*CYCLE[:5], *ESCAPE, *CYCLE]
+    assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 2)
+    assert len(world.task_planner.calls) == 2
+    # The way out is planned for the fingers as they are then.
+    assert world.task_planner.fingers == world.task_planner.grasp.fingers_open
+
+
+@pytest.mark.parametrize("attempts", [1, 2])
+def test_no_grasp_after_all_attempts(attempts):
+    world = World(max_attempts=attempts)
+    world.holding = lambda mode: False
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.NO_GRASP)
+    assert status.attempts == attempts
+    assert Mode.LIFT not in world.trace
+    assert "nothing of the right size" in status.message
+
+
+@pytest.mark.parametrize(("share", "held"), [(0.4, True), (0.6, False), (1.0, False)])
+def test_fingers_that_close_too_far_hold_nothing(share, held):
+    """`share` of the way from the angle at contact to that of an empty hand."""
+    world = World(max_attempts=1)
+    expected = world.task_planner.grasp.base_angle
+    world.base_angle = (1.0 - share) * expected + share * EMPTY_BASE_ANGLE
+    assert (world.run().failure is None) == held
+    assert (Mode.LIFT in world.trace) == held
+
+
+@pytest.mark.parametrize("lost_in", [Mode.LIFT, Mode.TRANSFER])
+def test_an_object_lost_on_the_way_is_dropped(lost_in):
+    world = World(max_attempts=1)
+    on_the_way = CYCLE[CYCLE.index(Mode.CLOSE) : CYCLE.index(lost_in)]
+    world.holding = lambda mode: mode in on_the_way
+    world.where = lambda mode: [blob(START)]
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.DROPPED)
+    assert world.trace[-5:] == [lost_in, *ESCAPE, Mode.FAILED]
+    assert "got lost" in status.message
+
+
+def test_a_dropped_object_that_is_not_seen_again_was_dropped():
+    world = World(max_attempts=2)
+    world.holding = lambda mode: mode in (Mode.CLOSE, Mode.VERIFY)
+    there = world.where
+    world.where = lambda mode: there(mode) if world.status.attempts == 0 else []
+    status = world.run()
+    assert (status.failure, status.attempts) == (Failure.DROPPED, 1)
+
+
+@pytest.mark.parametrize(("off", "failure"), [(4e-3, None), (6e-3, Failure.MISPLACED)])
+def test_the_goal_is_met_within_the_tolerance(off, failure):
+    world = World(max_attempts=2)
+    where = world.where
+    seen = blob(GOAL + off * np.array([0.6, 0.0, 0.8]))
+    world.where = lambda mode: [seen] if mode is Mode.HOME else where(mode)
+    status = world.run()
+    assert status.failure is failure
+    assert status.attempts == (1 if failure is None else 2)
+
+
+def test_an_object_that_lies_on_its_goal_is_misplaced():
+    world = World(max_attempts=1)
+    where = world.where
+    lying = blob(GOAL, axis=[1.0, 0.0, 0.0])
+    world.where = lambda mode: [lying] if mode is Mode.HOME else where(mode)
+    assert world.run().failure is Failure.MISPLACED
+
+
+def test_an_arm_that_does_not_arrive_is_stopped_by_something():
+    world = World(arrival_timeout=0.5)
+    world.arm_follows = False
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.STOPPED)
+    assert world.trace == [Mode.IDLE, Mode.PRE_GRASP, Mode.FAILED]
+    assert "in its way" in status.message
+
+
+def test_a_spent_time_budget_is_told():
+    world = World(time_budget=0.3, latency=0.1)
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
+    assert world.time == pytest.approx(0.3, abs=2 * world.period)
+    assert "time budget" in status.message
+
+
+def test_what_ends_the_way_home_is_told():
+    usual = World()
+    usual.run()
+    began = usual.began[Mode.HOME]
+    status = World(time_budget=began + 0.05).run()
+    assert status.failure is Failure.TIME_BUDGET
+
+
+def test_a_stop_in_the_middle_of_a_motion_brakes_gently():
+    # In PRE_GRASP the first joint moves at 10 rad/s, for 0.1 s.
+    world = World(time_budget=0.15, latency=0.1)
+    world.run()
+    stopped, times = world.time, np.linspace(0.0, 0.04, 5)
+    positions = []
+    for t in times:
+        world.root.SetTime(stopped + t)
+        positions.append(world.read("position_commanded")[0])
+    speeds = np.diff(positions) / np.diff(times)
+    assert positions[0] == pytest.approx(world.commands[-1][0])  # no jump
+    # Evenly from 10 rad/s to rest in 0.4 s: 0.25 rad/s less after every 0.01 s.
+    np.testing.assert_allclose(speeds, 9.875 - 0.25 * np.arange(4))
+
+
+def test_the_way_out_is_planned_while_the_latency_passes():
+    world = World(latency=0.4, max_attempts=1)
+    world.holding = lambda mode: False
+    status = world.run()
+    waited = world.began[Mode.RETREAT] - world.began[Mode.RELEASE]
+    assert waited >= 0.4 - world.period
+    assert status.planning_wall > 0.0
+
+
+def test_the_first_localisation_counts():
+    world = World(max_attempts=2)
+    world.holding = lambda mode: world.status.attempts > 1
+    status = world.run()
+    assert (status.failure, status.attempts) == (None, 2)
+    assert status.localized_at == 0.0
+
+
+def test_blobs_without_flags_are_believed_first():
+    world = World()
+    flags = frozenset({BlobFlag.OCCLUDED})
+    doubtful = dc.replace(blob(START + 0.1, quality=0.9), flags=flags)
+    where = world.where
+    world.where = lambda mode: [doubtful, *(where(mode))]
+    world.run()
+    X_WO = world.task_planner.calls[0][1]
+    np.testing.assert_array_equal(X_WO.translation(), START)
+
+
+def test_other_objects_are_obstacles_where_they_are_seen():
+    world = World()
+    where = world.where
+    world.where = lambda mode: [*where(mode), blob([0.5, 0.2, 0.05], name="cup")]
+    world.run()
+    ((shape, X_WO),) = world.task_planner.obstacles
+    assert shape == CUP
+    np.testing.assert_array_equal(X_WO.translation(), [0.5, 0.2, 0.05])
+
+
+def test_a_way_out_that_is_blocked_ends_the_task():
+    world = World()
+    world.holding = lambda mode: False
+    world.task_planner.escape = TaskFailure(Failure.BLOCKED, "stuck")
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.NO_GRASP)
+    assert status.message == "stuck"
+
+
+def test_all_state_is_in_the_context():
+    first = World()
+    second = World(like=first)
+    assert first.run().mode is Mode.DONE
+    assert second.status.mode is Mode.IDLE
+    assert second.run().mode is Mode.DONE
+    np.testing.assert_array_equal(first.commands, second.commands)
+
+
+def test_cycle_after_cycle_the_object_goes_there_and_back():
+    world = World(repeat=3)
+    world.where = lambda mode: [
+        blob(GOAL if (world.status.cycles + (mode is Mode.HOME)) % 2 else START)
+    ]
+    status = world.run()
+    assert (status.cycles, status.attempts) == (3, 3)
+    assert world.trace == [*CYCLE[:-1], *CYCLE[:-1], *CYCLE]
+    goals = [call[3].translation() for call in world.task_planner.calls]
+    np.testing.assert_array_equal(goals[0], GOAL)
+    np.testing.assert_allclose(goals[1], [*START[:2], 0.05])
+    np.testing.assert_array_equal(goals[2], GOAL)
+
+
+def test_the_waits_are_kept():
+    waits = {"grip_wait": 0.5, "release_wait": 0.4, "home_wait": 0.3}
+    world = World(**waits, close_at_home=0.2)
+    world.run()
+    began, slack = world.began, 2 * world.period
+    assert began[Mode.LIFT] - began[Mode.VERIFY] == pytest.approx(0.5, abs=slack)
+    assert began[Mode.RETREAT] - began[Mode.RELEASE] == pytest.approx(0.4, abs=slack)
+    # The fake motion takes 0.1 s.
+    assert began[Mode.DONE] - began[Mode.HOME] == pytest.approx(0.6, abs=slack)
+    assert world.closures[Mode.RETREAT] < 1.0
+    assert world.closures[Mode.HOME] == world.closures[Mode.DONE] == 1.0

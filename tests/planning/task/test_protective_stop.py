@@ -1,0 +1,180 @@
+"""What the planner makes of torques from outside: alone, and in a cell."""
+
+import numpy as np
+import pytest
+from helpers import fix
+
+from drake_srg.common.errors import ScenarioError
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.simulation.metrics import MODES
+from drake_srg.types import Failure, Mode
+from planning.planning_world import CYCLE, MOVING, World, make_planner
+
+
+def feeling(world, torque, when):
+    """Let the arm feel `torque` (2) [N m] in the modes `when`."""
+    sense = world._sense
+
+    def sensed():
+        sense()
+        felt = torque if world.status.mode in when else [0.0, 0.0]
+        fix(world.planner, world._context, external_torque=felt)
+
+    world._sense = sensed
+    return world
+
+
+@pytest.mark.parametrize("mode", MOVING)
+def test_a_moving_arm_that_meets_something_stops_where_it_is(mode):
+    world = feeling(World(max_external_torque=[10.0, 5.0]), [4.0, -6.0], [mode])
+    status = world.run()
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.STOPPED)
+    assert world.trace == [*CYCLE[: CYCLE.index(mode) + 1], Mode.FAILED]
+    assert "joint 2" in status.message
+    assert "6 N m" in status.message
+    # It is told of and done within a period.
+    assert world.time - world.began[mode] <= 2.0 * world.period
+    np.testing.assert_array_equal(world.read("position_commanded"), world.commands[-2])
+
+
+def test_torques_below_one_newton_metre_are_told_as_they_are():
+    world = feeling(World(max_external_torque=[0.4, 0.5]), [0.45, 0.0], [Mode.TRANSFER])
+    message = world.run().message
+    assert "joint 1 feels 0.45 N m from outside, 0.4 are allowed" in message
+
+
+def test_an_arm_at_rest_may_feel_what_its_fingers_do():
+    world = World(max_external_torque=[10.0, 5.0])
+    still = [Mode.CLOSE, Mode.VERIFY, Mode.RELEASE]
+    assert feeling(world, [99.0, 99.0], still).run().mode is Mode.DONE
+
+
+def test_what_is_carried_counts_but_is_allowed():
+    world = feeling(World(max_external_torque=[10.0, 5.0]), [9.0, -4.9], MOVING)
+    assert world.run().mode is Mode.DONE
+
+
+def test_without_limits_nothing_is_looked_at():
+    assert feeling(World(), [99.0, 99.0], MOVING).run().mode is Mode.DONE
+
+
+def test_limits_are_one_a_joint():
+    with pytest.raises(ValueError, match="3 entries, the arm has 2 joints"):
+        make_planner(max_external_torque=[1.0] * 3)
+
+
+def test_the_number_of_limits_in_a_scenario_is_checked():
+    scenario = load_scenario(
+        "kitchen_fast", overrides=["planner.max_external_torque=[30, 30]"]
+    )
+    with pytest.raises(ScenarioError, match="max_external_torque: has 2 entries"):
+        Simulate(scenario)
+
+
+# A cell with a post between object and goal that nobody knows of.
+
+_POST = (
+    "objects.post={{shape: !Box {{size: [0.06, 0.2, {height}]}}, mass: 30.0, "
+    "friction: 1.0, color: [0.3, 0.3, 0.3], position: [0.62, -0.22], known: false}}"
+)
+
+
+def collision(limit, height=0.4, seen=False, name="kitchen_fast"):
+    """A run with limits of all joints [N m] and a post's height [m]."""
+    scenario = load_scenario(
+        name,
+        seed=0,
+        overrides=[
+            _POST.format(height=height),
+            f"localizer.obstacles={str(seen).lower()}",
+            "object.position=[0.6, 0.08]",
+            f"planner.max_external_torque={[limit] * 7}",
+            "planner.max_attempts=1",
+            "planner.time_budget=12",
+        ],
+    )
+    return Simulate(scenario)
+
+
+def test_an_arm_that_hits_a_post_stops():
+    stopped, going_on = collision(30.0), collision(1e4)
+    assert stopped.metrics.failure == "stopped"
+    assert "the arm touches something" in stopped.status.message
+    assert going_on.metrics.failure != "stopped"
+    moved = [
+        np.linalg.norm(np.diff(run.log["object_pose.post"][[0, -1], :2], axis=0))
+        for run in (stopped, going_on)
+    ]
+    # The post weighs 30 kg and slides; an arm that goes on tips it over.
+    assert moved[0] < 0.2 * moved[1]
+    # The arm met it at 1 rad/s; it does not press on, though the post still rocks.
+    speeds = stopped.log["arm.state_measured"][-1, 7:]
+    np.testing.assert_allclose(speeds, 0.0, atol=0.05)
+
+
+def test_an_arm_with_steps_stops_too():
+    """There, torques from outside are an estimate, not the contacts' own."""
+    stopped = collision(30.0, name="kitchen")
+    assert stopped.metrics.failure == "stopped"
+    speeds = stopped.log["arm.state_measured"][-1, 7:]
+    np.testing.assert_allclose(speeds, 0.0, atol=0.05)
+
+
+def test_a_post_that_the_camera_sees_is_passed():
+    run = collision(30.0, height=0.25, seen=True)
+    assert run.metrics.success
+    post = run.log["object_pose.post"]
+    # Untouched, it only settles.
+    np.testing.assert_allclose(post[-1, :3], post[0, :3], atol=1e-4)
+
+
+# What the hand holds, on the fast physics.
+
+_CARRYING = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
+_WEIGHT = 0.349 * 9.81  # of the can [N]
+_FREE = 3.0 * _WEIGHT  # more than it pulls with at less than 1 m [N m]
+
+
+def carry(limit, *overrides):
+    """A run of the fast kitchen with limits of all joints [N m]."""
+    scenario = load_scenario(
+        "kitchen_fast",
+        seed=0,
+        overrides=[
+            "object.position=[0.6, 0.08]",
+            f"planner.max_external_torque={[limit] * 7}",
+            "planner.max_attempts=1",
+            "planner.time_budget=12",
+            *overrides,
+        ],
+    )
+    return Simulate(scenario)
+
+
+def test_what_is_carried_is_felt_as_its_weight_and_what_speeds_it_up():
+    run = carry(_FREE)
+    assert run.metrics.success
+    carrying = np.isin(run.log["mode"], [MODES.index(mode) for mode in _CARRYING])
+    felt = run.log["arm.external_torque"][carrying]
+    reach = np.linalg.norm(run.log["object_pose.soup_can"][carrying, :2], axis=1)
+    # Gravity pulls at the shoulder's second joint; half as much again, and no more,
+    # comes of acceleration.
+    share = np.abs(felt[:, 1]) / (_WEIGHT * reach)
+    assert np.median(share) == pytest.approx(1.0, abs=0.2)
+    assert np.max(share) < 1.5
+
+
+def test_what_is_set_down_on_something_unseen_stops_the_arm():
+    plate = (
+        "objects.plate={shape: !Box {size: [0.12, 0.12, 0.02]}, mass: 30.0, "
+        "friction: 1.0, color: [0.3, 0.3, 0.3], position: [0.3, -0.5], known: false}"
+    )
+    stopped = carry(_FREE, plate, "task.place.position=[0.3, -0.5]")
+    assert stopped.metrics.failure == "stopped"
+
+
+def test_a_pull_at_what_is_held_stops_the_arm():
+    pull = "{at: transfer, force: [0, 0, -15], duration: 0.3}"
+    stopped = carry(_FREE, f"disturbances=[!Force {pull}]")
+    assert stopped.metrics.failure == "stopped"

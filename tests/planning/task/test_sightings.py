@@ -1,0 +1,85 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.task.sightings import Sightings, View, lean
+from drake_srg.types import BlobFlag, Box, Obstacle, Sphere
+from planning.planning_world import CAN, CUP, blob
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def leaning(degrees):
+    angle = np.deg2rad(degrees)
+    return np.array([np.sin(angle), 0.0, np.cos(angle)])
+
+
+def sightings(shape=CAN, within=5.0):
+    return Sightings("can", shape, {"cup": CUP}, np.deg2rad(within))
+
+
+def test_the_best_blob_is_one_without_flags():
+    doubtful = dc.replace(
+        blob([0, 0, 0], quality=1.0), flags=frozenset({BlobFlag.OCCLUDED})
+    )
+    plain = blob([1, 0, 0], quality=0.5)
+    assert sightings().best(View([doubtful, plain])) is plain
+    assert sightings().best(View([doubtful])) is doubtful
+    assert sightings().best(View([blob([0, 0, 0], name="cup")])) is None
+
+
+def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
+    hidden, uncertain = (
+        dc.replace(blob([0, 0, 0], quality=quality), flags=frozenset({flag}))
+        for quality, flag in ((0.4, BlobFlag.OCCLUDED), (0.9, BlobFlag.UNCERTAIN))
+    )
+    assert sightings().best(View([uncertain, hidden])) is hidden
+
+
+def test_what_has_the_shape_is_better_than_what_is_seen_whole():
+    hidden = dc.replace(
+        blob([0, 0, 0], quality=0.5), flags=frozenset({BlobFlag.OCCLUDED}), misfit=0.01
+    )
+    whole = dc.replace(blob([1, 0, 0], quality=0.9), misfit=0.05)
+    assert sightings().best(View([whole, hidden])) is hidden
+
+
+def test_the_nearest_blob_is_the_object_s_whatever_looks_better():
+    uncertain = frozenset({BlobFlag.UNCERTAIN})
+    here = dc.replace(blob([0.01, 0, 0], quality=0.2), flags=uncertain, misfit=0.6)
+    twin = blob([0.2, 0, 0], quality=1.0)
+    cup = blob([0, 0, 0], name="cup")
+    assert sightings().nearest(View([twin, cup, here]), np.zeros(3)) is here
+    assert sightings().best(View([twin, cup, here])) is twin
+    assert sightings().nearest(View([cup]), np.zeros(3)) is None
+
+
+@pytest.mark.parametrize(
+    ("degrees", "stands"), [(0.0, True), (4.0, True), (6.0, False)]
+)
+def test_what_hardly_leans_stands(degrees, stands):
+    X_WO = sightings().pose(blob([0.1, 0.2, 0.3], axis=leaning(degrees)))
+    np.testing.assert_array_equal(X_WO.translation(), [0.1, 0.2, 0.3])
+    axis = X_WO.rotation().col(2)
+    np.testing.assert_allclose(axis, UP if stands else leaning(degrees), atol=1e-12)
+
+
+def test_a_ball_is_upright_whatever_is_said_of_its_axis():
+    X_WO = sightings(Sphere(0.03)).pose(blob([0, 0, 0], axis=leaning(70.0)))
+    np.testing.assert_allclose(X_WO.rotation().col(2), UP)
+
+
+def test_obstacles_are_the_others():
+    seen = [blob([0, 0, 0]), blob([1, 0, 0], name="cup"), blob([2, 0, 0], name="fork")]
+    unknown = Obstacle(Box(), RigidTransform([3, 0, 0]))
+    (cup, X_WO), box = sightings().obstacles(View(seen, [unknown]))
+    assert cup is CUP
+    np.testing.assert_array_equal(X_WO.translation(), [1, 0, 0])
+    assert box == (unknown.shape, unknown.X_WO)
+
+
+def test_a_line_has_no_sign():
+    assert lean(UP, -leaning(30.0)) == pytest.approx(np.deg2rad(30.0))
+    assert lean(UP, -UP) == 0.0

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.types import Box, Failure, Mode
+from planning.planning_world import CAN, MOVING
+from planning.task.kitchen_task import GOAL, START, ends, samples
+
+HEIGHT = START.translation()[2]
+
+
+def test_planning_again_gives_the_same(planner, task):
+    again = planner.plan(planner.q_home, START, CAN, GOAL)
+    for mode in MOVING:
+        first, second = task.motions[mode], again.motions[mode]
+        assert first.end_time() == second.end_time()
+        np.testing.assert_array_equal(samples(first, 5), samples(second, 5))
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "failure"),
+    [
+        ([1.2, 0.6, HEIGHT], GOAL, Failure.OUT_OF_REACH),
+        (START, [1.2, -0.7, HEIGHT], Failure.OUT_OF_REACH),
+        (START, [0.0, 0.0, HEIGHT], Failure.BLOCKED),  # in the robot's foot
+    ],
+)
+def test_what_cannot_be_done_is_named(planner, start, goal, failure):
+    start, goal = (
+        pose if isinstance(pose, RigidTransform) else RigidTransform(pose)
+        for pose in (start, goal)
+    )
+    result = planner.plan(planner.q_home, start, CAN, goal)
+    assert isinstance(result, TaskFailure)
+    assert result.failure is failure
+    assert result.message
+
+
+def test_an_object_without_known_grasps(planner):
+    box = Box([0.05, 0.05, 0.1])
+    result = planner.plan(planner.q_home, START, box, GOAL)
+    assert result.failure is Failure.NO_GRASP
+    assert "Box" in result.message
+
+
+def test_the_way_out_backs_off_and_goes_home(planner, task):
+    _, q_grasp = ends(task.motions[Mode.GRASP])
+    back, home = planner.plan_escape(q_grasp, task.grasp.fingers_open)
+    np.testing.assert_allclose(ends(back)[0], q_grasp, atol=1e-6)
+    X_start, X_end = (planner.scene.X_WG(q) for q in ends(back))
+    moved = X_end.translation() - X_start.translation()
+    expected = -planner.config.approach_distance * X_start.rotation().col(0)
+    np.testing.assert_allclose(moved, expected, atol=1e-3)
+    np.testing.assert_allclose(ends(home)[0], ends(back)[1], atol=1e-6)
+    np.testing.assert_allclose(ends(home)[1], planner.q_home, atol=1e-6)

@@ -1,0 +1,288 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.common.schema import Transform
+
+from drake_srg.common.errors import ScenarioError
+from drake_srg.scenario.draws import draw_distributions
+from drake_srg.scenario.yaml_tree import (
+    check_tree,
+    load_typed,
+    merge,
+    parse_yaml,
+    set_key,
+)
+from drake_srg.types import Box, Cylinder, positive
+
+
+@dc.dataclass
+class Inner:
+    number: float = 1.0
+    count: int = dc.field(default=2, metadata={"ge": 0})
+    text: str = "a"
+    flag: bool = False
+
+
+@dc.dataclass
+class Outer:
+    inner: Inner = dc.field(default_factory=Inner)
+    maybe: float | None = None
+    numbers: list[float] = dc.field(
+        default_factory=lambda: [1.0, 2.0], metadata=positive(length=2, le=9.0)
+    )
+    shape: Cylinder | Box | None = None
+    table: dict[str, Inner] = dc.field(default_factory=dict)
+    pose: Transform = dc.field(default_factory=Transform)
+    law: str = dc.field(default="pid", metadata={"among": ("pid", "printed")})
+
+
+def load(text):
+    return load_typed(Outer, draw_distributions(parse_yaml(text, "f"), 0, "f"), "f")
+
+
+# Values that YAML can hold. No tags here: see `tagged`.
+scalars = st.one_of(
+    st.none(), st.booleans(), st.integers(-5, 5), st.floats(), st.text(max_size=4)
+)
+trees = st.recursive(
+    scalars,
+    lambda children: st.one_of(
+        st.lists(children, max_size=3),
+        st.dictionaries(st.text(max_size=4), children, max_size=3),
+    ),
+    max_leaves=8,
+)
+
+
+# Parsing.
+
+
+@pytest.mark.parametrize("text", ["", "# a comment\n", "---\n"])
+def test_a_file_without_content_is_nothing(text):
+    assert parse_yaml(text, "f") is None
+
+
+def test_tags_are_kept():
+    assert parse_yaml("a: !Foo {b: 1}", "f") == {"a": {"_tag": "!Foo", "b": 1}}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: [1",
+        "a:\t1\n\tb: 2",
+        "a: 1\n---\nb: 2",
+        "a: \x00",
+        "a: !Foo 3",
+        "a: *nothing",
+        "[1, 2]: 3",
+        "a: " + "[" * 2000,
+    ],
+)
+def test_what_is_not_yaml_is_reported_in_one_line(text):
+    with pytest.raises(ScenarioError, match=r"^f: not valid YAML: ") as error:
+        parse_yaml(text, "f")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("key", ["1", "yes", "~", "2.5"])
+@pytest.mark.parametrize("text", ["{}: 1", "a: {{{}: 1}}", "a: [{{{}: 1}}]"])
+def test_keys_must_be_text(key, text):
+    with pytest.raises(ScenarioError, match=r"^f: keys must be text"):
+        parse_yaml(text.format(key), "f")
+
+
+def test_what_contains_itself_is_refused():
+    with pytest.raises(ScenarioError, match=r"^f: .*contains itself"):
+        parse_yaml("a: &x [1, [*x]]", "f")
+    shared = parse_yaml("a: &x [1]\nb: [*x, *x]", "f")
+    assert shared == {"a": [1], "b": [[1], [1]]}
+
+
+# Bases and overrides.
+
+
+def test_merge_lays_mappings_over_mappings():
+    base = {"a": {"b": 1, "c": 2}, "d": [1, 2]}
+    assert merge(base, {"a": {"c": 3}, "d": [4]}) == {"a": {"b": 1, "c": 3}, "d": [4]}
+
+
+def test_merge_replaces_what_has_another_tag():
+    base = {"_tag": "!A", "b": 1}
+    assert merge(base, {"_tag": "!C", "d": 2}) == {"_tag": "!C", "d": 2}
+    assert merge(base, {"_tag": "!A", "d": 2}) == {"_tag": "!A", "b": 1, "d": 2}
+    assert merge(base, {"d": 2}) == {"_tag": "!A", "b": 1, "d": 2}
+
+
+@given(trees, trees)
+def test_merge_changes_neither_and_is_idempotent(base, override):
+    before = repr((base, override))
+    merged = merge(base, override)
+    assert repr((base, override)) == before
+    assert repr(merge(merged, override)) == repr(merged)
+
+
+def test_set_key_makes_mappings_on_the_way():
+    tree = {"a": {"b": 1}, "n": None}
+    set_key(tree, "a.c.d", 2)
+    set_key(tree, "n.m", 3)
+    assert tree == {"a": {"b": 1, "c": {"d": 2}}, "n": {"m": 3}}
+
+
+def test_set_key_to_an_empty_mapping_replaces():
+    tree = {"a": {"b": 1}, "c": {"_tag": "!C", "d": 1}}
+    set_key(tree, "a", {})
+    set_key(tree, "c", {"_tag": "!C"})
+    assert tree == {"a": {}, "c": {"_tag": "!C", "d": 1}}
+
+
+def test_set_key_does_not_lead_through_values():
+    with pytest.raises(ScenarioError, match=r"--set a\.b\.c: a\.b is a value"):
+        set_key({"a": {"b": 1}}, "a.b.c", 2)
+
+
+def test_set_key_leads_through_lists_by_index():
+    tree = {"a": [{"b": 1}, {"c": [3, 4]}]}
+    set_key(tree, "a.0.b", 2)
+    set_key(tree, "a.0.d.e", 5)
+    set_key(tree, "a.1.c.1", 6)
+    assert tree == {"a": [{"b": 2, "d": {"e": 5}}, {"c": [3, 6]}]}
+
+
+@pytest.mark.parametrize("index", ["2", "-1", "x", "1.5", "", "²"])
+@pytest.mark.parametrize("rest", ["", ".b"])
+def test_set_key_needs_an_index_that_a_list_has(index, rest):
+    with pytest.raises(ScenarioError) as error:
+        set_key({"a": [{"b": 1}, 2]}, f"a.{index}{rest}", 3)
+    if index != "1.5":  # whose 1 is an index, of a value
+        assert "a is a list" in str(error.value)
+        assert "is not an index of it; allowed: 0 .. 1" in str(error.value)
+
+
+def test_set_key_finds_no_entry_in_an_empty_list():
+    with pytest.raises(
+        ScenarioError, match=r"'0' is not an index .* none, it is empty"
+    ):
+        set_key({"a": []}, "a.0", 1)
+
+
+@given(st.lists(st.integers(), min_size=1, max_size=4), st.data())
+def test_set_key_changes_one_entry_of_a_list(values, data):
+    i = data.draw(st.integers(0, len(values) - 1))
+    tree = {"a": list(values)}
+    set_key(tree, f"a.{i}", "new")
+    assert tree == {"a": [*values[:i], "new", *values[i + 1 :]]}
+
+
+# Checks. The messages name file, key, and what is allowed.
+
+
+def test_good_values_arrive():
+    outer = load(
+        "inner: {number: 1e-3, count: 3.0, text: b, flag: true}\n"
+        "numbers: [3, 4.5]\nshape: !Box {size: [1, 2, 3]}\ntable: {x: {count: 0}}\n"
+        "maybe: !Uniform {min: 2, max: 2}\npose: {translation: [1, 2, 3]}\n"
+        "law: printed"
+    )
+    assert outer.inner == Inner(1e-3, 3, "b", True)
+    assert isinstance(outer.inner.count, int)
+    assert outer.numbers == [3.0, 4.5]
+    assert outer.shape == Box([1.0, 2.0, 3.0])
+    assert outer.table == {"x": Inner(count=0)}
+    assert outer.maybe == 2.0
+    np.testing.assert_array_equal(outer.pose.translation, [1, 2, 3])
+    assert outer.law == "printed"
+
+
+def test_what_is_not_given_keeps_its_default():
+    assert load("inner:").inner == Inner()
+    assert load("maybe: null").maybe is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("iner: {}", "top level: unknown key 'iner'; did you mean 'inner'? allowed: "),
+        (
+            "inner: {cout: 1}",
+            "inner: unknown key 'cout'; did you mean 'count'? allowed",
+        ),
+        ("inner: {zzz: 1}", "inner: unknown key 'zzz'; allowed: count, flag, number"),
+        ("inner: 3", "inner: must be a mapping, is 3"),
+        ("inner: [1]", "inner: must be a mapping, is a list"),
+        ("inner: !Iner {}", "inner: has the tag !Iner; allowed: none or !Inner"),
+        ("inner: {number: x}", "inner.number: must be a number, is 'x'"),
+        ("inner: {number: true}", "inner.number: must be a number, is True"),
+        ("inner: {number: null}", "inner.number: must be a number, is None"),
+        ("inner: {number: {}}", "inner.number: must be a number, is a mapping"),
+        ("inner: {number: .nan}", "inner.number: must be a number, is NaN"),
+        ("inner: {number: .inf}", "inner.number: must be finite, is inf"),
+        (
+            "inner: {number: !Unifrom {min: 1, max: 2}}",
+            "inner.number: unknown tag !Unifrom; did you mean '!Uniform'? allowed: ",
+        ),
+        ("inner: {count: 1.5}", "inner.count: must be a whole number, is 1.5"),
+        ("inner: {count: .inf}", "inner.count: must be finite, is inf"),
+        ("inner: {count: 1.0e+400}", "inner.count: must be finite, is inf"),
+        ("inner: {count: -1}", "inner.count: must be at least 0, is -1"),
+        ("inner: {text: 3}", "inner.text: must be text, is 3"),
+        ("inner: {flag: 1}", "inner.flag: must be true or false, is 1"),
+        ("numbers: 3", "numbers: must be a list, is 3"),
+        ("numbers: [1]", "numbers: must have 2 numbers, has 1"),
+        ("numbers: [1, 0]", "numbers: must be greater than 0.0, is 0.0"),
+        ("numbers: [1, 10]", "numbers: must be at most 9.0, is 10.0"),
+        ("numbers: [1, -.inf]", "numbers: must be finite, is -inf"),
+        ("numbers: [1, x]", "numbers[1]: must be a number, is 'x'"),
+        ("shape: !Ball {}", "shape: unknown tag !Ball; allowed: !Box, !Cylinder"),
+        ("shape: !Boxx {}", "shape: unknown tag !Boxx; did you mean '!Box'? allowed"),
+        ("shape: {size: [1, 1, 1]}", "shape: needs a tag; allowed: !Box, !Cylinder"),
+        ("shape: !Box {radius: 1}", "shape: unknown key 'radius'; allowed: size"),
+        ("table: [1]", "table: must be a mapping, is a list"),
+        ("table: {x: {y: 1}}", "table.x: unknown key 'y'; allowed: "),
+        ("pose: {rotaton: 1}", "pose: unknown key 'rotaton'; did you mean 'rotation'?"),
+        ("pose: 3", "pose: must be a mapping, is 3"),
+        ("pose: {rotation: !Rpx {}}", "pose.rotation: unknown tag !Rpx; did you mean"),
+        ("pose: {translation: [1, 2]}", "pose: does not fit: "),
+        ("law: pdi", "law: must be one of pid, printed; is 'pdi'"),
+    ],
+)
+def test_each_mistake_is_named(text, message):
+    with pytest.raises(ScenarioError) as error:
+        load(text)
+    assert str(error.value).startswith(f"f: {message}")
+    assert "\n" not in str(error.value)
+
+
+@given(trees)
+def test_nothing_else_than_a_scenario_error_is_raised(tree):
+    try:
+        load_typed(Outer, tree, "f")
+    except ScenarioError as error:
+        assert "\n" not in str(error)
+
+
+@given(st.dictionaries(st.sampled_from([f.name for f in dc.fields(Outer)]), trees))
+def test_nor_below_the_right_keys(tree):
+    test_nothing_else_than_a_scenario_error_is_raised.hypothesis.inner_test(tree)
+
+
+@given(trees)
+def test_checking_is_idempotent(tree):
+    try:
+        checked = check_tree(tree, Outer, "f")
+    except ScenarioError:
+        return
+    assert check_tree(checked, Outer, "f") == checked
+
+
+def test_a_mapping_of_indices_is_laid_over_a_list():
+    base = {"a": [{"b": 1, "c": 2}, 3, 4]}
+    override = {"a": {"0": {"c": 5}, "2": 6}}
+    assert merge(base, override) == {"a": [{"b": 1, "c": 5}, 3, 6]}
+    # Without mercy for entries that are not there; other mappings replace the list.
+    with pytest.raises(ScenarioError, match="a list of 3 has no entry 3"):
+        merge(base, {"a": {"3": 1}})
+    assert merge(base, {"a": {"b": 1}}) == {"a": {"b": 1}}

@@ -1,0 +1,104 @@
+"""The five-axis arm's cell: whole cycles, disturbed and not."""
+
+import numpy as np
+import pytest
+
+from drake_srg.experiments.cycles import run_cycle
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.simulation.metrics import MODES
+from drake_srg.types import Mode
+
+# Lying along the line to the arm's base, where the hand reaches it from above.
+LYING = (
+    "object.pose={translation: [-0.26, -0.175, 0.1125], "
+    "rotation: !Rpy {deg: [0.0, 90.0, 0.0]}}"
+)
+
+
+def simulate(*overrides, seed=1):
+    return Simulate(load_scenario("assistive_arm", seed=seed, overrides=overrides))
+
+
+def modes(result):
+    mode = result.log["mode"].astype(int)
+    return [MODES[i] for i in mode[np.flatnonzero(np.diff(mode, prepend=-1))]]
+
+
+@pytest.mark.parametrize("scenario", ["assistive_arm", "assistive_arm_flat"])
+def test_a_cycle_seats_the_cylinder_in_the_recess(scenario):
+    metrics = run_cycle(scenario, 3).metrics
+    assert metrics.success
+    assert metrics.attempts == 1
+    # Half of the recess's radial clearance, the floor of the recess under it.
+    assert np.max(np.abs(metrics.placement_error_m)) < 0.5e-3
+    assert np.max(np.abs(metrics.localization_error_m)) < 0.3e-3
+    assert metrics.cycle_time_s < 8.0
+
+
+@pytest.mark.parametrize(
+    ("override", "failures"),
+    [
+        ("object.friction=0.0", {"no_grasp", "dropped"}),
+        ("object.present=false", {"not_seen"}),
+        ("task.place.position=[0.0, 0.6]", {"out_of_reach"}),
+        ("task.place.position=[0.0, 0.12]", {"blocked"}),  # beside the recess
+    ],
+)
+def test_what_cannot_be_done_is_told(override, failures):
+    metrics = simulate(override, "planner.max_attempts=1").metrics
+    assert not metrics.success
+    assert metrics.failure in failures
+
+
+def test_what_is_pushed_away_is_seen_before_the_grasp():
+    push = (
+        "!Push {at: pre_grasp, after: 0.2, displacement: [0, 0.03, 0], duration: 0.3}"
+    )
+    result = simulate(f"disturbances=[{push}]")
+    assert result.metrics.success
+    assert result.metrics.attempts == 1  # no grasp was wasted on where it had been
+    assert modes(result)[:4] == [Mode.IDLE, Mode.PRE_GRASP, Mode.IDLE, Mode.PRE_GRASP]
+
+
+def test_what_is_knocked_over_is_stood_up_again():
+    topple = "!Topple {at: idle, direction: [-1, 0]}"
+    result = simulate(f"disturbances=[{topple}]", "object.position=[-0.245, -0.175]")
+    axis = result.log["object_pose.cylinder"]
+    assert np.min(np.abs(1 - 2 * (axis[:, 4] ** 2 + axis[:, 5] ** 2))) < 0.1  # it lay
+    assert result.metrics.success
+    assert result.metrics.placement_tilt_rad < np.deg2rad(1.0)
+
+
+def test_what_is_torn_from_the_hand_is_fetched_again_or_reported():
+    force = "!Force {at: transfer, after: 0.5, force: [0, 0, -20], duration: 0.2}"
+    result = simulate(f"disturbances=[{force}]")
+    trace = modes(result)
+    assert trace[trace.index(Mode.TRANSFER) + 1] is Mode.RELEASE
+    assert result.metrics.success or result.metrics.failure == "dropped"
+    if result.metrics.success:
+        assert result.metrics.attempts > 1
+
+
+def test_a_lying_cylinder_is_stood_up():
+    metrics = simulate(LYING).metrics
+    assert metrics.success
+    assert metrics.placement_tilt_rad < np.deg2rad(1.0)
+
+
+def test_cycle_after_cycle_goes_there_and_back():
+    result = simulate("task.repeat=2")
+    metrics = result.metrics
+    assert metrics.success
+    assert (metrics.cycles, metrics.attempts) == (2, 2)
+    start, end = result.log["object_pose.cylinder"][[0, -1], :3]
+    np.testing.assert_allclose(end, start, atol=0.5e-3)
+
+
+def test_the_same_seed_gives_the_same_run():
+    first, second = (
+        simulate("planner.time_budget=2.0", "object.position=[-0.3, -0.2]")
+        for _ in range(2)
+    )
+    for name, values in first.log.items():
+        np.testing.assert_array_equal(values, second.log[name], err_msg=name)

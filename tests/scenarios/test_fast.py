@@ -1,0 +1,152 @@
+"""The fast scenarios, and continuous plants, which CENIC advances."""
+
+import numpy as np
+import pytest
+from helpers import port_table
+
+from drake_srg.cell import MakeCell
+from drake_srg.common.errors import ScenarioError
+from drake_srg.scenario import is_continuous, load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.station import MakeStation
+
+CENIC = "simulator_config.integration_scheme=cenic"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A whole cycle, recorded in small pictures."""
+    out = tmp_path_factory.mktemp("fast")
+    overrides = ["cameras.overview.width=160", "cameras.overview.height=90"]
+    scenario = load_scenario("kitchen_fast", seed=1, overrides=overrides)
+    return Simulate(scenario, name="kitchen_fast", out=out), out
+
+
+def test_the_fast_kitchen_places_its_can_within_2_mm(run):
+    metrics = run[0].metrics
+    assert metrics.success
+    assert metrics.attempts == 1
+    assert np.all(np.abs(metrics.placement_error_m[:2]) < 0.002)
+    assert metrics.placement_tilt_rad < np.deg2rad(1.0)
+
+
+def test_it_is_recorded(run):
+    files = {path.name for path in run[1].iterdir()}
+    assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
+
+
+def test_the_fast_arm_does_as_the_accurate_one():
+    fast, accurate = (
+        Simulate(load_scenario(name, seed=1)).metrics
+        for name in ("assistive_arm_fast", "assistive_arm")
+    )
+    assert fast.success
+    assert accurate.success
+    assert fast.attempts == 1
+    assert abs(fast.cycle_time_s - accurate.cycle_time_s) < 0.3
+    # The recess is 1 mm wider than the cylinder; the aim in it is half of that.
+    assert np.all(np.abs(fast.placement_error_m[:2]) < 0.5e-3)
+    np.testing.assert_allclose(
+        fast.localization_error_m, accurate.localization_error_m, atol=1e-4
+    )
+
+
+def test_the_fast_arm_loses_what_is_slippery():
+    overrides = ["object.friction=0", "planner.max_attempts=1"]
+    metrics = Simulate(load_scenario("assistive_arm_fast", overrides=overrides)).metrics
+    assert metrics.failure in ("no_grasp", "dropped")
+
+
+def test_pads_are_what_fingers_of_the_fast_arm_meet_with():
+    station = MakeStation(load_scenario("assistive_arm_fast"))
+    inspector = station.GetSubsystemByName("scene_graph").model_inspector()
+    pairs = [
+        [inspector.GetName(geometry) for geometry in pair]
+        for pair in inspector.GetCollisionCandidates()
+    ]
+    own = [p for p in pairs if all(name.startswith("gripper::") for name in p)]
+    assert len(own) == 9  # three pads by three
+    assert all("_pad_" in name for pair in own for name in pair)
+
+
+def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
+    metrics = Simulate(load_scenario("gripper_bench_fast")).metrics
+    assert metrics.success
+    assert metrics.hold_drift_m_per_s < 30e-6
+
+
+def test_without_friction_the_can_is_lost():
+    scenario = load_scenario(
+        "kitchen_fast", overrides=["object.friction=0", "planner.max_attempts=1"]
+    )
+    result = Simulate(scenario)
+    assert not result.metrics.success
+    assert result.metrics.failure in ("no_grasp", "dropped")
+
+
+def test_the_same_seed_gives_the_same_log():
+    overrides = ["planner.time_budget=1.0"]
+    logs = [
+        Simulate(load_scenario("kitchen_fast", overrides=overrides)).log
+        for _ in range(2)
+    ]
+    for name, array in logs[0].items():
+        np.testing.assert_array_equal(array, logs[1][name])
+
+
+def test_the_plant_stands_in_the_cell_itself():
+    scenario = load_scenario("kitchen_fast")
+    assert is_continuous(scenario)
+    cell = MakeCell(scenario)
+    assert cell.HasSubsystemNamed("plant")
+    assert not cell.HasSubsystemNamed("station")
+    discrete = MakeCell(load_scenario("kitchen"))
+    assert port_table(cell) == port_table(discrete)
+
+
+def test_a_cell_of_ones_own_is_refused():
+    def my_cell(scenario):
+        return MakeCell(scenario)
+
+    with pytest.raises(ScenarioError, match=r"kf: plant_config.time_step: a cell of"):
+        Simulate(load_scenario("kitchen_fast"), name="kf", make_cell=my_cell)
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "message"),
+    [
+        ("kitchen", ["plant_config.time_step=0"], "plant_config.time_step: must be"),
+        ("kitchen", [CENIC], "simulator_config.integration_scheme: cenic needs"),
+        ("kitchen_fast", ["arm.period=0.01"], "arm.period: must be a multiple of"),
+        ("kitchen_fast", ["gripper.servo.period=0.01"], "gripper.servo.period: must"),
+        ("kitchen_fast", ["recording.video_fps=20"], "recording.video_fps: must be a"),
+        ("kitchen_fast", ["recording.period=0.05"], "recording.period: must be a"),
+        ("kitchen_fast", ["gripper=!SrgTendonDriver {}"], "gripper: !SrgTendonDriver"),
+        ("kitchen", ["ignored_contacts=[[a]]"], r"ignored_contacts\[0\]: must be a"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(name, overrides, message):
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario(name, overrides=overrides)
+
+
+def test_ignored_contacts_must_be_of_something():
+    scenario = load_scenario("kitchen", overrides=["ignored_contacts=[[arm::x, '*']]"])
+    with pytest.raises(ScenarioError, match="ignored_contacts: 'arm::x' is the name"):
+        MakeStation(scenario)
+
+
+def test_ignored_contacts_are_filtered():
+    def pairs(*overrides):
+        station = MakeStation(load_scenario("kitchen", overrides=overrides))
+        scene_graph = station.GetSubsystemByName("scene_graph")
+        inspector = scene_graph.model_inspector()
+        names = [
+            tuple(sorted(inspector.GetName(g).split("::")[0] for g in pair))
+            for pair in inspector.GetCollisionCandidates()
+        ]
+        return set(names)
+
+    assert ("arm", "arm") in pairs()
+    filtered = pairs("ignored_contacts=[['arm::*', 'arm::*']]")
+    assert filtered == pairs() - {("arm", "arm")}

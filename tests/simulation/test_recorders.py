@@ -1,0 +1,246 @@
+"""A recorded run: the files that users open."""
+
+import av
+import numpy as np
+import pytest
+from pydrake.systems.framework import DiagramBuilder
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+
+from drake_srg.cell import MakeCell
+from drake_srg.common.errors import ScenarioError
+from drake_srg.recording.log import read_log
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.simulate import Simulate, _Log
+from drake_srg.types import Mode
+
+FILES = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run that ends within a second, in small pictures."""
+    out = tmp_path_factory.mktemp("recorded")
+    scenario = load_scenario(
+        "kitchen",
+        overrides=[
+            "object.present=false",
+            "cameras.overview.width=320",
+            "cameras.overview.height=180",
+        ],
+    )
+    return Simulate(scenario, name="kitchen", out=out), out
+
+
+@pytest.fixture(scope="module")
+def messages(run):
+    """Topic to list of (time [s], message)."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    found = {}
+    with Reader(run[1] / "recording.mcap") as reader:
+        for connection, stamp, data in reader.messages():
+            message = store.deserialize_cdr(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((1e-9 * stamp, message))
+    return found
+
+
+def test_every_artifact_is_where_metrics_say(run):
+    result, out = run
+    assert {path.name for path in out.iterdir()} == FILES
+    for path in result.metrics.artifacts.values():
+        assert (out / path).stat().st_size > 0
+
+
+def test_the_video_shows_the_whole_run(run):
+    with av.open(str(run[1] / "video.mp4")) as container:
+        stream = container.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode()]
+        assert stream.codec_context.name == "h264"
+        assert stream.average_rate == 20
+    assert len(frames) == pytest.approx(20 * run[0].metrics.sim_time_s, abs=1)
+    assert frames[0].shape == (180, 320, 3)
+    assert frames[-1].std() > 20.0  # something is to be seen
+
+
+def test_the_bag_holds_what_was_commanded_measured_and_seen(run, messages):
+    assert set(messages) >= {
+        "/clock",
+        "/joint_states",
+        "/arm/position_commanded",
+        "/gripper/closure_commanded",
+        "/gripper/proximity",
+        "/gripper/contact_force",
+        "/planner/mode",
+        "/camera_ceiling/color/image_raw",
+    }
+    states = messages["/joint_states"]
+    assert len(states[0][1].name) == len(states[0][1].position) == 11
+    assert states[0][1].name[:2] == ["joint_1", "joint_2"]
+    assert [m.data for _, m in messages["/planner/mode"]][-1] == Mode.FAILED.value
+    image = messages["/camera_ceiling/color/image_raw"][0][1]
+    assert (image.width, image.height, image.encoding) == (640, 480, "rgb8")
+
+
+def test_messages_have_simulated_time_and_none_is_at_zero(run, messages):
+    for topic, stamped in messages.items():
+        times = np.array([time for time, _ in stamped])
+        assert times[0] > 0.0, topic
+        assert np.all(np.diff(times) > 0.0), topic
+        assert times[-1] <= run[0].metrics.sim_time_s + 1e-6, topic
+    time, message = messages["/joint_states"][0]
+    stamp = message.header.stamp
+    assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(time)
+
+
+def test_bag_and_log_agree(run, messages):
+    log = read_log(run[1] / "log.npz")
+    for time, message in messages["/joint_states"][::5]:
+        row = int(np.argmin(np.abs(log["time"] - time)))
+        # Both are taken at the same time; an arm at rest moves less than this anyway.
+        np.testing.assert_allclose(
+            message.position[:7], log["arm.state_measured"][row, :7], atol=1e-6
+        )
+
+
+@pytest.mark.parametrize(
+    "override",
+    ["plant_config.contact_model=soft", "simulator_config.integration_scheme=guess"],
+)
+def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, override):
+    scenario = load_scenario("kitchen", overrides=[override])
+    with pytest.raises(ScenarioError):
+        Simulate(scenario, out=tmp_path / "on the way" / "out")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_cell_of_ones_own_is_recorded_as_far_as_it_has_ports(tmp_path):
+    missing = ("gripper.proximity", "gripper.closure_commanded")
+
+    def make_cell(scenario):
+        builder = DiagramBuilder()
+        inner = builder.AddNamedSystem("inner", MakeCell(scenario))
+        for i in range(inner.num_output_ports()):
+            port = inner.get_output_port(i)
+            if port.get_name() not in missing:
+                builder.ExportOutput(port, port.get_name())
+        return builder.Build()
+
+    overrides = ["object.present=false", "recording.video_camera=''"]
+    scenario = load_scenario("kitchen", overrides=overrides)
+    result = Simulate(scenario, out=tmp_path, make_cell=make_cell)
+    assert not set(missing) & result.log.keys()
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert "/joint_states" in reader.topics
+        assert "/gripper/proximity" not in reader.topics
+    assert (tmp_path / "timeline.png").is_file()
+
+
+def test_a_scripted_cell_is_recorded_too(tmp_path):
+    overrides = ["cameras.overview.width=320", "cameras.overview.height=180"]
+    scenario = load_scenario(
+        "gripper_bench", overrides=[*overrides, "script=[{duration: 0.2}]"]
+    )
+    Simulate(scenario, name="gripper_bench", out=tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert set(reader.topics) >= {"/joint_states", "/planner/mode"}
+        _, _, data = next(
+            message
+            for message in reader.messages()
+            if message[0].topic == "/joint_states"
+        )
+    message = store.deserialize_cdr(data, "sensor_msgs/msg/JointState")
+    assert message.name[:3] == ["gantry_x", "gantry_y", "gantry_z"]
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Makes the log raise an error after some rows."""
+
+    def fail_with(error, rows=20):
+        sample, calls = _Log.sample, []
+
+        def sample_or_fail(log, context):
+            calls.append(context)
+            if len(calls) > rows:
+                raise error
+            sample(log, context)
+
+        monkeypatch.setattr(_Log, "sample", sample_or_fail)
+
+    return fail_with
+
+
+def test_a_run_that_is_interrupted_is_judged_and_recorded_up_to_there(
+    tmp_path, failing
+):
+    failing(KeyboardInterrupt)
+    result = Simulate(
+        load_scenario("kitchen", overrides=["planner.time_budget=2"]), out=tmp_path
+    )
+    assert not result.metrics.success
+    assert result.metrics.failure == "stopped"
+    assert result.status.message == "stopped by the user"
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert len(read_log(tmp_path / "log.npz")["time"]) == 20
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert reader.message_count > 0
+    with av.open(str(tmp_path / "video.mp4")) as container:
+        assert list(container.decode(video=0))
+
+
+def test_a_run_that_fails_leaves_what_led_to_it_and_nothing_stale(tmp_path, failing):
+    failing(ZeroDivisionError)
+    for name in FILES:
+        (tmp_path / name).write_text("of an earlier run")
+    (tmp_path / "notes.txt").write_text("not ours")
+    scenario = load_scenario("kitchen", overrides=["object.present=false"])
+    with pytest.raises(ZeroDivisionError):
+        Simulate(scenario, out=tmp_path)
+    kept = {"notes.txt", *FILES} - {"metrics.json"}
+    assert {path.name for path in tmp_path.iterdir()} == kept
+    assert len(read_log(tmp_path / "log.npz")["time"]) == 20
+    with Reader(tmp_path / "recording.mcap") as reader:
+        assert reader.message_count > 0
+    with av.open(str(tmp_path / "video.mp4")) as container:
+        assert list(container.decode(video=0))
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_run_that_fails_at_once_leaves_what_there_is(tmp_path, failing, rows):
+    failing(ZeroDivisionError, rows)
+    scenario = load_scenario("kitchen", overrides=["recording.video_camera=''"])
+    with pytest.raises(ZeroDivisionError):
+        Simulate(scenario, out=tmp_path, record=False)
+    kept = {"log.npz"} if rows else set()
+    assert {path.name for path in tmp_path.iterdir()} == kept
+
+
+def test_the_error_that_came_first_is_told(tmp_path, failing, monkeypatch):
+    def full(*_):
+        raise OSError("full")
+
+    failing(ZeroDivisionError)
+    monkeypatch.setattr("drake_srg.simulation.recorders.write_log", full)
+    with pytest.raises(ZeroDivisionError):
+        Simulate(load_scenario("kitchen"), out=tmp_path / "out", record=False)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("record", "cameras"), [(False, {"ceiling"}), (True, {"ceiling", "side"})]
+)
+def test_cameras_that_nobody_uses_are_not_built(tmp_path, monkeypatch, record, cameras):
+    built = []
+
+    def make_cell(scenario):
+        built.append(set(scenario.cameras))
+        raise ScenarioError("enough")
+
+    monkeypatch.setattr("drake_srg.simulation.simulate.MakeCell", make_cell)
+    overrides = ["recording={video_camera: side}", "cameras.side={}"]
+    scenario = load_scenario("kitchen", overrides=overrides)
+    with pytest.raises(ScenarioError, match="enough"):
+        Simulate(scenario, out=tmp_path, record=record, make_cell=make_cell)
+    assert built == [cameras]

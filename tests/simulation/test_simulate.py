@@ -1,0 +1,253 @@
+import dataclasses as dc
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from drake_srg.cell import MakeCell
+from drake_srg.common.errors import ScenarioError
+from drake_srg.recording.log import read_log
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.types import Mode
+from drake_srg.vision.blob_localizer import BlobLocalizer
+
+# Metrics that tell how fast this machine is, or where files went.
+OF_THE_MACHINE = (
+    "planning_wall_s",
+    "wall_time_s",
+    "real_time_factor",
+    "artifacts",
+)
+
+
+def run(*overrides, seed=1, **kwargs):
+    scenario = load_scenario("kitchen", seed=seed, overrides=overrides)
+    return Simulate(scenario, name="kitchen", record=False, **kwargs)
+
+
+@pytest.fixture(scope="module")
+def golden():
+    return run()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("run") / "made" / "on the way"
+
+
+@pytest.fixture(scope="module")
+def again(folder):
+    return run(out=folder)
+
+
+def test_the_can_is_placed(golden):
+    metrics = golden.metrics
+    assert (metrics.success, metrics.failure, metrics.attempts) == (True, None, 1)
+    assert golden.status.mode is Mode.DONE
+    # What the project promises.
+    assert np.max(np.abs(metrics.localization_error_m)) < 0.5e-3
+    assert np.max(np.abs(metrics.placement_error_m[:2])) < 2e-3
+    assert metrics.placement_tilt_rad < np.deg2rad(1.0)
+    assert 0.0 < metrics.cycle_time_s < 8.0
+
+
+def test_the_other_metrics_are_plausible(golden):
+    metrics = golden.metrics
+    assert metrics.seed == 1
+    assert metrics.scenario == "kitchen"
+    assert 0.0 <= metrics.grasp_shift_m < 5e-3
+    assert 0.0 <= metrics.hold_drift_m_per_s < 5e-3
+    # At least the can's weight, not more than the motors' stall torque gives.
+    assert 3.0 < metrics.peak_contact_force_n < 60.0
+    assert metrics.smoothness < 0.0
+    assert metrics.sim_time_s > metrics.cycle_time_s
+    assert metrics.real_time_factor == pytest.approx(
+        metrics.sim_time_s / metrics.wall_time_s
+    )
+
+
+def test_the_log_has_a_row_a_sample(golden):
+    log = golden.log
+    (count,) = log["time"].shape
+    assert {name: array.shape for name, array in log.items()} == {
+        "time": (count,),
+        "mode": (count,),
+        "arm.state_measured": (count, 14),
+        "arm.state_cheat": (count, 14),
+        "arm.torque_measured": (count, 7),
+        "arm.position_commanded": (count, 7),
+        "gripper.state_measured": (count, 8),
+        "gripper.closure_commanded": (count, 1),
+        "gripper.pwm": (count, 4),
+        "gripper.proximity": (count, 4),
+        "gripper.grasped": (count, 1),
+        "object_pose.soup_can": (count, 7),
+        "contact_force": (count,),
+    }
+    np.testing.assert_allclose(np.diff(log["time"]), 0.02, atol=1e-9)
+    for array in log.values():
+        assert np.all(np.isfinite(array))
+
+
+def test_the_modes_come_in_their_order(golden):
+    modes = [list(Mode)[int(i)] for i in golden.log["mode"]]
+    order = list(dict.fromkeys(modes))
+    assert order == [mode for mode in Mode if mode in order]
+    assert order[-1] is Mode.DONE
+    assert Mode.LIFT in order
+
+
+def test_the_can_moves_only_in_the_hand(golden):
+    log = golden.log
+    p = log["object_pose.soup_can"][:, :3]
+    moved = np.linalg.norm(np.diff(p, axis=0), axis=1) > 1e-4
+    assert np.any(moved)
+    # Released, it may still fall by the place height.
+    touched = log["contact_force"] > 0.0
+    released = log["mode"] == list(Mode).index(Mode.RELEASE)
+    assert np.all((touched | released)[1:][moved])
+
+
+def test_the_same_seed_gives_the_same_bits(golden, again):
+    assert golden.log.keys() == again.log.keys()
+    for name, array in golden.log.items():
+        assert array.tobytes() == again.log[name].tobytes(), name
+    first, second = dc.asdict(golden.metrics), dc.asdict(again.metrics)
+    for name in OF_THE_MACHINE:
+        del first[name], second[name]
+    assert first == second
+
+
+def test_the_files_hold_the_result(again, folder):
+    assert sorted(path.name for path in folder.iterdir()) == ["log.npz", "metrics.json"]
+    assert json.loads((folder / "metrics.json").read_text()) == dc.asdict(again.metrics)
+    log = read_log(folder / "log.npz")
+    assert log.keys() == again.log.keys()
+    for name, array in log.items():
+        np.testing.assert_array_equal(array, again.log[name])
+    assert again.metrics.artifacts == {
+        "video": None,
+        "recording": None,
+        "log": str(folder / "log.npz"),
+        "timeline": None,
+    }
+
+
+def test_the_bench_plays_its_script():
+    bench = load_scenario("gripper_bench")
+    result = Simulate(bench, name="gripper_bench", record=False)
+    metrics = result.metrics
+    assert (metrics.success, metrics.failure, metrics.attempts) == (True, None, 1)
+    assert metrics.cycle_time_s == pytest.approx(
+        sum(step.duration for step in bench.script), abs=0.02
+    )
+    assert metrics.localization_error_m is None
+    assert np.linalg.norm(metrics.placement_error_m) < 2e-3
+    z = result.log["object_pose.soup_can"][:, 2]
+    assert np.max(z) > z[0] + 0.15  # it was lifted
+    assert result.log["arm.state_measured"].shape[1] == 6
+
+
+def test_a_script_that_loses_its_object_is_told_so():
+    bench = load_scenario("gripper_bench", overrides=["object.friction=0"])
+    metrics = Simulate(bench, record=False).metrics
+    assert (metrics.success, metrics.failure) == (False, "misplaced")
+
+
+@pytest.mark.parametrize("why", ["present=false", "covered=true"])
+def test_an_object_that_is_not_there_is_not_seen(why):
+    result = run(f"object.{why}")
+    assert (result.metrics.success, result.metrics.failure) == (False, "not_seen")
+    assert result.metrics.cycle_time_s is None
+    assert result.metrics.attempts == 0
+    assert result.metrics.sim_time_s < 2.0
+
+
+@pytest.mark.parametrize(
+    ("override", "failure"),
+    [
+        ("object.position=[1.25, 0.5]", "out_of_reach"),
+        ("task.place.position=[1.2, -0.7]", "out_of_reach"),
+        ("task.place.position=[0.0, 0.0]", "blocked"),  # in the robot's foot
+    ],
+)
+def test_what_the_arm_cannot_do_is_named(override, failure):
+    result = run(override)
+    assert (result.metrics.success, result.metrics.failure) == (False, failure)
+    assert result.metrics.attempts == 0
+    assert result.metrics.sim_time_s < 2.0
+    assert result.status.message
+
+
+def test_another_seed_gives_another_run():
+    first, second = (
+        run("planner.time_budget=0.05", seed=seed).log["object_pose.soup_can"]
+        for seed in (1, 2)
+    )
+    assert np.linalg.norm(first[0, :2] - second[0, :2]) > 1e-3
+
+
+def test_a_run_is_freed(leaked):
+    def make_cell(scenario):
+        cell = MakeCell(scenario)
+        assert len(leaked()) > 6  # otherwise this would test nothing
+        return cell
+
+    run("planner.time_budget=0.2", make_cell=make_cell)
+    assert leaked() == []
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "arm.kp=[1.0]",
+        "gripper.servo.kp=[1.0]",
+        "plant_config.contact_model=sticky",
+        "simulator_config.integration_scheme=guess",
+        "cameras.ceiling.width=-3",
+        "cameras.ceiling.X_PB.base_frame=nowhere",
+        "directives=[]",
+        "task.place.marker=no.sdf",
+        "task.pick=''",
+        "gripper=null",
+        "arm=null",
+        "localizer.cameras=[]",
+    ],
+)
+def test_what_only_the_models_tell_to_be_wrong_is_reported_in_one_line(override):
+    with pytest.raises(ScenarioError) as error:
+        run(override)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) > 20
+
+
+def test_what_drake_gives_up_on_in_a_step_is_reported_with_the_time(monkeypatch):
+    def give_up(self, context):
+        if context.get_time() > 0.1:
+            sys.exit("abort: Failure: dt > 0")  # as pydrake does
+        return locate(self, context)
+
+    locate = BlobLocalizer._locate
+    monkeypatch.setattr(BlobLocalizer, "_locate", give_up)
+    with pytest.raises(ScenarioError) as error:
+        run("localizer.period=0.05", "object.present=false")
+    assert "kitchen: the simulation failed at t = 0.1" in str(error.value)
+    assert "dt > 0" in str(error.value)
+
+
+def test_metrics_that_are_not_finite_are_written_as_null(golden, tmp_path):
+    metrics = dc.replace(
+        golden.metrics, smoothness=np.nan, placement_error_m=[0.0, np.inf, 1.0]
+    )
+    metrics.write(tmp_path / "metrics.json")
+    written = json.loads((tmp_path / "metrics.json").read_text())
+    assert written["smoothness"] is None
+    assert written["placement_error_m"] == [0.0, None, 1.0]
+
+
+def test_a_folder_that_cannot_be_made_is_reported_before_the_run(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OSError, match="file"):
+        run(out=tmp_path / "file" / "run")

@@ -1,0 +1,218 @@
+import time
+
+import numpy as np
+import pytest
+from helpers import fix, port_table
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.common.errors import ScenarioError
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.station import MakeStation
+
+HOME = [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0]
+
+
+def make(*overrides, seed=0):
+    return MakeStation(load_scenario("kitchen", seed=seed, overrides=overrides))
+
+
+@pytest.fixture(scope="module")
+def station():
+    return make()
+
+
+def camera_ports(name):
+    return [
+        f"camera_{name}.{port}"
+        for port in ("color_image", "depth_image", "body_pose_in_world")
+    ]
+
+
+def test_the_ports_are_those_of_the_table(station):
+    # n = m = 4 finger joints and sensors, N = 7 joints of the arm.
+    assert port_table(station) == (
+        {
+            "gripper.closure_commanded": 1,
+            "gripper.joint_position_commanded": 4,
+            "gripper.hold": 1,
+            "gripper.force_limit": 1,
+            "arm.position_commanded": 7,
+            "object_forces_cheat": None,
+        },
+        {
+            "gripper.state_measured": 8,
+            "gripper.pwm": 4,
+            "gripper.proximity": 4,
+            "gripper.contact_force": 4,
+            "gripper.contact_wrench": 24,
+            "gripper.grasped": 1,
+            "arm.state_measured": 14,
+            "arm.torque_measured": 7,
+            "arm.state_cheat": 14,
+            **dict.fromkeys(camera_ports("ceiling") + camera_ports("overview")),
+            "object_poses_cheat": None,
+            "contact_results_cheat": None,
+        },
+    )
+
+
+def test_what_a_scenario_does_not_have_has_no_ports():
+    scenario = load_scenario("kitchen", overrides=["gripper=null"])
+    scenario.cameras.clear()
+    inputs, outputs = port_table(MakeStation(scenario))
+    assert set(inputs) == {"arm.position_commanded", "object_forces_cheat"}
+    assert set(outputs) == {
+        "arm.state_measured",
+        "arm.torque_measured",
+        "arm.state_cheat",
+        "object_poses_cheat",
+        "contact_results_cheat",
+    }
+
+
+def test_an_empty_scenario_is_a_station():
+    station = MakeStation(Scenario())
+    assert port_table(station) == (
+        {"object_forces_cheat": None},
+        {"object_poses_cheat": None, "contact_results_cheat": None},
+    )
+    Simulator(station).AdvanceTo(0.01)
+
+
+def test_it_starts_at_home_with_the_object_where_the_scenario_says(station):
+    context = station.CreateDefaultContext()
+    state = station.GetOutputPort("arm.state_measured").Eval(context)
+    np.testing.assert_array_equal(state, HOME + [0.0] * 7)
+    fingers = station.GetOutputPort("gripper.state_measured").Eval(context)
+    np.testing.assert_array_equal(fingers, np.zeros(8))
+    poses = station.GetOutputPort("object_poses_cheat").Eval(context)
+    x, y = load_scenario("kitchen").objects["soup_can"].position
+    # The can's centre stands half its height, 101.8 mm, above the table.
+    assert poses.keys() == {"soup_can"}
+    assert poses["soup_can"].translation() == pytest.approx([x, y, 0.0509], abs=1e-4)
+
+
+def test_the_optional_inputs_are_optional(station):
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    fix(
+        station,
+        context,
+        **{"arm.position_commanded": HOME, "gripper.closure_commanded": 0.1},
+    )
+    simulator.AdvanceTo(0.3)
+    q = station.GetOutputPort("gripper.state_measured").Eval(context)[:4]
+    assert q == pytest.approx([0.3, 0.3, 0.0, 0.0], abs=0.03)
+    can = station.GetOutputPort("object_poses_cheat").Eval(context)["soup_can"]
+    assert can.translation()[2] == pytest.approx(0.0509, abs=2e-4)  # it stands
+
+
+def test_an_idle_camera_costs_nothing(station):
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    fix(
+        station,
+        context,
+        **{"arm.position_commanded": HOME, "gripper.closure_commanded": 0.1},
+    )
+    port = station.GetOutputPort("camera_ceiling.color_image")
+    port.Eval(context)  # the first image also sets the renderer up
+    simulator.AdvanceTo(0.002)
+    start = time.perf_counter()
+    port.Eval(context)
+    image = time.perf_counter() - start
+    start = time.perf_counter()
+    simulator.AdvanceTo(0.102)
+    simulation = time.perf_counter() - start
+    # An image a step would be 50 images, and one a control period 10.
+    assert simulation < 5 * image
+
+
+def start_pose(name, *overrides):
+    """Pose in world of the picked object of a scenario at the start."""
+    scenario = load_scenario(name, overrides=overrides)
+    scenario.cameras.clear()
+    station = MakeStation(scenario)
+    context = station.CreateDefaultContext()
+    poses = station.GetOutputPort("object_poses_cheat").Eval(context)
+    return poses[scenario.task.pick]
+
+
+def test_an_object_may_start_anywhere():
+    X_WO = start_pose(
+        "gripper_bench",
+        "object.position=null",
+        "object.pose={translation: [0.4, 0.1, 0.3], rotation: !Rpy {deg: [90, 0, 0]}}",
+    )
+    np.testing.assert_allclose(X_WO.translation(), [0.4, 0.1, 0.3])
+    np.testing.assert_allclose(X_WO.rotation().col(2), [0, -1, 0], atol=1e-12)
+
+
+def test_an_object_may_start_in_the_hand():
+    X_WO = start_pose(
+        "gripper_bench",
+        "object.position=null",
+        "object.pose={base_frame: 'gripper::palm', translation: [0.12, 0, 0]}",
+    )
+    # The palm is 0.4 m above the table at (0.5, 0) and points down.
+    np.testing.assert_allclose(X_WO.translation(), [0.5, 0, 0.28], atol=1e-12)
+    np.testing.assert_allclose(X_WO.rotation().col(0), [0, 0, -1], atol=1e-12)
+
+
+def test_a_base_frame_must_exist():
+    with pytest.raises(
+        ScenarioError, match=r"objects\.soup_can\.pose\.base_frame: .*foo"
+    ):
+        start_pose(
+            "gripper_bench",
+            "object.position=null",
+            "object.pose={base_frame: 'gripper::foo'}",
+        )
+
+
+def test_an_object_of_several_pieces_stands_on_the_table():
+    mug = "object.model=package://drake_srg/sdf/mug.sdf"
+    np.testing.assert_allclose(
+        start_pose("gripper_bench", mug, "object.yaw=1.5").translation(), [0.5, 0, 0]
+    )
+
+
+def test_an_absent_object_is_absent():
+    scenario = load_scenario("kitchen", overrides=["object.present=false"])
+    scenario.cameras.clear()
+    station = MakeStation(scenario)
+    context = station.CreateDefaultContext()
+    assert station.GetOutputPort("object_poses_cheat").Eval(context) == {}
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        (
+            "directives=[{add_model: {name: x, file: package://no/x.sdf}}]",
+            "directives: ",
+        ),
+        ("object.model=package://drake_srg/sdf/srg.sdf", "must have one link, has 5"),
+        ("object.model=package://drake_srg/sdf/no.sdf", "objects.soup_can.model: "),
+    ],
+)
+def test_models_that_do_not_fit_are_named(override, message):
+    with pytest.raises(ScenarioError) as error:
+        make(override)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_stations_are_freed(leaked):
+    make().CreateDefaultContext()
+    assert leaked() == []
+
+
+def test_a_station_in_a_diagram_is_freed(leaked):
+    builder = DiagramBuilder()
+    builder.AddSystem(make())
+    simulator = Simulator(builder.Build())
+    assert len(leaked()) > 4  # otherwise this would test nothing
+    del builder, simulator
+    assert leaked() == []
