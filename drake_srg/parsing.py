@@ -1,4 +1,4 @@
-"""Makes `package://drake_srg/...` resolve, in a checkout and in an installed wheel."""
+"""Resolve `package://drake_srg/...`, in a checkout and in an installed wheel."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pydrake.multibody.parsing import Parser
 _PACKAGE = Path(__file__).resolve().parent
 
 
-def ModelsPath() -> Path:
-    """Returns the folder that holds `package.xml`, `sdf/` and `meshes/`.
+def models_path() -> Path:
+    """Return the folder that holds `package.xml`, `sdf/` and `meshes/`.
 
     A wheel carries it inside the package, a checkout beside the package.
 
@@ -24,16 +24,19 @@ def ModelsPath() -> Path:
     raise FileNotFoundError(
         "drake_srg's models are missing: no package.xml in "
         + " or ".join(str(path) for path in candidates)
-        + ". Install the package anew, or run it from a complete checkout."
+        + ". Reinstall the package, or run it from a complete checkout."
     )
 
 
-def ConfigureParser(parser: Parser) -> None:
-    """Teaches `parser` that `package://drake_srg/` is the models folder.
+def configure_parser(parser: Parser) -> None:
+    """Make `parser` resolve `package://drake_srg/` to the models folder.
 
-    A parser that already knows the same folder is left as it is.
+    A parser that already maps the package to that folder stays as it is.
+
+    Raises:
+        ValueError: if the parser maps the package to another folder.
     """
-    path = str(ModelsPath())
+    path = str(models_path())
     packages = parser.package_map()
     if packages.Contains("drake_srg"):
         known = packages.GetPath("drake_srg")

@@ -261,9 +261,9 @@ print(", ".join(solver.solver_id().name() for solver in solvers))
 _RESOLVE = """
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 
 parser = Parser(MultibodyPlant(0.0))
-ConfigureParser(parser)
+configure_parser(parser)
 print("package://drake_srg is " + parser.package_map().GetPath("drake_srg"))
 """

@@ -20,7 +20,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.underactuation import JOINT_NAMES
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.types import Vector
 
 STEP = 0.001  # of the plant, the log and the tabulated references [s]
@@ -79,7 +79,7 @@ def simulate(config: GripperServoConfig, motion: Motion) -> tuple[Response, Join
         builder,
     )
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     (gripper,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm", gripper))
     plant.Finalize()

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import (
 from drake_srg.common.errors import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.soft import AddSoftObject
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
@@ -174,7 +174,7 @@ def AddObject(
             if element.tag.rpartition("}")[2] in tags:
                 element.text = repr(float(value))
     parser = Parser(plant, model_name_prefix="")
-    ConfigureParser(parser)
+    configure_parser(parser)
     root_model = root.find("model")
     assert root_model is not None
     root_model.set("name", name)
@@ -208,7 +208,7 @@ def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
     try:
         plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
         parser = Parser(plant)
-        ConfigureParser(parser)
+        configure_parser(parser)
         path = parser.package_map().ResolveUrl(str(config.model))
         text = Path(path).read_text(encoding="utf-8")
         for _, (prefix, uri) in ET.iterparse(io.StringIO(text), events=["start-ns"]):

@@ -36,7 +36,7 @@ from drake_srg.objects.models import (
     X_FO_start,
     simple_shape,
 )
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario
 from drake_srg.station.occlusion import AddCard
 from drake_srg.station.preflight import check_constraints, flat_directives, model_files
@@ -104,7 +104,7 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
         ScenarioError: If a directive cannot be processed.
     """
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     directives: list[ModelDirective] = scenario.directives
     try:
         ProcessModelDirectives(ModelDirectives(directives=directives), parser)
@@ -128,7 +128,7 @@ class Models:
             ScenarioError: If a file of directives cannot be read.
         """
         parser = Parser(MultibodyPlant(time_step=0.0))
-        ConfigureParser(parser)
+        configure_parser(parser)
         with scenario_errors("directives"):
             directives = yaml_dump_typed(flat_directives(scenario, parser))
             changed = (path.stat().st_mtime_ns for _, path in model_files(scenario))
@@ -142,7 +142,7 @@ class Models:
             ScenarioError: If a directive cannot be processed.
         """
         parser = Parser(plant)
-        ConfigureParser(parser)
+        configure_parser(parser)
         ProcessModelDirectives(LoadModelDirectivesFromString(self.directives), parser)
 
 
@@ -214,7 +214,7 @@ def AddFixture(
 ) -> None:
     """Weld the model at `url` to the world as instance `name`, its origin at p_WF."""
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     parser.SetAutoRenaming(True)
     (model,) = parser.AddModels(url=url)
     plant.RenameModelInstance(model, name)

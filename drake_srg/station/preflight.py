@@ -19,7 +19,7 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.errors import ScenarioError
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario, is_continuous
 
 # Elements that make constraints, by the ending of the model's file.
@@ -88,7 +88,7 @@ def model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
     """
     plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     try:
         flat = flat_directives(scenario, parser)
     except RuntimeError:

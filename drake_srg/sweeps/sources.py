@@ -9,7 +9,7 @@ import functools
 import hashlib
 from pathlib import Path
 
-from drake_srg.parsing import ModelsPath
+from drake_srg.parsing import models_path
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -31,7 +31,7 @@ def sources_hash() -> str:
     Raises:
         OSError: If a file cannot be read.
     """
-    return hash_files(_PACKAGE, ModelsPath())
+    return hash_files(_PACKAGE, models_path())
 
 
 def hash_files(package: Path, models: Path) -> str:

@@ -17,7 +17,7 @@ from drake_srg.arm.kinematics import (
     ForwardKinematics,
     ScrewExponential,
 )
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 
 SEED = 20240607
 angle = st.floats(-4, 4)
@@ -35,7 +35,7 @@ point = st.tuples(coordinate, coordinate, coordinate).map(np.array)
 def arm():
     plant = MultibodyPlant(0.0)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     parser.AddModelsFromUrl("package://drake_srg/sdf/assistive_arm.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     plant.Finalize()

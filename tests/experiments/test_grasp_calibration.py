@@ -21,7 +21,7 @@ from drake_srg.experiments.grasp_calibration import (
     run,
 )
 from drake_srg.experiments.registry import quiet
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from experiments.made_cycles import cycle
 
 TIP, SHIFT = np.array([1e-4, -1.2e-3, 0.0]), np.array([-2e-4, 1e-4, 0.0])
@@ -81,7 +81,7 @@ def test_the_frames_in_use_can_be_read(scenario):
     """What is checked in has the tip within two millimetres of the drawing."""
     plant = MultibodyPlant(0.0)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     parser.AddModels(url="package://drake_srg/sdf/linkage_gripper.sdf")
     plant.RenameModelInstance(
         plant.GetModelInstanceByName("linkage_gripper"), "gripper"

@@ -13,7 +13,7 @@ from drake_srg.gripper.drivers import (
     SrgPositionDriver,
     SrgTendonDriver,
 )
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 
 # A cylinder across the hand, as far from the palm as a wrapped grasp has it.
 RADIUS = 0.033
@@ -35,7 +35,7 @@ class Hand:
         )
         self.plant, scene_graph = AddMultibodyPlant(plant_config, builder)
         parser = Parser(self.plant)
-        ConfigureParser(parser)
+        configure_parser(parser)
         (self.model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
         world, palm = self.plant.world_frame(), self.plant.GetFrameByName("palm")
         self.plant.WeldFrames(world, palm)

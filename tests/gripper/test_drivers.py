@@ -10,7 +10,7 @@ from drake_srg.gripper.drivers import (
     SrgPositionDriver,
     SrgTendonDriver,
 )
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_a_driver_of_another_gripper_is_refused(model, config, allowed):
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 0.005)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     (gripper,) = parser.AddModels(url=f"package://drake_srg/sdf/{model}.sdf")
     plant.Finalize()
     with pytest.raises(ScenarioError) as error:

@@ -15,7 +15,7 @@ from drake_srg.gripper.proximity import (
     ProximityConfig,
     ProximitySensors,
 )
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 
 RANGE = 0.05  # m
 
@@ -142,7 +142,7 @@ def srg_readings(q, post=None, **config):
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     (model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
     if post is not None:

@@ -19,7 +19,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 
 BASES = {
     "srg": "palm",
@@ -43,7 +43,7 @@ class Built:
         builder = DiagramBuilder()
         self.plant, self.scene_graph = AddMultibodyPlantSceneGraph(builder, 0.002)
         parser = Parser(self.plant)
-        ConfigureParser(parser)
+        configure_parser(parser)
         url = f"package://drake_srg/sdf/{name}.sdf"
         (self.model,) = parser.AddModelsFromUrl(url)
         if name in BASES:

@@ -16,7 +16,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import AddObject, object_body
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.types import Cylinder
 from models.built_models import Built, Distances, build, extent
 
@@ -226,7 +226,7 @@ def test_cylinder_stands_in_the_recess():
     )
     plant, _ = AddMultibodyPlant(config, builder)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     parser.AddModelsFromUrl("package://drake_srg/sdf/small_table_recess.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("table_top"))
     cylinder = ObjectConfig(shape=Cylinder(**CYLINDER), mass=0.02, friction=0.5)

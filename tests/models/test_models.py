@@ -21,7 +21,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.analysis import Simulator
 
-from drake_srg.parsing import ModelsPath
+from drake_srg.parsing import models_path
 from models.built_models import Built, Distances, build, extent, mesh_points, path_of
 
 CAN = "005_tomato_soup_can"
@@ -535,5 +535,5 @@ def test_checked_in_models_are_what_the_script_builds():
 
 
 def test_meshes_are_small():
-    for path in (ModelsPath() / "meshes").iterdir():
+    for path in (models_path() / "meshes").iterdir():
         assert path.stat().st_size < 300_000, path.name

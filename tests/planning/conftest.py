@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 from pydrake.planning import RobotDiagramBuilder
 
 from drake_srg.cell import MakeTaskPlanner
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.task_motions import TaskMotions, TaskPlanner
 from drake_srg.scenario import load_scenario
@@ -58,7 +58,7 @@ _PENDULUM_HAND = """
 @pytest.fixture(scope="session")
 def iiwa() -> PlanningScene:
     builder = RobotDiagramBuilder(time_step=0.0)
-    ConfigureParser(builder.parser())
+    configure_parser(builder.parser())
     builder.parser().AddModelsFromString(_IIWA, "dmd.yaml")
     return PlanningScene(builder)
 

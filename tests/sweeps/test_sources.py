@@ -2,7 +2,7 @@ import shutil
 
 import pytest
 
-from drake_srg.parsing import ModelsPath
+from drake_srg.parsing import models_path
 from drake_srg.sweeps import sources
 from drake_srg.sweeps.info import current_versions
 from drake_srg.sweeps.sources import hash_files, sources_hash
@@ -58,7 +58,7 @@ def test_a_wheel_has_that_of_its_checkout(package):
 
 
 def test_all_files_of_the_models_count():
-    suffixes = {path.suffix for path in ModelsPath().rglob("*") if path.is_file()}
+    suffixes = {path.suffix for path in models_path().rglob("*") if path.is_file()}
     assert suffixes <= sources.SUFFIXES
 
 

@@ -9,7 +9,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.planning.grasps.grasps import pose_along
 from drake_srg.planning.grasps.linkage_hand import EMPTY_ANGLE, LinkageHand
 from drake_srg.types import Box, Cylinder, Sphere
@@ -24,7 +24,7 @@ def tip_distances(model, shape, grasp, fingers):
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     (gripper,) = parser.AddModels(url=f"package://drake_srg/sdf/{model}.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
     body = plant.AddRigidBody(

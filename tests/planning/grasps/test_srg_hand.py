@@ -10,7 +10,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.parsing import ConfigureParser
+from drake_srg.parsing import configure_parser
 from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, Approach, SrgHand
 from drake_srg.types import Box, Cylinder, Sphere
 
@@ -38,7 +38,7 @@ def link_distances(grasp, shape, base, tip):
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
     parser = Parser(plant)
-    ConfigureParser(parser)
+    configure_parser(parser)
     parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
     geometry = (
