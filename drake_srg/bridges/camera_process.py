@@ -1,4 +1,4 @@
-"""Cameras that are rendered in a process of their own, beside the simulation."""
+"""Cameras rendered in a separate process, in parallel with the simulation."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ from drake_srg.scenario import Scenario
 from drake_srg.station.cameras import AddRemoteCameras
 from drake_srg.types import Vector
 
-_PATIENCE = 2.0  # with what should end [s]
+_PATIENCE = 2.0  # how long to wait for the process and the thread to end [s]
 
-# Called with the time of the picture [s], a topic and the values its `convert` takes.
+# Called with a picture's time [s], its topic and the values that `convert` takes.
 Show = Callable[[float, str, tuple[Any, ...]], None]
 
 
 class CameraProcess:
-    """Renders what a camera sees, and localizes, when it is told the plant's state.
+    """Renders a camera's pictures and runs the localizer for a given plant state.
 
     Args:
-        scenario: Of the plant; without soft objects, which only a plant knows.
-        camera: Which of its cameras is shown.
-        state: Of the plant at the start, for the cameras to prepare themselves.
-        show: Called, in a thread of this, with what is seen; does not raise.
-        warnings: Hears of trouble.
+        scenario: The plant's scenario. It must not have soft objects, because
+            `plant.state` does not contain their shape.
+        camera: Name of the camera to render.
+        state: Initial state of the plant, with which the renderers warm up.
+        show: Called with each picture, in a thread of this object. Must not raise.
+        warnings: Where failures are reported.
     """
 
     def __init__(
@@ -52,11 +53,11 @@ class CameraProcess:
         self._idle = threading.Event()
         context = mp.get_context("spawn")  # threads do not survive a fork
         self._connection, theirs = context.Pipe()
-        # Objects of Drake's schema do not pickle; their text does.
+        # Drake's schema objects do not pickle, but their YAML does.
         arguments = (theirs, yaml_dump_typed(scenario), camera, state)
         self._process = context.Process(target=_render, args=arguments, daemon=True)
-        # Ctrl-C in a terminal is for this process; there it would come before there is
-        # anybody to ignore it.
+        # Ctrl-C in a terminal is meant for this process alone. The child inherits a
+        # mask, because the signal may arrive before it could install a handler.
         signals = {signal.SIGINT, signal.SIGHUP}
         before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
         try:
@@ -71,19 +72,19 @@ class CameraProcess:
 
     @property
     def idle(self) -> bool:
-        """Whether it would look at once."""
+        """Whether the next `look` starts at once."""
         return self._idle.is_set()
 
     def look(self, time: float, state: Vector, topics: Collection[str]) -> None:
-        """Show what is to be seen of `topics` in a state of the plant at `time` [s].
+        """Start rendering `topics` for a state of the plant at `time` [s].
 
-        Where it is not idle, or there is nothing to show, this does nothing.
+        Does nothing while the process is busy, and for an empty `topics`.
         """
         if topics and self._idle.is_set():
             self._idle.clear()
             try:
                 self._connection.send((time, state, set(topics)))
-            except OSError:  # it ended; _receive tells
+            except OSError:  # the process has ended; _receive warns of it
                 return
 
     def close(self) -> None:
@@ -91,7 +92,7 @@ class CameraProcess:
         self._closing = True
         self._process.terminate()
         self._process.join(_PATIENCE)
-        self._process.kill()  # whatever keeps it
+        self._process.kill()  # in case it did not react
         self._process.join()
         self._thread.join(_PATIENCE)
         self._connection.close()
@@ -105,7 +106,7 @@ class CameraProcess:
                 if not self._closing:
                     self._warnings.warn(
                         "cameras end",
-                        "the cameras' process has ended: no pictures any more",
+                        "the camera process has ended: no more pictures",
                     )
                 return
             time, pictures = message
@@ -115,10 +116,10 @@ class CameraProcess:
 
 
 def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
-    """Run as the process: look whenever it is told to."""
-    os.environ.setdefault("LP_NUM_THREADS", "0")  # the other cores have work
+    """Run the process: render whenever the connection asks for it."""
+    os.environ.setdefault("LP_NUM_THREADS", "0")  # leaves the other cores alone
     viewer = _Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
-    # Renderers prepare themselves when they are first looked through.
+    # Renderers initialize themselves the first time they render.
     viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
         connection.send((0.0, {}))  # ready
@@ -128,7 +129,7 @@ def _render(connection: Connection, scenario: str, camera: str, state: Vector) -
 
 
 class _Viewer:
-    """Cameras and localizer in a diagram of their own."""
+    """A diagram with the cameras and the localizer alone."""
 
     def __init__(self, scenario: Scenario, camera: str) -> None:
         builder = DiagramBuilder()
@@ -145,7 +146,7 @@ class _Viewer:
     def look(
         self, time: float, state: Vector, topics: Collection[str]
     ) -> dict[str, tuple[Any, ...]]:
-        """Return what is to be seen of the topics, see `camera_topics`."""
+        """Return the values for each topic's `convert` (see `camera_topics`)."""
         self._context.SetTime(time)
         self._diagram.GetInputPort("state").FixValue(self._context, state)
         values: dict[str, tuple[Any, ...]] = {}

@@ -1,4 +1,4 @@
-"""Runs a station under outside command, in real time."""
+"""Run a station in real time under the commands of external clients."""
 
 from __future__ import annotations
 
@@ -28,25 +28,24 @@ from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
 
-# Time between status reports [s, real].
-_STATUS_PERIOD = 0.5
+_STATUS_PERIOD = 0.5  # time between status reports [s, real]
 
-# Makes the bridges: from what they put commands into and what they publish.
+# Makes the bridges, given the inbox for their commands and the topics to publish.
 Connect = Callable[[CommandInbox, Sequence[Topic]], Sequence[Bridge]]
 
 
 @dc.dataclass(frozen=True)
 class Served:
-    """What came of serving a station."""
+    """The result of serving a station."""
 
     sim_time: float  # s
     wall_time: float  # s
-    commands: int  # messages that came, good and bad
+    commands: int  # messages received, good and bad
     recording: Path | None
 
 
 def control_period(scenario: Scenario) -> float:
-    """Time between looks at the inbox [s]: what the arm's driver samples at."""
+    """Return the time between reads of the inbox [s]: the arm driver's period."""
     if scenario.arm is not None:
         return scenario.arm.period
     return scenario.plant_config.time_step or 1.0 / 256.0
@@ -65,26 +64,28 @@ def Serve(
 ) -> Served:
     """Run a station under the commands of bridges until it is stopped.
 
-    Its task, planner, script and disturbances are left out: who commands does these.
-    Where an object is soft, there are no camera topics. Pictures come from a process
-    that imports the caller's main module: a script needs `if __name__ == "__main__":`.
+    The scenario's task, planner, script and disturbances are left out: they are up to
+    the clients. A scenario with a soft object has no camera topics. Pictures come from
+    a process that imports the caller's main module, so a script needs
+    `if __name__ == "__main__":`.
 
     Args:
-        scenario: What to serve.
+        scenario: The scenario to serve.
         connect: Makes the bridges.
         name: The scenario's name, for messages.
-        rate: Simulated seconds in a real one; 0: as fast as it can, as in Drake.
+        rate: Simulated seconds per real second; 0 means as fast as possible, as in
+            Drake.
         out: Folder for recording.mcap; None records nothing.
-        stop: Ends it when it is set, by any thread or a signal's handler.
-        tell: Called with warnings for people, from any thread.
-        report: Called now and then, and at the start, with a line on how it goes.
+        stop: Ends the run when set, by any thread or by a signal handler.
+        tell: Called with warnings for the user, from any thread.
+        report: Called with a status line at the start and twice a second.
 
     Raises:
-        ScenarioError: If the models do not fit the scenario, a bridge wants ports that
-            the station does not have, or Drake gives up in the middle; what was
-            recorded is complete up to there.
-        OSError: If `out` cannot be written, or a bridge's address is taken.
-        ValueError: By bridges, if an address is none.
+        ScenarioError: If the models do not fit the scenario, a bridge needs ports that
+            the station lacks, or Drake fails during the run. The recording is then
+            complete up to the failure.
+        OSError: If `out` cannot be written, or a bridge's address is in use.
+        ValueError: If a bridge gets an invalid address.
         ImportError: If a bridge's packages are missing.
     """
     stop = stop or threading.Event()
@@ -108,7 +109,7 @@ def Serve(
             station.Export(builder)
             simulator = Simulator(builder.Build())
             ApplySimulatorConfig(scenario.simulator_config, simulator)
-            simulator.set_target_realtime_rate(0.0)  # the pacer's
+            simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
             _fix_defaults(simulator)
             simulator.Initialize()
         pictures = Pictures(scenario, warnings)
@@ -147,7 +148,7 @@ def _check_ports(name: str, bridges: Sequence[Bridge], station: Ports) -> None:
 
 
 def _fix_defaults(simulator: Simulator) -> None:
-    """Let an input that must have a value have it: an open gripper."""
+    """Open the gripper until somebody commands it: its closure needs a value."""
     diagram = simulator.get_system()
     if diagram.HasInputPort("gripper.closure_commanded"):
         port = diagram.GetInputPort("gripper.closure_commanded")
@@ -155,7 +156,7 @@ def _fix_defaults(simulator: Simulator) -> None:
 
 
 class _Loop:
-    """One step of what is served: commands in, a control period, what is told out."""
+    """Advances a served station: commands in, one control period, messages out."""
 
     def __init__(
         self,
@@ -172,16 +173,18 @@ class _Loop:
         self._diagram = simulator.get_system()
         self._context = simulator.get_mutable_context()
         self._ports = output_ports(self._diagram)
-        # Of a continuous plant the integrator decides: a control period is one step.
+        # The integrator of a continuous plant chooses its own steps: there, a control
+        # period counts as one.
         plant = self._diagram.GetSubsystemByName("plant")
         self._plant_step = plant.time_step() or math.inf
         self._wanted = sorted({name for b in outlet.bridges for name in b.ports})
 
     def advance(self, until: float) -> None:
-        """Obey what was commanded, go on until a time [s], and tell how it goes.
+        """Apply the commands, advance to a time [s] and publish.
 
-        It is told after the plant's first step, which shows what the commands do: all
-        steps of a control period take real time, and clients wait.
+        Messages go out after the plant's first step, which already shows the effect of
+        the commands. The remaining steps of the control period take real time, for
+        which clients would otherwise wait.
         """
         for name, value in self.inbox.take().items():
             self._diagram.GetInputPort(name).FixValue(self._context, value)
@@ -191,10 +194,10 @@ class _Loop:
         self.outlet.update(time, values)
         for topic in self._topics:
             if self.outlet.has_subscribers(topic.name):
-                told = [self._value(name) for name in topic.ports]
-                self.outlet.send(topic, time, told)
+                payload = [self._value(name) for name in topic.ports]
+                self.outlet.send(topic, time, payload)
         self._pictures.look(time, lambda: self._value("plant.state"), self.outlet)
-        if time < until:  # CENIC knows no step of nothing
+        if time < until:  # CENIC takes no step of zero length
             self._advance_to(until)
 
     def _advance_to(self, time: float) -> None:
@@ -214,7 +217,7 @@ def _run(
     stop: threading.Event,
     report: Callable[[str], None],
 ) -> None:
-    """Step from look to look at the inbox until it is stopped, or nobody is left."""
+    """Advance one control period at a time until `stop` or until no bridge is open."""
     pacer = Pacer(rate or math.inf, stop)
     bridges = loop.outlet.bridges
     step, reported = 0, -math.inf
@@ -231,7 +234,6 @@ def _run(
         if pacer.too_slow is not None:
             loop.inbox.warnings.warn(
                 "pace",
-                f"this machine cannot keep {rate:g} x real time with {name}, it does "
-                f"{pacer.too_slow:.2f}; ask for less by --rate, or for a faster "
-                "scenario",
+                f"this machine cannot keep {rate:g} x real time with {name} (it does "
+                f"{pacer.too_slow:.2f} x): lower --rate or choose a faster scenario",
             )

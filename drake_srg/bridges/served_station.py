@@ -1,4 +1,4 @@
-"""The diagram that is served: a station, its arm's targets made smooth."""
+"""The diagram that `Serve` runs: a station with smoothed arm targets."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from drake_srg.station import AddStation
 
 
 def AddServedStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
-    """Add a station that is commanded from outside to a diagram; return its ports.
+    """Add a station that external clients command; return its ports.
 
     .. pydrake_system::
 
         name: ServedStation
         input_ports:
-        - (all of the station's but arm.position_commanded)
+        - (all of the station's except arm.position_commanded)
         - arm.position_desired
         output_ports:
-        - (all of the station's but the cameras')
+        - (all of the station's except the cameras')
         - plant.state
         - arm.position_commanded
         - gripper.closure_commanded
 
-    `arm.position_desired` (N) [rad or m] reaches the arm through
-    `JerkLimitedReference`, from the arm's home on. `plant.state` is for
+    `arm.position_desired` (N) [rad or m] reaches the arm through a
+    `JerkLimitedReference` that starts at the arm's home position. `plant.state` feeds
     `AddRemoteCameras`.
 
     Raises:
