@@ -31,7 +31,7 @@ def main() -> int:
         *(srg, iiwa14, gantry, props, household),
         *(assistive_arm, linkage_gripper, workplace),
     )
-    files = {k: v for module in builders for k, v in module.Build().items()}
+    files = {k: v for module in builders for k, v in module.build().items()}
     present = {
         path.relative_to(ROOT).as_posix()
         for folder, ending in (("sdf", "*.sdf"), ("meshes", "*"))

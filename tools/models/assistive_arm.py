@@ -24,22 +24,22 @@ from .hobby_servo import (
     HALF_WIDTH,
     PLASTIC,
     TOP,
-    Box,
-    Drawn,
     Part,
-    Placed,
+    box_part,
+    placed,
+    servo_part,
 )
-from .sdf import Files, Inertial, Model, Piece, Pose, Primitive, Sub
+from .sdf import AddChild, AddPose, Files, Inertial, Model, Piece, Primitive
 from .shapes import (
-    Disc,
-    Hull2d,
     Points,
-    Prism,
-    Revolve,
-    RotX,
-    RotY,
-    RotZ,
-    UnionProperties,
+    disc,
+    hull_2d,
+    prism,
+    revolve,
+    rot_x,
+    rot_y,
+    rot_z,
+    union_properties,
 )
 
 _HALF = np.pi / 2
@@ -83,154 +83,154 @@ LOOKS = {
 _ARM_Y = 0.0225
 
 
-def _Plate(name: str, outline: Points, y0: float, y1: float) -> Piece:
+def _plate(name: str, outline: Points, y0: float, y1: float) -> Piece:
     """Returns a plate in the plane of the arm; the outline's corners are (x, z)."""
-    solid = Prism(outline * (1, -1), y0, y1).moved(RotX(-_HALF))
+    solid = prism(outline * (1, -1), y0, y1).moved(rot_x(-_HALF))
     return Piece(name, "bracket", solid, solid, PLASTIC)
 
 
-def _Rod(name: str, look: str, radius: float, x0: float, x1: float) -> Piece:
+def _rod(name: str, look: str, radius: float, x0: float, x1: float) -> Piece:
     """Returns a cylinder along x."""
-    solid = Prism(Disc(radius), x0, x1, 0.0005).moved(RotY(_HALF))
+    solid = prism(disc(radius), x0, x1, 0.0005).moved(rot_y(_HALF))
     middle = ((x0 + x1) / 2, 0, 0)
     shape = Primitive("cylinder", (radius, x1 - x0), middle, (0, _HALF, 0))
     return Piece(name, look, solid, shape, PLASTIC)
 
 
-def _Printed(*pieces: Piece) -> Part:
-    volume = UnionProperties([piece.solid for piece in pieces]).volume
+def _printed(*pieces: Piece) -> Part:
+    volume = union_properties([piece.solid for piece in pieces]).volume
     return PETG * volume, list(pieces)
 
 
-def _Rectangle(x0: float, z0: float, x1: float, z1: float) -> Points:
+def _rectangle(x0: float, z0: float, x1: float, z1: float) -> Points:
     return np.array([(x0, z0), (x1, z0), (x1, z1), (x0, z1)])
 
 
-def Base() -> list[Part]:
+def base() -> list[Part]:
     """Returns the pedestal, which hides the servo of joint 1."""
     corners = [(x, y) for x in (-0.055, 0.055) for y in (-0.055, 0.055)]
-    foot = Prism(Hull2d(*(Disc(0.012, c) for c in corners)), -0.080, -0.074, 0.001)
-    drum = Revolve([(0.056, -0.0745), (0.050, -0.037)])
-    screws = [Prism(Disc(0.004, c), -0.0745, -0.0725, 0.0005) for c in corners]
-    printed = _Printed(
+    foot = prism(hull_2d(*(disc(0.012, c) for c in corners)), -0.080, -0.074, 0.001)
+    drum = revolve([(0.056, -0.0745), (0.050, -0.037)])
+    screws = [prism(disc(0.004, c), -0.0745, -0.0725, 0.0005) for c in corners]
+    printed = _printed(
         Piece("foot", "foot", foot, foot, PLASTIC),
         Piece("drum", "foot", drum, drum, PLASTIC),
     )
     return [printed, (0.004, [Piece("screw", "horn", screw) for screw in screws])]
 
 
-def Link1() -> list[Part]:
+def link_1() -> list[Part]:
     """Returns the turntable, and on it the two servos of joint 2 in their plates."""
     x, _, z = ORIGINS[1]
     rear = [(a, b) for a in (x - 0.036, x + 0.018) for b in (-0.066, 0.066)]
-    table = Prism(Hull2d(Disc(0.046), np.array(rear)), -0.036, -0.031, 0.0005)
-    parts = [_Printed(Piece("turntable", "bracket", table, table, PLASTIC))]
+    table = prism(hull_2d(disc(0.046), np.array(rear)), -0.036, -0.031, 0.0005)
+    parts = [_printed(Piece("turntable", "bracket", table, table, PLASTIC))]
     for side, sign in (("left", 1), ("right", -1)):
         # The horns face each other; the cases reach back towards joint 1.
         p = (x, sign * _ARM_Y, z)
-        parts.append(Drawn(f"shoulder_{side}", RotX(sign * _HALF), p))
+        parts.append(servo_part(f"shoulder_{side}", rot_x(sign * _HALF), p))
         y = sign * (_ARM_Y + EARS_BOTTOM)
-        plate = _Rectangle(x - 0.0385, -0.0315, x + 0.018, 0.011)
+        plate = _rectangle(x - 0.0385, -0.0315, x + 0.018, 0.011)
         edges = sorted((y, y + sign * 0.003))
-        parts.append(_Printed(_Plate(f"shoulder_{side}_plate", plate, *edges)))
+        parts.append(_printed(_plate(f"shoulder_{side}_plate", plate, *edges)))
     return parts
 
 
-def Link2() -> list[Part]:
+def link_2() -> list[Part]:
     """Returns the upper arm, with the servo of joint 3 between its two plates."""
     dx, _, dz = np.subtract(ORIGINS[2], ORIGINS[1])
     length = np.hypot(dx, dz)
-    lean = RotY(np.arctan2(dx, dz))
-    outline = Hull2d(Disc(0.012), Disc(0.0125, (0, length)))
+    lean = rot_y(np.arctan2(dx, dz))
+    outline = hull_2d(disc(0.012), disc(0.0125, (0, length)))
     inner = _ARM_Y - 0.003
     printed = [
-        _Plate("upper_arm_right", outline, -_ARM_Y, -inner),
-        _Plate("upper_arm_left", outline, inner, _ARM_Y),
+        _plate("upper_arm_right", outline, -_ARM_Y, -inner),
+        _plate("upper_arm_left", outline, inner, _ARM_Y),
     ]
     for i, z in enumerate((0.045, 0.115)):
         low, high = (-0.008, -inner, z - 0.010), (0.008, inner, z + 0.010)
-        printed.append(Box(f"upper_arm_spacer_{i + 1}", "bracket", low, high))
+        printed.append(box_part(f"upper_arm_spacer_{i + 1}", "bracket", low, high))
     # The case hangs down between the plates, its horn comes out at the left.
     case = (BOTTOM - TOP) / 2
-    R = lean @ RotX(-_HALF) @ RotZ(-_HALF)
-    servo = Drawn("elbow", R, lean @ (0, case + TOP, length))
-    return [_Printed(*Placed(printed, lean, (0, 0, 0))), servo]
+    R = lean @ rot_x(-_HALF) @ rot_z(-_HALF)
+    servo = servo_part("elbow", R, lean @ (0, case + TOP, length))
+    return [_printed(*placed(printed, lean, (0, 0, 0))), servo]
 
 
-def Link3() -> list[Part]:
+def link_3() -> list[Part]:
     """Returns the elbow: a plate on joint 3's horn, and the servo of joint 4 on it."""
     x, y, _ = np.subtract(ORIGINS[3], ORIGINS[2])
     inside = (BOTTOM + TOP) / 2
-    outline = Hull2d(Disc(0.013), _Rectangle(-0.018, -0.012, 0.018, 0.034))
+    outline = hull_2d(disc(0.013), _rectangle(-0.018, -0.012, 0.018, 0.034))
     ears = x + EARS_BOTTOM
     return [
-        _Printed(
-            _Plate("elbow_plate", outline, inside, y - HALF_WIDTH),
-            Box(
+        _printed(
+            _plate("elbow_plate", outline, inside, y - HALF_WIDTH),
+            box_part(
                 "elbow_bracket",
                 "bracket",
                 (ears, y - HALF_WIDTH - 0.001, -0.018),
                 (ears + 0.003, y + 0.012, 0.038),
             ),
         ),
-        Drawn("roll", RotY(-_HALF) @ RotZ(np.pi), (x, y, 0)),
+        servo_part("roll", rot_y(-_HALF) @ rot_z(np.pi), (x, y, 0)),
     ]
 
 
-def Link4() -> list[Part]:
+def link_4() -> list[Part]:
     """Returns the forearm: a tube on joint 4's horn, and the servo of joint 5."""
     x, y, _ = np.subtract(ORIGINS[4], ORIGINS[3])
     case = (BOTTOM - TOP) / 2
     back = x + 0.0365
-    tube = _Rod("forearm_tube", "tube", 0.008, back - 0.004, -0.004)
+    tube = _rod("forearm_tube", "tube", 0.008, back - 0.004, -0.004)
     # 16 mm outside, 14 mm inside.
     mass = CARBON * np.pi * (0.008**2 - 0.007**2) * (-0.004 - (back - 0.004))
     return [
         (mass, [tube]),
-        _Printed(
-            _Rod("forearm_flange", "bracket", 0.012, -0.008, 0.0),
-            Box(
+        _printed(
+            _rod("forearm_flange", "bracket", 0.012, -0.008, 0.0),
+            box_part(
                 "wrist_block",
                 "bracket",
                 (x + 0.025, y + case, -0.010),
                 (back, 0.010, 0.010),
             ),
-            Box(
+            box_part(
                 "wrist_plate",
                 "bracket",
                 (x + BEHIND, y - 0.012, -0.010),
                 (back, y + case + 0.001, 0.010),
             ),
         ),
-        Drawn("wrist", RotX(_HALF) @ RotZ(np.pi), (x, y - case - TOP, 0)),
+        servo_part("wrist", rot_x(_HALF) @ rot_z(np.pi), (x, y - case - TOP, 0)),
     ]
 
 
-def Link5() -> list[Part]:
+def link_5() -> list[Part]:
     """Returns the fork around joint 5's servo, and the flange for the gripper."""
     horn, pin = (BOTTOM + TOP) / 2, (BOTTOM - TOP) / 2
     flange = TIP[0] + FLANGE - ORIGINS[4][0]
-    outline = Hull2d(Disc(0.009), _Rectangle(-0.034, -0.011, -0.030, 0.011))
-    pivot = Prism(Disc(0.004), -horn, -pin).moved(RotX(_HALF))
+    outline = hull_2d(disc(0.009), _rectangle(-0.034, -0.011, -0.030, 0.011))
+    pivot = prism(disc(0.004), -horn, -pin).moved(rot_x(_HALF))
     return [
-        _Printed(
-            _Plate("fork_right", outline, -horn - 0.003, -horn),
-            _Plate("fork_left", outline, horn, horn + 0.003),
-            Box(
+        _printed(
+            _plate("fork_right", outline, -horn - 0.003, -horn),
+            _plate("fork_left", outline, horn, horn + 0.003),
+            box_part(
                 "fork_back",
                 "bracket",
                 (-0.037, -horn - 0.003, -0.011),
                 (-0.033, horn + 0.003, 0.011),
             ),
-            _Rod("flange", "bracket", 0.011, flange, -0.0365),
+            _rod("flange", "bracket", 0.011, flange, -0.0365),
         ),
         (0.003, [Piece("pivot", "horn", pivot, pivot, PLASTIC)]),
     ]
 
 
-def _Inertial(parts: Sequence[Part]) -> Inertial:
+def _inertial(parts: Sequence[Part]) -> Inertial:
     """Returns the inertia of all parts together."""
-    properties = [UnionProperties([q.solid for q in pieces]) for _, pieces in parts]
+    properties = [union_properties([q.solid for q in pieces]) for _, pieces in parts]
     masses = np.array([mass for mass, _ in parts])
     com = masses @ [p.center for p in properties] / masses.sum()
     inertia = np.zeros((3, 3))
@@ -240,12 +240,12 @@ def _Inertial(parts: Sequence[Part]) -> Inertial:
     return Inertial(round(masses.sum(), 4), com, inertia)
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the arm's files."""
     comment = "A five-axis arm of hobby servos; tools/models/assistive_arm.py."
     model = Model("assistive_arm", LOOKS, comment)
     names = ["base", *(f"link_{i}" for i in range(1, 6))]
-    links = (Base(), Link1(), Link2(), Link3(), Link4(), Link5())
+    links = (base(), link_1(), link_2(), link_3(), link_4(), link_5())
     parent = np.zeros(3)
     for i, (name, parts) in enumerate(zip(names, links, strict=True)):
         pose = None
@@ -254,7 +254,7 @@ def Build() -> Files:
             pose = (names[i - 1], np.round(origin - parent, 8), (0, 0, 0))
             parent = origin
         pieces = [piece for _, group in parts for piece in group]
-        model.AddLink(name, pieces, _Inertial(parts), pose)
+        model.AddLink(name, pieces, _inertial(parts), pose)
     for i, servo in enumerate(SERVOS):
         model.AddJoint(
             f"joint_{i + 1}",
@@ -276,7 +276,7 @@ def Build() -> Files:
     _AddFrame(model, "flange", "tip", (FLANGE, 0, 0), (0, 0, np.pi))
     for one, other in itertools.pairwise(names):
         model.AddFilter(f"around_{other}", [one, other])
-    return model.Finish("sdf/assistive_arm.sdf")
+    return model.finish("sdf/assistive_arm.sdf")
 
 
 def _AddFrame(
@@ -286,5 +286,5 @@ def _AddFrame(
     xyz: Sequence[float],
     rpy: Sequence[float],
 ) -> None:
-    frame = Sub(model.root, "frame", name=name, attached_to=attached_to)
-    Pose(frame, xyz, rpy)
+    frame = AddChild(model.root, "frame", name=name, attached_to=attached_to)
+    AddPose(frame, xyz, rpy)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from .sdf import Files, Inertial, Model, Piece
-from .shapes import Block, Disc, Prism, Revolve, RotX, RotY, Solid, UnionProperties
+from .shapes import Solid, block, disc, prism, revolve, rot_x, rot_y, union_properties
 
 LOOKS = {
     "frame": (0.80, 0.81, 0.83),
@@ -37,29 +37,29 @@ _TOP = 1.08  # height of the bridge's middle
 _RAIL_Y = 0.70
 
 
-def _Box(name: str, look: str, low: tuple, high: tuple, edge: float = 0.002) -> Piece:
-    return Piece(name, look, Block(low, high, edge))
+def _box(name: str, look: str, low: tuple, high: tuple, edge: float = 0.002) -> Piece:
+    return Piece(name, look, block(low, high, edge))
 
 
-def _Stand() -> list[Piece]:
+def _stand() -> list[Piece]:
     """Returns two posts, the rails that reach forward from them, and a tie."""
     pieces = []
     for y in (-_RAIL_Y, _RAIL_Y):
         low, high = y - 0.035, y + 0.035
         pieces += [
-            _Box("foot", "cover", (-0.89, y - 0.07, 0), (-0.73, y + 0.07, 0.012)),
-            _Box("post", "frame", (-0.845, low, 0.012), (-0.775, high, 0.96), 0.004),
-            _Box("rail", "frame", (-0.86, low, 0.96), (0.36, high, 1.03), 0.004),
-            _Box("guide", "metal", (-0.82, y - 0.01, 1.03), (0.34, y + 0.01, 1.042)),
+            _box("foot", "cover", (-0.89, y - 0.07, 0), (-0.73, y + 0.07, 0.012)),
+            _box("post", "frame", (-0.845, low, 0.012), (-0.775, high, 0.96), 0.004),
+            _box("rail", "frame", (-0.86, low, 0.96), (0.36, high, 1.03), 0.004),
+            _box("guide", "metal", (-0.82, y - 0.01, 1.03), (0.34, y + 0.01, 1.042)),
         ]
     tie = (-0.845, -_RAIL_Y + 0.035, 0.90), (-0.785, _RAIL_Y - 0.035, 0.96)
-    return [*pieces, _Box("tie", "frame", *tie, 0.004)]
+    return [*pieces, _box("tie", "frame", *tie, 0.004)]
 
 
-def _Bridge() -> list[Piece]:
+def _bridge() -> list[Piece]:
     """Returns the beam across, and the shoes that ride on the rails."""
     pieces = [
-        _Box(
+        _box(
             "beam",
             "beam",
             (_BACK - 0.09, -_RAIL_Y - 0.05, _TOP - 0.03),
@@ -69,64 +69,64 @@ def _Bridge() -> list[Piece]:
     ]
     for y in (-_RAIL_Y, _RAIL_Y):
         low = (_BACK - 0.13, y - 0.03, 1.035)
-        pieces.append(_Box("shoe", "cover", low, (_BACK + 0.01, y + 0.03, _TOP - 0.02)))
+        pieces.append(_box("shoe", "cover", low, (_BACK + 0.01, y + 0.03, _TOP - 0.02)))
     for z in (_TOP - 0.015, _TOP + 0.035):
         low = (_BACK - 0.03, -_RAIL_Y + 0.05, z - 0.007)
         high = (_BACK - 0.022, _RAIL_Y - 0.05, z + 0.007)
-        pieces.append(_Box("guide", "metal", low, high, 0.001))
+        pieces.append(_box("guide", "metal", low, high, 0.001))
     return pieces
 
 
-def _Carriage() -> list[Piece]:
+def _carriage() -> list[Piece]:
     """Returns the saddle that rides along the bridge and guides the ram."""
     low, high = (_BACK - 0.022, -0.07, _TOP - 0.07), (_BACK - 0.004, 0.07, _TOP + 0.09)
-    pieces = [_Box("saddle", "cover", low, high, 0.003)]
+    pieces = [_box("saddle", "cover", low, high, 0.003)]
     for z in (_TOP - 0.05, _TOP + 0.05):
         low, high = (_BACK - 0.01, -0.045, z - 0.015), (_BACK + 0.04, 0.045, z + 0.015)
-        pieces.append(_Box("clamp", "metal", low, high, 0.003))
+        pieces.append(_box("clamp", "metal", low, high, 0.003))
     return pieces
 
 
-def _Ram() -> list[Piece]:
+def _ram() -> list[Piece]:
     """Returns the ram, the arm forward from its foot, and the head at the flange."""
     half = 0.024
     center = _BACK + 0.02
 
-    def Rod(radius: float, length: float, x: float) -> Solid:
-        return Prism(Disc(radius), 0, length, 0.001).moved(RotY(np.pi / 2), (x, 0, 0))
+    def rod(radius: float, length: float, x: float) -> Solid:
+        return prism(disc(radius), 0, length, 0.001).moved(rot_y(np.pi / 2), (x, 0, 0))
 
     ball = [
         (0.026 * np.cos(a), 0.026 * np.sin(a)) for a in np.linspace(-1.57, 1.57, 13)
     ]
     return [
-        _Box(
+        _box(
             "ram", "frame", (center - half, -half, -0.03), (center + half, half, 1.25),
             0.004,
         ),
-        _Box(
+        _box(
             "elbow", "cover", (center - 0.03, -0.03, -0.035),
             (center + 0.035, 0.03, 0.035), 0.005,
         ),
-        Piece("arm", "metal", Rod(0.016, -center - 0.05, center + 0.03)),
-        Piece("head", "cover", Revolve(ball, 32).moved(RotX(np.pi / 2))),
+        Piece("arm", "metal", rod(0.016, -center - 0.05, center + 0.03)),
+        Piece("head", "cover", revolve(ball, 32).moved(rot_x(np.pi / 2))),
     ]  # fmt: skip
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the gantry's files."""
     comment = "Carries a gripper over the bench, seen only; tools/models/gantry.py."
     model = Model("gantry", LOOKS, comment)
 
-    def Uniform(mass: float, pieces: list[Piece]) -> Inertial:
-        return Inertial.Uniform(mass, UnionProperties([p.solid for p in pieces]))
+    def uniform(mass: float, pieces: list[Piece]) -> Inertial:
+        return Inertial.uniform(mass, union_properties([p.solid for p in pieces]))
 
-    stand = _Stand()
+    stand = _stand()
     # Welded to the world: its mass [kg] counts for nothing.
-    model.AddLink("stand", stand, Uniform(60.0, stand))
-    links = {"x": _Bridge(), "y": _Carriage(), "z": _Ram()}
+    model.AddLink("stand", stand, uniform(60.0, stand))
+    links = {"x": _bridge(), "y": _carriage(), "z": _ram()}
     names = {"x": "bridge", "y": "carriage", "z": "ram"}
     for axis, pieces in links.items():
-        model.AddLink(names[axis], pieces, Uniform(MASSES[axis], pieces))
+        model.AddLink(names[axis], pieces, uniform(MASSES[axis], pieces))
     for axis, parent in zip("xyz", ("stand", "bridge", "carriage"), strict=True):
         model.AddJoint(
             f"gantry_{axis}",
@@ -144,4 +144,4 @@ def Build() -> Files:
             kind="prismatic",
         )
     model.AddFrame("flange", "ram")
-    return model.Finish("sdf/gantry.sdf")
+    return model.finish("sdf/gantry.sdf")

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from .sdf import Piece, Primitive, Proximity
-from .shapes import Block, Disc, Points, Prism, Solid
+from .shapes import Points, Solid, block, disc, prism
 
 KGF_CM = 0.0980665  # N m
 
@@ -79,16 +79,18 @@ EARS, EARS_TOP, EARS_BOTTOM = 0.007, 0.0145, 0.017
 Part = tuple[float, list[Piece]]  # mass [kg], spread evenly over the pieces
 
 
-def Box(name: str, look: str, low: Sequence[float], high: Sequence[float]) -> Piece:
+def box_part(
+    name: str, look: str, low: Sequence[float], high: Sequence[float]
+) -> Piece:
     a, b = np.array(low), np.array(high)
     shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
-    return Piece(name, look, Block(low, high, 0.0008), shape, PLASTIC)
+    return Piece(name, look, block(low, high, 0.0008), shape, PLASTIC)
 
 
-def Placed(pieces: Sequence[Piece], R: Points, p: Sequence[float]) -> list[Piece]:
+def placed(pieces: Sequence[Piece], R: Points, p: Sequence[float]) -> list[Piece]:
     """Returns the pieces turned by R, then shifted by p."""
 
-    def Touched(shape: Primitive | Solid | None) -> Primitive | Solid | None:
+    def touched(shape: Primitive | Solid | None) -> Primitive | Solid | None:
         if isinstance(shape, Solid):
             return shape.moved(R, p)
         if isinstance(shape, Primitive):
@@ -99,24 +101,24 @@ def Placed(pieces: Sequence[Piece], R: Points, p: Sequence[float]) -> list[Piece
 
     return [
         dc.replace(
-            piece, solid=piece.solid.moved(R, p), collision=Touched(piece.collision)
+            piece, solid=piece.solid.moved(R, p), collision=touched(piece.collision)
         )
         for piece in pieces
     ]
 
 
-def Drawn(name: str, R: Points, p: Sequence[float]) -> Part:
+def servo_part(name: str, R: Points, p: Sequence[float]) -> Part:
     """Returns a servo whose horn ends at p; its output is R's z, its case along -x."""
-    horn = Prism(Disc(0.010), -0.003, 0, 0.0003)
-    boss = Prism(Disc(0.006), -TOP - 0.0001, -0.002)
+    horn = prism(disc(0.010), -0.003, 0, 0.0003)
+    boss = prism(disc(0.006), -TOP - 0.0001, -0.002)
     pieces = [
-        Box(
+        box_part(
             f"{name}_case",
             "case",
             (-BEHIND, -HALF_WIDTH, -BOTTOM),
             (BEFORE, HALF_WIDTH, -TOP),
         ),
-        Box(
+        box_part(
             f"{name}_ears",
             "case",
             (-BEHIND - EARS, -HALF_WIDTH, -EARS_BOTTOM),
@@ -125,4 +127,4 @@ def Drawn(name: str, R: Points, p: Sequence[float]) -> Part:
         Piece(f"{name}_horn", "horn", horn, horn, PLASTIC),
         Piece(f"{name}_boss", "case", boss),
     ]
-    return MASS, Placed(pieces, R, p)
+    return MASS, placed(pieces, R, p)

@@ -13,13 +13,13 @@ import numpy as np
 
 from .props import CAN
 from .sdf import Color, Files, Inertial, Model, Piece, Proximity
-from .shapes import At, Block, Disc, Hull, Prism, RotX, Solid, UnionProperties
+from .shapes import Solid, at_height, block, disc, hull, prism, rot_x, union_properties
 
 # Handbooks' densities [kg/m^3].
 STONEWARE, STEEL, MUSTARD = 2300.0, 7850.0, 1050.0
 
 
-def _Hard(friction: float) -> Proximity:
+def _hard(friction: float) -> Proximity:
     """Returns the can's stiffness with another friction."""
     return Proximity(
         rigid=False,
@@ -30,10 +30,10 @@ def _Hard(friction: float) -> Proximity:
 
 
 # Against dry rubber handbooks give 0.6 to 0.9 for these; Drake's mean of both.
-GLAZE, PLASTIC, METAL = _Hard(0.7), _Hard(0.6), _Hard(0.7)
+GLAZE, PLASTIC, METAL = _hard(0.7), _hard(0.6), _hard(0.7)
 
 
-def _Touched(
+def _touched(
     name: str, look: str | None, solids: Sequence[Solid], how: Proximity
 ) -> list:
     return [Piece(f"{name}_{i}", look, s, s, how) for i, s in enumerate(solids)]
@@ -43,13 +43,13 @@ def _Touched(
 _FINE, _COARSE = 48, 16
 
 
-def _Rings(profile: Sequence[tuple[float, float]], count: int) -> list:
+def _rings(profile: Sequence[tuple[float, float]], count: int) -> list:
     """Returns circles given as (radius, height), as polygons half in, half out."""
     stretch = 1 + (1 - np.cos(np.pi / count)) / 2
-    return [At(Disc(stretch * r, count=count), z) for r, z in profile]
+    return [at_height(disc(stretch * r, count=count), z) for r, z in profile]
 
 
-def _Hollow(
+def _hollow(
     name: str,
     look: str,
     floor: Sequence[tuple[float, float]],
@@ -59,32 +59,32 @@ def _Hollow(
 ) -> list[Piece]:
     """Returns a vessel from the profiles (radius, height) of its floor and wall."""
 
-    def Solids(count: int) -> list[Solid]:
-        return [Hull(*_Rings(floor, count)), *_Shell(outer, inner, count)]
+    def solids(count: int) -> list[Solid]:
+        return [hull(*_rings(floor, count)), *_shell(outer, inner, count)]
 
     return [
-        *[Piece(name, look, solid) for solid in Solids(_FINE)],
-        *_Touched(name, None, Solids(_COARSE), how),
+        *[Piece(name, look, solid) for solid in solids(_FINE)],
+        *_touched(name, None, solids(_COARSE), how),
     ]
 
 
-def _Shell(
+def _shell(
     outer: Sequence[tuple[float, float]],
     inner: Sequence[tuple[float, float]],
     count: int,
 ) -> list[Solid]:
     """Returns the wall between two profiles (radius, height), cut into wedges."""
-    a, b = _Rings(outer, count), _Rings(inner, count)
+    a, b = _rings(outer, count), _rings(inner, count)
     solids = []
     for low in range(len(a) - 1):
         for i in range(count):
             j = (i + 1) % count
             rings = (a[low], a[low + 1], b[low], b[low + 1])
-            solids.append(Hull(np.array([ring[k] for ring in rings for k in (i, j)])))
+            solids.append(hull(np.array([ring[k] for ring in rings for k in (i, j)])))
     return solids
 
 
-def _Finish(
+def _finish(
     name: str,
     looks: dict[str, Color],
     comment: str,
@@ -92,19 +92,19 @@ def _Finish(
     density: float,
 ) -> Files:
     model = Model(name, looks, f"{comment} See tools/models/household.py.")
-    volume = UnionProperties([p.solid for p in pieces if p.look is not None])
+    volume = union_properties([p.solid for p in pieces if p.look is not None])
     mass = round(density * volume.volume, 3)
-    model.AddLink(name, pieces, Inertial.Uniform(mass, volume))
-    return model.Finish(f"sdf/{name}.sdf")
+    model.AddLink(name, pieces, Inertial.uniform(mass, volume))
+    return model.finish(f"sdf/{name}.sdf")
 
 
-def Mug() -> Files:
+def mug() -> Files:
     """Returns a mug, its handle along x."""
     radius, height, wall = 0.041, 0.092, 0.0045
     floor = [(radius - 0.003, 0), (radius, 0.006), (radius - wall, 0.007)]
     outer = [(radius, 0.006), (radius, height)]
     inner = [(radius - wall, 0.006), (radius - wall, height)]
-    pieces = _Hollow("mug_body", "glaze", floor, outer, inner, GLAZE)
+    pieces = _hollow("mug_body", "glaze", floor, outer, inner, GLAZE)
     # Half an ellipse of links of 8 mm x 11 mm.
     angles = np.linspace(-np.pi / 2, np.pi / 2, 7)
     path = np.column_stack(
@@ -116,78 +116,78 @@ def Mug() -> Files:
         corners = [
             path[k] + side * 0.004 * out[k] for k in (i, i + 1) for side in (-1, 1)
         ]
-        link = Prism(np.array(corners), -0.0055, 0.0055)
-        handle.append(link.moved(RotX(np.pi / 2)))
-    pieces += _Touched("mug_handle", "glaze", handle, GLAZE)
-    band = _Shell(
+        link = prism(np.array(corners), -0.0055, 0.0055)
+        handle.append(link.moved(rot_x(np.pi / 2)))
+    pieces += _touched("mug_handle", "glaze", handle, GLAZE)
+    band = _shell(
         [(radius + 0.0003, 0.018), (radius + 0.0003, 0.030)],
         [(radius - 0.001, 0.018), (radius - 0.001, 0.030)],
         _FINE,
     )
     pieces += [Piece("mug_band", "band", s) for s in band]
     looks = {"glaze": (0.20, 0.42, 0.58), "band": (0.93, 0.91, 0.86)}
-    return _Finish("mug", looks, "A stoneware mug with a handle.", pieces, STONEWARE)
+    return _finish("mug", looks, "A stoneware mug with a handle.", pieces, STONEWARE)
 
 
-def Bowl() -> Files:
+def bowl() -> Files:
     """Returns a bowl that tapers to its foot."""
     floor = [(0.032, 0), (0.034, 0.006), (0.034, 0.010)]
     outer = [(0.034, 0.006), (0.058, 0.022), (0.072, 0.056)]
     inner = [(0.030, 0.010), (0.0535, 0.0245), (0.068, 0.056)]
-    pieces = _Hollow("bowl", "glaze", floor, outer, inner, GLAZE)
-    rim = _Shell(
+    pieces = _hollow("bowl", "glaze", floor, outer, inner, GLAZE)
+    rim = _shell(
         [(0.0718, 0.054), (0.0726, 0.0565)], [(0.067, 0.054), (0.0675, 0.0565)], _FINE
     )
     pieces += [Piece("bowl_rim", "rim", s) for s in rim]
     looks = {"glaze": (0.90, 0.87, 0.80), "rim": (0.45, 0.55, 0.45)}
-    return _Finish("bowl", looks, "A stoneware bowl.", pieces, STONEWARE)
+    return _finish("bowl", looks, "A stoneware bowl.", pieces, STONEWARE)
 
 
-def Bottle() -> Files:
+def bottle() -> Files:
     """Returns a squeeze bottle: an oval body with a waist, a neck and a nozzle."""
     count = 24
 
-    def Oval(a: float, b: float, z: float) -> np.ndarray:
-        return At(Disc(1.0, count=count) * (a, b), z)
+    def oval(a: float, b: float, z: float) -> np.ndarray:
+        return at_height(disc(1.0, count=count) * (a, b), z)
 
     body = [
-        Hull(
-            Oval(0.043, 0.026, 0.0), Oval(0.047, 0.029, 0.008), Oval(0.047, 0.029, 0.05)
+        hull(
+            oval(0.043, 0.026, 0.0), oval(0.047, 0.029, 0.008), oval(0.047, 0.029, 0.05)
         ),
-        Hull(Oval(0.047, 0.029, 0.05), Oval(0.039, 0.0245, 0.078)),
-        Hull(Oval(0.039, 0.0245, 0.078), Oval(0.045, 0.028, 0.106)),
-        Hull(Oval(0.045, 0.028, 0.106), Oval(0.042, 0.026, 0.128)),
-        Hull(Oval(0.042, 0.026, 0.128), Oval(0.017, 0.017, 0.150)),
+        hull(oval(0.047, 0.029, 0.05), oval(0.039, 0.0245, 0.078)),
+        hull(oval(0.039, 0.0245, 0.078), oval(0.045, 0.028, 0.106)),
+        hull(oval(0.045, 0.028, 0.106), oval(0.042, 0.026, 0.128)),
+        hull(oval(0.042, 0.026, 0.128), oval(0.017, 0.017, 0.150)),
     ]
     cap = [
-        Hull(Oval(0.0165, 0.0165, 0.150), Oval(0.0165, 0.0165, 0.164)),
-        Hull(Oval(0.0095, 0.0095, 0.164), Oval(0.0040, 0.0040, 0.188)),
+        hull(oval(0.0165, 0.0165, 0.150), oval(0.0165, 0.0165, 0.164)),
+        hull(oval(0.0095, 0.0095, 0.164), oval(0.0040, 0.0040, 0.188)),
     ]
-    pieces = _Touched("bottle_body", "body", body, PLASTIC)
-    pieces += _Touched("bottle_cap", "cap", cap, PLASTIC)
-    label = Hull(Oval(0.0473, 0.0293, 0.014), Oval(0.0473, 0.0293, 0.044))
+    pieces = _touched("bottle_body", "body", body, PLASTIC)
+    pieces += _touched("bottle_cap", "cap", cap, PLASTIC)
+    label = hull(oval(0.0473, 0.0293, 0.014), oval(0.0473, 0.0293, 0.044))
     pieces.append(Piece("bottle_label", "label", label))
     looks = {
         "body": (0.93, 0.74, 0.10),
         "cap": (0.80, 0.16, 0.10),
         "label": (0.18, 0.28, 0.50),
     }
-    return _Finish("squeeze_bottle", looks, "A full squeeze bottle.", pieces, MUSTARD)
+    return _finish("squeeze_bottle", looks, "A full squeeze bottle.", pieces, MUSTARD)
 
 
-def Wrench() -> Files:
+def wrench() -> Files:
     """Returns a combination wrench that lies along x: jaw in front, ring behind."""
     thick = 0.010
     middle = thick / 2
     half = 0.0035
-    handle = Block((-0.072, -0.0075, middle - half), (0.070, 0.0075, middle + half))
-    neck = Prism(
+    handle = block((-0.072, -0.0075, middle - half), (0.070, 0.0075, middle + half))
+    neck = prism(
         np.array([(0.064, -0.008), (0.064, 0.008), (0.078, 0.0165), (0.078, -0.0165)]),
         0,
         thick,
     )
     jaws = [
-        Prism(
+        prism(
             np.array(
                 [
                     (0.077, s * 0.0165),
@@ -203,22 +203,22 @@ def Wrench() -> Files:
         for s in (1, -1)
     ]
     count, center = 12, (-0.085, 0.0)
-    a, b = Disc(0.0155, center, count), Disc(0.0095, center, count)
+    a, b = disc(0.0155, center, count), disc(0.0095, center, count)
     ring = []
     for i in range(count):
         j = (i + 1) % count
-        ring.append(Prism(np.array([a[i], a[j], b[j], b[i]]), 0, thick))
-    pieces = _Touched("wrench_handle", "steel", [handle], METAL)
-    pieces += _Touched("wrench_head", "steel", [neck, *jaws], METAL)
-    pieces += _Touched("wrench_ring", "steel", ring, METAL)
-    grip = Block(
+        ring.append(prism(np.array([a[i], a[j], b[j], b[i]]), 0, thick))
+    pieces = _touched("wrench_handle", "steel", [handle], METAL)
+    pieces += _touched("wrench_head", "steel", [neck, *jaws], METAL)
+    pieces += _touched("wrench_ring", "steel", ring, METAL)
+    grip = block(
         (-0.045, -0.0045, middle - half - 3e-4), (0.045, 0.0045, middle + half + 3e-4)
     )
     pieces.append(Piece("wrench_panel", "panel", grip))
     looks = {"steel": (0.66, 0.68, 0.71), "panel": (0.15, 0.33, 0.60)}
-    return _Finish("wrench", looks, "A combination wrench.", pieces, STEEL)
+    return _finish("wrench", looks, "A combination wrench.", pieces, STEEL)
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the files of all of them."""
-    return {**Mug(), **Bowl(), **Bottle(), **Wrench()}
+    return {**mug(), **bowl(), **bottle(), **wrench()}

@@ -8,16 +8,16 @@ import numpy as np
 
 from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity
 from .shapes import (
-    At,
-    Disc,
-    Hull,
-    Hull2d,
-    Prism,
-    Revolve,
-    RotX,
-    RotZ,
-    Round,
     Solid,
+    at_height,
+    disc,
+    hull,
+    hull_2d,
+    prism,
+    revolve,
+    rot_x,
+    rot_z,
+    rounded_profile,
 )
 
 # Mass [kg], centre of mass [m] and principal inertia about it [kg m^2] of each link;
@@ -97,7 +97,7 @@ class Elbow:
     rise: float | None = None  # of the dome; None: to 3 mm below the other's hub
     foot_start: float = 0.0  # y from which the socket belongs to the hub's foot
 
-    def Socket(self, count: int, steps: int) -> Solid:
+    def socket(self, count: int, steps: int) -> Solid:
         """Returns the socket with its dome."""
         rise = self.rise or self.height - self.hub_radius - 0.003 - self.dome
         a = np.linspace(0, _HALF, steps + 1)[:-1]
@@ -105,98 +105,100 @@ class Elbow:
         profile += list(
             zip(self.radius * np.cos(a), self.dome + rise * np.sin(a), strict=True)
         )
-        return Revolve([*profile, (0, self.dome + rise)], count)
+        return revolve([*profile, (0, self.dome + rise)], count)
 
-    def Hub(self, count: int, steps: int) -> Solid:
+    def hub(self, count: int, steps: int) -> Solid:
         """Returns the half hub, drawn out to the socket's half at the same side."""
         edge = 0.4 * self.hub_radius
-        rim = Round(self.hub_radius, self.hub_start, self.hub_width, edge, steps)
+        rim = rounded_profile(
+            self.hub_radius, self.hub_start, self.hub_width, edge, steps
+        )
         rim = rim[rim[:, 1] > self.hub_width - edge - 1e-9]
-        hub = self._OnHub(Revolve([(self.hub_radius, self.hub_start), *rim], count))
-        half = Disc(self.radius, count=count // 2 + 1, start=0.02, stop=_PI - 0.02)
+        hub = self._on_hub(revolve([(self.hub_radius, self.hub_start), *rim], count))
+        half = disc(self.radius, count=count // 2 + 1, start=0.02, stop=_PI - 0.02)
         half = half[half[:, 1] >= self.foot_start]
-        return Hull(hub, At(half, 0.025), At(half, self.dome))
+        return hull(hub, at_height(half, 0.025), at_height(half, self.dome))
 
-    def _OnHub(self, solid: Solid) -> Solid:
+    def _on_hub(self, solid: Solid) -> Solid:
         """Returns a solid of revolution with its axis laid on the hub's."""
-        return solid.moved(RotX(-_HALF), (0, 0, self.height))
+        return solid.moved(rot_x(-_HALF), (0, 0, self.height))
 
-    def Pieces(
+    def pieces(
         self, link: int, R: np.ndarray | None = None, p: tuple = (0, 0, 0)
     ) -> list[Piece]:
         """Returns the pieces, turned and shifted into the link's frame."""
-        band = Prism(Disc(self.radius + 0.001, count=_FINE), 0.008, 0.016, 0.0005)
+        band = prism(disc(self.radius + 0.001, count=_FINE), 0.008, 0.016, 0.0005)
         name = f"link_{link}"
         pieces = [
-            _Convex(f"{name}_socket", self.Socket(_FINE, 6), self.Socket(_COARSE, 5)),
-            _Convex(f"{name}_hub", self.Hub(_FINE, 6), self.Hub(_COARSE, 5)),
+            _convex(f"{name}_socket", self.socket(_FINE, 6), self.socket(_COARSE, 5)),
+            _convex(f"{name}_hub", self.hub(_FINE, 6), self.hub(_COARSE, 5)),
             Piece(f"{name}_band", "ring", band),
             *[
-                dc.replace(cap, solid=self._OnHub(cap.solid))
-                for cap in _Cap(name, 0.6 * self.hub_radius - 0.003, self.hub_width)
+                dc.replace(cap, solid=self._on_hub(cap.solid))
+                for cap in _cap(name, 0.6 * self.hub_radius - 0.003, self.hub_width)
             ],
         ]
-        return [_Moved(piece, R, p) for piece in pieces]
+        return [_moved(piece, R, p) for piece in pieces]
 
 
-def _Moved(piece: Piece, R: np.ndarray | None, p: tuple) -> Piece:
+def _moved(piece: Piece, R: np.ndarray | None, p: tuple) -> Piece:
     touched = piece.collision
     if isinstance(touched, Solid):
         touched = touched.moved(R, p)
     return dc.replace(piece, solid=piece.solid.moved(R, p), collision=touched)
 
 
-def _Cap(name: str, radius: float, z: float) -> list[Piece]:
+def _cap(name: str, radius: float, z: float) -> list[Piece]:
     """Returns a coloured ring around a cover, 0.6 and 1.1 mm above a hub's face."""
-    ring = Prism(Disc(radius, count=_FINE), z - 0.002, z + 0.0006, 0.0004)
-    cover = Prism(Disc(radius - 0.007, count=_FINE), z - 0.002, z + 0.0011, 0.0008)
+    ring = prism(disc(radius, count=_FINE), z - 0.002, z + 0.0006, 0.0004)
+    cover = prism(disc(radius - 0.007, count=_FINE), z - 0.002, z + 0.0011, 0.0008)
     return [Piece(f"{name}_cap", "cap", ring), Piece(f"{name}_cover", "shell", cover)]
 
 
-def _Convex(name: str, seen: Solid, touched: Solid) -> Piece:
+def _convex(name: str, seen: Solid, touched: Solid) -> Piece:
     return Piece(name, "shell", seen, touched, SHELL)
 
 
-def Link0() -> list[Piece]:
+def link_0() -> list[Piece]:
     """Returns the foot, drawn out to the plugs at the rear, and the column on it."""
-    foot = Hull2d(
-        Disc(0.108, count=_FINE),
+    foot = hull_2d(
+        disc(0.108, count=_FINE),
         np.array([(-0.135, y) for y in (-0.055, 0.055)]),
         np.array([(-0.11, y) for y in (-0.085, 0.085)]),
     )
 
-    def Column(count: int) -> Solid:
+    def column(count: int) -> Solid:
         profile = [(0.104, 0), (0.1, 0.06), (0.09, 0.12), (0.087, 0.15), (0.084, 0.155)]
-        return Revolve(profile, count)
+        return revolve(profile, count)
 
     return [
-        _Convex("link_0_foot", Prism(foot, 0, 0.055, 0.004), Prism(foot, 0, 0.055)),
-        _Convex("link_0_column", Column(_FINE), Column(_COARSE)),
+        _convex("link_0_foot", prism(foot, 0, 0.055, 0.004), prism(foot, 0, 0.055)),
+        _convex("link_0_column", column(_FINE), column(_COARSE)),
     ]
 
 
-def Link6() -> list[Piece]:
+def link_6() -> list[Piece]:
     """Returns the wrist: a drum about z, and an outlet along y."""
 
-    def Drum(count: int, steps: int) -> Solid:
-        return Revolve(Round(0.06, -0.057, 0.062, 0.022, steps), count)
+    def drum(count: int, steps: int) -> Solid:
+        return revolve(rounded_profile(0.06, -0.057, 0.062, 0.022, steps), count)
 
-    def Outlet(count: int) -> Solid:
+    def outlet(count: int) -> Solid:
         profile = [(0.052, 0), (0.052, 0.055), (0.05, 0.058)]
-        return Revolve(profile, count).moved(RotX(-_HALF))
+        return revolve(profile, count).moved(rot_x(-_HALF))
 
     return [
-        _Convex("link_6_drum", Drum(_FINE, 6), Drum(_COARSE, 5)),
-        _Convex("link_6_outlet", Outlet(_FINE), Outlet(_COARSE)),
-        *_Cap("link_6", 0.034, 0.062),
+        _convex("link_6_drum", drum(_FINE, 6), drum(_COARSE, 5)),
+        _convex("link_6_outlet", outlet(_FINE), outlet(_COARSE)),
+        *_cap("link_6", 0.034, 0.062),
     ]
 
 
-def Link7() -> list[Piece]:
+def link_7() -> list[Piece]:
     """Returns the last turning part and the tool flange."""
-    body = Revolve(Round(0.047, -0.021, 0.034, 0.004))
+    body = revolve(rounded_profile(0.047, -0.021, 0.034, 0.004))
     body_touched = Primitive("cylinder", (0.047, 0.055), (0, 0, 0.0065))
-    flange = Prism(Disc(0.0315, count=_FINE), 0.033, FLANGE_Z)
+    flange = prism(disc(0.0315, count=_FINE), 0.033, FLANGE_Z)
     flange_touched = Primitive("cylinder", (0.0315, 0.012), (0, 0, 0.039))
     return [
         Piece("link_7_body", "shell", body, body_touched, SHELL),
@@ -204,28 +206,28 @@ def Link7() -> list[Piece]:
     ]
 
 
-def Shapes() -> list[list[Piece]]:
+def link_pieces() -> list[list[Piece]]:
     """Returns the pieces of each link."""
     # Even links: the hub's axis is z through the origin, the socket lies along y.
-    turn = RotX(_HALF)
+    turn = rot_x(_HALF)
     return [
-        Link0(),
-        Elbow(0.087, 0.05, 0.2025, 0.082, 0.098).Pieces(1, RotZ(_PI)),
-        Elbow(0.083, 0.06, 0.2045, 0.082, 0.098).Pieces(2, turn, (0, 0.2045, 0)),
-        Elbow(0.080, 0.06, 0.2155, 0.075, 0.090).Pieces(3),
-        Elbow(0.073, 0.06, 0.1845, 0.075, 0.090).Pieces(4, turn, (0, 0.1845, 0)),
+        link_0(),
+        Elbow(0.087, 0.05, 0.2025, 0.082, 0.098).pieces(1, rot_z(_PI)),
+        Elbow(0.083, 0.06, 0.2045, 0.082, 0.098).pieces(2, turn, (0, 0.2045, 0)),
+        Elbow(0.080, 0.06, 0.2155, 0.075, 0.090).pieces(3),
+        Elbow(0.073, 0.06, 0.1845, 0.075, 0.090).pieces(4, turn, (0, 0.1845, 0)),
         # The forearm passes the wrist at one side, and leaves link_7 room to fold back.
-        Elbow(0.069, 0.04, 0.2155, 0.058, 0.106, 0.060, 0.06, 0.03).Pieces(5),
-        Link6(),
-        Link7(),
+        Elbow(0.069, 0.04, 0.2155, 0.058, 0.106, 0.060, 0.06, 0.03).pieces(5),
+        link_6(),
+        link_7(),
     ]
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the arm's files."""
     model = Model("iiwa14", LOOKS, "The KUKA LBR iiwa 14 R820; tools/models/iiwa14.py.")
     for i, ((mass, com, moments), pieces) in enumerate(
-        zip(LINKS, Shapes(), strict=True)
+        zip(LINKS, link_pieces(), strict=True)
     ):
         pose = None
         if i > 0:
@@ -252,4 +254,4 @@ def Build() -> Files:
     model.AddFrame("flange", "link_7", (0, 0, FLANGE_Z))
     for i in range(7):
         model.AddFilter(f"around_joint_{i + 1}", [f"link_{i}", f"link_{i + 1}"])
-    return model.Finish("sdf/iiwa14.sdf")
+    return model.finish("sdf/iiwa14.sdf")

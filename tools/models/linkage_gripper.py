@@ -14,8 +14,8 @@ import dataclasses as dc
 
 import numpy as np
 
-from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, Sub, Text
-from .shapes import Block, Disc, Hull2d, Prism, RotX, RotZ, UnionProperties
+from .sdf import AddChild, Files, Inertial, Model, Piece, Primitive, Proximity, sdf_text
+from .shapes import block, disc, hull_2d, prism, rot_x, rot_z, union_properties
 
 # Where the fingers hold the middle of a 25 mm cylinder, on the palm's x axis.
 PALM_TO_TIP = 0.095
@@ -73,7 +73,7 @@ LOOKS = {
 PLASTIC = Proximity(rigid=True, friction=0.4, resolution=0.005)
 
 
-def Rubber(finger: str) -> Proximity:
+def rubber(finger: str) -> Proximity:
     """Returns the pad's rubber, as the SRG's; one finger's is a tenth stiffer.
 
     No two pads are the same, and Drake's convex integrator stops at contact that is
@@ -83,33 +83,33 @@ def Rubber(finger: str) -> Proximity:
     return Proximity(rigid=False, friction=0.8, modulus=modulus, dissipation=5.0)
 
 
-def _Box(name: str, look: str, low: tuple, high: tuple, bevel: float) -> Piece:
+def _box(name: str, look: str, low: tuple, high: tuple, bevel: float) -> Piece:
     low_, high_ = np.array(low), np.array(high)
     box = Primitive("box", tuple(high_ - low_), tuple((low_ + high_) / 2))
-    return Piece(name, look, Block(low, high, bevel), box, PLASTIC)
+    return Piece(name, look, block(low, high, bevel), box, PLASTIC)
 
 
-def _Extruded(name: str, look: str, outline: np.ndarray, z0: float, z1: float) -> Piece:
+def _extruded(name: str, look: str, outline: np.ndarray, z0: float, z1: float) -> Piece:
     """Returns a prism whose rims are bevelled for the eye only."""
-    seen, touched = Prism(outline, z0, z1, 0.0004), Prism(outline, z0, z1)
+    seen, touched = prism(outline, z0, z1, 0.0004), prism(outline, z0, z1)
     return Piece(name, look, seen, touched, PLASTIC)
 
 
-def _Head(name: str, x: float, y: float, z0: float, s: int) -> Piece:
+def _head(name: str, x: float, y: float, z0: float, s: int) -> Piece:
     """Returns the head of a pin or a screw, not touched."""
     z0, z1 = sorted((s * (z0 - 0.0004), s * (z0 + 0.0005)))
-    return Piece(name, "metal", Prism(Disc(0.0022, (x, y), 16), z0, z1, 0.0002))
+    return Piece(name, "metal", prism(disc(0.0022, (x, y), 16), z0, z1, 0.0002))
 
 
-def PalmPieces() -> list[Piece]:
+def palm_pieces() -> list[Piece]:
     """Returns the palm: +x out of the palm, the fingers' hinges along z."""
     front = HINGE_X + SERVO_SHAFT
     rear = front - SERVO_LENGTH
     side = HINGE_Y + SERVO_WIDTH / 2
     inner = HINGE_Y - SERVO_WIDTH / 2
     pieces = [
-        _Box("palm_mount", "frame", (0, -0.020, -0.0125), (rear, 0.020, 0.0125), 8e-4),
-        _Box(
+        _box("palm_mount", "frame", (0, -0.020, -0.0125), (rear, 0.020, 0.0125), 8e-4),
+        _box(
             "palm_spine", "frame",
             (rear, -inner, -_SERVO_HALF), (0.031, inner, _SERVO_HALF), 6e-4,
         ),
@@ -117,7 +117,7 @@ def PalmPieces() -> list[Piece]:
     for hand, h in (("master", 1), ("slave", -1)):
         low, high = sorted((h * (inner + 2e-4), h * side))
         pieces.append(
-            _Box(
+            _box(
                 f"palm_{hand}_servo", "servo",
                 (rear + 2e-4, low, -_SERVO_HALF), (front, high, _SERVO_HALF), 1e-3,
             )
@@ -128,60 +128,60 @@ def PalmPieces() -> list[Piece]:
     )
     for level, s in (("upper", 1), ("lower", -1)):
         z0, z1 = sorted((s * _SERVO_HALF, s * _PLATE))
-        pieces.append(_Extruded(f"palm_{level}_plate", "frame", plate, z0, z1))
+        pieces.append(_extruded(f"palm_{level}_plate", "frame", plate, z0, z1))
         for hand, h in (("master", 1), ("slave", -1)):
-            ear = Hull2d(
-                Disc(_LUG, (HINGE_X, h * (HINGE_Y + ROCKER)), 20),
+            ear = hull_2d(
+                disc(_LUG, (HINGE_X, h * (HINGE_Y + ROCKER)), 20),
                 np.array([(x, h * (side - 0.008)) for x in (0.014, front - 0.004)]),
             )
-            pieces.append(_Extruded(f"palm_{level}_{hand}_ear", "frame", ear, z0, z1))
+            pieces.append(_extruded(f"palm_{level}_{hand}_ear", "frame", ear, z0, z1))
             for x, y in ((0.009, 0.009), (0.009, 0.022), (0.017, 0.011)):
-                pieces.append(_Head("palm_screw", x, h * y, _PLATE, s))
+                pieces.append(_head("palm_screw", x, h * y, _PLATE, s))
     return pieces
 
 
-def BarPieces(name: str) -> list[Piece]:
+def bar_pieces(name: str) -> list[Piece]:
     """Returns a crank or a rocker: two plates, held apart by a web in the middle."""
-    outline = Hull2d(Disc(_LUG, count=24), Disc(_LUG, (CRANK, 0), 24))
+    outline = hull_2d(disc(_LUG, count=24), disc(_LUG, (CRANK, 0), 24))
     # Clear of the servo's case behind it and of the lugs in front.
     web = (0.0135, -0.0025, -_PLATE), (CRANK - 0.0065, 0.0025, _PLATE)
-    pieces = [_Box(f"{name}_web", "link", *web, 0.0008)]
+    pieces = [_box(f"{name}_web", "link", *web, 0.0008)]
     for level, s in (("upper", 1), ("lower", -1)):
         z0, z1 = sorted((s * _PLATE, s * _FORK))
-        pieces.append(_Extruded(f"{name}_{level}_plate", "link", outline, z0, z1))
-        pieces += [_Head(f"{name}_pin", x, 0.0, _FORK, s) for x in (0.0, CRANK)]
+        pieces.append(_extruded(f"{name}_{level}_plate", "link", outline, z0, z1))
+        pieces += [_head(f"{name}_pin", x, 0.0, _FORK, s) for x in (0.0, CRANK)]
     return pieces
 
 
-def TipPieces(finger: str, curved: bool) -> list[Piece]:
+def tip_pieces(finger: str, curved: bool) -> list[Piece]:
     """Returns a fingertip: the coupler's half at the crank's pin, carrier and pad."""
     back = PAD_FACE - PAD_THICKNESS
     x0, x1 = PAD_X - 0.0094, PAD_X + 0.0094
     seam = -ROCKER / 2 + 1e-4
-    lug = Hull2d(Disc(_LUG, count=24), np.array([(-_LUG, seam), (_LUG, seam)]))
+    lug = hull_2d(disc(_LUG, count=24), np.array([(-_LUG, seam), (_LUG, seam)]))
     arm = np.array([(-0.001, -0.0035), (0.0, 0.0038), (x0, back), (x0, -0.003)])
     carrier = (x0, -0.003, -PAD_HALF), (x1, back, PAD_HALF)
     pieces = [
-        _Extruded("tip_lug", "link", lug, -_LUG_HALF, _LUG_HALF),
-        _Extruded("tip_arm", "link", arm, -0.0085, 0.0085),
-        _Box("tip_carrier", "link", *carrier, 6e-4),
+        _extruded("tip_lug", "link", lug, -_LUG_HALF, _LUG_HALF),
+        _extruded("tip_arm", "link", arm, -0.0085, 0.0085),
+        _box("tip_carrier", "link", *carrier, 6e-4),
     ]
     for z in (-0.007, 0.007):
-        head = Prism(Disc(0.0015, count=12), -4e-4, 5e-4, 2e-4)
-        head = head.moved(RotX(np.pi / 2), (PAD_X, -0.003, z))
+        head = prism(disc(0.0015, count=12), -4e-4, 5e-4, 2e-4)
+        head = head.moved(rot_x(np.pi / 2), (PAD_X, -0.003, z))
         pieces.append(Piece("tip_screw", "metal", head))
-    return pieces + (_ArcPads(finger) if curved else [_FlatPad(finger)])
+    return pieces + (_arc_pads(finger) if curved else [_flat_pad(finger)])
 
 
-def _FlatPad(finger: str) -> Piece:
+def _flat_pad(finger: str) -> Piece:
     half, back = PAD_LENGTH / 2, PAD_FACE - PAD_THICKNESS
     low = (PAD_X - half, back, -PAD_HALF)
     high = (PAD_X + half, PAD_FACE, PAD_HALF)
-    pad = _Box("pad", "flat_pad", low, high, 5e-4)
-    return dc.replace(pad, proximity=Rubber(finger))
+    pad = _box("pad", "flat_pad", low, high, 5e-4)
+    return dc.replace(pad, proximity=rubber(finger))
 
 
-def _ArcPads(finger: str) -> list[Piece]:
+def _arc_pads(finger: str) -> list[Piece]:
     """Returns boxes whose faces touch the cylinder, and what holds them."""
     middle = np.array([PAD_X, PAD_FACE + OBJECT_RADIUS, 0.0])
     width = 2 * OBJECT_RADIUS * np.tan(ARC_STEP / 2)
@@ -190,52 +190,52 @@ def _ArcPads(finger: str) -> list[Piece]:
     pieces = []
     for i in range(ARC_BOXES):
         angle = (i - (ARC_BOXES - 1) / 2) * ARC_STEP
-        R = RotZ(angle)
+        R = rot_z(angle)
         p = middle - R @ np.array([0.0, OBJECT_RADIUS + PAD_THICKNESS / 2, 0.0])
         box = Primitive("box", size, tuple(np.round(p, 7)), (0.0, 0.0, angle))
-        seen = Block(-half, half).moved(R, p)
-        pieces.append(Piece(f"pad_{i + 1}", "curved_pad", seen, box, Rubber(finger)))
+        seen = block(-half, half).moved(R, p)
+        pieces.append(Piece(f"pad_{i + 1}", "curved_pad", seen, box, rubber(finger)))
     # Behind the outer boxes, which lean away from the carrier.
     back = PAD_FACE - PAD_THICKNESS
     for end, s in (("rear", -1), ("front", 1)):
         offsets = [(0.0043, 0.0), (0.0094, 0.0), (0.0094, 0.0030)]
         wedge = np.array([(PAD_X + s * x, back + y) for x, y in offsets])
         name = f"tip_{end}_wedge"
-        pieces.append(_Extruded(name, "wedge", Hull2d(wedge), -PAD_HALF, PAD_HALF))
+        pieces.append(_extruded(name, "wedge", hull_2d(wedge), -PAD_HALF, PAD_HALF))
     return pieces
 
 
-def CouplerPieces() -> list[Piece]:
+def coupler_pieces() -> list[Piece]:
     """Returns the coupler's half at the rocker's pin."""
     seam = ROCKER / 2 - 1e-4
-    outline = Hull2d(Disc(_LUG, count=24), np.array([(-_LUG, seam), (_LUG, seam)]))
-    return [_Extruded("coupler_lug", "link", outline, -_LUG_HALF, _LUG_HALF)]
+    outline = hull_2d(disc(_LUG, count=24), np.array([(-_LUG, seam), (_LUG, seam)]))
+    return [_extruded("coupler_lug", "link", outline, -_LUG_HALF, _LUG_HALF)]
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the gripper's files: with curved and with flat fingertips.
 
     `linkage_gripper_fast` is for Drake's convex integrator, which takes no ball
     constraints: joints that follow the crank's keep its loops closed.
     """
     return {
-        **_Build("linkage_gripper"),
-        **_Build("linkage_gripper_flat", curved=False),
-        **_Build("linkage_gripper_fast", balls=False),
+        **_build("linkage_gripper"),
+        **_build("linkage_gripper_flat", curved=False),
+        **_build("linkage_gripper_fast", balls=False),
     }
 
 
-def _Build(name: str, curved: bool = True, balls: bool = True) -> Files:
+def _build(name: str, curved: bool = True, balls: bool = True) -> Files:
     comment = "A gripper of two parallelograms; see tools/models/linkage_gripper.py."
     model = Model("linkage_gripper", LOOKS, comment)
 
-    palm = PalmPieces()
-    frame = UnionProperties([p.solid for p in palm if p.look == "frame"])
+    palm = palm_pieces()
+    frame = union_properties([p.solid for p in palm if p.look == "frame"])
     mass = 2 * SERVO_MASS + round(DENSITY * frame.volume, 4)
-    whole = UnionProperties([p.solid for p in palm])
-    model.AddLink("palm", palm, Inertial.Uniform(mass, whole))
+    whole = union_properties([p.solid for p in palm])
+    model.AddLink("palm", palm, Inertial.uniform(mass, whole))
     for finger, h in (("master", 1), ("slave", -1)):
-        _AddFinger(model, finger, h, TipPieces(finger, curved))
+        _AddFinger(model, finger, h, tip_pieces(finger, curved))
         if balls:
             _AddBalls(model, finger)
         else:
@@ -246,7 +246,7 @@ def _Build(name: str, curved: bool = True, balls: bool = True) -> Files:
     for finger in ("master", "slave"):
         links = [f"{finger}_{n}" for n in ("crank", "rocker", "tip", "coupler")]
         model.AddFilter(f"{finger}_finger", ["palm", *links])
-    return model.Finish(f"sdf/{name}.sdf")
+    return model.finish(f"sdf/{name}.sdf")
 
 
 def _AddFinger(model: Model, finger: str, side: int, tip: list[Piece]) -> None:
@@ -256,18 +256,22 @@ def _AddFinger(model: Model, finger: str, side: int, tip: list[Piece]) -> None:
     outwards = (np.pi, 0, OPEN_ANGLE) if side > 0 else (0, 0, -OPEN_ANGLE)
     ahead = (CRANK, 0, 0), (0, 0, OPEN_ANGLE)
     for name, pieces, pose in (
-        ("crank", BarPieces("crank"), ("palm", (HINGE_X, side * HINGE_Y, 0), outwards)),
+        (
+            "crank",
+            bar_pieces("crank"),
+            ("palm", (HINGE_X, side * HINGE_Y, 0), outwards),
+        ),
         (
             "rocker",
-            BarPieces("rocker"),
+            bar_pieces("rocker"),
             ("palm", (HINGE_X, side * (HINGE_Y + ROCKER), 0), outwards),
         ),
         ("tip", tip, (f"{prefix}crank", *ahead)),
-        ("coupler", CouplerPieces(), (f"{prefix}rocker", *ahead)),
+        ("coupler", coupler_pieces(), (f"{prefix}rocker", *ahead)),
     ):
-        properties = UnionProperties([p.solid for p in pieces])
+        properties = union_properties([p.solid for p in pieces])
         mass = round(DENSITY * properties.volume, 4)
-        inertial = Inertial.Uniform(mass, properties)
+        inertial = Inertial.uniform(mass, properties)
         model.AddLink(name, pieces, inertial, pose, prefix=prefix)
     # While the loop is closed, all four angles are the same.
     passive = {"effort": 0.0}
@@ -301,14 +305,14 @@ def _AddBalls(model: Model, finger: str) -> None:
         ("rocker_pin", (0, -ROCKER, 0), (0, 0, 0)),
         ("crank_pin", (0, 0, 0), (0, ROCKER, 0)),
     ):
-        ball = Sub(model.root, "drake:ball_constraint", name=f"{finger}_{name}")
+        ball = AddChild(model.root, "drake:ball_constraint", name=f"{finger}_{name}")
         for tag, text in (
             ("body_A", f"{finger}_tip"),
             ("body_B", f"{finger}_coupler"),
-            ("p_AP", Text(p_tip)),
-            ("p_BQ", Text(p_coupler)),
+            ("p_AP", sdf_text(p_tip)),
+            ("p_BQ", sdf_text(p_coupler)),
         ):
-            Sub(ball, f"drake:ball_constraint_{tag}", text)
+            AddChild(ball, f"drake:ball_constraint_{tag}", text)
 
 
 def _AddMimics(model: Model, finger: str) -> None:
@@ -317,4 +321,4 @@ def _AddMimics(model: Model, finger: str) -> None:
         joint = model.root.find(f"joint[@name='{finger}_{name}_joint']")
         assert joint is not None
         follows = {"joint": f"{finger}_crank_joint", "multiplier": "1", "offset": "0"}
-        Sub(joint, "drake:mimic", **follows)
+        AddChild(joint, "drake:mimic", **follows)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, Sub
-from .shapes import Block, Disc, Prism, Revolve, RotX, UnionProperties
+from .sdf import AddChild, Files, Inertial, Model, Piece, Primitive, Proximity
+from .shapes import block, disc, prism, revolve, rot_x, union_properties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.
 WOOD = Proximity(rigid=True, friction=0.6)
@@ -22,85 +22,87 @@ CAN = Proximity(
 )
 
 
-def _Box(name: str, look: str, low: tuple, high: tuple, bevel: float, how: Proximity):
+def _box(name: str, look: str, low: tuple, high: tuple, bevel: float, how: Proximity):
     a, b = np.array(low), np.array(high)
     shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
-    return Piece(name, look, Block(low, high, bevel), shape, how)
+    return Piece(name, look, block(low, high, bevel), shape, how)
 
 
-def Table() -> Files:
+def table() -> Files:
     """Returns a table whose top is z = 0; an arm stands on it at the origin."""
     looks = {"top": (0.74, 0.70, 0.63), "legs": (0.45, 0.46, 0.48)}
     model = Model("table", looks, "A table; its top is z = 0.")
-    Sub(model.root, "static", "true")
+    AddChild(model.root, "static", "true")
     pieces = [
-        _Box("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, WOOD)
+        _box("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, WOOD)
     ]
     for x in (-0.34, 1.24):
         for y in (-0.74, 0.74):
             name = f"table_leg_{'rear' if x < 0 else 'front'}_"
             name += "left" if y > 0 else "right"
             low, high = (x - 0.03, y - 0.03, -0.75), (x + 0.03, y + 0.03, -0.04)
-            pieces.append(_Box(name, "legs", low, high, 0.0015, WOOD))
+            pieces.append(_box(name, "legs", low, high, 0.0015, WOOD))
     model.AddLink("table", pieces, None)
     model.AddFrame("table_top", "table")
-    return model.Finish("sdf/table.sdf")
+    return model.finish("sdf/table.sdf")
 
 
-def Floor() -> Files:
+def floor() -> Files:
     """Returns a floor under the table's legs."""
     model = Model("floor", {"floor": (0.55, 0.56, 0.58)}, "A floor, z = -0.75.")
-    Sub(model.root, "static", "true")
+    AddChild(model.root, "static", "true")
     low, high = (-3, -3, -0.85), (3, 3, -0.75)
-    model.AddLink("floor", [_Box("floor", "floor", low, high, 0, WOOD)], None)
-    return model.Finish("sdf/floor.sdf")
+    model.AddLink("floor", [_box("floor", "floor", low, high, 0, WOOD)], None)
+    return model.finish("sdf/floor.sdf")
 
 
-def Pedestal() -> Files:
+def pedestal() -> Files:
     """Returns a column beside the table; the origin is the middle of its top.
 
     It stands on the floor when its top is 17.5 mm above the table's: on it, a can is
     taken at mid height by a hand 68.4 mm above the table's top.
     """
     model = Model("pedestal", {"wood": (0.77, 0.65, 0.47)}, "A column on the floor.")
-    half, foot, floor = 0.055, 0.11, -0.75 - 0.0175
-    low, high = (-half, -half, floor + 0.03), (half, half, 0)
+    half, foot, floor_z = 0.055, 0.11, -0.75 - 0.0175
+    low, high = (-half, -half, floor_z + 0.03), (half, half, 0)
     pieces = [
-        _Box("column", "wood", low, high, 0.001, WOOD),
-        _Box("foot", "wood", (-foot, -foot, floor), (foot, foot, low[2]), 0.001, WOOD),
+        _box("column", "wood", low, high, 0.001, WOOD),
+        _box(
+            "foot", "wood", (-foot, -foot, floor_z), (foot, foot, low[2]), 0.001, WOOD
+        ),
     ]
     model.AddLink("pedestal", pieces, None)
     model.AddFrame("top", "pedestal")
-    return model.Finish("sdf/pedestal.sdf")
+    return model.finish("sdf/pedestal.sdf")
 
 
-def Marker() -> Files:
+def marker() -> Files:
     """Returns a ring that marks a goal; it cannot be touched."""
     model = Model("marker", {"ring": (0.15, 0.65, 0.25)}, "Marks a goal, seen only.")
-    solids = _Ring(0.036, 0.045, 0, 0.001, 48)
+    solids = _ring(0.036, 0.045, 0, 0.001, 48)
     pieces = [Piece("ring", "ring", s) for s in solids]
-    model.AddLink("marker", pieces, Inertial.Uniform(0.01, UnionProperties(solids)))
-    return model.Finish("sdf/marker.sdf")
+    model.AddLink("marker", pieces, Inertial.uniform(0.01, union_properties(solids)))
+    return model.finish("sdf/marker.sdf")
 
 
-def _Ring(inner: float, outer: float, z0: float, z1: float, count: int) -> list:
+def _ring(inner: float, outer: float, z0: float, z1: float, count: int) -> list:
     """Returns a ring cut into convex wedges."""
-    a, b = Disc(inner, count=count), Disc(outer, count=count)
+    a, b = disc(inner, count=count), disc(outer, count=count)
     wedges = []
     for i in range(count):
         j = (i + 1) % count
-        wedges.append(Prism(np.array([a[i], b[i], b[j], a[j]]), z0, z1))
+        wedges.append(prism(np.array([a[i], b[i], b[j], a[j]]), z0, z1))
     return wedges
 
 
-def Lid() -> Files:
+def lid() -> Files:
     """Returns an upside-down bucket; the origin is the middle of its open rim."""
     model = Model("lid", {"sheet": (0.52, 0.53, 0.55)}, "Hides an object from cameras.")
     inner, wall, height = 0.06, 0.003, 0.14
     count = 24
     # The corners stand off so that the flats keep the inner radius.
     stretch = 1 / np.cos(np.pi / count)
-    solids = _Ring(inner * stretch, (inner + wall) * stretch, 0, height, count)
+    solids = _ring(inner * stretch, (inner + wall) * stretch, 0, height, count)
     pieces = []
     middle = inner + wall / 2
     size = (wall, 2 * (inner + wall) * np.tan(np.pi / count), height)
@@ -109,14 +111,14 @@ def Lid() -> Files:
         x, y = middle * np.cos(angle), middle * np.sin(angle)
         box = Primitive("box", size, (x, y, height / 2), (0, 0, angle))
         pieces.append(Piece(f"lid_wall_{i}", "sheet", solid, box, SHEET))
-    roof = Prism(Disc((inner + wall) * stretch, count=count), height - wall, height)
+    roof = prism(disc((inner + wall) * stretch, count=count), height - wall, height)
     pieces.append(Piece("lid_roof", "sheet", roof, roof, SHEET))
-    inertial = Inertial.Uniform(0.3, UnionProperties([*solids, roof]))
+    inertial = Inertial.uniform(0.3, union_properties([*solids, roof]))
     model.AddLink("lid", pieces, inertial)
-    return model.Finish("sdf/lid.sdf")
+    return model.finish("sdf/lid.sdf")
 
 
-def Cradle() -> Files:
+def cradle() -> Files:
     """Returns four posts on which a cylinder of 40 to 90 mm lies along x.
 
     Two pairs 0.12 m apart leave room for a hand around the cylinder, from above and
@@ -127,21 +129,21 @@ def Cradle() -> Files:
     for x, end in ((-0.06, "rear"), (0.06, "front")):
         for y, side in ((-0.03, "right"), (0.03, "left")):
             low, high = (x - 0.01, y - 0.01, 0), (x + 0.01, y + 0.01, 0.15)
-            pieces.append(_Box(f"post_{end}_{side}", "posts", low, high, 0.001, WOOD))
+            pieces.append(_box(f"post_{end}_{side}", "posts", low, high, 0.001, WOOD))
     model.AddLink("cradle", pieces, None)
-    return model.Finish("sdf/cradle.sdf")
+    return model.finish("sdf/cradle.sdf")
 
 
-def Can() -> Files:
+def can() -> Files:
     """Returns the soup can: red from above and below, a cream band on its side."""
     name = "005_tomato_soup_can"
     looks = {"red": (0.80, 0.10, 0.08), "label": (0.93, 0.89, 0.78)}
     model = Model(name, looks, "YCB 005; one cylinder to touch.")
     r, h, count = CAN_RADIUS, CAN_LENGTH / 2, 64
     rim = [(r - 0.0002, h), (r, h - 0.0002), (r, h - 0.0022)]
-    upper = Revolve([*rim, (r - 0.0002, h - 0.0028), (r - 0.0002, h / 3)], count)
-    lower = upper.moved(RotX(np.pi))
-    label = Revolve([(r - 0.0001, h / 3), (r - 0.0001, -h / 3)], count)
+    upper = revolve([*rim, (r - 0.0002, h - 0.0028), (r - 0.0002, h / 3)], count)
+    lower = upper.moved(rot_x(np.pi))
+    label = revolve([(r - 0.0001, h / 3), (r - 0.0001, -h / 3)], count)
     collision = Primitive("cylinder", (r, CAN_LENGTH))
     pieces = [
         Piece("can", "red", upper, collision, CAN),
@@ -151,17 +153,17 @@ def Can() -> Files:
     moment = CAN_MASS * (3 * r**2 + CAN_LENGTH**2) / 12
     inertia = np.diag([moment, moment, CAN_MASS * r**2 / 2])
     model.AddLink("can", pieces, Inertial(CAN_MASS, (0, 0, 0), inertia))
-    return model.Finish(f"sdf/{name}.sdf")
+    return model.finish(f"sdf/{name}.sdf")
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the files of all props."""
     return {
-        **Table(),
-        **Floor(),
-        **Marker(),
-        **Lid(),
-        **Can(),
-        **Cradle(),
-        **Pedestal(),
+        **table(),
+        **floor(),
+        **marker(),
+        **lid(),
+        **can(),
+        **cradle(),
+        **pedestal(),
     }

@@ -10,7 +10,7 @@ import numpy as np
 
 from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 
-from .shapes import MassProperties, Number, Obj, Points, Solid
+from .shapes import MassProperties, Points, Solid, format_number, obj_text
 
 Color = tuple[float, float, float]
 Files = dict[str, str]  # path below models/ -> text
@@ -73,36 +73,36 @@ class Inertial:
     inertia: Points
 
     @staticmethod
-    def Uniform(mass: float, properties: MassProperties) -> Inertial:
+    def uniform(mass: float, properties: MassProperties) -> Inertial:
         """Spreads a mass evenly over a volume."""
         scale = mass / properties.volume
         return Inertial(mass, properties.center, properties.inertia * scale)
 
 
-def Sub(parent: ET.Element, tag: str, text: object = None, **attributes: str):
+def AddChild(parent: ET.Element, tag: str, text: object = None, **attributes: str):
     """Appends a child element and returns it."""
     child = ET.SubElement(parent, tag, attributes)
     if text is not None:
-        child.text = text if isinstance(text, str) else Text(text)
+        child.text = text if isinstance(text, str) else sdf_text(text)
     return child
 
 
-def Text(value: object) -> str:
+def sdf_text(value: object) -> str:
     """Returns numbers as SDF text."""
     values = np.atleast_1d(np.asarray(value, float))
-    return " ".join(_Significant(x) for x in values)
+    return " ".join(_significant(x) for x in values)
 
 
-def _Significant(x: float) -> str:
+def _significant(x: float) -> str:
     text = f"{x:.12g}"
     if "e" in text and abs(x) < 1e-4:
         return "0" if abs(x) < 1e-12 else f"{x:.5g}"
     return "0" if text == "-0" else text
 
 
-def Pose(parent: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0, 0, 0)):
+def AddPose(parent: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0, 0, 0)):
     """Appends a pose unless it is the identity."""
-    pose = Sub(parent, "pose", [*xyz, *rpy])
+    pose = AddChild(parent, "pose", [*xyz, *rpy])
     if not np.any(np.abs([*xyz, *rpy]) > 0):
         parent.remove(pose)
     return pose
@@ -118,7 +118,7 @@ class Model:
             "sdf", {"version": "1.9", "xmlns:drake": "http://drake.mit.edu"}
         )
         self._comment = comment
-        self.root = Sub(self._sdf, "model", name=name)
+        self.root = AddChild(self._sdf, "model", name=name)
         self.files: Files = {}
 
     def AddLink(
@@ -134,20 +134,20 @@ class Model:
         The prefix is put before the link's and its geometries' names, not before the
         names of the meshes: links alike but for the prefix share their meshes.
         """
-        link = Sub(self.root, "link", name=prefix + name)
+        link = AddChild(self.root, "link", name=prefix + name)
         if pose is not None:
-            Sub(link, "pose", [*pose[1], *pose[2]], relative_to=pose[0])
+            AddChild(link, "pose", [*pose[1], *pose[2]], relative_to=pose[0])
         if inertial is not None:
-            node = Sub(link, "inertial")
-            Pose(node, np.round(inertial.com, 6) + 0.0)
-            Sub(node, "mass", inertial.mass)
-            matrix = Sub(node, "inertia")
+            node = AddChild(link, "inertial")
+            AddPose(node, np.round(inertial.com, 6) + 0.0)
+            AddChild(node, "mass", inertial.mass)
+            matrix = AddChild(node, "inertia")
             for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
                 value = f"{inertial.inertia[i, j]:.4g}"
                 floor = 1e-5 * np.max(inertial.inertia)
                 if abs(inertial.inertia[i, j]) < floor:
                     value = "0"
-                Sub(matrix, "i" + "xyz"[i] + "xyz"[j], value)
+                AddChild(matrix, "i" + "xyz"[i] + "xyz"[j], value)
         for look in dict.fromkeys(p.look for p in pieces if p.look):
             seen = [p.solid for p in pieces if p.look == look]
             self._AddVisual(link, f"{name}_{look}", prefix, look, seen)
@@ -158,36 +158,36 @@ class Model:
     def _AddVisual(
         self, link: ET.Element, name: str, prefix: str, look: str, seen: list[Solid]
     ) -> None:
-        visual = Sub(link, "visual", name=prefix + name)
+        visual = AddChild(link, "visual", name=prefix + name)
         path = f"meshes/{self._name}_{name}.obj"
-        self.files[path] = Obj(seen)
-        mesh = Sub(Sub(visual, "geometry"), "mesh")
-        Sub(mesh, "uri", f"package://drake_srg/{path}")
-        material = Sub(visual, "material")
-        Sub(material, "diffuse", [*self._looks[look], 1])
+        self.files[path] = obj_text(seen)
+        mesh = AddChild(AddChild(visual, "geometry"), "mesh")
+        AddChild(mesh, "uri", f"package://drake_srg/{path}")
+        material = AddChild(visual, "material")
+        AddChild(material, "diffuse", [*self._looks[look], 1])
 
     def _AddCollision(self, link: ET.Element, piece: Piece, prefix: str) -> None:
-        collision = Sub(link, "collision", name=prefix + piece.name)
+        collision = AddChild(link, "collision", name=prefix + piece.name)
         shape = piece.collision
         resolution = None
         if isinstance(shape, Primitive):
-            Pose(collision, shape.xyz, shape.rpy)
-            AddPrimitive(Sub(collision, "geometry"), shape)
+            AddPose(collision, shape.xyz, shape.rpy)
+            AddPrimitive(AddChild(collision, "geometry"), shape)
             if shape.kind != "box":  # only round primitives are cut into facets
                 resolution = piece.proximity.resolution
         elif isinstance(shape, VolumeMesh):
-            Pose(collision, shape.xyz)
+            AddPose(collision, shape.xyz)
             vertices, tetrahedra = box_mesh(shape.size, shape.resolution)
             path = f"meshes/{self._name}_{piece.name}_{len(tetrahedra)}.vtk"
             self.files[path] = vtk_text(np.round(vertices, 9), tetrahedra)
-            mesh = Sub(Sub(collision, "geometry"), "mesh")
-            Sub(mesh, "uri", f"package://drake_srg/{path}")
+            mesh = AddChild(AddChild(collision, "geometry"), "mesh")
+            AddChild(mesh, "uri", f"package://drake_srg/{path}")
         else:
             path = f"meshes/{self._name}_{piece.name}_collision.obj"
-            self.files[path] = Obj([shape], crease=0)
-            mesh = Sub(Sub(collision, "geometry"), "mesh")
-            Sub(mesh, "uri", f"package://drake_srg/{path}")
-            Sub(mesh, "drake:declare_convex")
+            self.files[path] = obj_text([shape], crease=0)
+            mesh = AddChild(AddChild(collision, "geometry"), "mesh")
+            AddChild(mesh, "uri", f"package://drake_srg/{path}")
+            AddChild(mesh, "drake:declare_convex")
         AddProximity(collision, piece.proximity, resolution)
 
     def AddJoint(
@@ -203,34 +203,34 @@ class Model:
         kind: str = "revolute",
     ) -> None:
         """Adds an actuated joint, revolute or prismatic, at the child's origin."""
-        joint = Sub(self.root, "joint", name=name, type=kind)
-        Sub(joint, "parent", parent)
-        Sub(joint, "child", child)
-        node = Sub(joint, "axis")
-        Sub(node, "xyz", axis)
-        limit = Sub(node, "limit")
+        joint = AddChild(self.root, "joint", name=name, type=kind)
+        AddChild(joint, "parent", parent)
+        AddChild(joint, "child", child)
+        node = AddChild(joint, "axis")
+        AddChild(node, "xyz", axis)
+        limit = AddChild(node, "limit")
         for key, value in limits.items():
-            Sub(limit, key, value)
-        Sub(Sub(node, "dynamics"), "damping", damping)
+            AddChild(limit, key, value)
+        AddChild(AddChild(node, "dynamics"), "damping", damping)
         if rotor_inertia:
-            Sub(joint, "drake:rotor_inertia", f"{rotor_inertia:.6g}")
-            Sub(joint, "drake:gear_ratio", f"{gear_ratio:.6g}")
+            AddChild(joint, "drake:rotor_inertia", f"{rotor_inertia:.6g}")
+            AddChild(joint, "drake:gear_ratio", f"{gear_ratio:.6g}")
 
     def AddFrame(
         self, name: str, attached_to: str, xyz: Sequence[float] = (0, 0, 0)
     ) -> None:
         """Adds a frame, parallel to the one it is attached to."""
-        frame = Sub(self.root, "frame", name=name, attached_to=attached_to)
-        Pose(frame, xyz)
+        frame = AddChild(self.root, "frame", name=name, attached_to=attached_to)
+        AddPose(frame, xyz)
 
     def AddFilter(self, name: str, members: Sequence[str]) -> None:
         """Lets the members of a group pass through each other."""
-        group = Sub(self.root, "drake:collision_filter_group", name=name)
+        group = AddChild(self.root, "drake:collision_filter_group", name=name)
         for member in members:
-            Sub(group, "drake:member", member)
-        Sub(group, "drake:ignored_collision_filter_group", name)
+            AddChild(group, "drake:member", member)
+        AddChild(group, "drake:ignored_collision_filter_group", name)
 
-    def Finish(self, path: str) -> Files:
+    def finish(self, path: str) -> Files:
         """Returns all files of the model, the SDF among them."""
         ET.indent(self._sdf, "  ")
         text = ET.tostring(self._sdf, encoding="unicode")
@@ -242,24 +242,24 @@ class Model:
 
 def AddPrimitive(geometry: ET.Element, shape: Primitive) -> None:
     """Appends a primitive shape."""
-    node = Sub(geometry, shape.kind)
+    node = AddChild(geometry, shape.kind)
     if shape.kind == "box":
-        Sub(node, "size", shape.size)
+        AddChild(node, "size", shape.size)
         return
-    Sub(node, "radius", shape.size[0])
+    AddChild(node, "radius", shape.size[0])
     if shape.kind != "sphere":
-        Sub(node, "length", shape.size[1])
+        AddChild(node, "length", shape.size[1])
 
 
 def AddProximity(
     collision: ET.Element, proximity: Proximity, resolution: float | None
 ) -> None:
     """Appends Drake's contact properties."""
-    node = Sub(collision, "drake:proximity_properties")
+    node = AddChild(collision, "drake:proximity_properties")
     if proximity.rigid:
-        Sub(node, "drake:rigid_hydroelastic")
+        AddChild(node, "drake:rigid_hydroelastic")
     else:
-        Sub(node, "drake:compliant_hydroelastic")
+        AddChild(node, "drake:compliant_hydroelastic")
     for tag, value in (
         ("mesh_resolution_hint", resolution),
         ("hydroelastic_modulus", proximity.modulus),
@@ -268,4 +268,4 @@ def AddProximity(
         ("mu_static", proximity.friction),
     ):
         if value is not None:
-            Sub(node, f"drake:{tag}", Number(value, 6))
+            AddChild(node, f"drake:{tag}", format_number(value, 6))

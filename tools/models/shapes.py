@@ -39,10 +39,10 @@ class Solid:
         )
 
 
-def Hull(*parts: Points | Solid) -> Solid:
+def hull(*parts: Points | Solid) -> Solid:
     """Returns the convex hull of points and solids."""
     points = np.vstack([p.vertices if isinstance(p, Solid) else p for p in parts])
-    points = _Unique(points)
+    points = _unique(points)
     qhull = ConvexHull(points)
     normals = qhull.equations[:, :3]
     # Join neighbouring triangles that lie in one plane.
@@ -64,21 +64,21 @@ def Hull(*parts: Points | Solid) -> Solid:
     faces = []
     for root, members in planes.items():
         corners = sorted({int(k) for i in members for k in qhull.simplices[i]})
-        faces.append(_Ordered(points, corners, normals[root]))
+        faces.append(_ordered(points, corners, normals[root]))
     used = sorted({k for face in faces for k in face})
     new = {old: k for k, old in enumerate(used)}
-    renamed = sorted(_Rolled(tuple(new[k] for k in face)) for face in faces)
+    renamed = sorted(_rolled(tuple(new[k] for k in face)) for face in faces)
     return Solid(points[used], tuple(renamed))
 
 
-def _Unique(points: Points) -> Points:
+def _unique(points: Points) -> Points:
     """Returns the points sorted, each (to 10 nm) once."""
     keys = np.round(points, 8) + 0.0
     _, first = np.unique(keys, axis=0, return_index=True)
     return points[first]
 
 
-def _Ordered(points: Points, corners: list[int], normal: Points) -> tuple[int, ...]:
+def _ordered(points: Points, corners: list[int], normal: Points) -> tuple[int, ...]:
     """Returns the corners counter-clockwise about the normal."""
     p = points[corners] - points[corners].mean(axis=0)
     u = p[0] / np.linalg.norm(p[0])
@@ -87,39 +87,39 @@ def _Ordered(points: Points, corners: list[int], normal: Points) -> tuple[int, .
     return tuple(corners[k] for k in order)
 
 
-def _Rolled(face: tuple[int, ...]) -> tuple[int, ...]:
+def _rolled(face: tuple[int, ...]) -> tuple[int, ...]:
     """Returns the face starting at its smallest index."""
     k = face.index(min(face))
     return face[k:] + face[:k]
 
 
-def RotX(angle: float) -> Points:
+def rot_x(angle: float) -> Points:
     """Returns the rotation about x by an angle."""
-    c, s = _Cos(angle), _Sin(angle)
+    c, s = _cos(angle), _sin(angle)
     return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
-def RotY(angle: float) -> Points:
+def rot_y(angle: float) -> Points:
     """Returns the rotation about y by an angle."""
-    c, s = _Cos(angle), _Sin(angle)
+    c, s = _cos(angle), _sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
-def RotZ(angle: float) -> Points:
+def rot_z(angle: float) -> Points:
     """Returns the rotation about z by an angle."""
-    c, s = _Cos(angle), _Sin(angle)
+    c, s = _cos(angle), _sin(angle)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
 
-def _Cos(angle: float) -> float:
+def _cos(angle: float) -> float:
     return float(np.round(np.cos(angle), 12))
 
 
-def _Sin(angle: float) -> float:
+def _sin(angle: float) -> float:
     return float(np.round(np.sin(angle), 12))
 
 
-def Disc(
+def disc(
     radius: float,
     center: Sequence[float] = (0, 0),
     count: int = 24,
@@ -132,13 +132,13 @@ def Disc(
     return radius * np.column_stack([np.cos(angles), np.sin(angles)]) + center
 
 
-def Hull2d(*parts: Points) -> Points:
+def hull_2d(*parts: Points) -> Points:
     """Returns the corners of the planar convex hull, counter-clockwise."""
     points = np.vstack([np.atleast_2d(p) for p in parts])
     return points[ConvexHull(points).vertices]
 
 
-def Inset(outline: Points, by: float) -> Points:
+def inset(outline: Points, by: float) -> Points:
     """Returns a convex counter-clockwise outline shrunk by a distance."""
     edges = np.roll(outline, -1, axis=0) - outline
     inward = np.column_stack([-edges[:, 1], edges[:, 0]])
@@ -151,30 +151,30 @@ def Inset(outline: Points, by: float) -> Points:
     return np.array(result)
 
 
-def Prism(outline: Points, z0: float, z1: float, edge: float = 0.0) -> Solid:
+def prism(outline: Points, z0: float, z1: float, edge: float = 0.0) -> Solid:
     """Returns a convex outline extruded along z, its two rims rounded by `edge`."""
-    outline = Hull2d(outline)
+    outline = hull_2d(outline)
     if edge == 0:
-        return Hull(At(outline, z0), At(outline, z1))
+        return hull(at_height(outline, z0), at_height(outline, z1))
     parts = []
     for angle in np.linspace(0, np.pi / 2, 4):
-        ring = Inset(outline, edge * (1 - np.sin(angle)))
+        ring = inset(outline, edge * (1 - np.sin(angle)))
         lift = edge * (1 - np.cos(angle))
-        parts += [At(ring, z0 + lift), At(ring, z1 - lift)]
-    return Hull(*parts)
+        parts += [at_height(ring, z0 + lift), at_height(ring, z1 - lift)]
+    return hull(*parts)
 
 
-def At(outline: Points, z: float) -> Points:
+def at_height(outline: Points, z: float) -> Points:
     """Returns the planar points lifted to a height."""
     return np.column_stack([outline, np.full(len(outline), z)])
 
 
-def Block(low: Sequence[float], high: Sequence[float], edge: float = 0.0) -> Solid:
+def block(low: Sequence[float], high: Sequence[float], edge: float = 0.0) -> Solid:
     """Returns an axis-aligned box, its edges and corners rounded by `edge`."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     if edge == 0:
-        return Hull(low + corners * (high - low))
+        return hull(low + corners * (high - low))
     # An eighth of a ball at each corner.
     a = np.linspace(0, np.pi / 2, 4)
     ball = {(0.0, 0.0, 1.0)} | {
@@ -185,21 +185,23 @@ def Block(low: Sequence[float], high: Sequence[float], edge: float = 0.0) -> Sol
     for corner in corners:
         center = low + edge + corner * (high - low - 2 * edge)
         parts.append(center + eighth * (2 * corner - 1))
-    return Hull(*parts)
+    return hull(*parts)
 
 
-def Revolve(profile: Iterable[tuple[float, float]], count: int = 48) -> Solid:
+def revolve(profile: Iterable[tuple[float, float]], count: int = 48) -> Solid:
     """Returns the hull of circles given as (radius, height) about z."""
     parts = []
     for radius, z in profile:
         if radius == 0:
             parts.append(np.array([[0.0, 0.0, z]]))
         else:
-            parts.append(At(Disc(radius, count=count), z))
-    return Hull(*parts)
+            parts.append(at_height(disc(radius, count=count), z))
+    return hull(*parts)
 
 
-def Round(radius: float, z0: float, z1: float, edge: float, steps: int = 3) -> Points:
+def rounded_profile(
+    radius: float, z0: float, z1: float, edge: float, steps: int = 3
+) -> Points:
     """Returns a cylinder's (radius, height) profile with rounded rims."""
     a = np.linspace(0, np.pi / 2, steps + 1)
     r = radius - edge * (1 - np.sin(a))
@@ -207,7 +209,7 @@ def Round(radius: float, z0: float, z1: float, edge: float, steps: int = 3) -> P
     return np.vstack([np.column_stack([r, z0 + h]), np.column_stack([r, z1 - h])[::-1]])
 
 
-def Obj(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
+def obj_text(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
     """Returns Wavefront text: triangles with normals smoothed up to a crease [deg].
 
     A corner's normal is the area-weighted mean of the faces that meet there at less
@@ -218,13 +220,13 @@ def Obj(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
     base = 1
     for solid in solids:
         V = solid.vertices
-        area_normals = np.array([_AreaNormal(V[list(f)]) for f in solid.faces])
+        area_normals = np.array([_area_normal(V[list(f)]) for f in solid.faces])
         units = area_normals / np.linalg.norm(area_normals, axis=1, keepdims=True)
         around: list[list[int]] = [[] for _ in V]
         for i, face in enumerate(solid.faces):
             for k in face:
                 around[k].append(i)
-        v_text += ["v " + " ".join(Number(x, mm) for x in p) for p in V]
+        v_text += ["v " + " ".join(format_number(x, mm) for x in p) for p in V]
         for i, face in enumerate(solid.faces):
             ids = []
             for k in face:
@@ -237,7 +239,7 @@ def Obj(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
                 key = tuple(np.round(n / np.linalg.norm(n), 3) + 0.0)
                 if key not in normals_seen:
                     normals_seen[key] = len(normals_seen) + 1
-                    n_text.append("vn " + " ".join(Number(x, 3) for x in key))
+                    n_text.append("vn " + " ".join(format_number(x, 3) for x in key))
                 ids.append(f"{base + k}//{normals_seen[key]}")
             for j in range(1, len(face) - 1):
                 f_text.append(f"f {ids[0]} {ids[j]} {ids[j + 1]}")
@@ -246,12 +248,12 @@ def Obj(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
     return head + "\n".join(v_text + n_text + f_text) + "\n"
 
 
-def _AreaNormal(p: Points) -> Points:
+def _area_normal(p: Points) -> Points:
     """Returns a polygon's normal, as long as its area."""
     return 0.5 * np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
 
 
-def Number(x: float, digits: int = 6) -> str:
+def format_number(x: float, digits: int = 6) -> str:
     """Returns a short decimal, without a negative zero."""
     text = f"{x:.{digits}f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
@@ -266,10 +268,10 @@ class MassProperties:
     inertia: Points
 
 
-def UnionProperties(solids: Sequence[Solid]) -> MassProperties:
+def union_properties(solids: Sequence[Solid]) -> MassProperties:
     """Returns the mass properties of the union, at unit density."""
     whole = manifold3d.Manifold.batch_boolean(
-        [_Manifold(s) for s in solids], manifold3d.OpType.Add
+        [_manifold(s) for s in solids], manifold3d.OpType.Add
     )
     mesh = whole.to_mesh()
     V = np.asarray(mesh.vert_properties, float)[:, :3] / _SCALE
@@ -290,7 +292,7 @@ def UnionProperties(solids: Sequence[Solid]) -> MassProperties:
 _SCALE = 1000.0  # millimetres keep single precision and tolerances comfortable
 
 
-def _Manifold(solid: Solid) -> manifold3d.Manifold:
+def _manifold(solid: Solid) -> manifold3d.Manifold:
     mesh = manifold3d.Mesh(
         vert_properties=np.asarray(solid.vertices * _SCALE, np.float32),
         tri_verts=np.asarray(solid.triangles(), np.uint32),

@@ -11,7 +11,7 @@ import dataclasses as dc
 import numpy as np
 
 from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity, VolumeMesh
-from .shapes import Block, Disc, Hull2d, Prism, Revolve, RotX, RotY, UnionProperties
+from .shapes import block, disc, hull_2d, prism, revolve, rot_x, rot_y, union_properties
 
 # SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper).
 HINGE_X, HINGE_Y = 0.072569, 0.03  # palm to base hinge
@@ -64,38 +64,38 @@ _PLATE_IN, _PLATE_OUT = 0.0158, 0.0208  # the palm's plates hold the fingers, |z
 _NOSE = 0.0086  # radius of the base link's far end: leaves 0.2 mm to the pad
 
 
-def _Extruded(
+def _extruded(
     name: str, look: str, outline: np.ndarray, z0: float, z1: float, bevel: float
 ) -> Piece:
     """Returns a prism whose rims are bevelled for the eye only."""
-    seen, touched = Prism(outline, z0, z1, bevel), Prism(outline, z0, z1)
+    seen, touched = prism(outline, z0, z1, bevel), prism(outline, z0, z1)
     return Piece(name, look, seen, touched, PLASTIC)
 
 
-def _Box(name: str, look: str, low: tuple, high: tuple, bevel: float) -> Piece:
+def _box(name: str, look: str, low: tuple, high: tuple, bevel: float) -> Piece:
     low_, high_ = np.array(low), np.array(high)
     box = Primitive("box", tuple(high_ - low_), tuple((low_ + high_) / 2))
-    return Piece(name, look, Block(low, high, bevel), box, PLASTIC)
+    return Piece(name, look, block(low, high, bevel), box, PLASTIC)
 
 
-def PalmPieces() -> list[Piece]:
+def palm_pieces() -> list[Piece]:
     """Returns the palm: +x out of the palm, fingers in the x-y plane."""
     half_y, half_z = PALM_WIDTH / 2, PALM_HEIGHT / 2
     pieces = [
         Piece(
             "palm_mount",
             "metal",
-            Revolve([(0.0305, 0), (0.0315, 0.001), (0.0315, 0.007), (0.0305, 0.008)])
-            .moved(RotY(np.pi / 2)),
+            revolve([(0.0305, 0), (0.0315, 0.001), (0.0315, 0.007), (0.0305, 0.008)])
+            .moved(rot_y(np.pi / 2)),
             Primitive("cylinder", (0.0315, 0.008), (0.004, 0, 0), (0, np.pi / 2, 0)),
             PLASTIC,
         ),
-        _Box(
+        _box(
             "palm_core", "shell",
             (0.008, -0.033, -_PLATE_IN), (0.059, 0.033, _PLATE_IN), 0.0015,
         ),
         # What an object touches when it sits deep between the fingers.
-        _Box(
+        _box(
             "palm_face", "rubber",
             (0.058, -0.0188, -_PLATE_IN), (0.072, 0.0188, _PLATE_IN), 0.0015,
         ),
@@ -108,40 +108,40 @@ def PalmPieces() -> list[Piece]:
     )
     for side, s in (("upper", 1), ("lower", -1)):
         z0, z1 = sorted((s * _PLATE_IN, s * _PLATE_OUT))
-        pieces.append(_Extruded(f"palm_{side}_plate", "shell", plate, z0, z1, 0.001))
+        pieces.append(_extruded(f"palm_{side}_plate", "shell", plate, z0, z1, 0.001))
         for hand, h in (("left", 1), ("right", -1)):
-            ear = Hull2d(
-                Disc(PALM_LENGTH - HINGE_X, (HINGE_X, h * HINGE_Y), 20),
+            ear = hull_2d(
+                disc(PALM_LENGTH - HINGE_X, (HINGE_X, h * HINGE_Y), 20),
                 np.array([(0.058, h * half_y), (0.058, h * 0.0165)]),
             )
             name = f"palm_{side}_{hand}_ear"
-            pieces.append(_Extruded(name, "shell", ear, z0, z1, 0.001))
-            pin = Disc(0.0035, (HINGE_X, h * HINGE_Y), 16)
+            pieces.append(_extruded(name, "shell", ear, z0, z1, 0.001))
+            pin = disc(0.0035, (HINGE_X, h * HINGE_Y), 16)
             z0_, z1_ = sorted((s * (_PLATE_OUT - 0.001), s * (_PLATE_OUT + 0.001)))
-            pieces.append(Piece(name + "_pin", "metal", Prism(pin, z0_, z1_, 0.0004)))
+            pieces.append(Piece(name + "_pin", "metal", prism(pin, z0_, z1_, 0.0004)))
         for x, y in ((0.017, 0.024), (0.017, -0.024), (0.054, 0.034), (0.054, -0.034)):
             z0, z1 = sorted((s * (_PLATE_OUT - 0.001), s * (_PLATE_OUT + 0.0006)))
-            screw = Prism(Disc(0.0022, (x, y), 12), z0, z1, 0.0003)
+            screw = prism(disc(0.0022, (x, y), 12), z0, z1, 0.0003)
             pieces.append(Piece("palm_screw", "metal", screw))
     # The servo's case below: ribs of 1 mm stand on it, touched as one box.
     x0, x1, y0, y1 = 0.0095, 0.0555, -0.0201, 0.0201
     z0, z1 = -half_z, -_PLATE_OUT + 0.001
-    case = Block((x0, y0, z0 + 0.001), (x1, y1, z1), 0.0015)
+    case = block((x0, y0, z0 + 0.001), (x1, y1, z1), 0.0015)
     box = Primitive(
         "box", (x1 - x0, y1 - y0, z1 - z0), ((x0 + x1) / 2, 0, (z0 + z1) / 2)
     )
     pieces.append(Piece("palm_servo", "servo", case, box, PLASTIC))
     for i in range(7):
         x = x0 + 0.005 + 0.006 * i
-        rib = Block((x - 0.0011, y0 + 0.002, z0), (x + 0.0011, y1 - 0.002, z1), 0.0006)
+        rib = block((x - 0.0011, y0 + 0.002, z0), (x + 0.0011, y1 - 0.002, z1), 0.0006)
         pieces.append(Piece("palm_servo_rib", "servo", rib))
-    cover = Disc(0.0165, (0.034, 0), 32)
+    cover = disc(0.0165, (0.034, 0), 32)
     z0, z1 = _PLATE_OUT - 0.001, half_z
     pieces.append(
         Piece(
             "palm_spool_cover",
             "servo",
-            Prism(cover, z0, z1, 0.0015),
+            prism(cover, z0, z1, 0.0015),
             Primitive(
                 "cylinder", (0.0165, z1 - z0), (0.034, 0, (z0 + z1) / 2), (0, 0, 0)
             ),
@@ -151,12 +151,12 @@ def PalmPieces() -> list[Piece]:
     return pieces
 
 
-def BasePieces() -> list[Piece]:
+def base_pieces() -> list[Piece]:
     """Returns a base link: knuckle and body, then two cheeks around the tip's lug."""
     back = PAD_FACE - BASE_THICKNESS
     half = BASE_WIDTH / 2
-    body = Hull2d(
-        Disc(BASE_REAR, count=24),
+    body = hull_2d(
+        disc(BASE_REAR, count=24),
         np.array([(0.006, PAD_FACE), (0.0375, PAD_FACE)]),
         np.array([(0.018, back), (0.030, back), (0.0375, back + 0.002)]),
     )
@@ -165,33 +165,33 @@ def BasePieces() -> list[Piece]:
     rib = np.array(
         [(0.013, rib_foot), (0.019, rib_back), (0.031, rib_back), (0.036, rib_foot)]
     )
-    side = Hull2d(
-        Disc(0.0055, count=20),
+    side = hull_2d(
+        disc(0.0055, count=20),
         np.array([(0.020, -0.009), (0.033, -0.009)]),
         np.array([(0.033, 0.0055), (0.02, 0.0055)]),
     )
     # Below the arc that the pad's inner corner sweeps as the tip curls.
-    cheek = Hull2d(
-        Disc(_NOSE, (BASE_LENGTH, 0), 24),
+    cheek = hull_2d(
+        disc(_NOSE, (BASE_LENGTH, 0), 24),
         np.array([(BASE_LENGTH - 0.0118, 0.0046), (0.0365, 0.0028)]),
         np.array([(0.0365, back + 0.0018), (0.042, back + 0.003)]),
     )
-    pieces = [_Extruded("base_body", "shell", body, -half, half, 0.0012)]
+    pieces = [_extruded("base_body", "shell", body, -half, half, 0.0012)]
     pieces += [
-        Piece("base_rib", "servo", Prism(rib, -half_rib, half_rib, 0.0006)),
-        Piece("base_panel", "servo", Prism(side, -half - 3e-4, half + 3e-4, 0.0006)),
+        Piece("base_rib", "servo", prism(rib, -half_rib, half_rib, 0.0006)),
+        Piece("base_panel", "servo", prism(side, -half - 3e-4, half + 3e-4, 0.0006)),
     ]
     for side, s in (("upper", 1), ("lower", -1)):
         z0, z1 = sorted((s * (TIP_WIDTH / 2 + 0.0005), s * half))
         name = f"base_{side}_cheek"
-        pieces.append(_Extruded(name, "shell", cheek, z0, z1, 0.001))
-        pin = Disc(0.003, (BASE_LENGTH, 0), 16)
+        pieces.append(_extruded(name, "shell", cheek, z0, z1, 0.001))
+        pin = disc(0.003, (BASE_LENGTH, 0), 16)
         z0, z1 = sorted((s * (half - 0.001), s * (half + 0.0008)))
-        pieces.append(Piece(name + "_pin", "metal", Prism(pin, z0, z1, 0.0004)))
+        pieces.append(Piece(name + "_pin", "metal", prism(pin, z0, z1, 0.0004)))
     return pieces
 
 
-def TipPieces(pad_resolution: float | None = None) -> list[Piece]:
+def tip_pieces(pad_resolution: float | None = None) -> list[Piece]:
     """Returns a tip link: lug and spine, the pad's carrier, the rubber pad.
 
     A resolution [m] makes the pad a mesh of tetrahedra instead of a box.
@@ -200,8 +200,8 @@ def TipPieces(pad_resolution: float | None = None) -> list[Piece]:
     near = far - PAD_LENGTH
     pad_back = PAD_FACE - PAD_THICKNESS
     spine_back = PAD_FACE - TIP_THICKNESS
-    spine = Hull2d(
-        Disc(_NOSE, count=24),
+    spine = hull_2d(
+        disc(_NOSE, count=24),
         np.array([(0.007, spine_back), (0.016, spine_back), (0.030, pad_back - 0.001)]),
         np.array([(0.030, pad_back + 0.001), (0.012, 0.004)]),
     )
@@ -222,28 +222,28 @@ def TipPieces(pad_resolution: float | None = None) -> list[Piece]:
         pad = VolumeMesh(size, middle, pad_resolution)
     # Treads of 0.8 mm across the pad; what is touched is the box around them.
     groove = PAD_FACE - 0.0008
-    body = Block((near, pad_back, -half), (far, groove, half), 0.0014)
+    body = block((near, pad_back, -half), (far, groove, half), 0.0014)
     treads = []
     for x in np.linspace(near + 0.003, far - 0.003, 13):
         profile = [(x - 0.0015, groove - 0.0005), (x + 0.0015, groove - 0.0005)]
         profile += [(x + 0.0009, PAD_FACE), (x - 0.0009, PAD_FACE)]
-        treads.append(Prism(np.array(profile), -half + 0.001, half - 0.001))
+        treads.append(prism(np.array(profile), -half + 0.001, half - 0.001))
     return [
-        _Extruded("tip_spine", "shell", spine, -TIP_WIDTH / 2, TIP_WIDTH / 2, 0.001),
-        _Extruded("tip_carrier", "shell", carrier, -half + 0.001, half - 0.001, 0.0008),
-        *_Screws(),
+        _extruded("tip_spine", "shell", spine, -TIP_WIDTH / 2, TIP_WIDTH / 2, 0.001),
+        _extruded("tip_carrier", "shell", carrier, -half + 0.001, half - 0.001, 0.0008),
+        *_screws(),
         Piece("pad", "rubber", body, pad, RUBBER),
         *[Piece("pad_tread", "rubber", ridge) for ridge in treads],
     ]
 
 
-def _Screws() -> list[Piece]:
+def _screws() -> list[Piece]:
     """Returns the screw heads on the back of the pad's carrier."""
     back = PAD_FACE - PAD_THICKNESS - 0.0030
     screws = []
     for z in (-0.0115, 0.0115):
-        head = Prism(Disc(0.0017, count=12), -0.0006, 0.0008, 0.0003)
-        head = head.moved(RotX(np.pi / 2), (0.020, back, z))
+        head = prism(disc(0.0017, count=12), -0.0006, 0.0008, 0.0003)
+        head = head.moved(rot_x(np.pi / 2), (0.020, back, z))
         screws.append(Piece("tip_screw", "metal", head))
     return screws
 
@@ -293,43 +293,45 @@ _TIP_BOXES = {
 }
 
 
-def _InBoxes(pieces: list[Piece], boxes: dict[str, tuple[tuple, tuple]]) -> list[Piece]:
+def _in_boxes(
+    pieces: list[Piece], boxes: dict[str, tuple[tuple, tuple]]
+) -> list[Piece]:
     """Returns pieces that look the same, and of which but the pad boxes are touched."""
     seen = [p if p.name == "pad" else dc.replace(p, collision=None) for p in pieces]
     return seen + [
-        dc.replace(_Box(name, "shell", low, high, 0.0), look=None)
+        dc.replace(_box(name, "shell", low, high, 0.0), look=None)
         for name, (low, high) in boxes.items()
     ]
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the gripper's files.
 
     Besides `srg`: touched as few boxes, for speed; with pads of two and of four fine
     layers.
     """
     return {
-        **_Build("srg"),
-        **_Build("srg_fast", in_boxes=True),
-        **_Build("srg_fine_pads", PAD_THICKNESS / 2),
-        **_Build("srg_finest_pads", PAD_THICKNESS / 4),
+        **_build("srg"),
+        **_build("srg_fast", in_boxes=True),
+        **_build("srg_fine_pads", PAD_THICKNESS / 2),
+        **_build("srg_finest_pads", PAD_THICKNESS / 4),
     }
 
 
-def _Build(
+def _build(
     name: str, pad_resolution: float | None = None, in_boxes: bool = False
 ) -> Files:
     model = Model("srg", LOOKS, "The SAKE Robotics gripper; see tools/models/srg.py.")
-    palm, base, tip = PalmPieces(), BasePieces(), TipPieces(pad_resolution)
+    palm, base, tip = palm_pieces(), base_pieces(), tip_pieces(pad_resolution)
     if in_boxes:
-        palm, base = _InBoxes(palm, _PALM_BOXES), _InBoxes(base, _BASE_BOXES)
-        tip = _InBoxes(tip, _TIP_BOXES)
+        palm, base = _in_boxes(palm, _PALM_BOXES), _in_boxes(base, _BASE_BOXES)
+        tip = _in_boxes(tip, _TIP_BOXES)
 
-    def Uniform(mass: float, pieces: list[Piece]) -> Inertial:
+    def uniform(mass: float, pieces: list[Piece]) -> Inertial:
         touched = [p.solid for p in pieces if p.look is not None]
-        return Inertial.Uniform(mass, UnionProperties(touched))
+        return Inertial.uniform(mass, union_properties(touched))
 
-    model.AddLink("palm", palm, Uniform(PALM_MASS, palm))
+    model.AddLink("palm", palm, uniform(PALM_MASS, palm))
     # Open, the fingers point along +y and -y; both turn x into y, inwards.
     poses = {
         "left": ((HINGE_X, HINGE_Y, 0), (np.pi, 0, np.pi / 2)),
@@ -339,7 +341,7 @@ def _Build(
         model.AddLink(
             "base_link",
             base,
-            Uniform(FINGER_LINK_MASS, base),
+            uniform(FINGER_LINK_MASS, base),
             ("palm", xyz, rpy),
             prefix=f"{side}_",
         )
@@ -347,7 +349,7 @@ def _Build(
         model.AddLink(
             "tip_link",
             tip,
-            Uniform(FINGER_LINK_MASS, tip),
+            uniform(FINGER_LINK_MASS, tip),
             (f"{side}_base_link", (BASE_LENGTH, 0, 0), (0, 0, 0)),
             prefix=f"{side}_",
         )
@@ -381,4 +383,4 @@ def _Build(
     for side in poses:
         members = ["palm", f"{side}_base_link", f"{side}_tip_link"]
         model.AddFilter(f"{side}_finger", members)
-    return model.Finish(f"sdf/{name}.sdf")
+    return model.finish(f"sdf/{name}.sdf")

@@ -12,7 +12,7 @@ import numpy as np
 
 from .props import WOOD
 from .sdf import Files, Model, Piece, Primitive
-from .shapes import Block, Disc, Prism
+from .shapes import block, disc, prism
 
 # From the thesis [m].
 SIZE, HEIGHT = 0.2, 0.1
@@ -34,7 +34,7 @@ _SIDES = 48
 _COLLAR = 0.02  # half the width of the square that is cut into wedges around it
 
 
-def _Box(
+def _box(
     name: str,
     look: str,
     low: tuple[float, float, float],
@@ -43,17 +43,17 @@ def _Box(
 ) -> Piece:
     a, b = np.array(low), np.array(high)
     shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
-    return Piece(name, look, Block(low, high, bevel), shape, WOOD)
+    return Piece(name, look, block(low, high, bevel), shape, WOOD)
 
 
-def _Table(name: str, top: list[Piece], below: float, comment: str) -> Files:
+def _table(name: str, top: list[Piece], below: float, comment: str) -> Files:
     """Returns a table: its top's pieces, a block up to `below` them, and the riser."""
     model = Model(name, LOOKS, comment)
     half, foot = SIZE / 2, 0.06
     pieces = [
         *top,
-        _Box("block", "top", (-half, -half, -HEIGHT), (half, half, -below)),
-        _Box(
+        _box("block", "top", (-half, -half, -HEIGHT), (half, half, -below)),
+        _box(
             "riser",
             "riser",
             (-foot, -foot, -HEIGHT - RISER),
@@ -62,58 +62,58 @@ def _Table(name: str, top: list[Piece], below: float, comment: str) -> Files:
     ]
     model.AddLink("table", pieces, None)
     model.AddFrame("table_top", "table")
-    return model.Finish(f"sdf/{name}.sdf")
+    return model.finish(f"sdf/{name}.sdf")
 
 
-def _Recess() -> list[Piece]:
+def _recess() -> list[Piece]:
     """Returns what surrounds the recess: wedges, and four boxes around these."""
     radius = (CYLINDER_RADIUS + CLEARANCE) / np.cos(np.pi / _SIDES)
     # A wedge ends in the middle of each side of the square and in each corner.
-    circle = Disc(radius, count=_SIDES)
+    circle = disc(radius, count=_SIDES)
     square = circle * (_COLLAR / np.max(np.abs(circle), axis=1, keepdims=True))
     low, high = -RECESS_DEPTH, 0.0
     pieces = []
     for i in range(_SIDES):
         j = (i + 1) % _SIDES
         outline = np.array([circle[i], square[i], square[j], circle[j]])
-        wedge = Prism(outline, low, high)
+        wedge = prism(outline, low, high)
         pieces.append(Piece(f"wedge_{i}", "top", wedge, wedge, WOOD))
     half = SIZE / 2
     for sign, side in ((-1, "right"), (1, "left")):
         y0, y1 = sorted((sign * _COLLAR, sign * half))
-        pieces.append(_Box(side, "top", (-half, y0, low), (half, y1, high), 0))
+        pieces.append(_box(side, "top", (-half, y0, low), (half, y1, high), 0))
     for sign, side in ((-1, "rear"), (1, "front")):
         x0, x1 = sorted((sign * _COLLAR, sign * half))
         corners = (x0, -_COLLAR, low), (x1, _COLLAR, high)
-        pieces.append(_Box(side, "top", *corners, 0))
-    floor = Prism(Disc(radius + 0.001, count=_SIDES), low - 0.0005, low + 0.00005)
+        pieces.append(_box(side, "top", *corners, 0))
+    floor = prism(disc(radius + 0.001, count=_SIDES), low - 0.0005, low + 0.00005)
     return [*pieces, Piece("floor", "recess", floor)]
 
 
-def Bench() -> Files:
+def bench() -> Files:
     """Returns the bench: its top is z = 0, the arm's pedestal stands at the origin."""
     model = Model("bench", LOOKS, "A bench; its top is z = 0.")
     # Around the arm's reach of 0.48 m in front (-x) and at its left (+y).
     x0, y0, x1, y1 = -0.58, -0.30, 0.32, 0.56
-    pieces = [_Box("bench_top", "bench", (x0, y0, -0.04), (x1, y1, 0), 0.0015)]
+    pieces = [_box("bench_top", "bench", (x0, y0, -0.04), (x1, y1, 0), 0.0015)]
     for x in (x0 + 0.06, x1 - 0.06):
         for y in (y0 + 0.06, y1 - 0.06):
             name = f"bench_leg_{'rear' if x > 0 else 'front'}_"
             name += "left" if y > 0 else "right"
             # Down to the floor, 0.75 m below the world's origin.
             low, high = (x - 0.03, y - 0.03, -0.67), (x + 0.03, y + 0.03, -0.04)
-            pieces.append(_Box(name, "legs", low, high, 0.0015))
+            pieces.append(_box(name, "legs", low, high, 0.0015))
     model.AddLink("bench", pieces, None)
     model.AddFrame("bench_top", "bench")
-    return model.Finish("sdf/bench.sdf")
+    return model.finish("sdf/bench.sdf")
 
 
-def Build() -> Files:
+def build() -> Files:
     """Returns the files of the workplace."""
     plain = "A small table on a riser; the origin is the middle of its top."
     recess = "A small table with a round recess in the middle of its top, the origin."
     return {
-        **_Table("small_table", [], 0.0, plain),
-        **_Table("small_table_recess", _Recess(), RECESS_DEPTH, recess),
-        **Bench(),
+        **_table("small_table", [], 0.0, plain),
+        **_table("small_table_recess", _recess(), RECESS_DEPTH, recess),
+        **bench(),
     }
