@@ -14,7 +14,11 @@ from pathlib import Path
 
 from PIL import Image
 
-from drake_srg.experiments.registry import list_experiments, run_experiment
+from drake_srg.experiments.registry import (
+    list_experiments,
+    list_measurements,
+    run_experiment,
+)
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "experiments.md"
@@ -75,7 +79,7 @@ def main() -> None:
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--keep", action="store_true", help="do not run what has run")
     options = parser.parse_args()
-    descriptions = list_experiments()
+    descriptions = {**list_experiments(), **list_measurements()}
     for name in options.names or descriptions:
         out = RESULTS / name
         if not (options.keep and (out / "result.json").exists()):

@@ -237,10 +237,18 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _experiment(options: argparse.Namespace) -> int:
-    from drake_srg.experiments.registry import list_experiments, run_experiment
+    from drake_srg.experiments.registry import (
+        list_experiments,
+        list_measurements,
+        run_experiment,
+    )
 
     if options.list:
         for name, description in list_experiments().items():
+            print(f"{name:24} {description}")
+        if measurements := list_measurements():
+            print("\nFor maintainers, in a checkout only (tools/measure):")
+        for name, description in measurements.items():
             print(f"{name:24} {description}")
         return SUCCESS
     out: Path = options.out or Path("out") / "experiments" / options.name

@@ -42,7 +42,7 @@ def test_the_doctor_does_not_need_drake(tmp_path):
     (tmp_path / "pydrake.py").write_text("raise ImportError('no pydrake here')")
     code = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
-        "from drake_srg.cli import main; sys.exit(main(['doctor']))"
+        "from drake_srg.cli.main import main; sys.exit(main(['doctor']))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_srg.experiments.registry import list_experiments
+from drake_srg.experiments.registry import list_experiments, list_measurements
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "experiments.md").read_text()
@@ -32,7 +32,7 @@ def tool(monkeypatch):
     del sys.modules["update_experiment_docs"]
 
 
-@pytest.mark.parametrize("name", list_experiments())
+@pytest.mark.parametrize("name", [*list_experiments(), *list_measurements()])
 def test_every_experiment_is_shown_with_its_rows(name):
     assert f"\n## {name}\n" in PAGE
     assert f"(experiments/{name}.png)" in PAGE

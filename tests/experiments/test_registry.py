@@ -1,6 +1,9 @@
 import json
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -75,7 +78,8 @@ def test_an_experiment_is_a_file_with_a_function_run(fake):
 
 
 def test_every_experiment_is_described_in_one_line():
-    for name, description in registry.list_experiments().items():
+    listed = registry.list_experiments() | registry.list_measurements()
+    for name, description in listed.items():
         assert description.endswith("."), name
 
 
@@ -85,9 +89,51 @@ def test_an_unknown_name_is_answered_with_the_list(fake, tmp_path, capsys):
     assert main(["experiment", "fake_on", "--out", str(out)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "did you mean 'fake_one'?" in line
-    for name in registry.list_experiments():
+    for name in (*registry.list_experiments(), *registry.list_measurements()):
         assert name in line
     assert not out.exists()
+
+
+def test_the_tools_folder_holds_the_measurements_that_the_package_names():
+    assert tuple(registry.list_measurements()) == registry.MEASUREMENTS
+
+
+@pytest.mark.parametrize("name", registry.MEASUREMENTS)
+def test_an_installed_package_says_that_measurements_need_a_checkout(installed, name):
+    done = installed("experiment", name)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert f"experiment {name!r} is in tools/measure and needs a checkout" in line
+
+
+def test_an_installed_package_lists_its_own_experiments_only(installed):
+    done = installed("experiment", "--list")
+    assert done.returncode == 0
+    listed = [line.split()[0] for line in done.stdout.splitlines()]
+    assert listed == list(registry.list_experiments())
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """Run `drake-srg` of a package without a checkout around it."""
+    folder = tmp_path_factory.mktemp("site-packages")
+    package = Path(registry.__file__).parents[1]
+    shutil.copytree(package, folder / "drake_srg")
+    code = (
+        "import sys; from drake_srg.cli.main import main; sys.exit(main(sys.argv[1:]))"
+    )
+
+    def run(*arguments):
+        return subprocess.run(
+            [sys.executable, "-c", code, *arguments],
+            cwd=folder,
+            env={**os.environ, "PYTHONPATH": str(folder)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    return run
 
 
 def test_what_is_interrupted_leaves_nothing(fake, tmp_path, capsys):
@@ -118,15 +164,20 @@ def test_a_name_or_the_list_is_needed(arguments, capsys):
 
 def test_the_list_comes_without_drake():
     code = (
-        "import sys; from drake_srg.cli import main; main(['experiment', '--list']);"
+        "import sys; from drake_srg.cli.main import main; "
+        "main(['experiment', '--list']);"
         "sys.exit(any(m in sys.modules for m in ('pydrake', 'matplotlib', 'numpy')))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0
-    listed = [line.split()[0] for line in done.stdout.splitlines()]
+    own, for_maintainers = done.stdout.split("\n\n")
+    listed = [line.split()[0] for line in own.splitlines()]
     assert listed == list(registry.list_experiments())
+    heading, *lines = for_maintainers.splitlines()
+    assert heading == "For maintainers, in a checkout only (tools/measure):"
+    assert tuple(line.split()[0] for line in lines) == registry.MEASUREMENTS
 
 
 def test_the_bar_shows_where_an_experiment_is(capsys):

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from drake_srg.experiments import recording_cost as module
-from drake_srg.experiments.recording_cost import PARTS, SCENARIOS, Case, judge, ratios
 from drake_srg.scenario import load_scenario
+from measure import recording_cost as module
+from measure.recording_cost import PARTS, SCENARIOS, Case, judge, ratios
 
 
 def made_up(everything):

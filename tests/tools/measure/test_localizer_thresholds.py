@@ -6,8 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
-from drake_srg.experiments import localizer_thresholds
-from drake_srg.experiments.localizer_thresholds import (
+from drake_srg.experiments.registry import quiet
+from drake_srg.experiments.varied_scenes import Obstacles, Scene
+from drake_srg.types import Cylinder
+from drake_srg.vision import obstacles
+from measure import localizer_thresholds
+from measure.localizer_thresholds import (
     GROUPS,
     Change,
     Group,
@@ -17,11 +21,7 @@ from drake_srg.experiments.localizer_thresholds import (
     make_result,
     settings,
 )
-from drake_srg.experiments.registry import quiet
-from drake_srg.experiments.thresholds import THRESHOLDS, Setting
-from drake_srg.experiments.varied_scenes import Obstacles, Scene
-from drake_srg.types import Cylinder
-from drake_srg.vision import obstacles
+from measure.thresholds import THRESHOLDS, Setting
 
 KITCHEN = GROUPS[0]
 CLEAN = Obstacles(missed=0, invented=0, errors=())

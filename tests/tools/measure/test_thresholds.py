@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from drake_srg.experiments.thresholds import THRESHOLDS, Setting, show
 from drake_srg.vision import candidates
+from measure.thresholds import THRESHOLDS, Setting, show
 
 
 @pytest.mark.parametrize("threshold", THRESHOLDS, ids=str)

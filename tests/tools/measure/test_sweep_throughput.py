@@ -3,9 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.experiments import sweep_throughput as module
+from drake_srg.cli.main import main
 from drake_srg.experiments.registry import quiet
-from drake_srg.experiments.sweep_throughput import Sweep, growth, judge
+from measure import sweep_throughput as module
+from measure.sweep_throughput import Sweep, growth, judge
 
 
 def made(jobs, wall, memory):
@@ -49,11 +50,22 @@ def test_a_step_of_the_allocator_is_no_growth(at, size):
     assert all(row.passed for row in judge([one, two]))
 
 
-def test_the_experiment_has_rows_a_table_and_a_figure(monkeypatch):
+@pytest.fixture
+def no_sweep(monkeypatch):
+    """Replaces the sweeps by made-up ones."""
     monkeypatch.setattr(
         module, "measure", lambda jobs, trials: made(jobs, 100.0 / jobs, [400.0] * 30)
     )
+
+
+def test_the_experiment_has_rows_a_table_and_a_figure(no_sweep):
     result = module.run(quiet)
     assert result.passed
     table = result.tables["memory"]
     assert {len(values) for values in table.values()} == {90}
+
+
+def test_it_runs_as_a_command_from_a_checkout(no_sweep, tmp_path, capsys):
+    assert main(["experiment", "sweep_throughput", "--out", str(tmp_path)]) == 0
+    assert "throughput" in capsys.readouterr().out
+    assert (tmp_path / "sweep_throughput.png").is_file()

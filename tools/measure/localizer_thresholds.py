@@ -18,8 +18,6 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.thresholds import THRESHOLDS, Setting, show
-from drake_srg.experiments.thresholds_figure import draw
 from drake_srg.experiments.varied_scenes import (
     ANOTHER,
     WITHIN,
@@ -29,6 +27,8 @@ from drake_srg.experiments.varied_scenes import (
 )
 from drake_srg.types import Cylinder
 from drake_srg.vision import obstacles
+from measure.thresholds import THRESHOLDS, Setting, show
+from measure.thresholds_figure import draw
 
 _KITCHEN, _ARM = WITHIN
 _STANDING, _CLEAR, _LEANING, _HARDER = "", "clear images", "leaning", "harder"
