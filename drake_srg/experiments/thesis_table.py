@@ -17,8 +17,8 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_srg.arm.kinematics import (
     ASSISTIVE_ARM_HOME,
     ASSISTIVE_ARM_SCREWS,
-    EulerAngles,
-    ForwardKinematics,
+    euler_angles,
+    forward_kinematics,
 )
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
@@ -138,8 +138,8 @@ def kinematics_error() -> float:
         plant.SetPositions(context, arm, q)
         X_BT = plant.CalcRelativeTransform(context, base, tip)
         R = X_BT.rotation().matrix()
-        T = ForwardKinematics(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
-        difference = EulerAngles(R) - EulerAngles(T[:3, :3])
+        T = forward_kinematics(ASSISTIVE_ARM_SCREWS, ASSISTIVE_ARM_HOME, q)
+        difference = euler_angles(R) - euler_angles(T[:3, :3])
         turns = np.abs((difference + np.pi) % (2.0 * np.pi) - np.pi)
         worst = max(worst, float(np.max(turns)))
     return float(np.rad2deg(worst))
