@@ -1,8 +1,8 @@
 # shellcheck shell=sh
-# Read in by other scripts.
+# Sourced by other scripts.
 
-# apt_install WHAT PACKAGE...: installs packages on Debian and Ubuntu; without root it
-# prints the line to run and fails. Silent without packages.
+# apt_install WHAT PACKAGE...: install packages on Debian and Ubuntu. Without root, print
+# the line to run and fail. Without packages, do nothing.
 apt_install() {
     what=$1
     shift

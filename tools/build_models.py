@@ -1,6 +1,6 @@
-"""Builds models/sdf and models/meshes: `python tools/build_models.py [--check]`.
+"""Build models/sdf and models/meshes: `python tools/build_models.py [--check]`.
 
-With --check nothing is written; the exit code is 1 when a checked-in file differs.
+With --check it writes nothing and exits with 1 if a checked-in file differs.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def main() -> int:
         if not check:
             (ROOT / name).unlink()
     if check and (changed or stale):
-        print("Run python tools/build_models.py and check its result in.")
+        print("Run python tools/build_models.py and commit its result.")
         return 1
     return 0
 

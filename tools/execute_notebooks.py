@@ -1,7 +1,7 @@
-"""Executes notebooks/*.ipynb and saves them with their outputs.
+"""Execute notebooks/*.ipynb and save them with their outputs.
 
-Run as `python tools/execute_notebooks.py` after a change to a notebook or to what it
-shows: the figures that people see before they run it are those.
+Run `python tools/execute_notebooks.py` after a change to a notebook or to the code that
+it shows: readers see the saved figures before they run anything.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ NOTEBOOKS = Path(__file__).parents[1] / "notebooks"
 
 
 def execute(path: Path) -> nbformat.NotebookNode:
-    """Return a notebook with fresh outputs.
+    """Return the notebook with fresh outputs.
 
     Raises:
         nbclient.exceptions.CellExecutionError: If a cell fails.
@@ -24,7 +24,7 @@ def execute(path: Path) -> nbformat.NotebookNode:
             cell.outputs, cell.execution_count = [], None
     NotebookClient(
         notebook,
-        timeout=120,  # s, a cell
+        timeout=120,  # s per cell
         kernel_name="python3",
         record_timing=False,
         resources={"metadata": {"path": str(path.parent)}},
@@ -35,7 +35,7 @@ def execute(path: Path) -> nbformat.NotebookNode:
 def main() -> None:
     for path in sorted(NOTEBOOKS.glob("*.ipynb")):
         notebook = execute(path)
-        # No trace of the machine that it ran on.
+        # Drop metadata that describes the machine.
         notebook.metadata = {"kernelspec": notebook.metadata["kernelspec"]}
         nbformat.write(notebook, path)
 

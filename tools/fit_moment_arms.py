@@ -1,17 +1,17 @@
-"""Fit the polynomials of drake_srg/gripper/moment_arms.py to the vendor's arms."""
+"""Fit the polynomials in drake_srg/gripper/moment_arms.py to the vendor's data."""
 
 from pathlib import Path
 
 import numpy as np
 
 DATA = Path(__file__).parents[1] / "drake_srg/experiments/data/tendon_moment_arms.csv"
-# The lowest degrees that stay below 0.1 %, as the closing angle is steep in the force:
-# around 0.6 N, 1 % of the arm is 6 % of the angle.
+# The lowest degrees with errors below 0.1 %. The fit must be that close because the
+# closing angle is steep in the force: near 0.6 N, 1 % of the arm is 6 % of the angle.
 DEGREES = {"base": 7, "tip": 4}
 
 
 def main() -> None:
-    """Print coefficients, lowest power first, and the largest relative error."""
+    """Print the coefficients, lowest power first, and the largest relative error."""
     rows = [
         line.split(",")
         for line in DATA.read_text().splitlines()

@@ -1,9 +1,9 @@
 #!/bin/sh
-# Installs the system libraries that Drake's wheel needs but does not carry, on Debian
-# and Ubuntu. Silent when nothing is missing; without root it prints the line to run.
-# Determined in a bare Debian 12: importing pydrake.all needs the first, rendering with
-# RenderEngineVtk without a display the other two (EGL alone crashes in VTK).
-# drake_srg/doctor.py names the same packages; tests/test_doctor.py compares them.
+# Install the system libraries that Drake's wheel needs but does not contain, on Debian
+# and Ubuntu. Silent if nothing is missing; without root, prints the line to run.
+# Determined in a bare Debian 12: importing pydrake.all needs the first; rendering with
+# RenderEngineVtk without a display needs the other two (EGL alone crashes in VTK).
+# drake_srg/cli/doctor.py names the same packages; tests/cli/test_doctor.py compares them.
 set -eu
 here=${0%/*}
 [ "$here" != "$0" ] || here=.

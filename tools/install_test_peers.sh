@@ -1,8 +1,8 @@
 #!/bin/sh
-# Installs what the tests try our work with, on Debian and Ubuntu: ROS 1, another
-# implementation of DDS, a browser. Silent when nothing is missing; without root it prints
-# the line to run. The package itself needs none of these. (Ubuntu has Chromium as a snap
-# only: there, any other `chromium` on the PATH will do.)
+# Install the programs that the tests run against, on Debian and Ubuntu: ROS 1, another
+# implementation of DDS, a browser. Silent if nothing is missing; without root, prints the
+# line to run. The package itself does not need them. (Ubuntu ships Chromium as a snap
+# only; there, any other `chromium` on the PATH will do.)
 set -eu
 here=${0%/*}
 [ "$here" != "$0" ] || here=.

@@ -1,7 +1,7 @@
-"""Makes the pictures of README.md: docs/cells.jpg, docs/varied.jpg.
+"""Make the pictures of README.md: docs/cells.jpg and docs/varied.jpg.
 
-Run as `python tools/make_picture.py`, or with the folders of recorded runs of the two
-cells, from whose videos the first one is.
+Run `python tools/make_picture.py [RUN RUN]`. docs/cells.jpg shows frames from the
+videos of two recorded runs, one per cell: those in the given folders, or else new ones.
 """
 
 import sys
@@ -27,7 +27,7 @@ VIEW, SEEDS = (320, 240), 4
 
 
 def make_picture(runs: Sequence[Path]) -> None:
-    """Join frames from the end of the shown modes, a column a recorded run."""
+    """Join the frames at the end of the shown modes, one column per recorded run."""
     picture = Image.new("RGB", (len(runs) * SIZE[0], len(SHOWN) * SIZE[1]))
     for column, run in enumerate(runs):
         with av.open(str(run / "video.mp4")) as container:
@@ -43,7 +43,7 @@ def make_picture(runs: Sequence[Path]) -> None:
 
 
 def make_varied_picture() -> None:
-    """Join what ceiling cameras see at first, a row a cell, a column a seed."""
+    """Join the ceiling cameras' first images, one row per cell, one column per seed."""
     picture = Image.new("RGB", (SEEDS * VIEW[0], len(CELLS) * VIEW[1]))
     for row, cell in enumerate(CELLS):
         for seed in range(SEEDS):

@@ -1,10 +1,10 @@
 """A five-axis arm of hobby servos: joint axes of a thesis, shapes of our own.
 
 The thesis ("Design and application of vision-based assistive robotic arm ...") prints
-the screw axes and the home pose of the tip; that is what this model keeps. What it does
-not print is chosen here: servos, joint limits, links. The base frame B has joint 1's
-axis as z and the mounting plane as z = 0; at zero angles the arm points along -x. All
-link frames are then parallel to B.
+the screw axes and the home pose of the tip, which this model keeps. It prints no
+servos, joint limits or links; those are chosen here. The z axis of the base frame B is
+joint 1's axis, and z = 0 is the mounting plane. At zero angles the arm points along -x
+and all link frames are parallel to B.
 """
 
 from __future__ import annotations
@@ -25,11 +25,12 @@ from .hobby_servo import (
     PLASTIC,
     TOP,
     Part,
-    box_part,
     placed,
+    plastic_box,
     servo_part,
 )
-from .sdf import AddChild, AddPose, Files, Inertial, Model, Piece, Primitive
+from .pieces import Inertial, Piece, Primitive
+from .sdf import AddChild, AddPose, Files, Model
 from .shapes import (
     Points,
     disc,
@@ -44,33 +45,33 @@ from .shapes import (
 
 _HALF = np.pi / 2
 
-# From the thesis's screw axes [m]: a point on each joint's axis, and its direction.
-# Joint 4's printed moment has the y and z of its point swapped; this is the other way
-# round, which puts the roll axis 38 mm beside the plane of the arm.
+# From the thesis's screw axes [m]: a point on each joint's axis, and the axis. The
+# printed moment of joint 4 has the y and z of its point swapped. Swapping them back
+# puts the roll axis 38 mm beside the plane of the arm.
 ORIGINS = (
     (0.0, 0.0, 0.0),
     (0.06981, 0.0, 0.0),
     (0.11993, 0.0, 0.18974),
-    (0.09593, 0.03813, 0.18974),  # x: anywhere on the axis; here the servo's horn
+    (0.09593, 0.03813, 0.18974),  # x: free along the axis; here the servo's horn
     (-0.11617, 0.0, 0.18974),
 )
 AXES = ((0, 0, 1), (0, -1, 0), (0, -1, 0), (-1, 0, 0), (0, -1, 0))
-# The tip at zero angles: M of the thesis with a proper rotation, in the arm's plane.
+# The tip at zero angles: the thesis's M with a proper rotation, in the arm's plane.
 TIP, TIP_PITCH = (-0.25308, 0.0, 0.19001), 0.0018
-FLANGE = 0.095  # m from the tip, where the gripper's palm begins
+FLANGE = 0.095  # m from the tip back to the gripper's palm
 
-# Two servos share the shoulder.
+# Two servos drive the shoulder.
 SERVOS = (DS3235SG, dc.replace(DS3235SG, count=2), DS3235SG, DSS_M15S, DSS_M15S)
-# Degrees from home; the horns of 270-degree servos are put on so that both ends are in
-# their range. The upper arm stops level over its turntable, and 40 degrees behind home;
-# joint 3 just before the forearm is stretched out, and before it is folded onto the
-# shoulder; joint 5 before its fork meets the block that holds its servo.
+# Degrees from home. The horns are mounted so that both ends are within the range of a
+# 270-degree servo. The upper arm stops level over its turntable and 40 degrees behind
+# home. Joint 3 stops just before the forearm is stretched out and before it folds onto
+# the shoulder, joint 5 before its fork meets the block that holds its servo.
 LIMITS = ((-135, 135), (-40, 105), (-104, 45), (-135, 135), (-130, 130))
-# rad/s^2. With these at all joints at once, with any signs, half the stall torque still
-# holds the gripper with 0.1 kg in it, hand level, anywhere over the tables.
+# rad/s^2. Half the stall torque suffices for these at all joints at once, with any
+# signs, while the level hand carries the gripper and 0.1 kg anywhere over the tables.
 ACCELERATIONS = (12.0, 6.0, 7.0, 10.0, 8.0)
 
-PETG = 1270.0  # kg/m^3; all brackets are printed solid
+PETG = 1270.0  # kg/m^3; brackets are printed solid
 CARBON = 1600.0  # kg/m^3
 LOOKS = {
     "bracket": (0.90, 0.46, 0.13),
@@ -79,18 +80,18 @@ LOOKS = {
     "tube": (0.20, 0.20, 0.19),
     "foot": (0.30, 0.29, 0.28),
 }
-# Half the width of the upper arm, to the horns of the shoulder's servos.
+# Half the width of the upper arm: from its middle to the shoulder servos' horns.
 _ARM_Y = 0.0225
 
 
 def _plate(name: str, outline: Points, y0: float, y1: float) -> Piece:
-    """Returns a plate in the plane of the arm; the outline's corners are (x, z)."""
+    """Return a plate in the plane of the arm from an outline of (x, z) corners."""
     solid = prism(outline * (1, -1), y0, y1).moved(rot_x(-_HALF))
     return Piece(name, "bracket", solid, solid, PLASTIC)
 
 
 def _rod(name: str, look: str, radius: float, x0: float, x1: float) -> Piece:
-    """Returns a cylinder along x."""
+    """Return a cylinder along x."""
     solid = prism(disc(radius), x0, x1, 0.0005).moved(rot_y(_HALF))
     middle = ((x0 + x1) / 2, 0, 0)
     shape = Primitive("cylinder", (radius, x1 - x0), middle, (0, _HALF, 0))
@@ -107,7 +108,7 @@ def _rectangle(x0: float, z0: float, x1: float, z1: float) -> Points:
 
 
 def base() -> list[Part]:
-    """Returns the pedestal, which hides the servo of joint 1."""
+    """Return the pedestal, which encloses the servo of joint 1."""
     corners = [(x, y) for x in (-0.055, 0.055) for y in (-0.055, 0.055)]
     foot = prism(hull_2d(*(disc(0.012, c) for c in corners)), -0.080, -0.074, 0.001)
     drum = revolve([(0.056, -0.0745), (0.050, -0.037)])
@@ -120,13 +121,13 @@ def base() -> list[Part]:
 
 
 def link_1() -> list[Part]:
-    """Returns the turntable, and on it the two servos of joint 2 in their plates."""
+    """Return the turntable with the two servos of joint 2 in their plates."""
     x, _, z = ORIGINS[1]
     rear = [(a, b) for a in (x - 0.036, x + 0.018) for b in (-0.066, 0.066)]
     table = prism(hull_2d(disc(0.046), np.array(rear)), -0.036, -0.031, 0.0005)
     parts = [_printed(Piece("turntable", "bracket", table, table, PLASTIC))]
     for side, sign in (("left", 1), ("right", -1)):
-        # The horns face each other; the cases reach back towards joint 1.
+        # The horns face each other; the cases point back towards joint 1.
         p = (x, sign * _ARM_Y, z)
         parts.append(servo_part(f"shoulder_{side}", rot_x(sign * _HALF), p))
         y = sign * (_ARM_Y + EARS_BOTTOM)
@@ -137,7 +138,7 @@ def link_1() -> list[Part]:
 
 
 def link_2() -> list[Part]:
-    """Returns the upper arm, with the servo of joint 3 between its two plates."""
+    """Return the upper arm with the servo of joint 3 between its two plates."""
     dx, _, dz = np.subtract(ORIGINS[2], ORIGINS[1])
     length = np.hypot(dx, dz)
     lean = rot_y(np.arctan2(dx, dz))
@@ -149,8 +150,8 @@ def link_2() -> list[Part]:
     ]
     for i, z in enumerate((0.045, 0.115)):
         low, high = (-0.008, -inner, z - 0.010), (0.008, inner, z + 0.010)
-        printed.append(box_part(f"upper_arm_spacer_{i + 1}", "bracket", low, high))
-    # The case hangs down between the plates, its horn comes out at the left.
+        printed.append(plastic_box(f"upper_arm_spacer_{i + 1}", "bracket", low, high))
+    # The case hangs between the plates; its horn faces left.
     case = (BOTTOM - TOP) / 2
     R = lean @ rot_x(-_HALF) @ rot_z(-_HALF)
     servo = servo_part("elbow", R, lean @ (0, case + TOP, length))
@@ -158,7 +159,7 @@ def link_2() -> list[Part]:
 
 
 def link_3() -> list[Part]:
-    """Returns the elbow: a plate on joint 3's horn, and the servo of joint 4 on it."""
+    """Return the elbow: a plate on joint 3's horn that carries the servo of joint 4."""
     x, y, _ = np.subtract(ORIGINS[3], ORIGINS[2])
     inside = (BOTTOM + TOP) / 2
     outline = hull_2d(disc(0.013), _rectangle(-0.018, -0.012, 0.018, 0.034))
@@ -166,7 +167,7 @@ def link_3() -> list[Part]:
     return [
         _printed(
             _plate("elbow_plate", outline, inside, y - HALF_WIDTH),
-            box_part(
+            plastic_box(
                 "elbow_bracket",
                 "bracket",
                 (ears, y - HALF_WIDTH - 0.001, -0.018),
@@ -178,24 +179,24 @@ def link_3() -> list[Part]:
 
 
 def link_4() -> list[Part]:
-    """Returns the forearm: a tube on joint 4's horn, and the servo of joint 5."""
+    """Return the forearm: a tube on joint 4's horn, carrying the servo of joint 5."""
     x, y, _ = np.subtract(ORIGINS[4], ORIGINS[3])
     case = (BOTTOM - TOP) / 2
     back = x + 0.0365
     tube = _rod("forearm_tube", "tube", 0.008, back - 0.004, -0.004)
-    # 16 mm outside, 14 mm inside.
+    # A tube of 16 mm outer and 14 mm inner diameter.
     mass = CARBON * np.pi * (0.008**2 - 0.007**2) * (-0.004 - (back - 0.004))
     return [
         (mass, [tube]),
         _printed(
             _rod("forearm_flange", "bracket", 0.012, -0.008, 0.0),
-            box_part(
+            plastic_box(
                 "wrist_block",
                 "bracket",
                 (x + 0.025, y + case, -0.010),
                 (back, 0.010, 0.010),
             ),
-            box_part(
+            plastic_box(
                 "wrist_plate",
                 "bracket",
                 (x + BEHIND, y - 0.012, -0.010),
@@ -207,7 +208,7 @@ def link_4() -> list[Part]:
 
 
 def link_5() -> list[Part]:
-    """Returns the fork around joint 5's servo, and the flange for the gripper."""
+    """Return the fork around joint 5's servo and the flange for the gripper."""
     horn, pin = (BOTTOM + TOP) / 2, (BOTTOM - TOP) / 2
     flange = TIP[0] + FLANGE - ORIGINS[4][0]
     outline = hull_2d(disc(0.009), _rectangle(-0.034, -0.011, -0.030, 0.011))
@@ -216,7 +217,7 @@ def link_5() -> list[Part]:
         _printed(
             _plate("fork_right", outline, -horn - 0.003, -horn),
             _plate("fork_left", outline, horn, horn + 0.003),
-            box_part(
+            plastic_box(
                 "fork_back",
                 "bracket",
                 (-0.037, -horn - 0.003, -0.011),
@@ -229,7 +230,7 @@ def link_5() -> list[Part]:
 
 
 def _inertial(parts: Sequence[Part]) -> Inertial:
-    """Returns the inertia of all parts together."""
+    """Return the combined inertia of all parts."""
     properties = [union_properties([q.solid for q in pieces]) for _, pieces in parts]
     masses = np.array([mass for mass, _ in parts])
     com = masses @ [p.center for p in properties] / masses.sum()
@@ -241,7 +242,7 @@ def _inertial(parts: Sequence[Part]) -> Inertial:
 
 
 def build() -> Files:
-    """Returns the arm's files."""
+    """Return the arm's files."""
     comment = "A five-axis arm of hobby servos; tools/models/assistive_arm.py."
     model = Model("assistive_arm", LOOKS, comment)
     names = ["base", *(f"link_{i}" for i in range(1, 6))]

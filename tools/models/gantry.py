@@ -1,8 +1,8 @@
 """The gantry that carries a gripper over the test bench: three prismatic joints.
 
-At zero the flange is at the model's origin, which is on the table under the work. So
-the joint positions are the flange's position above that point. Everything keeps behind
-the flange (x < 0) or more than half a metre above it, out of the way of a gripper that
+At zero the flange is at the model's origin, on the table under the work, so the joint
+positions are the flange's position relative to that point. Every part stays behind the
+flange (x < 0) or more than half a metre above it, out of the way of a gripper that
 points down, up, to the front or to a side.
 """
 
@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .sdf import Files, Inertial, Model, Piece
+from .pieces import Inertial, Piece
+from .sdf import Files, Model
 from .shapes import Solid, block, disc, prism, revolve, rot_x, rot_y, union_properties
 
 LOOKS = {
@@ -20,17 +21,17 @@ LOOKS = {
     "cover": (0.16, 0.17, 0.19),
 }
 
-# Reach of the flange [m]: a gripper that points down, 0.18 m long, can lift what stands
-# on the table by half a metre, and shake it by the 62 mm that are 1 g at 2 Hz.
+# Travel of the flange [m]. A gripper that points down, 0.18 m long, can lift an object
+# half a metre off the table and shake it by 62 mm, which is 1 g at 2 Hz.
 RANGES = {"x": (-0.4, 0.4), "y": (-0.4, 0.4), "z": (0.0, 0.8)}
-# Of what each joint moves alone [kg]: steel and aluminium sections of the size drawn,
-# much heavier than what hangs on the flange, so that this hardly shows in the motion.
+# Mass of each axis's own moving part [kg]: steel and aluminium sections of the drawn
+# size, so much heavier than the load at the flange that it hardly disturbs the motion.
 MASSES = {"x": 20.0, "y": 10.0, "z": 10.0}
-# Linear motors of this size give 1 to 3 kN [N]; 50 kg at 2 g need 1 kN.
+# Linear motors of this size give 1 to 3 kN; 50 kg at 2 g need 1 kN. [N]
 EFFORT = 2000.0
 VELOCITY = 2.0  # m/s; shaking at 1 g and 2 Hz takes 0.8
 ACCELERATION = 30.0  # m/s^2
-DAMPING = 10.0  # N s/m, the seals of the carriages
+DAMPING = 10.0  # N s/m, from the seals of the carriages
 
 _BACK = -0.2  # x of the bridge and the ram, behind the flange
 _TOP = 1.08  # height of the bridge's middle
@@ -42,7 +43,7 @@ def _box(name: str, look: str, low: tuple, high: tuple, edge: float = 0.002) -> 
 
 
 def _stand() -> list[Piece]:
-    """Returns two posts, the rails that reach forward from them, and a tie."""
+    """Return two posts, the rails they carry, and the tie between them."""
     pieces = []
     for y in (-_RAIL_Y, _RAIL_Y):
         low, high = y - 0.035, y + 0.035
@@ -57,7 +58,7 @@ def _stand() -> list[Piece]:
 
 
 def _bridge() -> list[Piece]:
-    """Returns the beam across, and the shoes that ride on the rails."""
+    """Return the cross beam and the shoes that ride on the rails."""
     pieces = [
         _box(
             "beam",
@@ -78,7 +79,7 @@ def _bridge() -> list[Piece]:
 
 
 def _carriage() -> list[Piece]:
-    """Returns the saddle that rides along the bridge and guides the ram."""
+    """Return the saddle that rides along the bridge and guides the ram."""
     low, high = (_BACK - 0.022, -0.07, _TOP - 0.07), (_BACK - 0.004, 0.07, _TOP + 0.09)
     pieces = [_box("saddle", "cover", low, high, 0.003)]
     for z in (_TOP - 0.05, _TOP + 0.05):
@@ -88,7 +89,7 @@ def _carriage() -> list[Piece]:
 
 
 def _ram() -> list[Piece]:
-    """Returns the ram, the arm forward from its foot, and the head at the flange."""
+    """Return the ram, the arm at its foot, and the head at the flange."""
     half = 0.024
     center = _BACK + 0.02
 
@@ -113,7 +114,7 @@ def _ram() -> list[Piece]:
 
 
 def build() -> Files:
-    """Returns the gantry's files."""
+    """Return the gantry's files."""
     comment = "Carries a gripper over the bench, seen only; tools/models/gantry.py."
     model = Model("gantry", LOOKS, comment)
 
@@ -121,7 +122,7 @@ def build() -> Files:
         return Inertial.uniform(mass, union_properties([p.solid for p in pieces]))
 
     stand = _stand()
-    # Welded to the world: its mass [kg] counts for nothing.
+    # Welded to the world, so its mass [kg] has no effect.
     model.AddLink("stand", stand, uniform(60.0, stand))
     links = {"x": _bridge(), "y": _carriage(), "z": _ram()}
     names = {"x": "bridge", "y": "carriage", "z": "ram"}

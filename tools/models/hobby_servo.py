@@ -1,38 +1,40 @@
-"""Hobby servos of the standard size: data sheets, and what they look like."""
+"""Standard-size hobby servos: data sheets and geometry."""
 
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Sequence
 
 import numpy as np
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from .sdf import Piece, Primitive, Proximity
-from .shapes import Points, Solid, block, disc, prism
+from .pieces import Piece, Primitive, Proximity, box_piece
+from .shapes import Points, Solid, disc, prism
 
 KGF_CM = 0.0980665  # N m
 
 
-# kg m^2. 0.028 kg m^2 at the output are used for the Feetech STS3215, a servo of this
-# size with 345:1 (Simulation/SO101/joints_properties.xml of TheRobotStudio/SO-ARM100).
+# kg m^2. The SO-ARM100 project uses 0.028 kg m^2 at the output of the Feetech STS3215,
+# a servo of this size with a 345:1 gear (TheRobotStudio/SO-ARM100,
+# Simulation/SO101/joints_properties.xml).
 ROTOR_INERTIA = 0.028 / 345**2
-# What a servo that turns freely draws of its stall current (TowerPro MG995: 170 of
-# 1,200 mA).
+# Current at no load as a fraction of the stall current (TowerPro MG995: 170 of 1,200
+# mA).
 NO_LOAD_CURRENT = 0.14
 
 
 @dc.dataclass(frozen=True)
 class Servo:
-    """A hobby servo's data sheet, and how many of it share a joint."""
+    """A hobby servo's data sheet values, and how many such servos share a joint."""
 
     stall_torque: float  # N m
     no_load_speed: float  # rad/s
     gear_ratio: float
     count: int = 1
 
-    # Half the torque at stall at up to half the speed at no load: the largest rectangle
-    # under the straight line from one to the other.
+    # Half the stall torque up to half the no-load speed: the largest rectangle under
+    # the straight torque-speed line.
 
     @property
     def effort(self) -> float:
@@ -46,32 +48,32 @@ class Servo:
 
     @property
     def rotor_inertia(self) -> float:
-        """Inertia of all rotors, before the gears [kg m^2]."""
+        """Inertia of all rotors on the motor side of the gears [kg m^2]."""
         return self.count * ROTOR_INERTIA
 
     @property
     def damping(self) -> float:
-        """Friction that the current at no load overcomes, as viscous [N m s/rad]."""
+        """The friction behind the no-load current, as viscous damping [N m s/rad]."""
         friction = NO_LOAD_CURRENT * self.count * self.stall_torque
         return friction / self.no_load_speed
 
 
 # DSServo DS3235SG at 7.4 V: 35 kgf cm, 0.12 s for 60 degrees, 270 degrees, 60 g
-# (plexrobotics.com/en/products/dsservo-ds3235sg-35kg-servo). The ratio is that of the
-# Hiwonder HPS-3527SG, a servo of the same case, mass and class.
+# (plexrobotics.com/en/products/dsservo-ds3235sg-35kg-servo). The gear ratio is that of
+# the Hiwonder HPS-3527SG, a servo of the same case, mass and class.
 DS3235SG = Servo(35 * KGF_CM, np.pi / 3 / 0.12, 342.0)
 # DFRobot DSS-M15S at 7 V: 12 kgf cm, 0.16 s for 60 degrees, 270 degrees, 310:1
 # (wiki.dfrobot.com, SER0044).
 DSS_M15S = Servo(12 * KGF_CM, np.pi / 3 / 0.16, 310.0)
-# kg: 60 g (the DSS-M15S's page gives none; its case is the same), and 5 g for horn,
-# screws and wire.
+# kg: 60 g, and 5 g for horn, screws and wire. The page of the DSS-M15S gives no mass,
+# but its case is the same.
 MASS = 0.065
 
-# Plastic on wood or plastic; the arm should touch nothing.
+# Plastic on wood or plastic. The arm should not touch anything.
 PLASTIC = Proximity(rigid=True, friction=0.4, resolution=0.02)
 
-# The standard servo's case [m]: behind and before its output axis, half its width;
-# then heights below the horn's outer face, and the mounting ears.
+# The standard servo's case [m]: extents behind and in front of the output axis, half
+# the width, then depths below the horn's outer face, and the mounting ears.
 BEHIND, BEFORE, HALF_WIDTH = 0.030, 0.010, 0.010
 TOP, BOTTOM = 0.004, 0.0425
 EARS, EARS_TOP, EARS_BOTTOM = 0.007, 0.0145, 0.017
@@ -79,16 +81,11 @@ EARS, EARS_TOP, EARS_BOTTOM = 0.007, 0.0145, 0.017
 Part = tuple[float, list[Piece]]  # mass [kg], spread evenly over the pieces
 
 
-def box_part(
-    name: str, look: str, low: Sequence[float], high: Sequence[float]
-) -> Piece:
-    a, b = np.array(low), np.array(high)
-    shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
-    return Piece(name, look, block(low, high, 0.0008), shape, PLASTIC)
+plastic_box = functools.partial(box_piece, bevel=0.0008, proximity=PLASTIC)
 
 
 def placed(pieces: Sequence[Piece], R: Points, p: Sequence[float]) -> list[Piece]:
-    """Returns the pieces turned by R, then shifted by p."""
+    """Return the pieces, rotated by R and then translated by p."""
 
     def touched(shape: Primitive | Solid | None) -> Primitive | Solid | None:
         if isinstance(shape, Solid):
@@ -108,17 +105,17 @@ def placed(pieces: Sequence[Piece], R: Points, p: Sequence[float]) -> list[Piece
 
 
 def servo_part(name: str, R: Points, p: Sequence[float]) -> Part:
-    """Returns a servo whose horn ends at p; its output is R's z, its case along -x."""
+    """Return a servo whose horn ends at p, output axis along R's z, case along -x."""
     horn = prism(disc(0.010), -0.003, 0, 0.0003)
     boss = prism(disc(0.006), -TOP - 0.0001, -0.002)
     pieces = [
-        box_part(
+        plastic_box(
             f"{name}_case",
             "case",
             (-BEHIND, -HALF_WIDTH, -BOTTOM),
             (BEFORE, HALF_WIDTH, -TOP),
         ),
-        box_part(
+        plastic_box(
             f"{name}_ears",
             "case",
             (-BEHIND - EARS, -HALF_WIDTH, -EARS_BOTTOM),

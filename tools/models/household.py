@@ -1,8 +1,8 @@
 """Household objects that are not convex: a mug, a bowl, a squeeze bottle, a wrench.
 
-Our own designs, of ordinary size and weight. Each stands or lies on z = 0 and is made
-of convex pieces, so that fingers find handle, hollow, waist and jaw where they are
-seen. Masses follow from the volume that is drawn and the material's density.
+Our own designs, of ordinary size and weight. Each stands or lies on z = 0 and consists
+of convex pieces, so that fingers touch handle, hollow, waist and jaw where cameras see
+them. Masses follow from the drawn volume and the material's density.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .pieces import Inertial, Piece, Proximity
 from .props import CAN
-from .sdf import Color, Files, Inertial, Model, Piece, Proximity
+from .sdf import Color, Files, Model
 from .shapes import Solid, at_height, block, disc, hull, prism, rot_x, union_properties
 
-# Handbooks' densities [kg/m^3].
+# Densities from handbooks [kg/m^3].
 STONEWARE, STEEL, MUSTARD = 2300.0, 7850.0, 1050.0
 
 
 def _hard(friction: float) -> Proximity:
-    """Returns the can's stiffness with another friction."""
+    """Return contact properties as stiff as the can's with another friction."""
     return Proximity(
         rigid=False,
         friction=friction,
@@ -29,7 +30,8 @@ def _hard(friction: float) -> Proximity:
     )
 
 
-# Against dry rubber handbooks give 0.6 to 0.9 for these; Drake's mean of both.
+# Handbooks give 0.6 to 0.9 for these against dry rubber. Drake combines the friction of
+# both bodies by their harmonic mean.
 GLAZE, PLASTIC, METAL = _hard(0.7), _hard(0.6), _hard(0.7)
 
 
@@ -39,12 +41,12 @@ def _touched(
     return [Piece(f"{name}_{i}", look, s, s, how) for i, s in enumerate(solids)]
 
 
-# Sides of what is round: to the eye, and to the touch.
+# Sides of round parts: of visuals, and of collision pieces.
 _FINE, _COARSE = 48, 16
 
 
 def _rings(profile: Sequence[tuple[float, float]], count: int) -> list:
-    """Returns circles given as (radius, height), as polygons half in, half out."""
+    """Return circles, given as (radius, height), as polygons that straddle them."""
     stretch = 1 + (1 - np.cos(np.pi / count)) / 2
     return [at_height(disc(stretch * r, count=count), z) for r, z in profile]
 
@@ -57,7 +59,7 @@ def _hollow(
     inner: Sequence[tuple[float, float]],
     how: Proximity,
 ) -> list[Piece]:
-    """Returns a vessel from the profiles (radius, height) of its floor and wall."""
+    """Return a vessel from the (radius, height) profiles of its floor and wall."""
 
     def solids(count: int) -> list[Solid]:
         return [hull(*_rings(floor, count)), *_shell(outer, inner, count)]
@@ -73,7 +75,7 @@ def _shell(
     inner: Sequence[tuple[float, float]],
     count: int,
 ) -> list[Solid]:
-    """Returns the wall between two profiles (radius, height), cut into wedges."""
+    """Return the wall between two (radius, height) profiles, cut into wedges."""
     a, b = _rings(outer, count), _rings(inner, count)
     solids = []
     for low in range(len(a) - 1):
@@ -99,13 +101,13 @@ def _finish(
 
 
 def mug() -> Files:
-    """Returns a mug, its handle along x."""
+    """Return a mug with its handle along x."""
     radius, height, wall = 0.041, 0.092, 0.0045
     floor = [(radius - 0.003, 0), (radius, 0.006), (radius - wall, 0.007)]
     outer = [(radius, 0.006), (radius, height)]
     inner = [(radius - wall, 0.006), (radius - wall, height)]
     pieces = _hollow("mug_body", "glaze", floor, outer, inner, GLAZE)
-    # Half an ellipse of links of 8 mm x 11 mm.
+    # Half an ellipse of links with a cross section of 8 mm x 11 mm.
     angles = np.linspace(-np.pi / 2, np.pi / 2, 7)
     path = np.column_stack(
         [radius - 0.003 + 0.030 * np.cos(angles), 0.048 + 0.028 * np.sin(angles)]
@@ -130,7 +132,7 @@ def mug() -> Files:
 
 
 def bowl() -> Files:
-    """Returns a bowl that tapers to its foot."""
+    """Return a bowl that tapers to its foot."""
     floor = [(0.032, 0), (0.034, 0.006), (0.034, 0.010)]
     outer = [(0.034, 0.006), (0.058, 0.022), (0.072, 0.056)]
     inner = [(0.030, 0.010), (0.0535, 0.0245), (0.068, 0.056)]
@@ -144,7 +146,7 @@ def bowl() -> Files:
 
 
 def bottle() -> Files:
-    """Returns a squeeze bottle: an oval body with a waist, a neck and a nozzle."""
+    """Return a squeeze bottle: an oval body with a waist, a neck and a nozzle."""
     count = 24
 
     def oval(a: float, b: float, z: float) -> np.ndarray:
@@ -176,7 +178,7 @@ def bottle() -> Files:
 
 
 def wrench() -> Files:
-    """Returns a combination wrench that lies along x: jaw in front, ring behind."""
+    """Return a combination wrench along x, its jaw in front and its ring behind."""
     thick = 0.010
     middle = thick / 2
     half = 0.0035
@@ -220,5 +222,5 @@ def wrench() -> Files:
 
 
 def build() -> Files:
-    """Returns the files of all of them."""
+    """Return the files of all household objects."""
     return {**mug(), **bowl(), **bottle(), **wrench()}

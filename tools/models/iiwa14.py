@@ -1,4 +1,4 @@
-"""The KUKA LBR iiwa 14 R820: numbers of its public description, shapes of our own."""
+"""The KUKA LBR iiwa 14 R820: numbers from its public description, our own shapes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import dataclasses as dc
 
 import numpy as np
 
-from .sdf import Files, Inertial, Model, Piece, Primitive, Proximity
+from .pieces import Inertial, Piece, Primitive, Proximity
+from .sdf import Files, Model
 from .shapes import (
     Solid,
     at_height,
@@ -20,9 +21,9 @@ from .shapes import (
     rounded_profile,
 )
 
-# Mass [kg], centre of mass [m] and principal inertia about it [kg m^2] of each link;
-# then the joints: origin in the parent [m, rad], limits [rad, rad/s, rad/s^2, N m],
-# gear ratio, rotor inertia [kg m^2]. Source: the public iiwa14 URDF of drake_models
+# Of each link: mass [kg], centre of mass [m] and principal inertia about it [kg m^2].
+# Of each joint, below: origin in the parent [m, rad], limits [rad, rad/s, rad/s^2, N
+# m], gear ratio, rotor inertia [kg m^2]. Source: the public iiwa14 URDF of drake_models
 # (RobotLocomotion/models).
 LINKS = (
     (5.00, (-0.1, 0, 0.07), (0.05, 0.06, 0.03)),
@@ -74,18 +75,18 @@ LOOKS = {
     "ring": (0.24, 0.25, 0.27),
     "cap": (0.93, 0.50, 0.10),
 }
-# Painted aluminium; the arm should touch nothing.
+# Painted aluminium. The arm should not touch anything.
 SHELL = Proximity(rigid=True, friction=0.4, resolution=0.02)
 
-_FINE, _COARSE = 48, 24  # corners a turn: seen, touched
+_FINE, _COARSE = 48, 24  # corners of a circle: of visuals, of collision pieces
 
 
 @dc.dataclass(frozen=True)
 class Elbow:
-    """A link between two crossing axes: a domed socket, then half a hub at one side.
+    """A link between two crossing axes: a domed socket with half a hub at one side.
 
-    Canonical frame: the socket's axis is z, the hub's is y at height `height`; the hub
-    lies at positive y. Two links share an axis: each has the hub's one half.
+    Canonical frame: the socket's axis is z; the hub's axis is parallel to y at z =
+    `height`, with the hub at positive y. The two links of a joint have half a hub each.
     """
 
     radius: float  # of the socket
@@ -94,11 +95,11 @@ class Elbow:
     hub_radius: float
     hub_width: float  # y of the hub's face
     hub_start: float = 0.0015
-    rise: float | None = None  # of the dome; None: to 3 mm below the other's hub
-    foot_start: float = 0.0  # y from which the socket belongs to the hub's foot
+    rise: float | None = None  # of the dome; None: up to 3 mm below the hub
+    foot_start: float = 0.0  # y beyond which the socket is part of the hub's foot
 
     def socket(self, count: int, steps: int) -> Solid:
-        """Returns the socket with its dome."""
+        """Return the socket and its dome."""
         rise = self.rise or self.height - self.hub_radius - 0.003 - self.dome
         a = np.linspace(0, _HALF, steps + 1)[:-1]
         profile = [(self.radius - 0.003, 0.002), (self.radius, 0.005)]
@@ -108,7 +109,7 @@ class Elbow:
         return revolve([*profile, (0, self.dome + rise)], count)
 
     def hub(self, count: int, steps: int) -> Solid:
-        """Returns the half hub, drawn out to the socket's half at the same side."""
+        """Return the half hub, extended to the half of the socket on the same side."""
         edge = 0.4 * self.hub_radius
         rim = rounded_profile(
             self.hub_radius, self.hub_start, self.hub_width, edge, steps
@@ -120,13 +121,13 @@ class Elbow:
         return hull(hub, at_height(half, 0.025), at_height(half, self.dome))
 
     def _on_hub(self, solid: Solid) -> Solid:
-        """Returns a solid of revolution with its axis laid on the hub's."""
+        """Return a solid of revolution, moved onto the hub's axis."""
         return solid.moved(rot_x(-_HALF), (0, 0, self.height))
 
     def pieces(
         self, link: int, R: np.ndarray | None = None, p: tuple = (0, 0, 0)
     ) -> list[Piece]:
-        """Returns the pieces, turned and shifted into the link's frame."""
+        """Return the pieces in the link's frame."""
         band = prism(disc(self.radius + 0.001, count=_FINE), 0.008, 0.016, 0.0005)
         name = f"link_{link}"
         pieces = [
@@ -149,7 +150,7 @@ def _moved(piece: Piece, R: np.ndarray | None, p: tuple) -> Piece:
 
 
 def _cap(name: str, radius: float, z: float) -> list[Piece]:
-    """Returns a coloured ring around a cover, 0.6 and 1.1 mm above a hub's face."""
+    """Return a coloured ring and a cover, 0.6 and 1.1 mm above a hub's face."""
     ring = prism(disc(radius, count=_FINE), z - 0.002, z + 0.0006, 0.0004)
     cover = prism(disc(radius - 0.007, count=_FINE), z - 0.002, z + 0.0011, 0.0008)
     return [Piece(f"{name}_cap", "cap", ring), Piece(f"{name}_cover", "shell", cover)]
@@ -160,7 +161,7 @@ def _convex(name: str, seen: Solid, touched: Solid) -> Piece:
 
 
 def link_0() -> list[Piece]:
-    """Returns the foot, drawn out to the plugs at the rear, and the column on it."""
+    """Return the foot, extended to the plugs at the rear, and the column on it."""
     foot = hull_2d(
         disc(0.108, count=_FINE),
         np.array([(-0.135, y) for y in (-0.055, 0.055)]),
@@ -178,7 +179,7 @@ def link_0() -> list[Piece]:
 
 
 def link_6() -> list[Piece]:
-    """Returns the wrist: a drum about z, and an outlet along y."""
+    """Return the wrist: a drum about z and an outlet along y."""
 
     def drum(count: int, steps: int) -> Solid:
         return revolve(rounded_profile(0.06, -0.057, 0.062, 0.022, steps), count)
@@ -195,7 +196,7 @@ def link_6() -> list[Piece]:
 
 
 def link_7() -> list[Piece]:
-    """Returns the last turning part and the tool flange."""
+    """Return the last moving part and the tool flange."""
     body = revolve(rounded_profile(0.047, -0.021, 0.034, 0.004))
     body_touched = Primitive("cylinder", (0.047, 0.055), (0, 0, 0.0065))
     flange = prism(disc(0.0315, count=_FINE), 0.033, FLANGE_Z)
@@ -207,8 +208,8 @@ def link_7() -> list[Piece]:
 
 
 def link_pieces() -> list[list[Piece]]:
-    """Returns the pieces of each link."""
-    # Even links: the hub's axis is z through the origin, the socket lies along y.
+    """Return the pieces of each link."""
+    # In even links the hub's axis is z through the origin; the socket points along y.
     turn = rot_x(_HALF)
     return [
         link_0(),
@@ -216,7 +217,8 @@ def link_pieces() -> list[list[Piece]]:
         Elbow(0.083, 0.06, 0.2045, 0.082, 0.098).pieces(2, turn, (0, 0.2045, 0)),
         Elbow(0.080, 0.06, 0.2155, 0.075, 0.090).pieces(3),
         Elbow(0.073, 0.06, 0.1845, 0.075, 0.090).pieces(4, turn, (0, 0.1845, 0)),
-        # The forearm passes the wrist at one side, and leaves link_7 room to fold back.
+        # The forearm passes the wrist on one side, so that link_7 has room to fold
+        # back.
         Elbow(0.069, 0.04, 0.2155, 0.058, 0.106, 0.060, 0.06, 0.03).pieces(5),
         link_6(),
         link_7(),
@@ -224,7 +226,7 @@ def link_pieces() -> list[list[Piece]]:
 
 
 def build() -> Files:
-    """Returns the arm's files."""
+    """Return the arm's files."""
     model = Model("iiwa14", LOOKS, "The KUKA LBR iiwa 14 R820; tools/models/iiwa14.py.")
     for i, ((mass, com, moments), pieces) in enumerate(
         zip(LINKS, link_pieces(), strict=True)

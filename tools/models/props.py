@@ -1,11 +1,12 @@
-"""What stands around the robots: table, floor, pedestal, marker, lid, soup can."""
+"""Props around the robots: table, floor, pedestal, marker, lid, cradle, soup can."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .sdf import AddChild, Files, Inertial, Model, Piece, Primitive, Proximity
-from .shapes import block, disc, prism, revolve, rot_x, union_properties
+from .pieces import Inertial, Piece, Primitive, Proximity, box_piece
+from .sdf import AddChild, Files, Model
+from .shapes import disc, prism, revolve, rot_x, union_properties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.
 WOOD = Proximity(rigid=True, friction=0.6)
@@ -13,61 +14,55 @@ SHEET = Proximity(rigid=True, friction=0.4)
 
 # YCB object set, 005_tomato_soup_can.
 CAN_RADIUS, CAN_LENGTH, CAN_MASS = 0.0339, 0.1018, 0.349
-# Tinplate around a liquid: 25 times stiffer than the pads that hold it, so that the
-# pads yield, and soft enough for steps of several milliseconds. The hint cuts the
-# circle into 22 sides, 0.34 mm inside it; at 0.015 it is 0.7 mm for the same time a
-# step, at 0.006 it is 0.1 mm for a quarter more.
+# Tinplate around a liquid: 25 times stiffer than the pads, so that the pads yield, but
+# soft enough for steps of several milliseconds. The resolution hint gives the circle 22
+# sides, at most 0.34 mm inside it. At 0.015 that is 0.7 mm for the same time per step,
+# at 0.006 it is 0.1 mm for a quarter more.
 CAN = Proximity(
     rigid=False, friction=0.8, modulus=5e7, dissipation=5.0, resolution=0.01
 )
 
 
-def _box(name: str, look: str, low: tuple, high: tuple, bevel: float, how: Proximity):
-    a, b = np.array(low), np.array(high)
-    shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
-    return Piece(name, look, block(low, high, bevel), shape, how)
-
-
 def table() -> Files:
-    """Returns a table whose top is z = 0; an arm stands on it at the origin."""
+    """Return a table with its top at z = 0; an arm stands on it at the origin."""
     looks = {"top": (0.74, 0.70, 0.63), "legs": (0.45, 0.46, 0.48)}
     model = Model("table", looks, "A table; its top is z = 0.")
     AddChild(model.root, "static", "true")
     pieces = [
-        _box("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, WOOD)
+        box_piece("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, WOOD)
     ]
     for x in (-0.34, 1.24):
         for y in (-0.74, 0.74):
             name = f"table_leg_{'rear' if x < 0 else 'front'}_"
             name += "left" if y > 0 else "right"
             low, high = (x - 0.03, y - 0.03, -0.75), (x + 0.03, y + 0.03, -0.04)
-            pieces.append(_box(name, "legs", low, high, 0.0015, WOOD))
+            pieces.append(box_piece(name, "legs", low, high, 0.0015, WOOD))
     model.AddLink("table", pieces, None)
     model.AddFrame("table_top", "table")
     return model.finish("sdf/table.sdf")
 
 
 def floor() -> Files:
-    """Returns a floor under the table's legs."""
+    """Return a floor under the table's legs."""
     model = Model("floor", {"floor": (0.55, 0.56, 0.58)}, "A floor, z = -0.75.")
     AddChild(model.root, "static", "true")
     low, high = (-3, -3, -0.85), (3, 3, -0.75)
-    model.AddLink("floor", [_box("floor", "floor", low, high, 0, WOOD)], None)
+    model.AddLink("floor", [box_piece("floor", "floor", low, high, 0, WOOD)], None)
     return model.finish("sdf/floor.sdf")
 
 
 def pedestal() -> Files:
-    """Returns a column beside the table; the origin is the middle of its top.
+    """Return a column beside the table; its origin is the middle of its top.
 
-    It stands on the floor when its top is 17.5 mm above the table's: on it, a can is
-    taken at mid height by a hand 68.4 mm above the table's top.
+    It is as high as puts its top 17.5 mm above the table's: a hand 68.4 mm above the
+    table then grasps a can on the column at mid height.
     """
     model = Model("pedestal", {"wood": (0.77, 0.65, 0.47)}, "A column on the floor.")
     half, foot, floor_z = 0.055, 0.11, -0.75 - 0.0175
     low, high = (-half, -half, floor_z + 0.03), (half, half, 0)
     pieces = [
-        _box("column", "wood", low, high, 0.001, WOOD),
-        _box(
+        box_piece("column", "wood", low, high, 0.001, WOOD),
+        box_piece(
             "foot", "wood", (-foot, -foot, floor_z), (foot, foot, low[2]), 0.001, WOOD
         ),
     ]
@@ -77,7 +72,7 @@ def pedestal() -> Files:
 
 
 def marker() -> Files:
-    """Returns a ring that marks a goal; it cannot be touched."""
+    """Return a ring that marks a goal; it has no collision geometry."""
     model = Model("marker", {"ring": (0.15, 0.65, 0.25)}, "Marks a goal, seen only.")
     solids = _ring(0.036, 0.045, 0, 0.001, 48)
     pieces = [Piece("ring", "ring", s) for s in solids]
@@ -86,7 +81,7 @@ def marker() -> Files:
 
 
 def _ring(inner: float, outer: float, z0: float, z1: float, count: int) -> list:
-    """Returns a ring cut into convex wedges."""
+    """Return a ring cut into convex wedges."""
     a, b = disc(inner, count=count), disc(outer, count=count)
     wedges = []
     for i in range(count):
@@ -96,11 +91,11 @@ def _ring(inner: float, outer: float, z0: float, z1: float, count: int) -> list:
 
 
 def lid() -> Files:
-    """Returns an upside-down bucket; the origin is the middle of its open rim."""
+    """Return an upside-down bucket; the origin is the middle of its open rim."""
     model = Model("lid", {"sheet": (0.52, 0.53, 0.55)}, "Hides an object from cameras.")
     inner, wall, height = 0.06, 0.003, 0.14
     count = 24
-    # The corners stand off so that the flats keep the inner radius.
+    # Corners lie outside so that the flats touch the inner radius.
     stretch = 1 / np.cos(np.pi / count)
     solids = _ring(inner * stretch, (inner + wall) * stretch, 0, height, count)
     pieces = []
@@ -119,23 +114,25 @@ def lid() -> Files:
 
 
 def cradle() -> Files:
-    """Returns four posts on which a cylinder of 40 to 90 mm lies along x.
+    """Return four posts that carry a cylinder of 40 to 90 mm diameter along x.
 
-    Two pairs 0.12 m apart leave room for a hand around the cylinder, from above and
-    from below; the origin is in the middle, on the table.
+    The two pairs, 0.12 m apart, leave room for a hand to reach around the cylinder from
+    above and from below. The origin is in the middle, on the table.
     """
     model = Model("cradle", {"posts": (0.45, 0.46, 0.48)}, "Holds a cylinder up.")
     pieces = []
     for x, end in ((-0.06, "rear"), (0.06, "front")):
         for y, side in ((-0.03, "right"), (0.03, "left")):
             low, high = (x - 0.01, y - 0.01, 0), (x + 0.01, y + 0.01, 0.15)
-            pieces.append(_box(f"post_{end}_{side}", "posts", low, high, 0.001, WOOD))
+            pieces.append(
+                box_piece(f"post_{end}_{side}", "posts", low, high, 0.001, WOOD)
+            )
     model.AddLink("cradle", pieces, None)
     return model.finish("sdf/cradle.sdf")
 
 
 def can() -> Files:
-    """Returns the soup can: red from above and below, a cream band on its side."""
+    """Return the soup can: red ends and shoulders, a cream band around the middle."""
     name = "005_tomato_soup_can"
     looks = {"red": (0.80, 0.10, 0.08), "label": (0.93, 0.89, 0.78)}
     model = Model(name, looks, "YCB 005; one cylinder to touch.")
@@ -157,7 +154,7 @@ def can() -> Files:
 
 
 def build() -> Files:
-    """Returns the files of all props."""
+    """Return the files of all props."""
     return {
         **table(),
         **floor(),

@@ -1,8 +1,7 @@
-"""SDFormat text with Drake's extensions, and the files that go with it."""
+"""SDFormat text with Drake's extensions, and the mesh files it refers to."""
 
 from __future__ import annotations
 
-import dataclasses as dc
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
@@ -10,77 +9,15 @@ import numpy as np
 
 from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 
-from .shapes import MassProperties, Points, Solid, format_number, obj_text
+from .pieces import Inertial, Piece, Primitive, Proximity, VolumeMesh
+from .shapes import Solid, format_number, obj_text
 
 Color = tuple[float, float, float]
 Files = dict[str, str]  # path below models/ -> text
 
 
-@dc.dataclass(frozen=True)
-class Primitive:
-    """A box (x, y, z), cylinder (radius, length) or sphere (radius) with its pose."""
-
-    kind: str
-    size: tuple[float, ...]
-    xyz: tuple[float, float, float] = (0, 0, 0)
-    rpy: tuple[float, float, float] = (0, 0, 0)
-
-
-@dc.dataclass(frozen=True)
-class VolumeMesh:
-    """A box (x, y, z), centred at xyz, cut into tetrahedra.
-
-    Drake then meshes contact with it more finely than with the box itself.
-    """
-
-    size: tuple[float, float, float]
-    xyz: tuple[float, float, float]
-    resolution: float
-
-
-@dc.dataclass(frozen=True)
-class Proximity:
-    """Contact properties; None leaves Drake's default."""
-
-    rigid: bool = True
-    friction: float | None = None
-    modulus: float | None = None  # Pa
-    dissipation: float | None = None  # s/m
-    resolution: float | None = None  # m
-
-
-@dc.dataclass(frozen=True)
-class Piece:
-    """One convex piece of a link: what is seen, and what is touched.
-
-    `solid` is seen in the colour `look` names (None: not seen); `collision` is touched
-    (None: the piece is a cosmetic detail).
-    """
-
-    name: str
-    look: str | None
-    solid: Solid
-    collision: Primitive | VolumeMesh | Solid | None = None
-    proximity: Proximity = Proximity()
-
-
-@dc.dataclass(frozen=True)
-class Inertial:
-    """Mass [kg], centre of mass [m], inertia about it [kg m^2]."""
-
-    mass: float
-    com: Sequence[float]
-    inertia: Points
-
-    @staticmethod
-    def uniform(mass: float, properties: MassProperties) -> Inertial:
-        """Spreads a mass evenly over a volume."""
-        scale = mass / properties.volume
-        return Inertial(mass, properties.center, properties.inertia * scale)
-
-
 def AddChild(parent: ET.Element, tag: str, text: object = None, **attributes: str):
-    """Appends a child element and returns it."""
+    """Append a child element and return it."""
     child = ET.SubElement(parent, tag, attributes)
     if text is not None:
         child.text = text if isinstance(text, str) else sdf_text(text)
@@ -88,7 +25,7 @@ def AddChild(parent: ET.Element, tag: str, text: object = None, **attributes: st
 
 
 def sdf_text(value: object) -> str:
-    """Returns numbers as SDF text."""
+    """Return numbers as SDF text."""
     values = np.atleast_1d(np.asarray(value, float))
     return " ".join(_significant(x) for x in values)
 
@@ -101,7 +38,7 @@ def _significant(x: float) -> str:
 
 
 def AddPose(parent: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0, 0, 0)):
-    """Appends a pose unless it is the identity."""
+    """Append a pose unless it is the identity."""
     pose = AddChild(parent, "pose", [*xyz, *rpy])
     if not np.any(np.abs([*xyz, *rpy]) > 0):
         parent.remove(pose)
@@ -129,10 +66,10 @@ class Model:
         pose: tuple[str, Sequence[float], Sequence[float]] | None = None,
         prefix: str = "",
     ) -> None:
-        """Adds a link from its pieces; `pose` is (relative_to, xyz, rpy).
+        """Add a link made of pieces; `pose` is (relative_to, xyz, rpy).
 
-        The prefix is put before the link's and its geometries' names, not before the
-        names of the meshes: links alike but for the prefix share their meshes.
+        The prefix goes before the names of the link and its geometries, but not before
+        those of its meshes, so links that differ only in their prefix share meshes.
         """
         link = AddChild(self.root, "link", name=prefix + name)
         if pose is not None:
@@ -173,7 +110,7 @@ class Model:
         if isinstance(shape, Primitive):
             AddPose(collision, shape.xyz, shape.rpy)
             AddPrimitive(AddChild(collision, "geometry"), shape)
-            if shape.kind != "box":  # only round primitives are cut into facets
+            if shape.kind != "box":  # Drake cuts only round primitives into facets
                 resolution = piece.proximity.resolution
         elif isinstance(shape, VolumeMesh):
             AddPose(collision, shape.xyz)
@@ -202,7 +139,7 @@ class Model:
         gear_ratio: float = 1.0,
         kind: str = "revolute",
     ) -> None:
-        """Adds an actuated joint, revolute or prismatic, at the child's origin."""
+        """Add a revolute or prismatic joint with an actuator at the child's origin."""
         joint = AddChild(self.root, "joint", name=name, type=kind)
         AddChild(joint, "parent", parent)
         AddChild(joint, "child", child)
@@ -219,19 +156,19 @@ class Model:
     def AddFrame(
         self, name: str, attached_to: str, xyz: Sequence[float] = (0, 0, 0)
     ) -> None:
-        """Adds a frame, parallel to the one it is attached to."""
+        """Add a frame parallel to the one it is attached to."""
         frame = AddChild(self.root, "frame", name=name, attached_to=attached_to)
         AddPose(frame, xyz)
 
     def AddFilter(self, name: str, members: Sequence[str]) -> None:
-        """Lets the members of a group pass through each other."""
+        """Exclude contact among the members of a group."""
         group = AddChild(self.root, "drake:collision_filter_group", name=name)
         for member in members:
             AddChild(group, "drake:member", member)
         AddChild(group, "drake:ignored_collision_filter_group", name)
 
     def finish(self, path: str) -> Files:
-        """Returns all files of the model, the SDF among them."""
+        """Return all files of the model, including the SDF."""
         ET.indent(self._sdf, "  ")
         text = ET.tostring(self._sdf, encoding="unicode")
         lines = ["Generated by tools/build_models.py.", *self._comment.splitlines()]
@@ -241,7 +178,7 @@ class Model:
 
 
 def AddPrimitive(geometry: ET.Element, shape: Primitive) -> None:
-    """Appends a primitive shape."""
+    """Append a primitive shape."""
     node = AddChild(geometry, shape.kind)
     if shape.kind == "box":
         AddChild(node, "size", shape.size)
@@ -254,7 +191,7 @@ def AddPrimitive(geometry: ET.Element, shape: Primitive) -> None:
 def AddProximity(
     collision: ET.Element, proximity: Proximity, resolution: float | None
 ) -> None:
-    """Appends Drake's contact properties."""
+    """Append Drake's contact properties."""
     node = AddChild(collision, "drake:proximity_properties")
     if proximity.rigid:
         AddChild(node, "drake:rigid_hydroelastic")

@@ -1,4 +1,4 @@
-"""Convex solids, made and written in a canonical form: same input, same bytes."""
+"""Convex solids in a canonical form: the same input gives the same bytes."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ Points = np.ndarray
 
 @dc.dataclass(frozen=True)
 class Solid:
-    """A convex polyhedron: its corners, and its faces counter-clockwise from outside.
+    """A convex polyhedron: corners, and faces counter-clockwise as seen from outside.
 
-    Coplanar triangles are merged into one face, so that the result does not depend on
-    how a hull algorithm happens to cut a flat face.
+    Coplanar triangles are merged into one face, so the result does not depend on how
+    the hull algorithm cuts a flat face.
     """
 
     vertices: Points  # n x 3, m
     faces: tuple[tuple[int, ...], ...]
 
     def moved(self, R: Points | None = None, p: Sequence[float] = (0, 0, 0)) -> Solid:
-        """Returns this solid turned by `R`, then shifted by `p`."""
+        """Return this solid, rotated by `R` and then translated by `p`."""
         R = np.eye(3) if R is None else np.asarray(R)
         return Solid(self.vertices @ R.T + np.asarray(p), self.faces)
 
     def triangles(self) -> Points:
-        """Returns the faces cut into fans, as an n x 3 array of vertex indices."""
+        """Return the faces cut into triangle fans, as n x 3 vertex indices."""
         return np.array(
             [
                 (face[0], face[i], face[i + 1])
@@ -40,7 +40,7 @@ class Solid:
 
 
 def hull(*parts: Points | Solid) -> Solid:
-    """Returns the convex hull of points and solids."""
+    """Return the convex hull of points and solids."""
     points = np.vstack([p.vertices if isinstance(p, Solid) else p for p in parts])
     points = _unique(points)
     qhull = ConvexHull(points)
@@ -72,14 +72,14 @@ def hull(*parts: Points | Solid) -> Solid:
 
 
 def _unique(points: Points) -> Points:
-    """Returns the points sorted, each (to 10 nm) once."""
+    """Return the points sorted, without duplicates (within 10 nm)."""
     keys = np.round(points, 8) + 0.0
     _, first = np.unique(keys, axis=0, return_index=True)
     return points[first]
 
 
 def _ordered(points: Points, corners: list[int], normal: Points) -> tuple[int, ...]:
-    """Returns the corners counter-clockwise about the normal."""
+    """Return the corners counter-clockwise about the normal."""
     p = points[corners] - points[corners].mean(axis=0)
     u = p[0] / np.linalg.norm(p[0])
     v = np.cross(normal, u)
@@ -88,25 +88,25 @@ def _ordered(points: Points, corners: list[int], normal: Points) -> tuple[int, .
 
 
 def _rolled(face: tuple[int, ...]) -> tuple[int, ...]:
-    """Returns the face starting at its smallest index."""
+    """Return the face, starting at its smallest index."""
     k = face.index(min(face))
     return face[k:] + face[:k]
 
 
 def rot_x(angle: float) -> Points:
-    """Returns the rotation about x by an angle."""
+    """Return the rotation about x by an angle."""
     c, s = _cos(angle), _sin(angle)
     return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
 
 
 def rot_y(angle: float) -> Points:
-    """Returns the rotation about y by an angle."""
+    """Return the rotation about y by an angle."""
     c, s = _cos(angle), _sin(angle)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
 
 def rot_z(angle: float) -> Points:
-    """Returns the rotation about z by an angle."""
+    """Return the rotation about z by an angle."""
     c, s = _cos(angle), _sin(angle)
     return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
 
@@ -126,20 +126,20 @@ def disc(
     start: float = 0.0,
     stop: float = 2 * np.pi,
 ) -> Points:
-    """Returns `count` points of a circle, or an arc's with both of its ends."""
+    """Return `count` points of a circle, or of an arc including both ends."""
     whole = stop - start >= 2 * np.pi - 1e-9
     angles = np.linspace(start, stop, count, endpoint=not whole)
     return radius * np.column_stack([np.cos(angles), np.sin(angles)]) + center
 
 
 def hull_2d(*parts: Points) -> Points:
-    """Returns the corners of the planar convex hull, counter-clockwise."""
+    """Return the corners of the planar convex hull, counter-clockwise."""
     points = np.vstack([np.atleast_2d(p) for p in parts])
     return points[ConvexHull(points).vertices]
 
 
 def inset(outline: Points, by: float) -> Points:
-    """Returns a convex counter-clockwise outline shrunk by a distance."""
+    """Return a convex counter-clockwise outline shrunk by a distance."""
     edges = np.roll(outline, -1, axis=0) - outline
     inward = np.column_stack([-edges[:, 1], edges[:, 0]])
     inward /= np.linalg.norm(inward, axis=1, keepdims=True)
@@ -152,7 +152,7 @@ def inset(outline: Points, by: float) -> Points:
 
 
 def prism(outline: Points, z0: float, z1: float, edge: float = 0.0) -> Solid:
-    """Returns a convex outline extruded along z, its two rims rounded by `edge`."""
+    """Return a convex outline extruded along z, with both rims rounded by `edge`."""
     outline = hull_2d(outline)
     if edge == 0:
         return hull(at_height(outline, z0), at_height(outline, z1))
@@ -165,12 +165,12 @@ def prism(outline: Points, z0: float, z1: float, edge: float = 0.0) -> Solid:
 
 
 def at_height(outline: Points, z: float) -> Points:
-    """Returns the planar points lifted to a height."""
+    """Return the planar points at height z."""
     return np.column_stack([outline, np.full(len(outline), z)])
 
 
 def block(low: Sequence[float], high: Sequence[float], edge: float = 0.0) -> Solid:
-    """Returns an axis-aligned box, its edges and corners rounded by `edge`."""
+    """Return an axis-aligned box with edges and corners rounded by `edge`."""
     low, high = np.asarray(low, float), np.asarray(high, float)
     corners = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)])
     if edge == 0:
@@ -189,7 +189,7 @@ def block(low: Sequence[float], high: Sequence[float], edge: float = 0.0) -> Sol
 
 
 def revolve(profile: Iterable[tuple[float, float]], count: int = 48) -> Solid:
-    """Returns the hull of circles given as (radius, height) about z."""
+    """Return the hull of circles about z, given as (radius, height)."""
     parts = []
     for radius, z in profile:
         if radius == 0:
@@ -202,7 +202,7 @@ def revolve(profile: Iterable[tuple[float, float]], count: int = 48) -> Solid:
 def rounded_profile(
     radius: float, z0: float, z1: float, edge: float, steps: int = 3
 ) -> Points:
-    """Returns a cylinder's (radius, height) profile with rounded rims."""
+    """Return a cylinder's (radius, height) profile with rounded rims."""
     a = np.linspace(0, np.pi / 2, steps + 1)
     r = radius - edge * (1 - np.sin(a))
     h = edge * (1 - np.cos(a))
@@ -210,10 +210,10 @@ def rounded_profile(
 
 
 def obj_text(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
-    """Returns Wavefront text: triangles with normals smoothed up to a crease [deg].
+    """Return Wavefront text: triangles, normals smoothed up to a crease angle [deg].
 
-    A corner's normal is the area-weighted mean of the faces that meet there at less
-    than the crease angle from its own face, so big flats stay flat beside a bevel.
+    A corner's normal is the area-weighted mean over the adjacent faces within the
+    crease angle of its own face, so large flats stay flat next to a bevel.
     """
     v_text, n_text, f_text = [], [], []
     normals_seen: dict[tuple[float, ...], int] = {}
@@ -249,12 +249,12 @@ def obj_text(solids: Sequence[Solid], crease: float = 50.0, mm: int = 6) -> str:
 
 
 def _area_normal(p: Points) -> Points:
-    """Returns a polygon's normal, as long as its area."""
+    """Return a polygon's normal; its length is the polygon's area."""
     return 0.5 * np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
 
 
 def format_number(x: float, digits: int = 6) -> str:
-    """Returns a short decimal, without a negative zero."""
+    """Return the shortest decimal with up to `digits` places, and no negative zero."""
     text = f"{x:.{digits}f}".rstrip("0").rstrip(".")
     return "0" if text in ("-0", "") else text
 
@@ -269,7 +269,7 @@ class MassProperties:
 
 
 def union_properties(solids: Sequence[Solid]) -> MassProperties:
-    """Returns the mass properties of the union, at unit density."""
+    """Return the mass properties of the union, at unit density."""
     whole = manifold3d.Manifold.batch_boolean(
         [_manifold(s) for s in solids], manifold3d.OpType.Add
     )

@@ -1,0 +1,101 @@
+"""Convex pieces that make up a link: geometry, contact properties, inertia."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+
+from .shapes import MassProperties, Points, Solid, block, prism
+
+
+@dc.dataclass(frozen=True)
+class Primitive:
+    """A box (x, y, z), cylinder (radius, length) or sphere (radius) with its pose."""
+
+    kind: str
+    size: tuple[float, ...]
+    xyz: tuple[float, float, float] = (0, 0, 0)
+    rpy: tuple[float, float, float] = (0, 0, 0)
+
+
+@dc.dataclass(frozen=True)
+class VolumeMesh:
+    """A box (x, y, z), centred at xyz, cut into tetrahedra of edge `resolution` [m].
+
+    Drake meshes contact with it more finely than with a plain box.
+    """
+
+    size: tuple[float, float, float]
+    xyz: tuple[float, float, float]
+    resolution: float
+
+
+@dc.dataclass(frozen=True)
+class Proximity:
+    """Contact properties; None leaves Drake's default."""
+
+    rigid: bool = True
+    friction: float | None = None
+    modulus: float | None = None  # Pa
+    dissipation: float | None = None  # s/m
+    resolution: float | None = None  # m
+
+
+@dc.dataclass(frozen=True)
+class Piece:
+    """A convex piece of a link: its visual and its collision geometry.
+
+    Cameras see `solid` in the colour that `look` names (None: invisible). Contact uses
+    `collision` (None: a cosmetic detail).
+    """
+
+    name: str
+    look: str | None
+    solid: Solid
+    collision: Primitive | VolumeMesh | Solid | None = None
+    proximity: Proximity = Proximity()
+
+
+@dc.dataclass(frozen=True)
+class Inertial:
+    """Mass [kg], centre of mass [m], inertia about it [kg m^2]."""
+
+    mass: float
+    com: Sequence[float]
+    inertia: Points
+
+    @staticmethod
+    def uniform(mass: float, properties: MassProperties) -> Inertial:
+        """Spread a mass evenly over a volume."""
+        scale = mass / properties.volume
+        return Inertial(mass, properties.center, properties.inertia * scale)
+
+
+def box_piece(
+    name: str,
+    look: str,
+    low: Sequence[float],
+    high: Sequence[float],
+    bevel: float,
+    proximity: Proximity,
+) -> Piece:
+    """Return an axis-aligned box; its visual has bevelled edges, its collision none."""
+    a, b = np.array(low), np.array(high)
+    shape = Primitive("box", tuple(b - a), tuple((a + b) / 2))
+    return Piece(name, look, block(low, high, bevel), shape, proximity)
+
+
+def extruded_piece(
+    name: str,
+    look: str,
+    outline: Points,
+    z0: float,
+    z1: float,
+    bevel: float,
+    proximity: Proximity,
+) -> Piece:
+    """Return a prism; its visual has bevelled rims, its collision sharp ones."""
+    seen, touched = prism(outline, z0, z1, bevel), prism(outline, z0, z1)
+    return Piece(name, look, seen, touched, proximity)
