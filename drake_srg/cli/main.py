@@ -43,6 +43,27 @@ class _Parser(argparse.ArgumentParser):
         sys.exit(_complain(message))
 
 
+class _ExperimentHelp(argparse.Action):
+    """Shows the help of `experiment` and, after a NAME, what that one takes."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option: str | None = None,
+    ) -> NoReturn:
+        """Print and exit."""
+        from drake_srg.experiments.registry import describe
+
+        name = getattr(namespace, "name", None)
+        try:
+            print(describe(name) if name else parser.format_help())
+        except ScenarioError as error:
+            parser.error(str(error))
+        parser.exit()
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="drake-srg",
@@ -107,11 +128,26 @@ def _parser() -> argparse.ArgumentParser:
     bench.set_defaults(run=_bench)
 
     experiment = commands.add_parser(
-        "experiment", help="measure what models and drivers do, beside what is claimed"
+        "experiment",
+        help="compare models and drivers with published claims and theory",
+        add_help=False,
+    )
+    experiment.add_argument(
+        *("-h", "--help"),
+        action=_ExperimentHelp,
+        nargs=0,
+        help="show this and, after a NAME, the parameters of that experiment",
     )
     which = experiment.add_mutually_exclusive_group(required=True)
-    which.add_argument("name", nargs="?", metavar="NAME", help="what to measure")
+    which.add_argument("name", nargs="?", metavar="NAME", help="experiment to run")
     which.add_argument("--list", action="store_true", help="list the experiments")
+    experiment.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="set a parameter of the experiment; YAML value",
+    )
     experiment.add_argument(
         "--out",
         type=Path,
@@ -254,7 +290,9 @@ def _experiment(options: argparse.Namespace) -> int:
     out: Path = options.out or Path("out") / "experiments" / options.name
     cli_sweep.end_on_sigterm()
     try:
-        result = run_experiment(options.name, out, progress=sys.stderr.isatty())
+        result = run_experiment(
+            options.name, out, overrides=options.set, progress=sys.stderr.isatty()
+        )
     except OSError as error:
         return _complain(f"--out {out}: cannot be written: {error.strerror or error}")
     print(result.table())

@@ -1,14 +1,15 @@
-"""Where closing fingers bring a cylinder, and the frames that make up for it.
+"""Where closing fingers move a cylinder, and the frames that correct for it.
 
 The thesis of the five-axis arm measured by hand how far the object shifts while its
-fingers close, one after the other, and moved the tip of its arm by that. Here cycles
-tell where in the palm the closed fingers hold the object: there the tip belongs, where
-the planner takes a held object to be. More cycles, with that tip, tell where the object
-ends beside its goal: so much it moves as it is set down and let go. A last round has
-both corrections.
+fingers close, one after the other, and moved the arm's tip by that distance. Here, a
+first round of cycles measures where in the palm the closed fingers hold the object. The
+tip frame belongs there, because the planner assumes a held object to be at the tip. A
+second round, with that tip, measures how far from its goal the object ends: the
+distance that it moves while it is set down and released. A last round applies both
+corrections.
 
-`SCENARIO_tip.dmd.yaml` has the two frames. With `--out models/calibration` it is the
-one that the scenario uses, and those that are based on it.
+`SCENARIO_tip.dmd.yaml` contains the two frames. `--out models/calibration` overwrites
+the file that the scenario and those based on it use.
 """
 
 from __future__ import annotations
@@ -27,14 +28,27 @@ from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.types import Vector
 
-SCENARIO = "assistive_arm"
-# The frames are measured with some positions, and judged with others.
-SEEDS, JUDGED_SEEDS = range(100, 112), range(200, 212)
-# What systematic error may be left in the hand, a tenth of the recess's clearance [mm].
+EXPERIMENTS = {
+    "grasp_calibration": (
+        "Where closing fingers move a cylinder, and the frames that correct for it.",
+        {"scenario": "assistive_arm"},
+    ),
+    "grasp_calibration_fast": (
+        "The same frames for the fast scenario of the five-axis arm.",
+        {"scenario": "assistive_arm_fast"},
+    ),
+}
+# The frames are measured at some positions and judged at others: first seed of each.
+FIRST_SEED, FIRST_JUDGED_SEED = 100, 200
+# Systematic error allowed after correction: a tenth of the recess's clearance [mm].
 _BIAS = 0.1
-P_GRASP_CENTER = np.array([0.095, 0.0, 0.0])  # of the drawing, in the palm [m]
-_FIGURES = ("shift while closing", "held beside the tip", "placed beside the goal")
-STAGES = ("as drawn", "tip moved", "both")
+P_GRASP_CENTER = np.array([0.095, 0.0, 0.0])  # as drawn, in the palm frame [m]
+_FIGURES = (
+    "shift while closing",
+    "offset from the tip when held",
+    "offset from the goal when placed",
+)
+STAGES = ("as drawn", "tip corrected", "both corrected")
 _DIRECTIVES = """directives:
 - add_frame:
     # Where a held object is.
@@ -43,7 +57,7 @@ _DIRECTIVES = """directives:
       base_frame: gripper::grasp_center
       translation: [{tip[0]:.6f}, {tip[1]:.6f}, 0.0]
 - add_frame:
-    # Where it ends in the palm's axes, set down and let go.
+    # Where it ends in the palm's axes after it is set down and released.
     name: gripper::released
     X_PF:
       base_frame: gripper::tip
@@ -51,41 +65,53 @@ _DIRECTIVES = """directives:
 """
 
 
-def run(track: Track) -> ExperimentResult:
-    """Measure as drawn, correct the tip, measure, correct the release, measure."""
-    return calibrate(SCENARIO, track)
+def run(
+    track: Track, *, scenario: str = "assistive_arm", seeds: int = 12
+) -> ExperimentResult:
+    """Measure as drawn, correct the tip, measure, correct the release, measure.
 
-
-def calibrate(scenario: str, track: Track) -> ExperimentResult:
-    """Calibrate the gripper of a scenario: `assistive_arm` or one based on it."""
-    cases = [(stage, seed) for stage in STAGES[:-1] for seed in SEEDS]
-    cases += [(STAGES[-1], seed) for seed in JUDGED_SEEDS]
+    Args:
+        track: Shows progress.
+        scenario: `assistive_arm` or a scenario based on it.
+        seeds: Number of cycles in each of the three rounds.
+    """
+    firsts = (FIRST_SEED, FIRST_SEED, FIRST_JUDGED_SEED)
+    cases = [
+        (stage, first + i)
+        for stage, first in zip(STAGES, firsts, strict=True)
+        for i in range(seeds)
+    ]
     cycles: dict[str, list[Cycle]] = {stage: [] for stage in STAGES}
     tip = shift = np.zeros(3)
     with tempfile.TemporaryDirectory() as folder:
         for stage, seed in track(cases, lambda case: f"{case[0]}, seed {case[1]}"):
             if not cycles[stage]:  # a new stage begins
-                if stage == "tip moved":
-                    tip = mean("held", (c.p_GO_held for c in cycles["as drawn"]))
+                if stage == STAGES[1]:
+                    tip = mean("held", (c.p_GO_held for c in cycles[STAGES[0]]))
                     tip = tip - P_GRASP_CENTER
-                elif stage == "both":
-                    shift = mean("placed", (c.error_G for c in cycles["tip moved"]))
+                elif stage == STAGES[2]:
+                    shift = mean("placed", (c.error_G for c in cycles[STAGES[1]]))
             cycle = calibration_cycle(scenario, seed, tip, shift, Path(folder))
             cycles[stage].append(cycle)
     return make_result(cycles, tip, shift, file_name(scenario))
 
 
 def file_name(scenario: str) -> str:
-    """Return the name of the file with a scenario's frames."""
-    return f"{scenario}_tip.dmd.yaml"
+    """Return the name of the file that contains a scenario's frames."""
+    return f"{Path(scenario).stem}_tip.dmd.yaml"
 
 
 def calibration_cycle(
     scenario: str, seed: int, tip: Vector, shift: Vector, folder: Path
 ) -> Cycle:
-    """Run a cycle with the frames moved by `tip` and `shift` (3,) [m].
+    """Run a cycle with corrected frames.
 
-    They are written to a file in `folder`.
+    Args:
+        scenario: Name of the scenario.
+        seed: Of the scenario.
+        tip: Correction of the tip in the palm frame, shape (3,) [m].
+        shift: Correction of the release in the palm frame, shape (3,) [m].
+        folder: For the file that contains the frames.
     """
     path = folder / file_name(scenario)
     path.write_text(_DIRECTIVES.format(tip=tip, shift=shift), encoding="utf-8")
@@ -93,26 +119,37 @@ def calibration_cycle(
     return run_cycle(scenario, seed, [f"directives.11={directive}"])
 
 
-def mean(what: str, values: Iterable[Vector | None]) -> Vector:
-    """Return the mean of those values (3,) that there are.
+def mean(verb: str, values: Iterable[Vector | None]) -> Vector:
+    """Return the mean of the values (3,) that are not None.
+
+    Args:
+        verb: What cycles with a value did to the object, for the error.
+        values: One per cycle.
 
     Raises:
-        ScenarioError: If half of them or more are missing.
+        ScenarioError: If half of the values or more are missing.
     """
     every = list(values)
-    there = [value for value in every if value is not None]
-    if 2 * len(there) <= len(every):
+    known = [value for value in every if value is not None]
+    if 2 * len(known) <= len(every):
         raise ScenarioError(
-            f"grasp_calibration: only {len(there)} of {len(every)} cycles {what} the "
-            "object; more than half are needed"
+            f"grasp_calibration: only {len(known)} of {len(every)} cycles {verb} the "
+            "object; needs more than half"
         )
-    return np.asarray(np.mean(there, axis=0))
+    return np.asarray(np.mean(known, axis=0))
 
 
 def make_result(
     cycles: Mapping[str, Sequence[Cycle]], tip: Vector, shift: Vector, file: str
 ) -> ExperimentResult:
-    """Judge what the correction leaves; the frames go into `file`."""
+    """Judge the errors that remain after correction.
+
+    Args:
+        cycles: By stage.
+        tip: Correction of the tip, shape (3,) [m].
+        shift: Correction of the release, shape (3,) [m].
+        file: Name of the file for the frames.
+    """
     rows, table = [], []
     for stage, runs in cycles.items():
         at = P_GRASP_CENTER + (0.0 if stage == STAGES[0] else tip)
@@ -133,7 +170,8 @@ def make_result(
             table.append((stage, cycle.seed, ok, *figures.flatten()))
     for name, moved in (("tip", tip), ("released", shift)):
         for axis, value in zip("xy", 1e3 * moved[:2], strict=True):
-            rows.append(Row.info(f"frame {name}", f"moved along {axis}", value, "mm"))
+            quantity = f"correction along {axis}"
+            rows.append(Row.info(f"frame {name}", quantity, value, "mm"))
     names = ["stage", "seed", "seated"]
     names += [f"{what}, palm's {axis} [m]" for what in _FIGURES for axis in "xy"]
     columns = dict(zip(names, zip(*table, strict=True), strict=True))
@@ -142,18 +180,18 @@ def make_result(
 
 
 def _figures(cycle: Cycle, p_GT: Vector) -> Vector:
-    """The `_FIGURES` along the palm's x and y, (3, 2) [m]."""
-    nothing = np.full(3, np.nan)
+    """Return the `_FIGURES` along the palm's x and y, shape (3, 2) [m]."""
+    unknown = np.full(3, np.nan)
     opened, held, error = (
-        nothing if value is None else value
+        unknown if value is None else value
         for value in (cycle.p_GO_open, cycle.p_GO_held, cycle.error_G)
     )
     return np.array([held - opened, held - p_GT, error])[:, :2]
 
 
 def draw(cycles: Mapping[str, Sequence[Cycle]]) -> Any:
-    """Draw the placement errors in the palm's axes, before and after."""
-    figure = make_figure(5, 4, "beside the goal, in the palm's axes")
+    """Draw the placement errors in the palm's axes, before and after correction."""
+    figure = make_figure(5, 4, "Placement error in the palm's axes")
     axes = figure.subplots()
     style_axes(axes, xlabel="x, out of the palm [mm]", ylabel="y [mm]")
     for color, (stage, runs) in zip(COLORS, cycles.items(), strict=False):

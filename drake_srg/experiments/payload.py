@@ -1,10 +1,14 @@
-"""What a grip holds: the payload experiments' common part."""
+"""The claimed payload, held with the palm down and to the side, and the largest mass.
+
+`payload_wrap` has the fingers envelop the cylinder; `payload_pinch` holds it between
+the pads.
+"""
 
 from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydrake.common.schema import Rotation, Transform
@@ -23,13 +27,28 @@ from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Cylinder, Vector
 
-# A cylinder of 68 mm, wide as the soup can; long enough to lie on the cradle. Painted
-# metal on rubber, as the soup can.
+EXPERIMENTS = {
+    "payload_wrap": (
+        "5 kg wrapped by the fingers, palm down and to the side, and the largest mass.",
+        {"grip": "wrap", "mass": 5.0, "wire_force": 200.0},
+    ),
+    "payload_pinch": (
+        "2.5 kg between the pads, palm down and to the side, and the largest mass.",
+        {"grip": "pinch", "mass": 2.5, "wire_force": 125.0},
+    ),
+}
+# Titles of the figures, by grip.
+_TITLES = {
+    "wrap": "68 mm cylinder, wrapped",
+    "pinch": "68 mm cylinder between the pads",
+}
+# As wide as the soup can and long enough to lie on the cradle; friction of painted
+# metal on rubber, like the can.
 RADIUS, LENGTH, FRICTION = 0.034, 0.16, 0.8
-# x of the cylinder's middle in the palm frame by grip and direction [m]. Wrapped: 2 mm
-# from the palm. Pinched: standing, along the pads, between their middles (the model's
-# frame `grasp_center`); across the pads, where the tips stay on their stops: further in
-# the wires curl them.
+# x of the cylinder's middle in the palm frame, by grip and direction [m]. Wrapped: 2 mm
+# from the palm. Pinched, palm down: standing along the pads, between their middles (the
+# model's frame `grasp_center`). Pinched, to the side: across the pads, where the tips
+# stay on their stops. Further in, the wires curl the tips.
 _X = {
     ("wrap", "down"): 0.074 + RADIUS,
     ("wrap", "side"): 0.074 + RADIUS,
@@ -37,20 +56,21 @@ _X = {
     ("pinch", "side"): 0.155,
 }
 _MIDDLE = 0.5  # x of the bench's middle in world [m]
-_POST_HEIGHT, _POST_Y = 0.15, 0.02  # of the cradle: the inner edges on which it lies
+_POST_HEIGHT, _POST_Y = 0.15, 0.02  # inner edges of the cradle, which carry it [m]
 _CRADLE_Z = _POST_HEIGHT + np.sqrt(RADIUS**2 - _POST_Y**2)
-# Times: the fingers close and the wires' force settles (7 times 0.3 s); then the arm
-# lifts the object off its support, slowly, so that its momentum does not count when it
-# slips, and holds it [s].
+# The fingers close and the wire force settles (7 time constants of 0.3 s). Then the arm
+# lifts the object off its support and holds it. The lift is slow, so that momentum does
+# not add to slip [s].
 _CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
 _LIFT_HEIGHT = 0.06  # m
-# Held is what moved less than this in the hand [m]: pinched, since the load came on;
-# wrapped, since it rests on the tips, which have to reach around it, base and tip angle
-# above 90 degrees. (Wrapped and palm down, even 2 kg settle from the base links onto
-# the tips by 10 mm.)
+# An object counts as held while it moves less than this in the hand [m]. Pinched,
+# motion counts from when the load comes on. Wrapped, it counts from the end of the
+# lift, because even 2 kg settle by 10 mm from the base links onto the tips (palm down;
+# see `payload_wrap --set mass=2`). The tips must then reach around the object: base
+# plus tip angle above 90 degrees.
 _MOST_MOTION = 0.005
 
-# To this share largest masses are found, and to this those of both scenarios agree.
+# Relative resolution of largest masses, and relative agreement of both scenarios.
 _RESOLUTION, _AGREEMENT = 0.02, 0.05
 _BENCH, _FAST = "gripper_bench", "gripper_bench_fast"
 
@@ -59,35 +79,57 @@ DIRECTIONS = ("down", "side")
 
 @dc.dataclass(frozen=True)
 class Load:
-    """What a payload experiment asks of the gripper."""
+    """A cylinder to hold, and how.
 
-    grip: str  # wrap: the fingers envelop the cylinder; pinch: between the pads
-    direction: str  # where the palm points: down or to the side
-    mass: float  # kg
-    wire_force: float  # N, each wire
+    Attributes:
+        grip: `wrap`: the fingers envelop the cylinder; `pinch`: between the pads.
+        direction: Where the palm points: `down` or to the `side`.
+        mass: Of the cylinder [kg].
+        wire_force: Of each wire [N].
+    """
+
+    grip: str
+    direction: str
+    mass: float
+    wire_force: float
 
 
 @dc.dataclass(frozen=True)
 class Held:
-    """What came of it."""
+    """The outcome of holding a load.
 
-    held_for: float  # [s], at most HOLD
-    slip: float  # motion in the hand while the load came on [m]
-    creep: float  # motion in the hand during the hold [m]
-    wire_force: float  # largest of both wires over the whole [N]
-    time: Vector  # since the lift began, shape (K,) [s]
-    moved: Vector  # distance in the hand from where it was then, shape (K,) [m]
+    Attributes:
+        held_for: How long the load was held, at most HOLD [s].
+        slip: Motion in the hand while the load comes on [m].
+        creep: Motion in the hand during the hold [m].
+        wire_force: Largest force of either wire at any time [N].
+        time: Since the lift began, shape (K,) [s].
+        moved: Distance in the hand from the position at time 0, shape (K,) [m].
+    """
+
+    held_for: float
+    slip: float
+    creep: float
+    wire_force: float
+    time: Vector
+    moved: Vector
 
     @property
     def held(self) -> bool:
-        """Whether it was held to the end."""
+        """Whether the load was held to the end."""
         return self.held_for >= HOLD
 
 
-def load_scenario_of(load: Load, scenario: str = _BENCH, **changes: Any) -> Scenario:
-    """The bench with a cylinder in the open hand, on the table or on the cradle.
+def payload_scenario(load: Load, scenario: str = _BENCH, **changes: Any) -> Scenario:
+    """Return the bench with a cylinder in the open hand, on the table or the cradle.
 
-    Wrapped with the palm down, the cylinder lies across the hand; otherwise it stands.
+    Wrapped with the palm down, the cylinder lies across the hand on the cradle;
+    otherwise it stands on the table.
+
+    Args:
+        load: The cylinder and how it is taken.
+        scenario: The bench.
+        changes: Passed to `bench_scenario`.
     """
     thing = ObjectConfig(
         shape=Cylinder(RADIUS, LENGTH), mass=load.mass, friction=FRICTION
@@ -98,7 +140,7 @@ def load_scenario_of(load: Load, scenario: str = _BENCH, **changes: Any) -> Scen
         thing.pose = Transform()
         thing.pose.translation = np.array([_MIDDLE, 0.0, _CRADLE_Z])
         thing.pose.rotation = Rotation(RollPitchYaw(0.0, np.pi / 2, 0.0))
-    # Standing and taken from above, its upper half is between the pads.
+    # Standing and taken from above, the cylinder has its upper half between the pads.
     height = _CRADLE_Z if lying else 0.5 * LENGTH
     down = load.direction == "down"
     if down and not lying:
@@ -116,6 +158,7 @@ def load_scenario_of(load: Load, scenario: str = _BENCH, **changes: Any) -> Scen
 
 
 def _cradle() -> list[ModelDirective]:
+    """Return directives that weld the cradle to the world below the hand."""
     add = AddModel()
     add.name, add.file = "cradle", "package://drake_srg/sdf/cradle.sdf"
     weld = AddWeld()
@@ -130,11 +173,16 @@ def _cradle() -> list[ModelDirective]:
 def hold(load: Load, scenario: str = _BENCH, **changes: Any) -> Held:
     """Close on the cylinder, lift it off its support and hold it.
 
+    Args:
+        load: The cylinder and how it is taken.
+        scenario: The bench.
+        changes: Passed to `bench_scenario`.
+
     Raises:
-        ScenarioError: If the servo cannot pull the wires as hard, or the scenario's
-            gripper has no wires.
+        ScenarioError: If the servo cannot pull the wires that hard, or if the
+            scenario's gripper has no wires.
     """
-    bench = load_scenario_of(load, scenario, **changes)
+    bench = payload_scenario(load, scenario, **changes)
     if not isinstance(bench.gripper, SrgTendonDriver):
         raise ScenarioError(f"{scenario}: gripper: a payload needs !SrgTendonDriver")
     limit = bench.gripper.drive.force_limit_of(load.wire_force)
@@ -145,7 +193,7 @@ def hold(load: Load, scenario: str = _BENCH, **changes: Any) -> Held:
         free = set(rig.contact_forces()) == {"gripper"}
         rig.advance(HOLD)
         log = rig.log()
-    # The gantry does not turn the hand: what the object moves more than it, it slips.
+    # The gantry only translates: whatever the object moves beyond the hand is slip.
     p_GO = log["object_pose.thing"][:, :3] - log["arm.state_measured"][:, :3]
     time = log["time"] - _CLOSE
     closed, lifted = (int(np.argmin(np.abs(time - t))) for t in (0.0, _LIFT))
@@ -169,12 +217,12 @@ def hold(load: Load, scenario: str = _BENCH, **changes: Any) -> Held:
 
 
 def largest_mass(load: Load, scenario: str = _BENCH) -> Iterator[tuple[Load, Held]]:
-    """Bisect for the largest mass that is held, from the load's own on.
+    """Bisect for the largest mass that the grip holds, starting with the load's own.
 
     Yields:
-        What was tried and what came of it, the load first; the heaviest that was held
-        is within `_RESOLUTION` of the lightest that was not. Where a hundredth of the
-        load is not held, nothing is.
+        Each load tried with its outcome, the given load first. At the end, the heaviest
+        mass held is within `_RESOLUTION` of the lightest mass lost. The search gives up
+        when a hundredth of the given mass is lost.
     """
     held, lost = 0.0, np.inf
     mass = load.mass
@@ -186,17 +234,28 @@ def largest_mass(load: Load, scenario: str = _BENCH) -> Iterator[tuple[Load, Hel
             held = mass
         else:
             lost = mass
-        # By halves and doubles until there is a bracket, then its geometric mean.
+        # Double or halve until the limit is bracketed, then take geometric means.
         if lost == np.inf:
             mass = 2.0 * held
         else:
             mass = float(np.sqrt(max(held, lost / 4.0) * lost))
 
 
-def payload_experiment(
-    name: str, grip: str, mass: float, wire_force: float, track: Track
+def run(
+    track: Track,
+    *,
+    grip: Literal["wrap", "pinch"] = "wrap",
+    mass: float = 5.0,
+    wire_force: float = 200.0,
 ) -> ExperimentResult:
-    """Hold the claimed mass in both directions, and find how much more would do."""
+    """Hold a mass in both directions, and find the largest mass held.
+
+    Args:
+        track: Shows progress.
+        grip: Whether the fingers wrap the cylinder or pinch it between the pads.
+        mass: Claimed mass, held first [kg].
+        wire_force: Force of each wire [N]; the servo gives up to 308.7 N.
+    """
     rows: list[Row] = []
     columns: dict[str, list[Any]] = {k: [] for k in _COLUMNS}
     curves: dict[str, Held] = {}
@@ -226,10 +285,16 @@ def payload_experiment(
             Row.info(case, "creep while held", first.creep / HOLD * 1e6, "um/s"),
             Row.at_least(case, "largest mass held", mass, bench, "kg"),
             Row.within(
-                case, f"the same, {_FAST}", bench, fast, "kg", relative=_AGREEMENT
+                case,
+                f"largest mass held, {_FAST}",
+                bench,
+                fast,
+                "kg",
+                relative=_AGREEMENT,
             ),
         ]
-    return ExperimentResult(rows, {"masses": columns}, _draw(name, columns, curves))
+    title = f"{_TITLES[grip]}, {wire_force:.0f} N per wire"
+    return ExperimentResult(rows, {"masses": columns}, _draw(title, columns, curves))
 
 
 _TRIED = (_BENCH, _FAST)
@@ -239,7 +304,9 @@ _COLUMNS = ("scenario", "direction", "mass_kg", "held_for_s", "slip_m", "creep_m
 def _draw(title: str, columns: dict[str, list[Any]], curves: dict[str, Held]) -> Any:
     figure = make_figure(9.0, 3.4, title)
     left, right = figure.subplots(1, 2)
-    style_axes(left, xlabel="time since the lift began [s]", ylabel="moved [mm]")
+    style_axes(
+        left, xlabel="time since the lift began [s]", ylabel="motion in the hand [mm]"
+    )
     for direction, held in curves.items():
         left.plot(held.time, held.moved * 1e3, label=direction)
     left.legend(fontsize=8, frameon=False)

@@ -1,8 +1,16 @@
 """Finds experiments by name and runs them.
 
-An experiment is a file in this folder with a function `run(track)`. Its name is the
-file's, its description the first line of the file's docstring. Nothing is imported to
-list them, so that the list comes at once.
+An experiment is a file in this folder with a function `run(track, *, ...)`. It is named
+after the file and described by the first line of the file's docstring. A file that
+offers several experiments declares them instead:
+
+    EXPERIMENTS = {"payload_wrap": ("Description.", {"grip": "wrap"}), ...}
+
+Each entry is a description and the values that this name gives to parameters of `run`.
+
+The keyword arguments of `run` are the parameters that `--set KEY=VALUE` changes; their
+defaults (literals) and their `Args:` entries are what `--help` shows. All of this is
+read from the source without importing it, so the list and the help appear at once.
 
 Experiments for maintainers are in tools/measure, beside the package: a checkout has
 them, a wheel does not.
@@ -11,14 +19,21 @@ them, a wheel does not.
 from __future__ import annotations
 
 import ast
+import dataclasses as dc
 import importlib
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from drake_srg import experiments
 from drake_srg.common.errors import ScenarioError, suggest
+from drake_srg.experiments.parameters import (
+    Parameter,
+    parse_values,
+    read_parameters,
+    split_overrides,
+)
 
 if TYPE_CHECKING:
     from drake_srg.experiments.result import ExperimentResult
@@ -31,7 +46,7 @@ _TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 
 class Track(Protocol):
-    """Passes cases through, and shows how far an experiment is with them."""
+    """Passes cases through and shows the progress of an experiment."""
 
     def __call__(
         self, cases: Sequence[T], label: Callable[[T], str] = str
@@ -39,75 +54,158 @@ class Track(Protocol):
         """Iterate over the cases.
 
         Args:
-            cases: Whatever the experiment goes through.
-            label: What people read while a case is on.
+            cases: The cases of the experiment, of any type.
+            label: Returns the text to show while a case runs.
         """
+
+
+@dc.dataclass(frozen=True)
+class Experiment:
+    """An experiment and the file that it is in.
+
+    Attributes:
+        module: Full name of the module.
+        description: One line.
+        preset: Values that the experiment's name gives to parameters.
+        parameters: By name; defaults include the preset.
+    """
+
+    module: str
+    description: str
+    preset: Mapping[str, Any]
+    parameters: Mapping[str, Parameter]
+
+
+def find_experiments() -> dict[str, Experiment]:
+    """Return every experiment in the package by name, in order."""
+    return _find(experiments.__name__, experiments.__path__)
+
+
+def find_measurements() -> dict[str, Experiment]:
+    """Return every experiment in tools/measure; none where there is no checkout."""
+    return _find("measure", [_TOOLS / "measure"])
 
 
 def list_experiments() -> dict[str, str]:
     """Return the description of every experiment in the package by name, in order."""
-    return _descriptions(experiments.__path__)
+    return {name: found.description for name, found in find_experiments().items()}
 
 
 def list_measurements() -> dict[str, str]:
     """Return the same for tools/measure; nothing where there is no checkout."""
-    return _descriptions([_TOOLS / "measure"])
+    return {name: found.description for name, found in find_measurements().items()}
 
 
-def _descriptions(folders: Iterable[str | Path]) -> dict[str, str]:
+def _find(package: str, folders: Iterable[str | Path]) -> dict[str, Experiment]:
     found = {}
     for folder in folders:
         for path in Path(folder).glob("*.py"):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            functions = [n.name for n in tree.body if isinstance(n, ast.FunctionDef)]
-            if "run" in functions:
-                found[path.stem] = (ast.get_docstring(tree) or "").partition("\n")[0]
+            found.update(_read(package, path))
     return dict(sorted(found.items()))
 
 
+def _read(package: str, path: Path) -> dict[str, Experiment]:
+    """Return the experiments of a file; most files have one or none."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    functions = {n.name: n for n in tree.body if isinstance(n, ast.FunctionDef)}
+    if "run" not in functions:
+        return {}
+    own = (ast.get_docstring(tree) or "").partition("\n")[0]
+    declared: dict[str, tuple[str, dict[str, Any]]] = {path.stem: (own, {})}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and "EXPERIMENTS" in map(
+            ast.unparse, node.targets
+        ):
+            declared = ast.literal_eval(node.value)
+    parameters = read_parameters(functions["run"])
+    return {
+        name: Experiment(
+            f"{package}.{path.stem}",
+            description,
+            preset,
+            {
+                key: dc.replace(parameter, default=preset.get(key, parameter.default))
+                for key, parameter in parameters.items()
+            },
+        )
+        for name, (description, preset) in declared.items()
+    }
+
+
+def find_experiment(name: str) -> Experiment:
+    """Return an experiment of the package or of tools/measure.
+
+    Raises:
+        ScenarioError: If there is no such experiment, or it needs a checkout.
+    """
+    found = find_experiments() | find_measurements()
+    if name in found:
+        return found[name]
+    if name in MEASUREMENTS:
+        raise ScenarioError(
+            f"experiment {name!r} is in tools/measure and needs a checkout; "
+            "the installed package does not contain it"
+        )
+    raise ScenarioError(f"experiment {name!r} is unknown; {suggest(name, found)}")
+
+
+def describe(name: str) -> str:
+    """Return an experiment's description and its parameters as text.
+
+    Raises:
+        ScenarioError: If there is no such experiment, or it needs a checkout.
+    """
+    experiment = find_experiment(name)
+    heading = "parameters (--set KEY=VALUE):" if experiment.parameters else ""
+    lines = [f"{name}: {experiment.description}", "", heading or "no parameters"]
+    for key, parameter in experiment.parameters.items():
+        default = parameter.default
+        shown = list(default) if isinstance(default, tuple) else default
+        lines.append(f"  {key}={shown}  {parameter.description}")
+    return "\n".join(lines)
+
+
 def run_experiment(
-    name: str, out: Path | None = None, *, progress: bool = False
+    name: str,
+    out: Path | None = None,
+    *,
+    overrides: Iterable[str] = (),
+    progress: bool = False,
 ) -> ExperimentResult:
-    """Run an experiment and write what came of it.
+    """Run an experiment and write its result.
 
     Args:
         name: A name of `list_experiments` or `list_measurements`.
         out: Folder for result.json, the tables (CSV) and NAME.png; None writes nothing.
+        overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
         progress: Whether to show a progress bar.
 
     Raises:
-        ScenarioError: If there is no such experiment, it needs a checkout, or Drake
-            gives up on it.
+        ScenarioError: If there is no such experiment or parameter, if the experiment
+            needs a checkout, if a value does not fit its parameter, or if Drake
+            rejects the simulation.
         OSError: If `out` cannot be written.
         ImportError: If matplotlib is missing.
     """
-    packaged, measurements = list_experiments(), list_measurements()
-    if name not in packaged and name not in measurements:
-        if name in MEASUREMENTS:
-            raise ScenarioError(
-                f"experiment {name!r} is in tools/measure and needs a checkout; "
-                "the installed package does not contain it"
-            )
-        allowed = [*packaged, *measurements]
-        raise ScenarioError(f"experiment {name!r} is unknown; {suggest(name, allowed)}")
+    experiment = find_experiment(name)
+    texts = split_overrides(name, experiment.parameters, overrides)
     from drake_srg.recording.output import output_folder, require
 
     require("matplotlib.figure")  # better now than after minutes of simulation
-    if name in packaged:
-        module = importlib.import_module(f"{experiments.__name__}.{name}")
-    else:
-        if str(_TOOLS) not in sys.path:  # workers of an experiment inherit the path
-            sys.path.append(str(_TOOLS))
-        module = importlib.import_module(f"measure.{name}")
+    if experiment.module.startswith("measure.") and str(_TOOLS) not in sys.path:
+        sys.path.append(str(_TOOLS))  # workers of an experiment inherit the path
+    run = importlib.import_module(experiment.module).run
+    values = {**experiment.preset, **parse_values(name, run, texts)}
+    track = progress_bar(name) if progress else quiet
     with output_folder(out):
-        result: ExperimentResult = module.run(progress_bar(name) if progress else quiet)
+        result: ExperimentResult = run(track, **values)
         if out is not None:
             result.write(name, out)
     return result
 
 
 def quiet(cases: Sequence[T], label: Callable[[T], str] = str) -> Iterator[T]:
-    """Pass the cases through, and say nothing: the `Track` of tests."""
+    """Pass the cases through without showing progress: the `Track` of tests."""
     yield from cases
 
 

@@ -9,21 +9,20 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.errors import ScenarioError
-from drake_srg.experiments import grasp_calibration, grasp_calibration_fast
+from drake_srg.experiments import grasp_calibration
 from drake_srg.experiments.grasp_calibration import (
-    SCENARIO,
-    SEEDS,
+    EXPERIMENTS,
     STAGES,
     calibration_cycle,
     file_name,
     make_result,
     mean,
-    run,
 )
-from drake_srg.experiments.registry import quiet
+from drake_srg.experiments.registry import run_experiment
 from drake_srg.parsing import configure_parser
 from experiments.made_cycles import cycle
 
+SCENARIOS = {name: preset["scenario"] for name, (_, preset) in EXPERIMENTS.items()}
 TIP, SHIFT = np.array([1e-4, -1.2e-3, 0.0]), np.array([-2e-4, 1e-4, 0.0])
 
 
@@ -32,7 +31,7 @@ def failed(result):
 
 
 def pretended(held=TIP, shift=SHIFT):
-    """A gripper that holds beside the drawing's tip, and moves what it lets go."""
+    """A gripper that holds objects off the drawn tip and moves them on release."""
 
     def run_one(scenario, seed, tip, corrected, folder):
         p_GO = np.array([0.095, 0.0, 0.0])
@@ -41,44 +40,47 @@ def pretended(held=TIP, shift=SHIFT):
     return run_one
 
 
-def test_the_frames_are_what_was_measured(monkeypatch):
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_the_frames_are_the_measured_ones(name, monkeypatch):
     monkeypatch.setattr(grasp_calibration, "calibration_cycle", pretended())
-    result = run(quiet)
+    result = run_experiment(name, overrides=["seeds=3"])
     assert not failed(result)
-    text = result.files[file_name(SCENARIO)]
+    text = result.files[file_name(SCENARIOS[name])]
     frames = [d["add_frame"] for d in yaml.safe_load(text)["directives"]]
     assert [f["name"] for f in frames] == ["gripper::tip", "gripper::released"]
     for frame, moved in zip(frames, (TIP, SHIFT), strict=True):
         np.testing.assert_allclose(frame["X_PF"]["translation"], moved, atol=1e-6)
-    assert len(result.tables["cycles"]["seed"]) == len(STAGES) * len(SEEDS)
+    seeds = result.tables["cycles"]["seed"]
+    assert list(seeds) == [100, 101, 102, 100, 101, 102, 200, 201, 202]
 
 
-def test_what_the_frames_do_not_make_up_for_fails():
+def test_an_error_that_the_frames_do_not_correct_fails():
     cycles = {stage: [cycle(error_G=np.zeros(3))] * 3 for stage in STAGES}
     assert not failed(make_result(cycles, np.zeros(3), np.zeros(3), ""))
-    cycles["both"] = [cycle(error_G=np.array([0.0, 3e-4, 0.0]))] * 3
+    cycles["both corrected"] = [cycle(error_G=np.array([0.0, 3e-4, 0.0]))] * 3
     result = make_result(cycles, np.zeros(3), np.zeros(3), "")
-    assert failed(result) == {("both", "mean placed beside the goal, palm's y")}
+    assert failed(result) == {
+        ("both corrected", "mean offset from the goal when placed, palm's y")
+    }
 
 
-def test_too_few_that_were_held_calibrate_nothing():
-    there = np.ones(3)
-    np.testing.assert_array_equal(mean("held", [there, None, there]), there)
+def test_calibration_needs_more_than_half_of_the_cycles():
+    value = np.ones(3)
+    np.testing.assert_array_equal(mean("held", [value, None, value]), value)
     with pytest.raises(ScenarioError, match="only 1 of 2 cycles held"):
-        mean("held", [there, None])
+        mean("held", [value, None])
 
 
-def test_a_cycle_takes_the_frames_that_it_is_given(tmp_path):
+def test_a_cycle_uses_the_given_frames(tmp_path):
     moved = np.array([0.0, 1e-3, 0.0])
-    result = calibration_cycle(SCENARIO, 0, moved, np.zeros(3), tmp_path)
+    result = calibration_cycle("assistive_arm", 0, moved, np.zeros(3), tmp_path)
     assert result.metrics.success
-    # The open hand takes its tip to the object; servos leave some tenths.
+    # The open hand takes its tip to the object, within some tenths of a millimetre.
     np.testing.assert_allclose(result.p_GO_open[:2], [0.095, 1e-3], atol=3e-4)
 
 
-@pytest.mark.parametrize("scenario", [SCENARIO, grasp_calibration_fast.SCENARIO])
-def test_the_frames_in_use_can_be_read(scenario):
-    """What is checked in has the tip within two millimetres of the drawing."""
+@pytest.mark.parametrize("scenario", SCENARIOS.values())
+def test_the_checked_in_tip_is_within_2_mm_of_the_drawn_one(scenario):
     plant = MultibodyPlant(0.0)
     parser = Parser(plant)
     configure_parser(parser)
