@@ -13,7 +13,7 @@ from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
-    SolveInverseKinematics,
+    solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
@@ -93,16 +93,16 @@ class GraspSearch:
             for target in self._pick_targets(grasp, X_WO, turned)
         ]
         for X_WO, grasp, target in choices:
-            self._scene.set_fingers(grasp.fingers_open)
+            self._scene.SetFingers(grasp.fingers_open)
             with self._scene.standing(shape, X_WO, touchable=True):
-                pick = SolveInverseKinematics(
+                pick = solve_inverse_kinematics(
                     self._scene, target, q_nominal=self._q_home
                 )
             if isinstance(pick, IkFailure):
                 no_pick.append((grasp, pick))
                 continue
             with carrying(self._scene, shape, grasp, supported=True):
-                place = SolveInverseKinematics(
+                place = solve_inverse_kinematics(
                     self._scene,
                     place_target(grasp, X_WO_goal, self._config.place_height),
                     q_nominal=self._q_home,
@@ -160,7 +160,7 @@ def place_target(
 ) -> HandTarget:
     """Where the hand lets go: `height` [m] above the goal."""
     released = dc.replace(grasp, p_GO=grasp.p_GO + grasp.release_shift_G)
-    return released.target(X_WO_goal, **tolerance).Shifted(height * _UP)
+    return released.target(X_WO_goal, **tolerance).shifted(height * _UP)
 
 
 @contextlib.contextmanager
@@ -168,7 +168,7 @@ def carrying(
     scene: PlanningScene, shape: Shape, grasp: Grasp, *, supported: bool = False
 ) -> Iterator[None]:
     """Within the context, the hand of `scene` holds `shape`; `supported`, it stands."""
-    scene.set_fingers(grasp.fingers_closed)
+    scene.SetFingers(grasp.fingers_closed)
     margin = SUPPORT_OVERLAP if supported else None
     with scene.holding(shape, grasp.X_GO, margin=margin):
         yield

@@ -13,7 +13,7 @@ _DAMPING = 1e-6  # m^2 and rad^2: felt only within a millimetre of a singularity
 _CLOSE = 1e-7  # m and rad; Newton's next step would be at rounding errors
 
 
-def Follow(
+def follow(
     scene: PlanningScene,
     target: HandTarget,
     q: Vector,
@@ -34,7 +34,7 @@ def Follow(
     lower = np.minimum(scene.lower + joint_margin, q)
     upper = np.maximum(scene.upper - joint_margin, q)
     for _ in range(max_iterations):
-        error, jacobian = _Linearized(scene, target, q)
+        error, jacobian = _linearized(scene, target, q)
         if np.max(np.abs(error)) < _CLOSE:
             return q
         step = np.zeros_like(q)
@@ -53,7 +53,7 @@ def Follow(
     return None
 
 
-def _Linearized(
+def _linearized(
     scene: PlanningScene, target: HandTarget, q: Vector
 ) -> tuple[Vector, Vector]:
     """What is missing, shape (m,) [m, rad], and its Jacobian, shape (m, N)."""

@@ -31,11 +31,11 @@ class HandTarget:
     angle_tolerance: float = 2e-3  # of R_WG [rad]
 
     @staticmethod
-    def Pose(X_WG: RigidTransform) -> HandTarget:
+    def from_pose(X_WG: RigidTransform) -> HandTarget:
         """The hand's origin and all its axes as in `X_WG`."""
         return HandTarget(X_WG.translation(), X_WG.rotation())
 
-    def Shifted(self, p_W: Vector) -> HandTarget:
+    def shifted(self, p_W: Vector) -> HandTarget:
         """The same target, moved by `p_W` [m]."""
         return dc.replace(self, p_WT=self.p_WT + p_W)
 

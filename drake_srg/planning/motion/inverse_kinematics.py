@@ -65,7 +65,7 @@ class IkFailure:
         return Failure.OUT_OF_REACH
 
 
-def SolveInverseKinematics(
+def solve_inverse_kinematics(
     scene: PlanningScene,
     target: HandTarget,
     *,
@@ -118,9 +118,9 @@ def SolveInverseKinematics(
     best: IkSolution | None = None
     blocked: list[tuple[Clearance, Vector]] = []
     for count, start in enumerate(
-        _Starts(limits, guess, default_rng(seed), max_starts), 1
+        _starts(limits, guess, default_rng(seed), max_starts), 1
     ):
-        q, solved = program.Solve(start, q_nominal if count == 1 else start)
+        q, solved = program.solve(start, q_nominal if count == 1 else start)
         if not solved:
             continue
         clearance = scene.clearance(q) if check_clearance else None
@@ -143,10 +143,10 @@ def SolveInverseKinematics(
             q,
             clearance,
         )
-    return _Diagnose(scene, target, limits, guess)
+    return _diagnose(scene, target, limits, guess)
 
 
-def _Starts(
+def _starts(
     limits: tuple[Vector, Vector], guess: Vector, rng: Generator, count: int
 ) -> Iterator[Vector]:
     """The guess, then random postures further and further away from it."""
@@ -214,7 +214,7 @@ class _Program:
                         hand, axis.axis_G, world, vector_W, least, most
                     )
 
-    def Solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
+    def solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
         """Solves from `start`, drawn towards `pull`; says whether it succeeded."""
         q_arm = self._ik.q()[self._scene.arm_indices]
         cost = self._prog.AddQuadraticErrorCost(self._weights, pull, q_arm)
@@ -225,7 +225,7 @@ class _Program:
         return result.GetSolution(q_arm), result.is_success()
 
 
-def _Diagnose(
+def _diagnose(
     scene: PlanningScene,
     target: HandTarget,
     limits: tuple[Vector, Vector],
@@ -233,12 +233,12 @@ def _Diagnose(
 ) -> IkFailure:
     """Drops one requirement after the other until the rest can be met."""
     rng = default_rng(0)
-    starts = list(_Starts(limits, guess, rng, 4))
+    starts = list(_starts(limits, guess, rng, 4))
     turn = np.full(scene.num_joints, 2.0 * np.pi)
 
     unlimited = _Program(scene, target, (-turn, turn))
     for start in starts:
-        q, solved = unlimited.Solve(start, start)
+        q, solved = unlimited.solve(start, start)
         beyond = np.maximum(limits[0] - q, q - limits[1])
         worst = int(np.argmax(beyond))
         if solved and beyond[worst] > 0.0:
@@ -253,7 +253,7 @@ def _Diagnose(
     turning = target.R_WG is not None or bool(target.axes)
     if turning:
         free = _Program(scene, target, limits, soft_rotation=True)
-        tries = [free.Solve(start, start)[0] for start in starts]
+        tries = [free.solve(start, start)[0] for start in starts]
         close = 2.0 * target.position_tolerance  # beyond the corner of the box
         reached = [q for q in tries if target.distance(scene.X_WG(q)) < close]
         if reached:
@@ -269,7 +269,7 @@ def _Diagnose(
             )
 
     near = _Program(scene, target, limits, soft_position=True)
-    tries = [near.Solve(start, start)[0] for start in starts]
+    tries = [near.solve(start, start)[0] for start in starts]
     q = min(tries, key=lambda q: target.distance(scene.X_WG(q)))
     distance = target.distance(scene.X_WG(q))
     return IkFailure(

@@ -9,14 +9,14 @@ from numpy.random import default_rng
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 
-from drake_srg.planning.motion.follow import Follow
+from drake_srg.planning.motion.follow import follow
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
-    SolveInverseKinematics,
+    solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
-from drake_srg.planning.motion.rrt import ConnectTrees, Shortcut
+from drake_srg.planning.motion.rrt import rrt_connect, shortcut_path
 from drake_srg.types import Failure, Vector
 
 
@@ -29,7 +29,7 @@ class PathFailure:
     clearance: Clearance | None = None  # of the colliding pair, where one is known
 
 
-def PlanJointPath(
+def plan_joint_path(
     scene: PlanningScene,
     q_start: Vector,
     q_goal: Vector,
@@ -61,7 +61,7 @@ def PlanJointPath(
     if scene.is_edge_free(q_start, q_goal):
         return np.array([q_start, q_goal])
     rng = default_rng(seed)
-    path = ConnectTrees(
+    path = rrt_connect(
         q_start,
         q_goal,
         lower=scene.lower,
@@ -78,10 +78,12 @@ def PlanJointPath(
             f"no path in {max_iterations} iterations; on the straight line, {hit}",
             clearance=hit,
         )
-    return Shortcut(path, is_edge_free=scene.is_edge_free, attempts=shortcuts, rng=rng)
+    return shortcut_path(
+        path, is_edge_free=scene.is_edge_free, attempts=shortcuts, rng=rng
+    )
 
 
-def PlanCartesianPath(
+def plan_cartesian_path(
     scene: PlanningScene,
     q_start: Vector,
     target: HandTarget,
@@ -127,9 +129,9 @@ def PlanCartesianPath(
             target, p_WT=p_start + share * (target.p_WT - p_start), R_WG=R_WG
         )
         where = f"{share * length:.3f} m along the line"
-        q = Follow(scene, waypoint, path[-1], joint_margin=joint_margin)
+        q = follow(scene, waypoint, path[-1], joint_margin=joint_margin)
         if q is None:
-            found = SolveInverseKinematics(
+            found = solve_inverse_kinematics(
                 scene,
                 waypoint,
                 q_nominal=path[-1],

@@ -130,10 +130,10 @@ class PlanningScene:
         self._held = held
         self._gripper_model = gripper_model
         self._positions = self.plant.GetPositions(self.context)
-        joints = self._MovingJoints(arm_model)
+        joints = self._moving_joints(arm_model)
         self.joint_names = [joint.name() for joint in joints]
         self.finger_names = [
-            joint.name() for joint in self._MovingJoints(gripper_model)
+            joint.name() for joint in self._moving_joints(gripper_model)
         ]
         self.arm_indices = np.array([joint.position_start() for joint in joints])
         # A joint without limits gets two turns, so that postures can be drawn.
@@ -180,7 +180,7 @@ class PlanningScene:
         twin._positions = self._positions.copy()
         return twin
 
-    def _MovingJoints(self, model: ModelInstanceIndex) -> list[Joint]:
+    def _moving_joints(self, model: ModelInstanceIndex) -> list[Joint]:
         joints = map(self.plant.get_joint, self.plant.GetJointIndices(model))
         moving = (joint for joint in joints if joint.num_positions() == 1)
         return sorted(moving, key=lambda joint: joint.position_start())
@@ -202,7 +202,7 @@ class PlanningScene:
     def fingers(self, value: Vector) -> None:
         self.plant.SetPositionsInArray(self._gripper_model, value, self._positions)
 
-    def set_fingers(self, angles: Mapping[str, float]) -> None:
+    def SetFingers(self, angles: Mapping[str, float]) -> None:
         """Set the gripper's joints by name [rad]; those left out go to 0.
 
         Raises:
@@ -303,7 +303,7 @@ class PlanningScene:
         self._SetMargin(held, self._hand_margin if margin is None else margin)
         self._checker.SetPaddingBetween(held, obstacle, self._hand_margin)
         try:
-            with self._Shape(self._held, shape, X_GO):
+            with self._added_shape(self._held, shape, X_GO):
                 yield
         finally:
             self._SetMargin(held, self._hand_margin)
@@ -317,15 +317,15 @@ class PlanningScene:
         A `touchable` one is no obstacle to gripper and held object, only to the arm.
         """
         body = self._standing if touchable else self._obstacle
-        with self._Shape(body, shape, X_WO):
+        with self._added_shape(body, shape, X_WO):
             yield
 
     @contextlib.contextmanager
-    def _Shape(
+    def _added_shape(
         self, body: RigidBody, shape: Shape, X_BO: RigidTransform
     ) -> Iterator[None]:
         group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
-        self._checker.AddCollisionShapeToBody(group, body, _ToDrake(shape), X_BO)
+        self._checker.AddCollisionShapeToBody(group, body, _to_drake(shape), X_BO)
         try:
             yield
         finally:
@@ -343,7 +343,7 @@ def _quiet() -> Iterator[None]:
         logger.setLevel(level)
 
 
-def _ToDrake(shape: Shape) -> geometry.Shape:
+def _to_drake(shape: Shape) -> geometry.Shape:
     match shape:
         case Cylinder(radius, length):
             return geometry.Cylinder(radius, length)

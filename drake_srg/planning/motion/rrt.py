@@ -17,13 +17,13 @@ class _Tree:
 
     def __init__(self, root: Vector, weights: Vector) -> None:
         self.vertices = [root]
-        self._scaled = [weights * root]
+        self._weighted = [weights * root]
         self._parents = [-1]
         self._weights = weights
 
-    def Extend(self, target: Vector, step: float, is_edge_free: EdgeTest) -> bool:
+    def extend(self, target: Vector, step: float, is_edge_free: EdgeTest) -> bool:
         """Grows one step towards `target`; False where something is in the way."""
-        offsets = np.array(self._scaled) - self._weights * target
+        offsets = np.array(self._weighted) - self._weights * target
         distances = np.linalg.norm(offsets, axis=1)
         nearest = int(np.argmin(distances))
         q_near = self.vertices[nearest]
@@ -32,11 +32,11 @@ class _Tree:
         if not is_edge_free(q_near, q_new):
             return False
         self.vertices.append(q_new)
-        self._scaled.append(self._weights * q_new)
+        self._weighted.append(self._weights * q_new)
         self._parents.append(nearest)
         return True
 
-    def Branch(self) -> list[Vector]:
+    def branch(self) -> list[Vector]:
         """From the newest vertex down to the root."""
         branch, index = [], len(self.vertices) - 1
         while index >= 0:
@@ -45,7 +45,7 @@ class _Tree:
         return branch
 
 
-def ConnectTrees(
+def rrt_connect(
     q_start: Vector,
     q_goal: Vector,
     *,
@@ -74,17 +74,17 @@ def ConnectTrees(
             if iteration % 3 == 2
             else rng.uniform(near_lower, near_upper)
         )
-        if first.Extend(sample, step, is_edge_free):
+        if first.extend(sample, step, is_edge_free):
             target = first.vertices[-1]
-            while second.Extend(target, step, is_edge_free):
+            while second.extend(target, step, is_edge_free):
                 if second.vertices[-1] is target:
-                    path = first.Branch()[::-1] + second.Branch()[1:]
+                    path = first.branch()[::-1] + second.branch()[1:]
                     return np.array(path if iteration % 2 == 0 else path[::-1])
         first, second = second, first
     return None
 
 
-def Shortcut(
+def shortcut_path(
     path: Vector, *, is_edge_free: EdgeTest, attempts: int, rng: Generator
 ) -> Vector:
     """Replaces stretches of a free polyline by straight lines where those are free.

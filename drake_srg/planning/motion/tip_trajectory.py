@@ -22,7 +22,7 @@ from drake_srg.planning.task.config import TipLimits
 from drake_srg.types import Vector
 
 # Longest steps of a path, in distance [m] and of a joint [rad]: longer than those of
-# `PlanCartesianPath`, whose waypoints are taken as they are.
+# `plan_cartesian_path`, whose waypoints are taken as they are.
 _STEP = 0.03
 _JOINT_STEP = 0.3
 _REFINEMENTS = 4  # how often steps are halved where the path is not free
@@ -36,7 +36,7 @@ _SAMPLING_SLACK = 1.01  # and what they may be exceeded by between these
 _STANDING = 0.01  # duration of a path without motion [s]
 
 
-def TipTrajectory(
+def tip_limited_trajectory(
     scene: PlanningScene,
     waypoints: Vector,
     limits: MotionLimits,
@@ -55,7 +55,8 @@ def TipTrajectory(
 
     Args:
         scene: What straight joint lines between the waypoints are free in.
-        waypoints: Shape (K, N) [rad], as from `PlanCartesianPath` or `PlanJointPath`.
+        waypoints: Shape (K, N) [rad], as `plan_cartesian_path` and `plan_joint_path`
+            return them.
         limits: Of the joints.
         tip: Limits of the tip's motion.
         p_GT: The tip in the hand's frame, shape (3,) [m]; None: its origin.
@@ -77,26 +78,26 @@ def TipTrajectory(
         return PiecewisePolynomial.ZeroOrderHold(breaks, np.tile(waypoints.T, 2))
     p_GT = np.zeros(3) if p_GT is None else p_GT
     for refinement in range(_REFINEMENTS + 1):
-        q, s = _Refined(scene, waypoints, tip, p_GT, 0.5**refinement)
-        path = _Interpolation(s, q)
+        q, s = _refined(scene, waypoints, tip, p_GT, 0.5**refinement)
+        path = _interpolation(s, q)
         # Half way between its points the spline is farthest from what is known free.
         hit = scene.first_hit(path.vector_values((s[1:] + s[:-1]) / 2.0).T, _GRAZE)
         if hit is None:
-            slower = _Slower(path, _Profile(s[-1], tip), limits)
+            slower = _slowdown(path, _profile(s[-1], tip), limits)
             return PathParameterizedTrajectory(
-                path, _Profile(s[-1], tip.Slowed(slower))
+                path, _profile(s[-1], tip.slowed(slower))
             )
     return PathFailure(f"no smooth motion along the path is free: {hit}", clearance=hit)
 
 
-def _Refined(
+def _refined(
     scene: PlanningScene, q: Vector, tip: TipLimits, p_GT: Vector, scale: float
 ) -> tuple[Vector, Vector]:
     """Waypoints (K, N) in steps of at most `scale` of ours, and distances (K,) [m]."""
     while True:
         X_WT = [scene.X_WG(x) @ RigidTransform(p_GT) for x in q]
         X_TT = [X_1.inverse() @ X_2 for X_1, X_2 in itertools.pairwise(X_WT)]
-        steps = np.array([_Distance(X, tip.angle_weight) for X in X_TT])
+        steps = np.array([_distance(X, tip.angle_weight) for X in X_TT])
         turns = np.max(np.abs(np.diff(q, axis=0)), axis=1)
         long = (steps > scale * _STEP) | (turns > scale * _JOINT_STEP)
         if not np.any(long):
@@ -106,20 +107,20 @@ def _Refined(
         q = np.insert(q, where + 1, (q[where] + q[where + 1]) / 2.0, axis=0)
 
 
-def _Interpolation(s: Vector, q: Vector) -> PiecewisePolynomial:
+def _interpolation(s: Vector, q: Vector) -> PiecewisePolynomial:
     """The cubic spline through q (K, N) at s (K,); through two, the line."""
     if len(s) == 2:
         return PiecewisePolynomial.FirstOrderHold(s, q.T)
     return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(s, q.T)
 
 
-def _Distance(X: RigidTransform, angle_weight: float) -> float:
+def _distance(X: RigidTransform, angle_weight: float) -> float:
     """How far a motion goes in the metric of `TipLimits` [m]."""
     angle = X.rotation().ToAngleAxis().angle()
     return float(np.hypot(np.linalg.norm(X.translation()), angle_weight * angle))
 
 
-def _Profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
+def _profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
     """Distance over time from rest to rest, shape (1, 1) [m]: the fastest one."""
     import ruckig
 
@@ -139,7 +140,7 @@ def _Profile(distance: float, tip: TipLimits) -> PiecewisePolynomial:
     return PiecewisePolynomial.CubicHermite(breaks, position[None], speed[None])
 
 
-def _Slower(
+def _slowdown(
     path: PiecewisePolynomial, profile: PiecewisePolynomial, limits: MotionLimits
 ) -> float:
     """Factor of time at which the joints keep their limits; 1 if they do anyway."""

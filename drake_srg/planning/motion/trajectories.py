@@ -40,7 +40,7 @@ class MotionLimits:
     torque: Vector  # shape (N,) [N m]
 
     @staticmethod
-    def OfPlant(scene: PlanningScene) -> MotionLimits:
+    def of_plant(scene: PlanningScene) -> MotionLimits:
         """The limits that the arm's model states."""
         plant, arm = scene.plant, scene.arm_indices
         torque = np.full(plant.num_positions(), np.inf)
@@ -53,7 +53,7 @@ class MotionLimits:
             torque[arm],
         )
 
-    def Scaled(
+    def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
     ) -> MotionLimits:
         """Gentler limits, such as for a hand that carries something."""
@@ -65,7 +65,7 @@ class MotionLimits:
         )
 
 
-def TimeOptimalTrajectory(
+def time_optimal_trajectory(
     scene: PlanningScene,
     waypoints: Vector,
     limits: MotionLimits,
@@ -85,7 +85,7 @@ def TimeOptimalTrajectory(
         waypoints: shape (K, N) [rad].
         limits: what not to exceed.
         rounding: how far the motion may leave the polyline [rad]; for a path of
-            `PlanCartesianPath`, 1e-3 keeps the hand on its line to a millimetre.
+            `plan_cartesian_path`, 1e-3 keeps the hand on its line to a millimetre.
         ramp: duration of the shortest ramp from one acceleration to another [s].
             The whole motion lasts two to three of it longer than the fastest.
 
@@ -103,21 +103,21 @@ def TimeOptimalTrajectory(
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     waypoints = waypoints[np.append(True, lengths > 1e-9)]
     if len(waypoints) == 1:
-        return _Ramped(np.repeat(waypoints, 5, axis=0), ramp)
+        return _ramped(np.repeat(waypoints, 5, axis=0), ramp)
     message = ""
     spans = 4
     while spans <= 256:
-        path, deviation = _RoundedPath(waypoints, spans)
+        path, deviation = _rounded_path(waypoints, spans)
         spans *= 2
         if deviation > rounding:
             continue
-        motion = _FastestMotion(scene, path, limits)
+        motion = _fastest_motion(scene, path, limits)
         if motion is None:
             return PathFailure(
                 "the arm's torque cannot hold it all along this path",
                 Failure.OUT_OF_REACH,
             )
-        trajectory = _WithinLimits(scene, motion, limits, ramp)
+        trajectory = _within_limits(scene, motion, limits, ramp)
         # A straight line stays straight and has been checked.
         samples = motion_samples(scene, trajectory) if len(waypoints) > 2 else ()
         hit = scene.first_hit(samples, _GRAZE)
@@ -127,25 +127,25 @@ def TimeOptimalTrajectory(
     return PathFailure(f"no rounding of the path is free{message}")
 
 
-def _RoundedPath(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
+def _rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
     """A spline of `spans` equal spans over the polyline's length, and its deviation."""
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     breaks = np.append(0.0, np.cumsum(lengths))
 
-    def Polyline(s: Vector) -> Vector:
+    def polyline(s: Vector) -> Vector:
         return np.array([np.interp(s, breaks, q) for q in waypoints.T]).T
 
     knots = np.linspace(0.0, breaks[-1], spans + 1)
     knots = np.concatenate([[0.0] * 3, knots, breaks[-1:], breaks[-1:], breaks[-1:]])
     averages = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3.0
-    control = Polyline(averages)
+    control = polyline(averages)
     path = BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
     s = np.concatenate([breaks, knots])
-    deviation = np.linalg.norm(path.vector_values(s).T - Polyline(s), axis=1)
+    deviation = np.linalg.norm(path.vector_values(s).T - polyline(s), axis=1)
     return path, float(np.max(deviation))
 
 
-def _FastestMotion(
+def _fastest_motion(
     scene: PlanningScene, path: BsplineTrajectory, limits: MotionLimits
 ) -> Trajectory | None:
     """All positions of the plant over time, from rest to rest; None if none exists."""
@@ -154,21 +154,21 @@ def _FastestMotion(
     spans = path.num_control_points() - 3
     grid = np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 30, 200)) + 1)
     toppra = Toppra(path, scene.plant, grid)
-    toppra.AddJointVelocityLimit(*_Bounds(scene, limits.velocity))
-    toppra.AddJointAccelerationLimit(*_Bounds(scene, limits.acceleration))
-    toppra.AddJointTorqueLimit(*_Bounds(scene, limits.torque))
+    toppra.AddJointVelocityLimit(*_bounds(scene, limits.velocity))
+    toppra.AddJointAccelerationLimit(*_bounds(scene, limits.acceleration))
+    toppra.AddJointTorqueLimit(*_bounds(scene, limits.torque))
     scaling = toppra.SolvePathParameterization()
     return None if scaling is None else PathParameterizedTrajectory(path, scaling)
 
 
-def _Bounds(scene: PlanningScene, limit: Vector) -> tuple[Vector, Vector]:
+def _bounds(scene: PlanningScene, limit: Vector) -> tuple[Vector, Vector]:
     """Bounds on all positions of the plant; loose ones on what does not move."""
     upper = np.full(scene.plant.num_positions(), 1e6)
     upper[scene.arm_indices] = np.minimum(limit, 1e6)
     return -upper, upper
 
 
-def _WithinLimits(
+def _within_limits(
     scene: PlanningScene, motion: Trajectory, limits: MotionLimits, ramp: float
 ) -> BsplineTrajectory:
     """The motion with ramped acceleration, stretched by the little that it exceeds.
@@ -189,12 +189,12 @@ def _WithinLimits(
         1.0,
         np.max(np.abs(v) / limits.velocity),
         np.sqrt(np.max(np.abs(a) / limits.acceleration)),
-        np.sqrt(_TorqueUse(scene, q_knot, v_knot, a, limits.torque)),
+        np.sqrt(_torque_use(scene, q_knot, v_knot, a, limits.torque)),
     )
-    return _Ramped(control, stretch * step)
+    return _ramped(control, stretch * step)
 
 
-def _TorqueUse(
+def _torque_use(
     scene: PlanningScene, q: Vector, v: Vector, a: Vector, limit: Vector
 ) -> float:
     """Torque of the motion over what gravity leaves of the limit, the largest."""
@@ -218,7 +218,7 @@ def _TorqueUse(
     return use
 
 
-def _Ramped(control: Vector, step: float) -> BsplineTrajectory:
+def _ramped(control: Vector, step: float) -> BsplineTrajectory:
     """The uniform cubic spline of control points (n, N), `step` seconds apart."""
     knots = step * np.arange(-3.0, len(control) + 1.0)
     return BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))

@@ -19,7 +19,7 @@ class TipLimits:
     # What a turn of the hand counts as [m/rad].
     angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
 
-    def Slowed(self, factor: float) -> "TipLimits":
+    def slowed(self, factor: float) -> "TipLimits":
         """The limits of the same motions in `factor` times the time."""
         return dc.replace(
             self,

@@ -9,7 +9,7 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.grasps.grasp_search import Candidate, carrying, place_target
 from drake_srg.planning.grasps.grasps import Grasp
 from drake_srg.planning.motion.hand_target import HandTarget
-from drake_srg.planning.motion.paths import PathFailure, PlanCartesianPath
+from drake_srg.planning.motion.paths import PathFailure, plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.moves import FREEDOMS, Moves, NoPathError
@@ -65,7 +65,7 @@ class GraspMotions:
         scene, grasp, X_WO = self._scene, candidate.grasp, candidate.X_WO
         motions: dict[Mode, Trajectory] = {}
 
-        scene.set_fingers(grasp.fingers_open)
+        scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
             back = self._moves.straight(
                 candidate.q_grasp, self._moves.behind(candidate.q_grasp), turning=True
@@ -108,7 +108,7 @@ class GraspMotions:
             NoPathError: If there is none.
         """
         goal = place_target(grasp, X_WO_goal, self._config.place_height)
-        above = goal.Shifted(self._config.lift_height * _UP)
+        above = goal.shifted(self._config.lift_height * _UP)
         with carrying(self._scene, shape, grasp, supported=True):
             path = self._moves.through(q_start, [above, goal])
             down = self._moves.timed(path, self._moves.holding, straight=True)
@@ -119,7 +119,7 @@ class GraspMotions:
     ) -> dict[Mode, Trajectory]:
         """Motions away from an object that has been placed, and home."""
         scene, motions = self._scene, {}
-        scene.set_fingers(grasp.fingers_open)
+        scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
             away = self._moves.straight(q_place, self._moves.behind(q_place))
             motions[Mode.RETREAT] = self._moves.timed(
@@ -146,11 +146,11 @@ class GraspMotions:
         )
         # Straight across keeps the object upright. Where that does not go, any way.
         with carrying(scene, shape, grasp):
-            across = self._across(q_lifted, place.Shifted(lift))
+            across = self._across(q_lifted, place.shifted(lift))
         with carrying(scene, shape, grasp, supported=True):
             if across is not None:
                 below = self._moves.below(across[-1])
-                down = PlanCartesianPath(scene, across[-1], below)
+                down = plan_cartesian_path(scene, across[-1], below)
                 if not isinstance(down, PathFailure):
                     return across, down
             q_place = candidate.q_place
@@ -165,7 +165,7 @@ class GraspMotions:
             lines = [above_goal]
             if higher:
                 over = self._moves.above(q_lifted, higher)
-                lines = [over, above_goal.Shifted(higher * _UP), above_goal]
+                lines = [over, above_goal.shifted(higher * _UP), above_goal]
             try:
                 across = self._moves.through(q_lifted, lines)
                 break

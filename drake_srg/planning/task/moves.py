@@ -12,12 +12,12 @@ from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.paths import (
     PathFailure,
-    PlanCartesianPath,
-    PlanJointPath,
+    plan_cartesian_path,
+    plan_joint_path,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.motion.tip_trajectory import TipTrajectory
-from drake_srg.planning.motion.trajectories import MotionLimits, TimeOptimalTrajectory
+from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
+from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_trajectory
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, Vector
 
@@ -54,30 +54,30 @@ class Moves:
         self._scene = scene
         self._p_GT = np.asarray(hand.p_GT)
         self._config = config
-        limits = MotionLimits.OfPlant(scene)
-        self.free = limits.Scaled(config.speed, config.speed)
-        self.holding = limits.Scaled(config.holding_speed, config.holding_acceleration)
+        limits = MotionLimits.of_plant(scene)
+        self.free = limits.scaled(config.speed, config.speed)
+        self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
 
     def above(self, q: Vector, height: float | None = None) -> HandTarget:
         """The hand as at `q` (N,) [rad], lifted by `height`, or `lift_height` [m]."""
         height = self._config.lift_height if height is None else height
-        return self._like(q).Shifted(height * _UP)
+        return self._like(q).shifted(height * _UP)
 
     def below(self, q: Vector) -> HandTarget:
         """The hand as at `q` (N,) [rad], lowered by as much as `above` lifts it."""
-        return self._like(q).Shifted(-self._config.lift_height * _UP)
+        return self._like(q).shifted(-self._config.lift_height * _UP)
 
     def behind(self, q: Vector) -> HandTarget:
         """The hand as at `q` (N,) [rad], drawn back from what is in front of it."""
         X_WG = self._scene.X_WG(q)
         back = -self._config.approach_distance * X_WG.rotation().col(0)
-        return self._like(q).Shifted(back)
+        return self._like(q).shifted(back)
 
     def _like(self, q: Vector) -> HandTarget:
         """The hand's pose, or as much of it as the arm can keep along a line."""
         X_WG = self._scene.X_WG(q)
         if self._scene.num_joints >= FREEDOMS:
-            return HandTarget.Pose(X_WG)
+            return HandTarget.from_pose(X_WG)
         z = np.array([0.0, 0.0, 1.0])
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)
         return HandTarget(X_WG @ self._p_GT, axes=(keep,), p_GT=self._p_GT)
@@ -95,11 +95,11 @@ class Moves:
         Raises:
             NoPathError: If there is none.
         """
-        path = PlanCartesianPath(self._scene, q, target)
+        path = plan_cartesian_path(self._scene, q, target)
         if isinstance(path, PathFailure) and turning and target.axes:
             # Joints of an arm that is nearly stretched move far on a short way.
             target = dc.replace(target, axes=())
-            path = PlanCartesianPath(self._scene, q, target, spacing=0.005)
+            path = plan_cartesian_path(self._scene, q, target, spacing=0.005)
         if isinstance(path, PathFailure):
             raise NoPathError(path.failure, path.message)
         return path
@@ -124,12 +124,12 @@ class Moves:
             NoPathError: If there is none.
         """
         if self._config.tip_limits is not None:
-            line = PlanCartesianPath(self._scene, q_start, self._like(q_goal))
+            line = plan_cartesian_path(self._scene, q_start, self._like(q_goal))
             if not isinstance(line, PathFailure) and np.allclose(
                 line[-1], q_goal, atol=_SAME
             ):
                 return np.vstack([line, q_goal])
-        path = PlanJointPath(self._scene, q_start, q_goal)
+        path = plan_joint_path(self._scene, q_start, q_goal)
         if isinstance(path, PathFailure):
             raise NoPathError(path.failure, path.message)
         return path
@@ -149,12 +149,12 @@ class Moves:
         """
         trajectory: Trajectory | PathFailure
         if self._config.tip_limits is not None:
-            trajectory = TipTrajectory(
+            trajectory = tip_limited_trajectory(
                 self._scene, path, limits, self._config.tip_limits, p_GT=self._p_GT
             )
         else:
             rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]
-            trajectory = TimeOptimalTrajectory(
+            trajectory = time_optimal_trajectory(
                 self._scene, path, limits, rounding=rounding
             )
         if isinstance(trajectory, PathFailure):

@@ -17,7 +17,7 @@ from drake_srg.planning.grasps.grasp_search import (
     carrying,
 )
 from drake_srg.planning.grasps.grasps import Grasp, Hand
-from drake_srg.planning.motion.paths import PathFailure, PlanCartesianPath
+from drake_srg.planning.motion.paths import PathFailure, plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.task.config import PlannerConfig
@@ -162,7 +162,7 @@ class TaskPlanner:
         Fixed things are only checked against what moves, so it hangs from the distant
         hand of an arm at home.
         """
-        self.scene.set_fingers({})
+        self.scene.SetFingers({})
         X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO
         with self.scene.holding(shape, X_GO, margin=SUPPORT_OVERLAP):
             clearance = self.scene.clearance(self.q_home)
@@ -182,7 +182,7 @@ class TaskPlanner:
             fingers: Angles of the gripper's joints by name [rad].
             obstacles: Shapes and their poses [m].
         """
-        self.scene.set_fingers(fingers)
+        self.scene.SetFingers(fingers)
         return tuple(
             o
             for o in obstacles
@@ -212,7 +212,7 @@ class TaskPlanner:
                         )
                         stack.enter_context(held)
                     else:
-                        self.scene.set_fingers(task.grasp.fingers_open)
+                        self.scene.SetFingers(task.grasp.fingers_open)
                     samples = motion_samples(self.scene, motion)
                     hit = self.scene.first_hit(samples, slack)
                 if hit is not None:
@@ -229,10 +229,10 @@ class TaskPlanner:
             fingers: Angles of the gripper's joints, open, by name [rad].
             obstacles: Other objects and their poses [m].
         """
-        self.scene.set_fingers(fingers)
+        self.scene.SetFingers(fingers)
         try:
             with self._standing(obstacles):
-                path = PlanCartesianPath(self.scene, q, self._moves.behind(q))
+                path = plan_cartesian_path(self.scene, q, self._moves.behind(q))
                 if isinstance(path, PathFailure):
                     path = q[np.newaxis]
                 return (

@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.planning.motion.follow import Follow
+from drake_srg.planning.motion.follow import follow
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     IkSolution,
     Requirement,
-    SolveInverseKinematics,
+    solve_inverse_kinematics,
 )
 from drake_srg.types import Failure, Sphere
 
@@ -23,7 +23,7 @@ ANGLE_SLACK = 1e-3
 unit = st.floats(-1.0, 1.0)
 
 
-def FromAbove(x: float, y: float, z: float, yaw: float) -> RigidTransform:
+def from_above(x: float, y: float, z: float, yaw: float) -> RigidTransform:
     """Palm +x down, its y turned by yaw."""
     side = np.array([np.cos(yaw), np.sin(yaw), 0.0])
     down = np.array([0.0, 0.0, -1.0])
@@ -34,11 +34,11 @@ def FromAbove(x: float, y: float, z: float, yaw: float) -> RigidTransform:
 @settings(max_examples=40, deadline=None)
 @given(unit, unit, unit)
 def test_every_can_is_reached_from_above_freely_and_within_limits(iiwa, x, y, yaw):
-    X_WG = FromAbove(0.6 + 0.15 * x, 0.2 * y, 0.227, np.pi * yaw)
+    X_WG = from_above(0.6 + 0.15 * x, 0.2 * y, 0.227, np.pi * yaw)
     home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
-    found = SolveInverseKinematics(iiwa, HandTarget.Pose(X_WG), q_nominal=home)
+    found = solve_inverse_kinematics(iiwa, HandTarget.from_pose(X_WG), q_nominal=home)
     assert isinstance(found, IkSolution)
-    target = HandTarget.Pose(X_WG)
+    target = HandTarget.from_pose(X_WG)
     # The tolerance is a box; its corner is sqrt(3) away.
     assert target.distance(iiwa.X_WG(found.q)) <= 2e-4
     assert target.angle_violation(iiwa.X_WG(found.q)) <= ANGLE_SLACK
@@ -48,35 +48,35 @@ def test_every_can_is_reached_from_above_freely_and_within_limits(iiwa, x, y, ya
 
 
 def test_same_call_same_solution(iiwa, home):
-    target = HandTarget.Pose(FromAbove(0.55, 0.1, 0.2, 2.5))
+    target = HandTarget.from_pose(from_above(0.55, 0.1, 0.2, 2.5))
     first, second = (
-        SolveInverseKinematics(iiwa, target, q_nominal=home) for _ in range(2)
+        solve_inverse_kinematics(iiwa, target, q_nominal=home) for _ in range(2)
     )
     np.testing.assert_array_equal(first.q, second.q)
 
 
 def test_the_nominal_posture_reaches_its_own_pose_at_no_cost(iiwa, home):
-    target = HandTarget.Pose(iiwa.X_WG(home))
-    found = SolveInverseKinematics(iiwa, target, q_nominal=home)
+    target = HandTarget.from_pose(iiwa.X_WG(home))
+    found = solve_inverse_kinematics(iiwa, target, q_nominal=home)
     assert found.cost < 1e-5
     assert found.starts == 1
 
 
 def test_more_starts_find_a_posture_at_least_as_good(iiwa, home):
-    target = HandTarget.Pose(FromAbove(0.5, 0.2, 0.25, 3.0))
-    first = SolveInverseKinematics(iiwa, target, q_nominal=home)
-    best = SolveInverseKinematics(iiwa, target, q_nominal=home, good_cost=0.0)
+    target = HandTarget.from_pose(from_above(0.5, 0.2, 0.25, 3.0))
+    first = solve_inverse_kinematics(iiwa, target, q_nominal=home)
+    best = solve_inverse_kinematics(iiwa, target, q_nominal=home, good_cost=0.0)
     assert best.cost <= first.cost
 
 
 def test_an_axis_leaves_the_turn_about_it_free(iiwa, home):
     tip = np.array([0.16, 0.0, 0.0])
     target = HandTarget(np.array([0.6, 0.1, 0.1]), axes=(DOWN,), p_GT=tip)
-    found = SolveInverseKinematics(iiwa, target, q_nominal=home)
+    found = solve_inverse_kinematics(iiwa, target, q_nominal=home)
     X_WG = iiwa.X_WG(found.q)
     np.testing.assert_allclose(X_WG @ tip, target.p_WT, atol=1.1e-4)
     assert target.angle_violation(X_WG) <= ANGLE_SLACK
-    turned = SolveInverseKinematics(
+    turned = solve_inverse_kinematics(
         iiwa, target, q_nominal=home + np.array([0, 0, 0, 0, 0, 0, 1.0])
     )
     assert abs(turned.q[6] - found.q[6]) > 0.5
@@ -88,7 +88,7 @@ def test_an_axis_leaves_the_turn_about_it_free(iiwa, home):
         # 1.28 m from the shoulder; the stretched arm has 0.946 m.
         (HandTarget(np.array([1.28, 0.0, 0.36])), Requirement.POSITION, 0.3, 0.37),
         (
-            HandTarget.Pose(FromAbove(0.9, 0.0, 0.2, 0.0)),
+            HandTarget.from_pose(from_above(0.9, 0.0, 0.2, 0.0)),
             Requirement.ORIENTATION, 0.1, 1.5,
         ),
         (
@@ -97,12 +97,12 @@ def test_an_axis_leaves_the_turn_about_it_free(iiwa, home):
             Requirement.AXIS, 0.5, np.pi,
         ),
         (
-            HandTarget.Pose(FromAbove(0.15, 0.0, 0.2, 0.0)),
+            HandTarget.from_pose(from_above(0.15, 0.0, 0.2, 0.0)),
             Requirement.JOINT_LIMITS, 0.1, 2.0,
         ),
         # The open fingers are 0.1 m in front of the palm.
         (
-            HandTarget.Pose(FromAbove(0.6, 0.0, 0.05, 0.0)),
+            HandTarget.from_pose(from_above(0.6, 0.0, 0.05, 0.0)),
             Requirement.MINIMUM_DISTANCE, 0.01, 0.1,
         ),
     ],
@@ -110,7 +110,7 @@ def test_an_axis_leaves_the_turn_about_it_free(iiwa, home):
 def test_a_failure_names_what_cannot_be_met(
     iiwa, home, target, requirement, least, most
 ):
-    failure = SolveInverseKinematics(iiwa, target, q_nominal=home)
+    failure = solve_inverse_kinematics(iiwa, target, q_nominal=home)
     assert isinstance(failure, IkFailure)
     assert failure.requirement is requirement
     assert least < failure.violation < most
@@ -121,11 +121,13 @@ def test_a_failure_names_what_cannot_be_met(
 
 
 def test_what_blocks_is_named(iiwa, home):
-    X_WG = FromAbove(0.6, 0.0, 0.3, 0.0)
+    X_WG = from_above(0.6, 0.0, 0.3, 0.0)
     with iiwa.standing(Sphere(0.05), X_WG):
-        failure = SolveInverseKinematics(iiwa, HandTarget.Pose(X_WG), q_nominal=home)
-        unchecked = SolveInverseKinematics(
-            iiwa, HandTarget.Pose(X_WG), q_nominal=home, check_clearance=False
+        failure = solve_inverse_kinematics(
+            iiwa, HandTarget.from_pose(X_WG), q_nominal=home
+        )
+        unchecked = solve_inverse_kinematics(
+            iiwa, HandTarget.from_pose(X_WG), q_nominal=home, check_clearance=False
         )
     assert isinstance(failure, IkFailure)
     assert "obstacle" in failure.clearance.bodies
@@ -136,17 +138,17 @@ def test_what_blocks_is_named(iiwa, home):
 def test_two_joints_reach_what_lies_in_their_plane(pendulum):
     nominal = np.array([0.5, 0.5])
     p_WT = np.array([0.25, 0.0, -0.25])  # the elbow bends by a right angle
-    found = SolveInverseKinematics(pendulum, HandTarget(p_WT), q_nominal=nominal)
+    found = solve_inverse_kinematics(pendulum, HandTarget(p_WT), q_nominal=nominal)
     assert abs(found.q[1]) == pytest.approx(np.pi / 2, abs=2e-3)
     aside = HandTarget(p_WT + np.array([0.0, 0.1, 0.0]))
-    failure = SolveInverseKinematics(pendulum, aside, q_nominal=nominal)
+    failure = solve_inverse_kinematics(pendulum, aside, q_nominal=nominal)
     assert failure.requirement is Requirement.POSITION
     assert failure.violation == pytest.approx(0.1, abs=1e-3)
 
 
 def test_a_vector_of_the_wrong_size_is_refused_with_the_joints_names(iiwa):
     with pytest.raises(ValueError, match=r"q_nominal needs one entry.*joint_1"):
-        SolveInverseKinematics(iiwa, HandTarget(np.zeros(3)), q_nominal=np.zeros(6))
+        solve_inverse_kinematics(iiwa, HandTarget(np.zeros(3)), q_nominal=np.zeros(6))
 
 
 @settings(max_examples=40, deadline=None)
@@ -157,8 +159,8 @@ def test_follow_meets_a_near_pose_exactly_and_stays_near(iiwa, shift):
         RotationMatrix.MakeYRotation(0.1 * shift[4])
     )
     near = RigidTransform(turn, 0.02 * np.array(shift[:3]))
-    target = HandTarget.Pose(iiwa.X_WG(home) @ near)
-    q = Follow(iiwa, target, home)
+    target = HandTarget.from_pose(iiwa.X_WG(home) @ near)
+    q = follow(iiwa, target, home)
     assert target.distance(iiwa.X_WG(q)) < 2e-6
     assert target.angle_violation(iiwa.X_WG(q)) == 0.0
     assert np.max(np.abs(q - home)) < 0.4
@@ -167,17 +169,17 @@ def test_follow_meets_a_near_pose_exactly_and_stays_near(iiwa, shift):
 def test_follow_stops_a_joint_at_its_limit_and_goes_on_with_the_others(iiwa, home):
     q = home.copy()
     q[6] = iiwa.upper[6] - 0.03
-    target = HandTarget.Pose(
+    target = HandTarget.from_pose(
         iiwa.X_WG(q) @ RigidTransform(RotationMatrix.MakeXRotation(0.03), np.zeros(3))
     )
-    found = Follow(iiwa, target, q)
+    found = follow(iiwa, target, q)
     # Without the limit, joint 7 does nearly all of the turn about its own axis.
     assert iiwa.upper[6] - 0.021 < found[6] <= iiwa.upper[6] - 0.02 + 1e-9
     assert target.distance(iiwa.X_WG(found)) < 2e-6
 
 
 def test_follow_says_none_where_there_is_nothing(iiwa, home):
-    assert Follow(iiwa, HandTarget(np.array([2.0, 0.0, 0.0])), home) is None
+    assert follow(iiwa, HandTarget(np.array([2.0, 0.0, 0.0])), home) is None
 
 
 def test_follow_turns_an_axis_only_as_far_as_its_angle(iiwa, home):
@@ -185,7 +187,7 @@ def test_follow_turns_an_axis_only_as_far_as_its_angle(iiwa, home):
     tilted = X_WG.rotation().matrix()[:, 0] + np.array([0.3, 0.0, 0.0])
     axis = AxisTarget(DOWN.axis_G, tilted / np.linalg.norm(tilted), 0.1)
     target = HandTarget(iiwa.X_WG(home).translation(), axes=(axis,))
-    q = Follow(iiwa, target, home)
+    q = follow(iiwa, target, home)
     X_WG = iiwa.X_WG(q)
     assert target.distance(X_WG) < 2e-6
     angle = np.arccos(X_WG.rotation().matrix()[:, 0] @ axis.direction_W)

@@ -7,11 +7,11 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
-from drake_srg.planning.motion.inverse_kinematics import SolveInverseKinematics
+from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
 from drake_srg.planning.motion.paths import (
     PathFailure,
-    PlanCartesianPath,
-    PlanJointPath,
+    plan_cartesian_path,
+    plan_joint_path,
 )
 from drake_srg.types import Box, Failure, Sphere
 
@@ -25,7 +25,7 @@ def sides(iiwa):
     """Postures left and right of a wall."""
     home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
     return [
-        SolveInverseKinematics(
+        solve_inverse_kinematics(
             iiwa, HandTarget(np.array([0.55, y, 0.3]), DOWN), q_nominal=home
         ).q
         for y in (-0.3, 0.3)
@@ -33,15 +33,15 @@ def sides(iiwa):
 
 
 def test_a_free_straight_line_is_the_path(iiwa, sides):
-    path = PlanJointPath(iiwa, *sides)
+    path = plan_joint_path(iiwa, *sides)
     np.testing.assert_array_equal(path, sides)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_wall_is_gone_around_freely_and_the_same_way_again(iiwa, sides, seed):
     with iiwa.standing(WALL, X_WALL):
-        path = PlanJointPath(iiwa, *sides, seed=seed)
-        again = PlanJointPath(iiwa, *sides, seed=seed)
+        path = plan_joint_path(iiwa, *sides, seed=seed)
+        again = plan_joint_path(iiwa, *sides, seed=seed)
         # Between two checked configurations nothing comes closer than contact.
         fine = [q for a, b in itertools.pairwise(path) for q in
                 a + np.linspace(0, 1, 200)[:, None] * (b - a)]  # fmt: skip
@@ -54,7 +54,7 @@ def test_a_wall_is_gone_around_freely_and_the_same_way_again(iiwa, sides, seed):
 
 def test_a_blocked_goal_is_named(iiwa, sides):
     with iiwa.standing(Sphere(0.1), iiwa.X_WG(sides[1])):
-        failure = PlanJointPath(iiwa, *sides)
+        failure = plan_joint_path(iiwa, *sides)
     assert isinstance(failure, PathFailure)
     assert failure.message.startswith("the goal is not free")
     assert "obstacle" in failure.clearance.bodies
@@ -63,7 +63,7 @@ def test_a_blocked_goal_is_named(iiwa, sides):
 
 def test_a_search_that_ends_names_what_is_on_the_straight_line(iiwa, sides):
     with iiwa.standing(WALL, X_WALL):
-        failure = PlanJointPath(iiwa, *sides, max_iterations=0)
+        failure = plan_joint_path(iiwa, *sides, max_iterations=0)
     assert isinstance(failure, PathFailure)
     assert "no path in 0 iterations" in failure.message
     assert "obstacle" in failure.clearance.bodies
@@ -75,7 +75,7 @@ def test_the_hand_goes_straight_and_turns_evenly(iiwa, sides):
         X_start.translation() + np.array([0.05, 0.08, -0.03]),
         X_start.rotation() @ RotationMatrix.MakeXRotation(0.6),
     )
-    path = PlanCartesianPath(iiwa, sides[0], target)
+    path = plan_cartesian_path(iiwa, sides[0], target)
     np.testing.assert_array_equal(path[0], sides[0])
     way = target.p_WT - X_start.translation()
     for q_1, q_2 in itertools.pairwise(path):
@@ -95,26 +95,28 @@ def test_an_axis_is_kept_while_the_hand_moves(iiwa, sides):
     axis = AxisTarget(np.array([1.0, 0, 0]), np.array([0.0, 0, -1.0]), 0.05)
     start = iiwa.X_WG(sides[0]).translation()
     target = HandTarget(start + np.full(3, 0.1), axes=(axis,))
-    path = PlanCartesianPath(iiwa, sides[0], target)
+    path = plan_cartesian_path(iiwa, sides[0], target)
     for q in path:
         assert target.angle_violation(iiwa.X_WG(q)) < 1e-5
 
 
 def test_a_line_into_the_table_is_blocked_where_it_meets_it(iiwa, sides):
-    target = HandTarget.Pose(iiwa.X_WG(sides[0])).Shifted(np.array([0, 0, -0.25]))
-    failure = PlanCartesianPath(iiwa, sides[0], target)
+    target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -0.25]))
+    failure = plan_cartesian_path(iiwa, sides[0], target)
     assert isinstance(failure, PathFailure)
     assert "table" in failure.clearance.bodies
     assert "along the line" in failure.message
 
 
 def test_a_line_out_of_reach_says_so(iiwa, sides):
-    target = HandTarget.Pose(iiwa.X_WG(sides[0])).Shifted(np.array([0.6, 0, 0]))
-    failure = PlanCartesianPath(iiwa, sides[0], target)
+    target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0.6, 0, 0]))
+    failure = plan_cartesian_path(iiwa, sides[0], target)
     assert isinstance(failure, PathFailure)
     assert failure.failure is Failure.OUT_OF_REACH
 
 
 def test_standing_still_is_a_path(iiwa, sides):
-    path = PlanCartesianPath(iiwa, sides[0], HandTarget.Pose(iiwa.X_WG(sides[0])))
+    path = plan_cartesian_path(
+        iiwa, sides[0], HandTarget.from_pose(iiwa.X_WG(sides[0]))
+    )
     np.testing.assert_allclose(path, [sides[0]] * 2, atol=1e-6)

@@ -10,7 +10,7 @@ from pydrake.planning import RobotDiagramBuilder
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkSolution,
-    SolveInverseKinematics,
+    solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, Cylinder, Shape, Sphere
@@ -23,12 +23,14 @@ X_GO_ABOVE = RigidTransform(
 )
 
 
-def Above(scene: PlanningScene, home: np.ndarray, can_bottom: float) -> np.ndarray:
+def posture_above(
+    scene: PlanningScene, home: np.ndarray, can_bottom: float
+) -> np.ndarray:
     """Posture with a can held as in X_GO_ABOVE, its bottom at that height."""
     X_WO = RigidTransform([0.55, 0.0, can_bottom + 0.051])
     X_WG = X_WO @ X_GO_ABOVE.inverse()
-    found = SolveInverseKinematics(
-        scene, HandTarget.Pose(X_WG), q_nominal=home, check_clearance=False
+    found = solve_inverse_kinematics(
+        scene, HandTarget.from_pose(X_WG), q_nominal=home, check_clearance=False
     )
     assert isinstance(found, IkSolution)
     return found.q
@@ -113,15 +115,15 @@ def test_contexts_nest_and_leave_in_any_way(iiwa, home):
 
 
 def test_a_held_can_may_stand_on_the_table_only_with_a_negative_margin(iiwa, home):
-    standing = Above(iiwa, home, can_bottom=0.0)
+    standing = posture_above(iiwa, home, can_bottom=0.0)
     with iiwa.holding(CAN, X_GO_ABOVE, margin=-0.003):
         assert iiwa.is_free(standing)
-        assert not iiwa.is_free(Above(iiwa, home, can_bottom=-0.005))
+        assert not iiwa.is_free(posture_above(iiwa, home, can_bottom=-0.005))
     with iiwa.holding(CAN, X_GO_ABOVE):
         assert not iiwa.is_free(standing)
         assert set(iiwa.clearance(standing).bodies) == {"held_object", "table"}
-        assert iiwa.is_free(Above(iiwa, home, can_bottom=0.006))
-        assert not iiwa.is_free(Above(iiwa, home, can_bottom=0.004))
+        assert iiwa.is_free(posture_above(iiwa, home, can_bottom=0.006))
+        assert not iiwa.is_free(posture_above(iiwa, home, can_bottom=0.004))
 
 
 def test_a_held_object_must_not_hit_the_arm(iiwa, home):
@@ -132,7 +134,7 @@ def test_a_held_object_must_not_hit_the_arm(iiwa, home):
 
 
 def test_fingers_stand_where_they_are_set(iiwa, home):
-    reaching = Above(iiwa, home, can_bottom=-0.06)
+    reaching = posture_above(iiwa, home, can_bottom=-0.06)
     try:
         iiwa.fingers = np.full(4, 0.0)
         with_open = iiwa.is_free(reaching)

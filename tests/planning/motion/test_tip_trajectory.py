@@ -8,10 +8,10 @@ from drake_srg.common.errors import ScenarioError
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.paths import (
     PathFailure,
-    PlanCartesianPath,
-    PlanJointPath,
+    plan_cartesian_path,
+    plan_joint_path,
 )
-from drake_srg.planning.motion.tip_trajectory import TipTrajectory
+from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
 from drake_srg.planning.motion.trajectories import MotionLimits
 from drake_srg.planning.task.config import TipLimits
 from drake_srg.scenario.yaml_tree import load_typed
@@ -23,24 +23,35 @@ THESIS = TipLimits()
 # nth derivative is about 1 / L^n with L the distance to where the arm is stretched,
 # here more than 0.13 m; the spline's nth differs by less than L h^(4 - n) / (2 L^4).
 # That, times (0.1 m/s)^n, is 0.05 for the jerk and 0.01 and less for the others.
+LEAST_REACH_LEFT = 0.13  # m
 SPLINE = (0.01, 0.01, 0.05)
 unit = st.floats(-1.0, 1.0)
 limit = st.floats(0.02, 2.0)
 
 
-def Limits(scene):
-    return MotionLimits.OfPlant(scene)
+def limits_of(scene):
+    return MotionLimits.of_plant(scene)
 
 
-def Line(scene, q, offset, turn=None):
+def line(scene, q, offset, turn=None):
     """A straight path of the hand from `q`, turned by `turn` if it is given."""
     X_WG = scene.X_WG(q)
     R_WG = X_WG.rotation() if turn is None else turn @ X_WG.rotation()
     target = HandTarget(X_WG.translation() + offset, R_WG)
-    return PlanCartesianPath(scene, q, target)
+    return plan_cartesian_path(scene, q, target)
 
 
-def Duration(d, tip):
+def reach_left(scene, q):
+    """Return how far the wrist may move away until the arm is stretched [m]."""
+    scene.X_WG(q)  # moves the model
+    shoulder, wrist = (
+        scene.plant.GetFrameByName(name).CalcPoseInWorld(scene.context).translation()
+        for name in ("link_2", "link_6")
+    )
+    return 0.42 + 0.4 - np.linalg.norm(wrist - shoulder)
+
+
+def duration(d, tip):
     """Of a double-S profile from rest to rest (Biagiotti, Melchiorri 2008, ch. 3.4)."""
     v, a, j = tip.velocity, tip.acceleration, tip.jerk
     ramp = 2.0 * np.sqrt(v / j) if v * j < a * a else a / j + v / a
@@ -51,7 +62,7 @@ def Duration(d, tip):
     return np.cbrt(32.0 * d / j)
 
 
-def Sampled(trajectory, count=1000):
+def sampled(trajectory, count=1000):
     """Times and q, v, a at them, each shape (count, N)."""
     times = np.linspace(0.0, trajectory.end_time(), count)
     derivatives = [
@@ -61,7 +72,7 @@ def Sampled(trajectory, count=1000):
     return times, *derivatives
 
 
-def Along(scene, q, direction, p_GT=(0.0, 0.0, 0.0)):
+def along_line(scene, q, direction, p_GT=(0.0, 0.0, 0.0)):
     """Position of the tip along a direction, and its distance from the line [m]."""
     p_WT = np.array([scene.X_WG(x) @ np.array(p_GT) for x in q])
     offsets = p_WT - p_WT[0]
@@ -69,7 +80,7 @@ def Along(scene, q, direction, p_GT=(0.0, 0.0, 0.0)):
     return along, np.linalg.norm(offsets - along[:, None] * direction, axis=1)
 
 
-def AssertRest(trajectory, waypoints):
+def assert_at_rest(trajectory, waypoints):
     end = trajectory.end_time()
     assert trajectory.start_time() == 0.0
     np.testing.assert_allclose(trajectory.value(0.0)[:, 0], waypoints[0], atol=1e-9)
@@ -80,8 +91,8 @@ def AssertRest(trajectory, waypoints):
             np.testing.assert_allclose(derivative, 0.0, atol=1e-9)
 
 
-def AssertJointsWithin(trajectory, limits):
-    _, _, v, a = Sampled(trajectory)
+def assert_joints_within(trajectory, limits):
+    _, _, v, a = sampled(trajectory)
     assert np.all(np.abs(v) <= limits.velocity)
     assert np.all(np.abs(a) <= limits.acceleration)
 
@@ -92,15 +103,16 @@ def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
     assume(np.linalg.norm(direction) > 0.1)
     direction = np.array(direction) / np.linalg.norm(direction)
     home = np.array([0.0, 0.0, 0.0, -1.7, 0.0, 1.4, 0.0])
-    waypoints = Line(iiwa, home, length * direction)
+    waypoints = line(iiwa, home, length * direction)
     assume(not isinstance(waypoints, PathFailure))
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
-    AssertRest(trajectory, waypoints)
-    AssertJointsWithin(trajectory, Limits(iiwa))
-    assert trajectory.end_time() == pytest.approx(Duration(length, THESIS), rel=1e-4)
+    assume(min(reach_left(iiwa, q) for q in waypoints) > LEAST_REACH_LEFT)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits_of(iiwa))
+    assert trajectory.end_time() == pytest.approx(duration(length, THESIS), rel=1e-4)
     times = np.linspace(0.0, trajectory.end_time(), 1001)
     q = trajectory.vector_values(times).T
-    along, off = Along(iiwa, q, direction)
+    along, off = along_line(iiwa, q, direction)
     # Joint lines 0.02 m long leave the hand's by 0.1 mm, the spline by less.
     assert np.max(off) < 1e-4
     motion = along
@@ -111,12 +123,12 @@ def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
 
 
 def test_the_tip_moves_as_fast_as_it_may(iiwa, home):
-    waypoints = Line(iiwa, home, np.array([0.1, 0.2, 0.2]))
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
+    waypoints = line(iiwa, home, np.array([0.1, 0.2, 0.2]))
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
     assert trajectory.end_time() == pytest.approx(0.3 / 0.1 + 2.0, rel=1e-4)
     times = np.linspace(0.0, trajectory.end_time(), 501)
     direction = np.array([1.0, 2.0, 2.0]) / 3.0
-    along, _ = Along(iiwa, trajectory.vector_values(times).T, direction)
+    along, _ = along_line(iiwa, trajectory.vector_values(times).T, direction)
     # A second of jerk up and one down, as the seven phases go.
     assert np.interp(1.0, times, along) == pytest.approx(0.1 / 6.0, rel=1e-3)
     assert np.interp(2.0, times, along) == pytest.approx(0.1, rel=1e-3)
@@ -132,18 +144,18 @@ def test_it_takes_what_seven_phases_take(pendulum, velocity, acceleration, jerk,
     # The shoulder moves the hand on a circle of 0.5 m.
     waypoints = np.array([[0.0, 0.0], [-d / 0.5, 0.0]])
     fast = MotionLimits(*(np.full(2, 1e6) for _ in range(3)))
-    trajectory = TipTrajectory(pendulum, waypoints, fast, tip)
+    trajectory = tip_limited_trajectory(pendulum, waypoints, fast, tip)
     # Chords of at most 0.03 m are shorter than their arcs by (0.03 / 0.5)² / 24.
-    assert trajectory.end_time() == pytest.approx(Duration(d, tip), rel=2e-4)
+    assert trajectory.end_time() == pytest.approx(duration(d, tip), rel=2e-4)
 
 
 def test_a_turn_counts_by_its_weight(iiwa, home):
     turn = RotationMatrix.MakeZRotation(0.8)
-    waypoints = Line(iiwa, home, np.zeros(3), turn)
+    waypoints = line(iiwa, home, np.zeros(3), turn)
     for weight in (0.1, 0.3):
         tip = TipLimits(angle_weight=weight)
-        trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), tip)
-        expected = Duration(0.8 * weight, tip)
+        trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), tip)
+        expected = duration(0.8 * weight, tip)
         assert trajectory.end_time() == pytest.approx(expected, rel=1e-4)
 
 
@@ -151,12 +163,14 @@ def test_the_tip_may_be_in_front_of_the_hand(iiwa, home):
     X_WG, p_GT = iiwa.X_WG(home), np.array([0.1, 0.0, 0.02])
     offset = np.array([0.1, -0.1, 0.1])
     target = HandTarget(X_WG @ p_GT + offset, X_WG.rotation(), p_GT=p_GT)
-    waypoints = PlanCartesianPath(iiwa, home, target)
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS, p_GT=p_GT)
+    waypoints = plan_cartesian_path(iiwa, home, target)
+    trajectory = tip_limited_trajectory(
+        iiwa, waypoints, limits_of(iiwa), THESIS, p_GT=p_GT
+    )
     length = np.linalg.norm(offset)
-    assert trajectory.end_time() == pytest.approx(Duration(length, THESIS), rel=1e-4)
-    _, q, _, _ = Sampled(trajectory, 100)
-    along, off = Along(iiwa, q, offset / length, p_GT)
+    assert trajectory.end_time() == pytest.approx(duration(length, THESIS), rel=1e-4)
+    _, q, _, _ = sampled(trajectory, 100)
+    along, off = along_line(iiwa, q, offset / length, p_GT)
     assert along[-1] == pytest.approx(length, abs=1e-5)
     assert np.max(off) < 1e-4
 
@@ -167,15 +181,15 @@ def test_joints_keep_their_limits_however_fast_the_tip_may_be(iiwa, direction, s
     assume(np.linalg.norm(direction) > 0.1)
     offset = 0.3 * np.array(direction) / np.linalg.norm(direction)
     home = np.array([0.0, 0.0, 0.0, -1.7, 0.0, 1.4, 0.0])
-    waypoints = Line(iiwa, home, offset)
+    waypoints = line(iiwa, home, offset)
     assume(not isinstance(waypoints, PathFailure))
-    limits = Limits(iiwa).Scaled(share, share)
+    limits = limits_of(iiwa).scaled(share, share)
     fast = TipLimits(velocity=10.0, acceleration=100.0, jerk=2000.0)
-    trajectory = TipTrajectory(iiwa, waypoints, limits, fast)
-    AssertRest(trajectory, waypoints)
-    AssertJointsWithin(trajectory, limits)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits, fast)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits)
     # It is no slower than it has to be: some joint is near a limit somewhere.
-    _, _, v, a = Sampled(trajectory)
+    _, _, v, a = sampled(trajectory)
     use = max(
         np.max(np.abs(v) / limits.velocity),
         np.sqrt(np.max(np.abs(a) / limits.acceleration)),
@@ -187,10 +201,10 @@ def test_a_path_around_something_goes_through_its_waypoints(iiwa, home):
     corner = home + np.array([0.4, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
     end = home + np.array([0.8, 0.0, 0.0, 0.2, 0.0, 0.0, 1.0])
     waypoints = np.array([home, corner, end])
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
-    AssertRest(trajectory, waypoints)
-    AssertJointsWithin(trajectory, Limits(iiwa))
-    _, q, _, _ = Sampled(trajectory, 2000)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits_of(iiwa))
+    _, q, _, _ = sampled(trajectory, 2000)
     assert np.min(np.linalg.norm(q - corner, axis=1)) < 2e-3
     # Elsewhere, too, it stays near the lines between them.
     path = np.concatenate(
@@ -202,9 +216,9 @@ def test_a_path_around_something_goes_through_its_waypoints(iiwa, home):
 
 def test_a_joint_line_between_far_postures_is_followed(iiwa, home):
     way = np.array([1.5, 0.2, 0.0, 0.3, 0.0, 0.0, 0.0])
-    waypoints = PlanJointPath(iiwa, home, home + way)
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
-    _, q, _, _ = Sampled(trajectory, 400)
+    waypoints = plan_joint_path(iiwa, home, home + way)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+    _, q, _, _ = sampled(trajectory, 400)
     share = (q - home) @ way / (way @ way)
     np.testing.assert_allclose(q, home + share[:, None] * way, atol=1e-9)
     p_WT = np.array([iiwa.X_WG(x).translation() for x in q])
@@ -216,15 +230,17 @@ def test_a_joint_line_between_far_postures_is_followed(iiwa, home):
 def test_motion_that_leaves_the_tip_where_it_is_takes_the_joints_time(iiwa, home):
     waypoints = np.array([home, home + np.eye(7)[6]])
     tip = TipLimits(angle_weight=0.0, velocity=10.0, acceleration=100.0, jerk=2000.0)
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), tip)
-    AssertRest(trajectory, waypoints)
-    AssertJointsWithin(trajectory, Limits(iiwa))
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), tip)
+    assert_at_rest(trajectory, waypoints)
+    assert_joints_within(trajectory, limits_of(iiwa))
 
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_standing_still_takes_next_to_no_time(iiwa, home, count):
-    trajectory = TipTrajectory(iiwa, np.tile(home, (count, 1)), Limits(iiwa), THESIS)
-    AssertRest(trajectory, [home])
+    trajectory = tip_limited_trajectory(
+        iiwa, np.tile(home, (count, 1)), limits_of(iiwa), THESIS
+    )
+    assert_at_rest(trajectory, [home])
     assert 0.0 < trajectory.end_time() < 0.05
 
 
@@ -233,16 +249,17 @@ def test_standing_still_takes_next_to_no_time(iiwa, home, count):
 def test_small_moves_are_moves(iiwa, exponent):
     home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
     waypoints = np.array([home, home + 10.0**exponent])
-    trajectory = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
+    trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
     np.testing.assert_allclose(
         trajectory.value(trajectory.end_time())[:, 0], waypoints[-1], atol=1e-9
     )
 
 
 def test_the_same_path_gives_the_same_motion(iiwa, home):
-    waypoints = Line(iiwa, home, np.array([0.1, 0.0, 0.1]))
+    waypoints = line(iiwa, home, np.array([0.1, 0.0, 0.1]))
     first, second = (
-        TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS) for _ in range(2)
+        tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
+        for _ in range(2)
     )
     times = np.linspace(0.0, first.end_time(), 50)
     np.testing.assert_array_equal(
@@ -251,10 +268,10 @@ def test_the_same_path_gives_the_same_motion(iiwa, home):
 
 
 def test_what_stands_in_the_way_is_named(iiwa, home):
-    waypoints = Line(iiwa, home, np.array([0.0, 0.3, 0.0]))
+    waypoints = line(iiwa, home, np.array([0.0, 0.3, 0.0]))
     middle = iiwa.X_WG(waypoints[len(waypoints) // 2]).translation()
     with iiwa.standing(Sphere(0.02), RigidTransform(middle)):
-        failure = TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
+        failure = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
     assert isinstance(failure, PathFailure)
     assert "obstacle" in failure.message
     assert failure.clearance is not None
@@ -263,7 +280,7 @@ def test_what_stands_in_the_way_is_named(iiwa, home):
 @pytest.mark.parametrize("waypoints", [np.zeros(7), np.zeros((2, 6))])
 def test_nonsense_is_refused(iiwa, waypoints):
     with pytest.raises(ValueError, match="shape"):
-        TipTrajectory(iiwa, waypoints, Limits(iiwa), THESIS)
+        tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
 
 
 def test_limits_are_read_from_yaml():

@@ -10,13 +10,13 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import MultibodyForces
 
 from drake_srg.planning.motion.hand_target import HandTarget
-from drake_srg.planning.motion.inverse_kinematics import SolveInverseKinematics
+from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
 from drake_srg.planning.motion.paths import (
     PathFailure,
-    PlanCartesianPath,
-    PlanJointPath,
+    plan_cartesian_path,
+    plan_joint_path,
 )
-from drake_srg.planning.motion.trajectories import MotionLimits, TimeOptimalTrajectory
+from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_trajectory
 from drake_srg.types import Box, Failure
 
 # Velocity and acceleration limits hold by construction; this is rounding of sums.
@@ -29,7 +29,7 @@ RAMP = 0.04
 unit = st.floats(-1.0, 1.0)
 
 
-def Postures(scene, values):
+def free_postures(scene, values):
     """Free postures around one over the table, from numbers in -1..1, shape (k, N)."""
     middle = np.array([0.0, 0.2, 0.0, -1.5, 0.0, 1.2, 0.0])
     spread = np.array([1.5, 0.4, 0.5, 0.5, 1.0, 0.7, 1.5])
@@ -38,7 +38,7 @@ def Postures(scene, values):
     return postures
 
 
-def Sampled(trajectory, count=1000):
+def sampled(trajectory, count=1000):
     """Times and q, v, a at them, each shape (count, N)."""
     times = np.linspace(0.0, trajectory.end_time(), count)
     derivatives = [
@@ -48,7 +48,7 @@ def Sampled(trajectory, count=1000):
     return times, *derivatives
 
 
-def TrapezoidTime(q_1, q_2, limits):
+def trapezoid_time(q_1, q_2, limits):
     """Least time for a straight joint line under velocity and acceleration limits."""
     move = np.abs(q_2 - q_1)
     if np.max(move) < 1e-6:
@@ -58,7 +58,7 @@ def TrapezoidTime(q_1, q_2, limits):
     return 1.0 / v + v / a if v * v / a < 1.0 else 2.0 / np.sqrt(a)
 
 
-def Torques(scene, q, v, a):
+def torques_of(scene, q, v, a):
     """Joint torques of the motion, shape like q [N m]."""
     plant, context = scene.plant, scene.plant.CreateDefaultContext()
     torques = []
@@ -74,11 +74,11 @@ def Torques(scene, q, v, a):
     return np.array(torques)
 
 
-def AssertWithin(scene, trajectory, limits):
-    _, q, v, a = Sampled(trajectory)
+def assert_within(scene, trajectory, limits):
+    _, q, v, a = sampled(trajectory)
     assert np.all(np.abs(v) <= limits.velocity * (1.0 + ROUNDING))
     assert np.all(np.abs(a) <= limits.acceleration * (1.0 + ROUNDING))
-    tau = Torques(scene, q[::10], v[::10], a[::10])
+    tau = torques_of(scene, q[::10], v[::10], a[::10])
     assert np.all(np.abs(tau) <= limits.torque * (1.0 + TORQUE_SLACK))
     assert trajectory.start_time() == 0.0
     # At rest, and smoothly so.
@@ -91,18 +91,18 @@ def AssertWithin(scene, trajectory, limits):
 def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
     iiwa, values
 ):
-    q_1, q_2 = Postures(iiwa, values)
+    q_1, q_2 = free_postures(iiwa, values)
     assume(np.max(np.abs(q_2 - q_1)) > 0.05)
-    limits = MotionLimits.OfPlant(iiwa)
-    trajectory = TimeOptimalTrajectory(iiwa, np.array([q_1, q_2]), limits, ramp=RAMP)
-    AssertWithin(iiwa, trajectory, limits)
-    _, q, _, _ = Sampled(trajectory)
+    limits = MotionLimits.of_plant(iiwa)
+    trajectory = time_optimal_trajectory(iiwa, np.array([q_1, q_2]), limits, ramp=RAMP)
+    assert_within(iiwa, trajectory, limits)
+    _, q, _, _ = sampled(trajectory)
     np.testing.assert_allclose(q[[0, -1]], [q_1, q_2], atol=1e-12)
     along = (q - q_1) @ (q_2 - q_1) / np.sum((q_2 - q_1) ** 2)
     np.testing.assert_allclose(q, q_1 + along[:, None] * (q_2 - q_1), atol=1e-9)
     assert np.all(np.diff(along) >= -1e-9)
     # The ramps cost two intervals; the grid of TOPPRA costs a little.
-    fastest = TrapezoidTime(q_1, q_2, limits)
+    fastest = trapezoid_time(q_1, q_2, limits)
     assert fastest <= trajectory.end_time() <= 1.03 * fastest + 2.2 * RAMP
 
 
@@ -111,26 +111,26 @@ def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
 def test_polylines_keep_the_limits_and_stay_near_and_are_no_slower_than_stopping(
     iiwa, values, rounding
 ):
-    waypoints = Postures(iiwa, values)
+    waypoints = free_postures(iiwa, values)
     edges = list(itertools.pairwise(waypoints))
     assume(all(iiwa.is_edge_free(*edge) for edge in edges))
-    limits = MotionLimits.OfPlant(iiwa)
-    trajectory = TimeOptimalTrajectory(iiwa, waypoints, limits, rounding=rounding)
-    AssertWithin(iiwa, trajectory, limits)
-    _, q, _, _ = Sampled(trajectory)
+    limits = MotionLimits.of_plant(iiwa)
+    trajectory = time_optimal_trajectory(iiwa, waypoints, limits, rounding=rounding)
+    assert_within(iiwa, trajectory, limits)
+    _, q, _, _ = sampled(trajectory)
     np.testing.assert_allclose(q[[0, -1]], waypoints[[0, -1]], atol=1e-12)
-    distances = np.min([DistanceToSegment(q, *edge) for edge in edges], axis=0)
+    distances = np.min([distance_to_segment(q, *edge) for edge in edges], axis=0)
     # The ramps blur the path by another 0.04^2 / 6 s^2 of the acceleration.
     assert np.max(distances) <= rounding + 0.01
     assert all(iiwa.clearance(x).spare >= -0.002 for x in q[::5])
     ways = np.diff(waypoints, axis=0)
     if rounding == 0.2 and np.all(np.sum(ways[:-1] * ways[1:], axis=1) >= 0.0):
         # Going on beats stopping, unless a corner turns back on a narrow curve.
-        stopping = sum(TrapezoidTime(*edge, limits) + 2 * RAMP for edge in edges)
+        stopping = sum(trapezoid_time(*edge, limits) + 2 * RAMP for edge in edges)
         assert trajectory.end_time() <= stopping
 
 
-def DistanceToSegment(q, q_1, q_2):
+def distance_to_segment(q, q_1, q_2):
     way = q_2 - q_1
     share = np.clip((q - q_1) @ way / max(way @ way, 1e-12), 0.0, 1.0)
     return np.linalg.norm(q - q_1 - share[:, None] * way, axis=1)
@@ -139,22 +139,22 @@ def DistanceToSegment(q, q_1, q_2):
 def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
     down = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     left, right = (
-        SolveInverseKinematics(
+        solve_inverse_kinematics(
             iiwa,
             HandTarget(np.array([0.55, y, 0.3]), RotationMatrix(down)),
             q_nominal=home,
         ).q
         for y in (-0.3, 0.3)
     )
-    limits = MotionLimits.OfPlant(iiwa)
+    limits = MotionLimits.of_plant(iiwa)
     with iiwa.standing(Box((0.3, 0.03, 0.5)), RigidTransform([0.6, 0.0, 0.25])):
-        path = PlanJointPath(iiwa, left, right)
-        trajectory = TimeOptimalTrajectory(iiwa, path, limits)
-        again = TimeOptimalTrajectory(iiwa, path, limits)
-        _, q, _, _ = Sampled(trajectory)
+        path = plan_joint_path(iiwa, left, right)
+        trajectory = time_optimal_trajectory(iiwa, path, limits)
+        again = time_optimal_trajectory(iiwa, path, limits)
+        _, q, _, _ = sampled(trajectory)
         # Grazing by 1 mm is allowed, and as much again between the checks.
         assert min(iiwa.clearance(x).spare for x in q) >= -0.002
-    AssertWithin(iiwa, trajectory, limits)
+    assert_within(iiwa, trajectory, limits)
     for first, second in zip(
         trajectory.control_points(), again.control_points(), strict=True
     ):
@@ -163,25 +163,25 @@ def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
 
 def test_a_line_of_the_hand_stays_a_line_in_time(iiwa, home):
     X_start = iiwa.X_WG(home)
-    target = HandTarget.Pose(X_start).Shifted(np.array([0.1, 0.05, -0.1]))
-    path = PlanCartesianPath(iiwa, home, target)
-    limits = MotionLimits.OfPlant(iiwa).Scaled(acceleration=0.5)
-    trajectory = TimeOptimalTrajectory(iiwa, path, limits, rounding=1e-3)
+    target = HandTarget.from_pose(X_start).shifted(np.array([0.1, 0.05, -0.1]))
+    path = plan_cartesian_path(iiwa, home, target)
+    limits = MotionLimits.of_plant(iiwa).scaled(acceleration=0.5)
+    trajectory = time_optimal_trajectory(iiwa, path, limits, rounding=1e-3)
     way = target.p_WT - X_start.translation()
     way /= np.linalg.norm(way)
-    for q in Sampled(trajectory, 100)[1]:
+    for q in sampled(trajectory, 100)[1]:
         offset = iiwa.X_WG(q).translation() - X_start.translation()
         # 1e-3 rad of rounding, at up to 1 m from the joint that it turns.
         assert np.linalg.norm(offset - (offset @ way) * way) < 1e-3
-    AssertWithin(iiwa, trajectory, limits)
+    assert_within(iiwa, trajectory, limits)
 
 
 def test_jerk_falls_with_the_ramp(iiwa, home):
     waypoints = np.array([home, home + 0.5])
-    limits = MotionLimits.OfPlant(iiwa)
+    limits = MotionLimits.of_plant(iiwa)
     for ramp in (0.02, 0.1):
-        trajectory = TimeOptimalTrajectory(iiwa, waypoints, limits, ramp=ramp)
-        times, _, _, a = Sampled(trajectory)
+        trajectory = time_optimal_trajectory(iiwa, waypoints, limits, ramp=ramp)
+        times, _, _, a = sampled(trajectory)
         jerk = np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None]
         # From one limit to the other within a ramp, at worst; the interval is
         # rounded down to a whole number of them.
@@ -189,17 +189,17 @@ def test_jerk_falls_with_the_ramp(iiwa, home):
 
 
 def test_standing_still_takes_no_more_than_two_ramps(iiwa, home):
-    trajectory = TimeOptimalTrajectory(
-        iiwa, np.array([home, home]), MotionLimits.OfPlant(iiwa), ramp=RAMP
+    trajectory = time_optimal_trajectory(
+        iiwa, np.array([home, home]), MotionLimits.of_plant(iiwa), ramp=RAMP
     )
     assert trajectory.end_time() == pytest.approx(2 * RAMP)
-    _, q, v, _ = Sampled(trajectory, 5)
+    _, q, v, _ = sampled(trajectory, 5)
     np.testing.assert_allclose(q, [home] * 5)
     np.testing.assert_allclose(v, 0.0, atol=1e-12)
 
 
 def test_the_pendulum_states_its_limits(pendulum):
-    limits = MotionLimits.OfPlant(pendulum)
+    limits = MotionLimits.of_plant(pendulum)
     np.testing.assert_allclose(limits.velocity, [2.0, 3.0])
     np.testing.assert_allclose(limits.acceleration, [10.0, 20.0])
     np.testing.assert_allclose(limits.torque, [13.0, 13.0])
@@ -209,19 +209,19 @@ def test_torque_slows_what_lifts_a_weight(pendulum):
     # Level, 2 kg at 0.5 m take 9.81 N m to hold; of 13 N m, 3.2 are left to lift.
     # About y, a negative angle is up.
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
-    limits = MotionLimits.OfPlant(pendulum)
+    limits = MotionLimits.of_plant(pendulum)
     strong = MotionLimits(limits.velocity, limits.acceleration, np.full(2, 1e3))
-    lifting = TimeOptimalTrajectory(pendulum, waypoints, limits)
-    unlimited = TimeOptimalTrajectory(pendulum, waypoints, strong)
+    lifting = time_optimal_trajectory(pendulum, waypoints, limits)
+    unlimited = time_optimal_trajectory(pendulum, waypoints, strong)
     assert lifting.end_time() > unlimited.end_time() + 0.02
-    AssertWithin(pendulum, lifting, limits)
-    _, q, v, a = Sampled(unlimited)
-    assert np.max(np.abs(Torques(pendulum, q, v, a))) > 1.05 * 13.0
+    assert_within(pendulum, lifting, limits)
+    _, q, v, a = sampled(unlimited)
+    assert np.max(np.abs(torques_of(pendulum, q, v, a))) > 1.05 * 13.0
 
 
 def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
-    limits = MotionLimits.OfPlant(pendulum).Scaled(torque=0.6)  # 7.8 of 9.81 N m
-    failure = TimeOptimalTrajectory(
+    limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
+    failure = time_optimal_trajectory(
         pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits
     )
     assert isinstance(failure, PathFailure)
@@ -231,15 +231,17 @@ def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
 
 def test_a_payload_slows_and_can_be_too_much(pendulum, loaded_pendulum):
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
-    limits = MotionLimits.OfPlant(pendulum)
-    bare = TimeOptimalTrajectory(pendulum, waypoints, limits)
-    loaded = TimeOptimalTrajectory(loaded_pendulum, waypoints, limits)
+    limits = MotionLimits.of_plant(pendulum)
+    bare = time_optimal_trajectory(pendulum, waypoints, limits)
+    loaded = time_optimal_trajectory(loaded_pendulum, waypoints, limits)
     assert loaded.end_time() > bare.end_time() + 0.02
     # 12.26 N m to hold 2.5 kg, 9.81 N m to hold 2 kg.
-    weak = limits.Scaled(torque=12.0 / 13.0)
-    assert not isinstance(TimeOptimalTrajectory(pendulum, waypoints, weak), PathFailure)
+    weak = limits.scaled(torque=12.0 / 13.0)
+    assert not isinstance(
+        time_optimal_trajectory(pendulum, waypoints, weak), PathFailure
+    )
     assert isinstance(
-        TimeOptimalTrajectory(loaded_pendulum, waypoints, weak), PathFailure
+        time_optimal_trajectory(loaded_pendulum, waypoints, weak), PathFailure
     )
 
 
@@ -254,4 +256,4 @@ def test_a_payload_slows_and_can_be_too_much(pendulum, loaded_pendulum):
 )
 def test_nonsense_is_refused(iiwa, waypoints, changes, message):
     with pytest.raises(ValueError, match=message):
-        TimeOptimalTrajectory(iiwa, waypoints, MotionLimits.OfPlant(iiwa), **changes)
+        time_optimal_trajectory(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)

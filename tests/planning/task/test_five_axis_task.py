@@ -9,11 +9,11 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from drake_srg.cell import MakeTaskPlanner
 from drake_srg.cell.goals import goal_pose
 from drake_srg.planning.grasps.grasps import pose_along
-from drake_srg.planning.motion.follow import Follow
+from drake_srg.planning.motion.follow import follow
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkSolution,
-    SolveInverseKinematics,
+    solve_inverse_kinematics,
 )
 from drake_srg.planning.task.moves import TaskFailure
 from drake_srg.scenario import load_scenario
@@ -142,9 +142,7 @@ def test_all_keeps_clear(planner, posed):
     scene = planner.scene
     for mode in MOVING:
         held = mode in HELD
-        scene.set_fingers(
-            task.grasp.fingers_closed if held else task.grasp.fingers_open
-        )
+        scene.SetFingers(task.grasp.fingers_closed if held else task.grasp.fingers_open)
         for q in samples(task.motions[mode]):
             clearance = scene.clearance(q)
             # Corners of timed paths are rounded: some of the margin goes, not all.
@@ -154,7 +152,7 @@ def test_all_keeps_clear(planner, posed):
 def test_what_is_carried_hits_nothing(planner, posed):
     _, task = posed
     scene = planner.scene
-    scene.set_fingers(task.grasp.fingers_closed)
+    scene.SetFingers(task.grasp.fingers_closed)
     with scene.holding(CYLINDER, task.grasp.X_GO, margin=-0.003):
         for q in samples(task.motions[Mode.TRANSFER]):
             assert scene.clearance(q).spare > 0.0
@@ -209,10 +207,10 @@ def test_both_inverse_kinematics_agree_on_the_five_joint_task(planner, where, as
     assume(least_gain(scene, q, p_GT) > 0.05)
     target, start = exactly(scene, q, p_GT), q + 0.1 * aside
 
-    program = SolveInverseKinematics(
+    program = solve_inverse_kinematics(
         scene, target, q_nominal=start, check_clearance=False
     )
-    followed = Follow(scene, target, start)
+    followed = follow(scene, target, start)
     assert isinstance(program, IkSolution)
     assert followed is not None
     axis_W = target.axes[0].direction_W
@@ -230,7 +228,7 @@ def test_an_exact_axis_is_not_met_by_its_opposite(planner):
     start = np.deg2rad([0.0, 0.0, 0.0, 110.0, 5.0])
     z = scene.X_WG(start).rotation().matrix()[:, 2]
     assert z @ target.axes[0].direction_W < -0.9
-    found = SolveInverseKinematics(
+    found = solve_inverse_kinematics(
         scene, target, q_nominal=start, check_clearance=False
     )
     assert isinstance(found, IkSolution)

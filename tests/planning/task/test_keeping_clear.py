@@ -163,7 +163,7 @@ def test_what_is_seen_just_beside_the_hand_is_the_hand(planner, gap, itself):
     def speck(y):
         return Box([0.004] * 3), X_WG @ RigidTransform([0.05, y, 0.0])
 
-    planner.scene.set_fingers({})
+    planner.scene.SetFingers({})
     # Along the palm's y, how far out the hand reaches.
     side = next(
         y for y in np.arange(0.3, 0.0, -0.0005) if planner.scene.touches(q, *speck(y))
