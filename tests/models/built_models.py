@@ -1,4 +1,4 @@
-"""Plants of single models, and what their tests measure."""
+"""Plants of single models, and measurements on them."""
 
 from __future__ import annotations
 
@@ -36,8 +36,13 @@ BASES = {
 }
 
 
+CAN = "005_tomato_soup_can"
+NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
+SEED = 20240607
+
+
 class Built:
-    """A plant of the named model, welded at its base."""
+    """A plant with one model, welded to the world at its base if it has one."""
 
     def __init__(self, name: str) -> None:
         builder = DiagramBuilder()
@@ -75,7 +80,7 @@ class Built:
             self.plant.GetJointByName(name).set_angle(self.plant_context, angle)
 
     def touching(self) -> set[tuple[str, str]]:
-        """The pairs of bodies that penetrate each other by more than 10 µm."""
+        """Return the pairs of bodies that penetrate each other by more than 10 µm."""
         context = self.scene_graph.GetMyContextFromRoot(self.context)
         query = self.scene_graph.get_query_output_port().Eval(context)
         pairs = set()

@@ -20,26 +20,26 @@ JOINTS = tuple(
 )
 CRANK, RADIUS, PALM_TO_TIP = 0.045, 0.0125, 0.095
 OPEN_HALF_GAP = 0.030
-# Of a crank that points straight ahead and holds the cylinder [rad].
+# Angle [rad] of a crank that points straight ahead and holds the cylinder.
 STRAIGHT = float(np.arcsin((OPEN_HALF_GAP - RADIUS) / CRANK))
 SERVO_TORQUE, SERVO_SPEED = 0.52, 103 * 2 * np.pi / 60  # XL330-M288-T at 5 V
 SERVO_INERTIA = 0.00199  # identified, kg m²
 
 
 def half_gap(q: float) -> float:
-    """From the middle to a flat pad, or to the deepest line of a curved one."""
+    """Return the distance from the middle to a flat pad or a curved one's bottom."""
     return RADIUS + CRANK * float(np.sin(STRAIGHT - q))
 
 
 def at(name: str, q: float) -> Built:
-    """With all joints at the one angle that they have while the loops are closed."""
+    """Return the model with all joints at `q`, where the loops are closed."""
     built = Built(name)
     built.set_joints(**dict.fromkeys(JOINTS, q))
     return built
 
 
-def touched(built: Built, word: str = "") -> np.ndarray:
-    """Corners in the palm's frame of the collision geometry named so."""
+def collision_corners(built: Built, word: str = "") -> np.ndarray:
+    """Return the corners, in the palm's frame, of geometry with `word` in its name."""
     points = [np.empty((0, 3))]
     for body in built.bodies():
         X_GB = built.plant.EvalBodyPoseInWorld(built.plant_context, body)
@@ -64,7 +64,7 @@ def test_parses_without_a_warning(name, caplog):
 
 
 @pytest.mark.parametrize("name", VARIANTS)
-def test_eight_revolute_joints_of_which_two_are_driven(name):
+def test_has_eight_revolute_joints_two_of_them_driven(name):
     plant = build(name).plant
     moving = [
         plant.get_joint(j)
@@ -82,14 +82,14 @@ def test_eight_revolute_joints_of_which_two_are_driven(name):
         assert inertia == pytest.approx(SERVO_INERTIA, rel=1e-4)
         joint = actuator.joint()
         assert joint.velocity_upper_limits() == pytest.approx([SERVO_SPEED], rel=1e-3)
-        # Back-EMF: no torque is left at full speed.
+        # Back-EMF leaves no torque at full speed.
         assert joint.default_damping() == pytest.approx(
             SERVO_TORQUE / SERVO_SPEED, rel=1e-2
         )
 
 
 def test_loops_are_closed_by_constraints():
-    # Two balls a finger; or three joints a finger that follow its crank's.
+    # Per finger: two balls, or three joints that mimic the crank's.
     assert build("linkage_gripper").plant.num_constraints() == 4
     assert build("linkage_gripper_flat").plant.num_constraints() == 4
     assert build("linkage_gripper_fast").plant.num_constraints() == 6
@@ -106,17 +106,17 @@ def test_the_halves_of_the_couplers_meet(name, q):
             )
             for link in ("tip", "coupler")
         )
-        # The rocker's pin is 10 mm outwards of the crank's.
+        # The rocker's pin is 10 mm outside the crank's.
         np.testing.assert_allclose(X_GT @ [0, -0.010, 0], X_GC @ [0, 0, 0], atol=1e-9)
         np.testing.assert_allclose(X_GT @ [0, 0, 0], X_GC @ [0, 0.010, 0], atol=1e-9)
-        # A parallelogram keeps the fingertip's x along the palm's.
+        # The parallelogram keeps the fingertip's x parallel to the palm's.
         x = X_GT.rotation().matrix()[:, 0]
         np.testing.assert_allclose(x, [1, 0, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize("q", (0.0, 0.2, STRAIGHT, 0.6, 0.68))
 def test_gap_and_reach_by_the_cranks_angle(q):
-    pads = touched(at("linkage_gripper_flat", q), "_pad")
+    pads = collision_corners(at("linkage_gripper_flat", q), "_pad")
     left, right = pads[pads[:, 1] > 0], pads[pads[:, 1] < 0]
     assert left[:, 1].min() == pytest.approx(half_gap(q), abs=1e-6)
     assert right[:, 1].max() == pytest.approx(-half_gap(q), abs=1e-6)
@@ -127,24 +127,24 @@ def test_gap_and_reach_by_the_cranks_angle(q):
 
 @pytest.mark.parametrize("name", VARIANTS)
 @pytest.mark.parametrize("q", (0.0, 0.2, STRAIGHT, 0.6))
-def test_it_fits_the_places_it_works_in(name, q):
+def test_fits_into_its_workplace(name, q):
     built = at(name, q)
-    points = touched(built)
-    # Low: the middle of a cylinder in the recess is 20 mm above the table.
+    points = collision_corners(built)
+    # Height: the middle of a cylinder in the recess is 20 mm above the table.
     assert np.max(np.abs(points[:, 2])) <= 0.014 + 1e-9
-    # Short: that of a lying cylinder, 12.5 mm.
+    # Length: the middle of a lying cylinder is 12.5 mm above the table.
     assert np.max(points[:, 0]) <= PALM_TO_TIP + 0.0095
 
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_left_and_right_are_mirrored(name):
     for q in (0.0, 0.5):
-        points = np.round(touched(at(name, q)), 6) + 0.0
+        points = np.round(collision_corners(at(name, q)), 6) + 0.0
         mirrored = np.round(points * (1, -1, 1), 6) + 0.0
         assert set(map(tuple, points)) == set(map(tuple, mirrored))
 
 
-def test_curved_pads_are_cut_to_the_cylinder():
+def test_curved_pads_follow_the_cylinder():
     built = at("linkage_gripper", STRAIGHT)
     for finger in FINGERS:
         tip = built.plant.GetBodyByName(f"{finger}_tip")
@@ -152,8 +152,8 @@ def test_curved_pads_are_cut_to_the_cylinder():
         pads = Distances([shape for shape in shapes if "_pad_" in shape[0]])
         X_TG = tip.EvalPoseInWorld(built.plant_context).inverse()
         side = 1.0 if finger == "master" else -1.0
-        # 40 degrees to each side of the middle; chords of 80 / 3 degrees are at most
-        # R (1 / cos(40 / 3 degrees) - 1) = 0.35 mm outside of the circle.
+        # The pads cover 40 degrees to each side of the middle. Chords of 80 / 3 degrees
+        # are at most R (1 / cos(40 / 3 degrees) - 1) = 0.35 mm outside the circle.
         for angle in np.radians(np.linspace(-39, 39, 27)):
             direction = np.array([np.sin(angle), side * np.cos(angle), 0.0])
             p_G = np.array([PALM_TO_TIP, 0, 0]) + RADIUS * direction
@@ -161,7 +161,7 @@ def test_curved_pads_are_cut_to_the_cylinder():
             assert -1e-6 < distance < 3.5e-4, np.degrees(angle)
 
 
-def test_only_the_pads_are_soft_and_no_two_of_them_alike():
+def test_only_the_pads_are_soft_with_a_modulus_per_finger():
     for name in VARIANTS:
         built = build(name)
         moduli = {}
@@ -189,7 +189,7 @@ def test_only_the_fingertips_touch():
 
 @pytest.mark.parametrize("name", VARIANTS)
 def test_mass(name):
-    """Two servos of 18 g and light printed parts: what a hobby arm can carry."""
+    """Two servos of 18 g and light printed parts, which a hobby arm can carry."""
     built = build(name)
     mass = built.plant.CalcTotalMass(built.plant_context, [built.model])
     assert 2 * 0.018 < mass < 0.1
