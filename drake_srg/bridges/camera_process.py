@@ -17,9 +17,9 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
 from drake_srg.cell.perception import AddLocalizer
-from drake_srg.common.ports import Ports
+from drake_srg.common.ports import ExportOutputs
 from drake_srg.scenario import Scenario
-from drake_srg.station.cameras import AddRemoteCameras
+from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.types import Vector
 
 _PATIENCE = 2.0  # how long to wait for the process and the thread to end [s]
@@ -133,12 +133,12 @@ class _Viewer:
 
     def __init__(self, scenario: Scenario, camera: str) -> None:
         builder = DiagramBuilder()
-        state, outputs = AddRemoteCameras(builder, scenario)
-        ports = Ports({"state": state}, outputs)
+        cameras = builder.AddNamedSystem("cameras", MakeRemoteCameras(scenario))
+        builder.ExportInput(cameras.GetInputPort("state"), "state")
+        ExportOutputs(builder, cameras)
         if scenario.localizer.cameras:
-            localizer = AddLocalizer(builder, scenario, ports)
-            ports.outputs["blobs"] = localizer.GetOutputPort("blobs")
-        ports.Export(builder)
+            localizer = AddLocalizer(builder, scenario, cameras)
+            builder.ExportOutput(localizer.GetOutputPort("blobs"), "blobs")
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._camera = camera

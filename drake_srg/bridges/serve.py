@@ -11,22 +11,26 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, Diagram
 
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox, Warnings, station_topics
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
-from drake_srg.bridges.served_station import AddServedStation
+from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.common.errors import ScenarioError, scenario_errors
-from drake_srg.common.ports import Ports, output_ports
+from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
+from drake_srg.simulation.flat import NewRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
+from drake_srg.types import Vector
 
 _STATUS_PERIOD = 0.5  # time between status reports [s, real]
 
@@ -93,24 +97,24 @@ def Serve(
     failure: ScenarioError | None = None
     recording: Path | None = None
     with contextlib.ExitStack() as stack:
+        builder, station = NewRoot(
+            "served_station", MakeServedStation, AddServedStation, scenario, name
+        )
         with scenario_errors(name):
-            builder = DiagramBuilder()
-            station = AddServedStation(builder, scenario)
             stack.enter_context(output_folder(out))
             if out is not None:
                 bag = AddRosbagRecorder(builder, station, scenario, out)
                 recording = stack.enter_context(bag).path
             joints = () if scenario.gripper is None else scenario.gripper.joint_names
-            plant = builder.GetSubsystemByName("plant")
+            plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
             inbox = CommandInbox(
-                station_topics(plant, station.inputs, joints), warnings
+                station_topics(plant, input_ports(station), joints), warnings
             )
             topics = recorded_topics(station, scenario)
-            station.Export(builder)
             simulator = Simulator(builder.Build())
             ApplySimulatorConfig(scenario.simulator_config, simulator)
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
-            _fix_defaults(simulator)
+            _fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()
         pictures = Pictures(scenario, warnings)
         outlet = Outlet(connect(inbox, [*topics, *pictures.topics.values()]), warnings)
@@ -121,7 +125,7 @@ def Serve(
         start = wall.monotonic()
         try:
             _run(
-                _Loop(name, simulator, topics, pictures, inbox, outlet),
+                _Loop(name, simulator, station, topics, pictures, inbox, outlet),
                 control_period(scenario),
                 name,
                 rate,
@@ -137,22 +141,21 @@ def Serve(
     return Served(time, elapsed, inbox.received, recording)
 
 
-def _check_ports(name: str, bridges: Sequence[Bridge], station: Ports) -> None:
+def _check_ports(name: str, bridges: Sequence[Bridge], station: Diagram) -> None:
     wanted = {port for bridge in bridges for port in bridge.ports}
-    missing = sorted(wanted - station.outputs.keys())
+    outputs = output_ports(station)
+    missing = sorted(wanted - outputs.keys())
     if missing:
         raise ScenarioError(
             f"{name}: the station has no {', '.join(missing)}; "
-            f"it has {', '.join(station.outputs)}"
+            f"it has {', '.join(outputs)}"
         )
 
 
-def _fix_defaults(simulator: Simulator) -> None:
+def _fix_defaults(station: Diagram, context: Context) -> None:
     """Open the gripper until somebody commands it: its closure needs a value."""
-    diagram = simulator.get_system()
-    if diagram.HasInputPort("gripper.closure_commanded"):
-        port = diagram.GetInputPort("gripper.closure_commanded")
-        port.FixValue(simulator.get_mutable_context(), [0.0])
+    if station.HasInputPort("gripper.closure_commanded"):
+        station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.0])
 
 
 class _Loop:
@@ -162,6 +165,7 @@ class _Loop:
         self,
         name: str,
         simulator: Simulator,
+        station: Diagram,
         topics: Sequence[Topic],
         pictures: Pictures,
         inbox: CommandInbox,
@@ -170,13 +174,14 @@ class _Loop:
         self._name, self._simulator = name, simulator
         self.inbox, self.outlet = inbox, outlet
         self._topics, self._pictures = topics, pictures
-        self._diagram = simulator.get_system()
-        self._context = simulator.get_mutable_context()
-        self._ports = output_ports(self._diagram)
+        self._root = simulator.get_mutable_context()
+        self._station = station
+        self._context = my_context(station, self._root)
+        self._ports = output_ports(station)
         # The integrator of a continuous plant chooses its own steps: there, a control
         # period counts as one.
-        plant = self._diagram.GetSubsystemByName("plant")
-        self._plant_step = plant.time_step() or math.inf
+        self._plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
+        self._plant_step = self._plant.time_step() or math.inf
         self._wanted = sorted({name for b in outlet.bridges for name in b.ports})
 
     def advance(self, until: float) -> None:
@@ -187,8 +192,8 @@ class _Loop:
         which clients would otherwise wait.
         """
         for name, value in self.inbox.take().items():
-            self._diagram.GetInputPort(name).FixValue(self._context, value)
-        time = min(self._context.get_time() + self._plant_step, until)
+            self._station.GetInputPort(name).FixValue(self._context, value)
+        time = min(self._root.get_time() + self._plant_step, until)
         self._advance_to(time)
         values = {name: self._value(name) for name in self._wanted}
         self.outlet.update(time, values)
@@ -196,13 +201,17 @@ class _Loop:
             if self.outlet.has_subscribers(topic.name):
                 payload = [self._value(name) for name in topic.ports]
                 self.outlet.send(topic, time, payload)
-        self._pictures.look(time, lambda: self._value("plant.state"), self.outlet)
+        self._pictures.look(time, self._plant_state, self.outlet)
         if time < until:  # CENIC takes no step of zero length
             self._advance_to(until)
 
     def _advance_to(self, time: float) -> None:
         with failure_time(self._name, self._simulator):
             self._simulator.AdvanceTo(time)
+
+    def _plant_state(self) -> Vector:
+        context = self._plant.GetMyContextFromRoot(self._root)
+        return np.array(self._plant.get_state_output_port().Eval(context))
 
     def _value(self, name: str) -> Any:
         port = self._ports.get(name)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Callable
 
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from drake_srg.arm.drivers import AddJerkLimits
-from drake_srg.common.ports import Ports
+from drake_srg.common.ports import ExportOutputs, input_ports
 from drake_srg.scenario import Scenario
-from drake_srg.station import AddStation
+from drake_srg.station import MakeStation
 
 
-def AddServedStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
-    """Add a station that external clients command; return its ports.
+def MakeServedStation(scenario: Scenario) -> Diagram:
+    """Build the diagram of a station that external clients command.
 
     .. pydrake_system::
 
@@ -24,30 +25,49 @@ def AddServedStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         - arm.position_desired
         output_ports:
         - (all of the station's except the cameras')
-        - plant.state
         - arm.position_commanded
         - gripper.closure_commanded
 
     `arm.position_desired` (N) [rad or m] reaches the arm through a
-    `JerkLimitedReference` that starts at the arm's home position. `plant.state` feeds
-    `AddRemoteCameras`.
+    `JerkLimitedReference` that starts at the arm's home position. The subsystem
+    `station` is the station without cameras; `MakeRemoteCameras` renders its plant's
+    state in another process.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    ports = AddStation(builder, dc.replace(scenario, cameras={}))
-    plant = builder.GetSubsystemByName("plant")
-    ports.outputs["plant.state"] = plant.get_state_output_port()
+    builder = DiagramBuilder()
+    AddServedStation(builder, scenario)
+    diagram = builder.Build()
+    diagram.set_name("served_station")
+    return diagram
+
+
+def AddServedStation(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    make_station: Callable[[Scenario], Diagram] = MakeStation,
+) -> None:
+    """Add the systems of `MakeServedStation` to a diagram, and export their ports.
+
+    Raises:
+        ScenarioError: If the models do not fit the scenario.
+    """
+    unseeing = dc.replace(scenario, cameras={})
+    station = builder.AddNamedSystem("station", make_station(unseeing))
+    ExportOutputs(builder, station)
+    inputs = input_ports(station)
     if scenario.arm is not None:
+        commanded = inputs.pop("arm.position_commanded")
         reference = AddJerkLimits(builder, scenario.arm)
-        commanded = ports.inputs.pop("arm.position_commanded")
         builder.Connect(reference.get_output_port(), commanded)
-        ports.inputs["arm.position_desired"] = reference.get_input_port()
-        ports.outputs["arm.position_commanded"] = reference.get_output_port()
-    closure = ports.inputs.get("gripper.closure_commanded")
-    if closure is not None:
+        builder.ExportInput(reference.get_input_port(), "arm.position_desired")
+        builder.ExportOutput(reference.get_output_port(), "arm.position_commanded")
+    if scenario.gripper is not None:
+        closure = inputs.pop("gripper.closure_commanded")
         command = builder.AddNamedSystem("closure_commanded", PassThrough(1))
         builder.Connect(command.get_output_port(), closure)
-        ports.inputs["gripper.closure_commanded"] = command.get_input_port()
-        ports.outputs["gripper.closure_commanded"] = command.get_output_port()
-    return ports
+        builder.ExportInput(command.get_input_port(), "gripper.closure_commanded")
+        builder.ExportOutput(command.get_output_port(), "gripper.closure_commanded")
+    for name, port in inputs.items():
+        builder.ExportInput(port, name)

@@ -1,22 +1,20 @@
 """The cell: a station with localizer and planner, the autonomous system."""
 
 import copy
+from collections.abc import Callable
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner
 from drake_srg.common.errors import ScenarioError, scenario_errors
-from drake_srg.common.ports import Ports, input_ports, output_ports
+from drake_srg.common.ports import ExportOutputs
 from drake_srg.objects.disturbances import Disturber, Target
-from drake_srg.objects.models import (
-    object_body,
-    simple_shape,
-)
-from drake_srg.scenario import Scenario, is_continuous
-from drake_srg.station import AddStation, MakeStation
+from drake_srg.objects.models import object_body, simple_shape
+from drake_srg.scenario.schema import Scenario
+from drake_srg.station.station import MakeStation
 
-# What a planner commands, and what that is called at the station.
+# The planner's commands, and the station's names for them.
 _COMMANDS = (
     ("position_commanded", "arm.position_commanded"),
     ("closure_commanded", "gripper.closure_commanded"),
@@ -24,8 +22,10 @@ _COMMANDS = (
 
 
 @scenario_errors()
-def MakeCell(scenario: Scenario) -> Diagram:
-    """Build the diagram of a station whose task a localizer and a planner do.
+def MakeCell(
+    scenario: Scenario, make_station: Callable[[Scenario], Diagram] = MakeStation
+) -> Diagram:
+    """Build the diagram of a station, a localizer and a planner.
 
     .. pydrake_system::
 
@@ -40,23 +40,30 @@ def MakeCell(scenario: Scenario) -> Diagram:
 
     The subsystems are named `station`, `localizer`, `planner` and, where the scenario
     has disturbances, `disturber`. To replace one, build the diagram with your own in
-    its place: this function is short for that reason.
+    its place: `AddCell` is short for that reason.
 
     Where the scenario has a `script`, the planner plays it, and there is no localizer.
-    Where its plant is continuous, what is in the station is in the cell itself.
+
+    Args:
+        scenario: The cell to build.
+        make_station: Builds the station: any diagram with the ports of `MakeStation`'s.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
     builder = DiagramBuilder()
-    AddCell(builder, scenario).Export(builder)
+    AddCell(builder, scenario, make_station)
     diagram = builder.Build()
     diagram.set_name("cell")
     return diagram
 
 
-def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
-    """Add what `MakeCell` makes a diagram of to a diagram, and return its ports.
+def AddCell(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    make_station: Callable[[Scenario], Diagram] = MakeStation,
+) -> None:
+    """Add the systems of `MakeCell` to a diagram, and export their ports.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -70,13 +77,8 @@ def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
     missing = [key for key, value in needed.items() if not value]
     if missing:
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
-    station: Diagram | Ports
-    if is_continuous(scenario):
-        # Drake's CENIC integrator looks for the plant among the root's own subsystems.
-        station = AddStation(builder, scenario)
-    else:
-        station = builder.AddNamedSystem("station", MakeStation(scenario))
-    ports = Ports()
+    station = builder.AddNamedSystem("station", make_station(scenario))
+    ExportOutputs(builder, station)
     planner: System
     if scenario.script:
         planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
@@ -93,31 +95,24 @@ def AddCell(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         if scenario.localizer.obstacles:
             finder = AddObstacleFinder(builder, scenario, station, localizer)
             builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
-        ports.outputs["localizer.blobs"] = localizer.GetOutputPort("blobs")
+        builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
     AddDisturber(builder, scenario, station, planner)
-    ports.outputs |= output_ports(station)
     for name, exported in (
         ("mode", "planner.mode"),
         ("status", "planner.status"),
         *_COMMANDS,
     ):
-        ports.outputs[exported] = planner.GetOutputPort(name)
-    return ports
+        builder.ExportOutput(planner.GetOutputPort(name), exported)
 
 
 def AddDisturber(
-    builder: DiagramBuilder,
-    scenario: Scenario,
-    station: Diagram | Ports,
-    planner: System,
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram, planner: System
 ) -> None:
-    """Add what lets a scenario's disturbances happen, where it has any.
+    """Add the system that applies a scenario's disturbances, where it has any.
 
     It is connected to the station and to the planner's `mode`.
     """
-    plant = (builder if isinstance(station, Ports) else station).GetSubsystemByName(
-        "plant"
-    )
+    plant = station.GetSubsystemByName("plant")
     disturbances = []
     for disturbance in scenario.disturbances:
         name = disturbance.object or scenario.task.pick
@@ -130,7 +125,7 @@ def AddDisturber(
             disturbances.append((disturbance, target))
     if not disturbances:
         return
-    # With CENIC, a power of two: see `scenario_checks`.
+    # With CENIC, a power of two: see `drake_srg.scenario.checks`.
     period = scenario.plant_config.time_step or 1.0 / 256.0
     disturber = builder.AddNamedSystem("disturber", Disturber(disturbances, period))
     builder.Connect(planner.GetOutputPort("mode"), disturber.GetInputPort("mode"))
@@ -138,17 +133,23 @@ def AddDisturber(
         station.GetOutputPort("object_poses_cheat"),
         disturber.GetInputPort("object_poses"),
     )
-    for port in input_ports(station, "object_forces_cheat"):
-        builder.Connect(disturber.GetOutputPort("object_forces"), port)
+    builder.Connect(
+        disturber.GetOutputPort("object_forces"),
+        station.GetInputPort("object_forces_cheat"),
+    )
 
 
 def ConnectPlanner(
-    builder: DiagramBuilder,
-    station: Diagram | Ports,
-    localizer: System,
-    planner: System,
+    builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
 ) -> None:
-    """Connect a planner with our ports to a station and a localizer."""
+    """Connect a planner with the ports of `PickAndPlacePlanner` to its neighbours.
+
+    Args:
+        builder: Builder of the diagram that holds all three.
+        station: A station with the ports of `MakeStation`'s.
+        localizer: A system with the output port `blobs`.
+        planner: The planner.
+    """
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
     for source, target in (
         ("arm.state_measured", "arm_state"),
@@ -157,7 +158,7 @@ def ConnectPlanner(
         ("gripper.proximity", "proximity"),
     ):
         builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
-    if "arm.external_torque" in output_ports(station):
+    if station.HasOutputPort("arm.external_torque"):
         builder.Connect(
             station.GetOutputPort("arm.external_torque"),
             planner.GetInputPort("external_torque"),
@@ -165,9 +166,7 @@ def ConnectPlanner(
     ConnectCommands(builder, station, planner)
 
 
-def ConnectCommands(
-    builder: DiagramBuilder, station: Diagram | Ports, planner: System
-) -> None:
-    """Connect what a planner commands to a station."""
+def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+    """Connect a planner's commands to a station."""
     for source, target in _COMMANDS:
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))

@@ -6,7 +6,6 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
 from drake_srg.common.errors import ScenarioError, scenario_errors
-from drake_srg.common.ports import Ports
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import known_shape
 from drake_srg.scenario import Scenario
@@ -23,10 +22,10 @@ _RECESS = 0.01
 
 
 def AddLocalizer(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> BlobLocalizer:
     """Add the localizer of a scenario, connected to the station's cameras."""
-    cameras = _camera_models(builder, scenario, station)
+    cameras = _camera_models(scenario, station)
     localizer = builder.AddNamedSystem(
         "localizer",
         BlobLocalizer(
@@ -48,11 +47,11 @@ def AddLocalizer(
 def AddObstacleFinder(
     builder: DiagramBuilder,
     scenario: Scenario,
-    station: Diagram | Ports,
+    station: Diagram,
     localizer: System,
 ) -> ObstacleFinder:
     """Add what finds things in the way, connected to the station and the localizer."""
-    cameras = _camera_models(builder, scenario, station)
+    cameras = _camera_models(scenario, station)
     known = {n: known_shape(n, config) for n, config in scenario.objects.items()}
     finder = builder.AddNamedSystem(
         "obstacle_finder",
@@ -77,7 +76,7 @@ def AddObstacleFinder(
 def _leveled(
     builder: DiagramBuilder,
     scenario: Scenario,
-    station: Diagram | Ports,
+    station: Diagram,
     name: str,
     camera: CameraModel,
 ) -> OutputPort:
@@ -91,13 +90,10 @@ def _leveled(
     return leveling.get_output_port()
 
 
-def _camera_models(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram | Ports
-) -> dict[str, CameraModel]:
+def _camera_models(scenario: Scenario, station: Diagram) -> dict[str, CameraModel]:
     """Models of the localizer's cameras."""
-    around = builder if isinstance(station, Ports) else station
     return {
-        name: CameraModel.from_sensor(around.GetSubsystemByName(f"rgbd_sensor_{name}"))
+        name: CameraModel.from_sensor(station.GetSubsystemByName(f"rgbd_sensor_{name}"))
         for name in scenario.localizer.cameras
     }
 

@@ -10,10 +10,12 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventSta
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.cell import MakeCell
+from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.errors import scenario_errors
+from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario, list_scenarios
-from drake_srg.simulation import Simulate, failure_time
+from drake_srg.simulation.flat import NewRoot
+from drake_srg.simulation.simulate import Simulate, failure_time
 from drake_srg.station.plant import MakePlant
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
@@ -121,12 +123,13 @@ def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
 
 def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:
     """What the plant's inputs were at each of its steps, in a run."""
+    builder, cell = NewRoot("cell", MakeCell, AddCell, scenario, name)
     with scenario_errors(name):
-        cell = MakeCell(scenario)
-        simulator = Simulator(cell)
+        diagram = builder.Build()
+        simulator = Simulator(diagram)
         ApplySimulatorConfig(scenario.simulator_config, simulator)
-    nested = cell.HasSubsystemNamed("station")
-    station = cell.GetSubsystemByName("station") if nested else cell
+    station = cell.GetSubsystemByName("station")
+    cell_context = my_context(cell, simulator.get_context())
     times: list[float] = []
     rows: list[list[Vector]] = [[] for _ in _PLANT_INPUTS]
     ports = [
@@ -139,9 +142,9 @@ def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomi
         for (driver, output), values in zip(ports, rows, strict=True):
             context = driver.GetMyContextFromRoot(root)
             values.append(np.array(driver.GetOutputPort(output).Eval(context)))
-        status: PlannerStatus = cell.GetOutputPort("planner.status").Eval(root)
+        status: PlannerStatus = cell.GetOutputPort("planner.status").Eval(cell_context)
         if status.mode in (Mode.DONE, Mode.FAILED):
-            return EventStatus.ReachedTermination(cell, "the planner has ended")
+            return EventStatus.ReachedTermination(diagram, "the planner has ended")
         return EventStatus.Succeeded()
 
     simulator.set_monitor(monitor)

@@ -7,7 +7,7 @@ from pathlib import Path
 from pydrake.multibody.tree import Joint, PrismaticJoint
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.common.ports import Ports, output_ports
+from drake_srg.common.ports import output_ports
 from drake_srg.recording.log import write_log
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
@@ -18,7 +18,7 @@ from drake_srg.simulation.metrics import MODES
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
-__all__ = ["FILES", "AddRecorders", "output_ports", "run_timeline", "write_samples"]
+__all__ = ["FILES", "AddRecorders", "run_timeline", "write_samples"]
 
 # Artifacts of a run: kind to file.
 FILES = {
@@ -30,7 +30,7 @@ FILES = {
 
 
 def AddRecorders(
-    builder: DiagramBuilder, cell: Diagram | Ports, scenario: Scenario, out: Path
+    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
 ) -> dict[str, VideoRecorder | RosbagRecorder]:
     """Add what records video.mp4 and recording.mcap, connected to the cell.
 
@@ -62,7 +62,7 @@ def AddRecorders(
 
 
 def AddRosbagRecorder(
-    builder: DiagramBuilder, cell: Diagram | Ports, scenario: Scenario, out: Path
+    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
 ) -> RosbagRecorder:
     """Add what records recording.mcap, connected to a cell or a station.
 
@@ -82,7 +82,7 @@ def AddRosbagRecorder(
     return bag
 
 
-def recorded_topics(cell: Diagram | Ports, scenario: Scenario) -> list[Topic]:
+def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
     """Return those topics of a cell for which this one, or a station, has ports."""
     config = scenario.recording
     gripper_joints, sensors = _gripper_names(scenario)

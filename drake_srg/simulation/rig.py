@@ -27,13 +27,13 @@ from pydrake.systems.framework import DiagramBuilder, PortDataType
 
 from drake_srg.common.errors import ScenarioError, scenario_errors
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
+from drake_srg.common.ports import output_ports
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous, load_scenario
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.metrics import pose_to_row
-from drake_srg.simulation.recorders import output_ports
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
 

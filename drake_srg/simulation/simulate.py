@@ -9,20 +9,17 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import (
-    Context,
-    Diagram,
-    DiagramBuilder,
-)
+from pydrake.systems.framework import Context, Diagram
 from tqdm import tqdm
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.errors import ScenarioError, one_line, scenario_errors
-from drake_srg.common.ports import Ports, output_ports
+from drake_srg.common.ports import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.recording.output import output_folder
-from drake_srg.scenario import Scenario, is_continuous
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.flat import NewRoot
 from drake_srg.simulation.metrics import (
     MODES,
     Metrics,
@@ -98,18 +95,9 @@ def Simulate(
     whole = make_cell is not MakeCell
     built = scenario if whole else _with_eyes_only(scenario, record and out is not None)
     with contextlib.ExitStack() as stack:
+        add = AddCell if make_cell is MakeCell else None
+        builder, cell = NewRoot("cell", make_cell, add, built, name)
         with scenario_errors(name):
-            builder = DiagramBuilder()
-            cell: Diagram | Ports
-            if is_continuous(scenario):
-                if make_cell is not MakeCell:
-                    raise ScenarioError(
-                        "plant_config.time_step: a cell of one's own needs discrete "
-                        "steps, greater than 0.0"
-                    )
-                cell = AddCell(builder, built)
-            else:
-                cell = builder.AddNamedSystem("cell", make_cell(built))
             # Better now than after the run.
             stack.enter_context(output_folder(out))
             if out is not None and record:
@@ -117,12 +105,8 @@ def Simulate(
                 for kind, recorder in added.items():
                     stack.enter_context(recorder)
                     artifacts[kind] = str(recorder.path)
-            if isinstance(cell, Ports):
-                cell.Export(builder)
             diagram = builder.Build()
             diagram.set_name("simulation")
-            if isinstance(cell, Ports):
-                cell = diagram
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
         if out is not None:  # what is there afterwards is of this run

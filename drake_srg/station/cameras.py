@@ -7,7 +7,7 @@ import copy
 from pydrake.geometry import SceneGraph
 from pydrake.lcm import DrakeLcm
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
@@ -41,15 +41,22 @@ def AddCameras(
     return _AddSensors(builder, plant, seen, scenario)
 
 
-def AddRemoteCameras(
-    builder: DiagramBuilder, scenario: Scenario
-) -> tuple[InputPort, dict[str, OutputPort]]:
-    """Add the cameras of a scenario with a scene of their own, but without a plant.
+def MakeRemoteCameras(scenario: Scenario) -> Diagram:
+    """Build a diagram of a scenario's cameras and their own scene, without a plant.
 
-    Returns:
-        The input port for the state [q; v] of a plant made by `MakePlant` of the same
-        scenario, and the cameras' ports by name.
+    .. pydrake_system::
+
+        name: RemoteCameras
+        input_ports:
+        - state
+        output_ports:
+        - camera_NAME.color_image
+        - camera_NAME.depth_image
+        - camera_NAME.body_pose_in_world
+
+    `state` is the state [q; v] of a plant that `MakePlant` made of the same scenario.
     """
+    builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("render_scene_graph", SceneGraph())
     plant = MultibodyPlant(time_step=0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
@@ -64,7 +71,10 @@ def AddRemoteCameras(
         poses.get_output_port(),
         scene_graph.get_source_pose_port(plant.get_source_id()),
     )
-    return poses.get_input_port(), _AddSensors(builder, plant, scene_graph, scenario)
+    builder.ExportInput(poses.get_input_port(), "state")
+    for name, port in _AddSensors(builder, plant, scene_graph, scenario).items():
+        builder.ExportOutput(port, name)
+    return builder.Build()
 
 
 def _AddSensors(

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
-from drake_srg.arm.drivers import AddArmPositionDriver
+from drake_srg.arm.drivers import AddArmPositionDriver, ArmPositionDriver
 from drake_srg.arm.external_torque import AddExternalTorque
 from drake_srg.common.errors import scenario_errors
-from drake_srg.common.ports import Ports
+from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
-from drake_srg.scenario import Scenario
+from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import MakeModelsPlant, MakePlant
 
-# Those of them that the driver has become the station's.
-_GRIPPER_INPUTS = (
-    *("closure_commanded", "joint_position_commanded", "hold", "force_limit"),
-    *("motor_position_commanded", "motor_torque_commanded"),
-)
-_GRIPPER_OUTPUTS = (
-    *("state_measured", "pwm", "proximity", "contact_force", "contact_wrench"),
-    *("grasped", "motor_state", "wire_force", "motor_temperature"),
-)
+# Ports of a gripper driver that connect to the plant, and are not forwarded.
+_INTERNAL = {"plant_state", "query_object", "contact_results", "body_poses"}
+_INTERNAL |= {"actuation"}
 
 
 @scenario_errors()
 def MakeStation(scenario: Scenario) -> Diagram:
-    """Build the diagram of plant, sensors and drivers of a scenario.
+    """Build the diagram of a scenario's plant, sensors and drivers.
 
     .. pydrake_system::
 
@@ -62,34 +58,31 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - object_poses_cheat
         - contact_results_cheat
 
-    Ports of the arm, the gripper and cameras exist where the scenario has these. What
-    they carry stands at `AddArmPositionDriver`, `AddSrgPositionDriver`,
-    `AddSrgTendonDriver`, `AddLinkageDriver` and Drake's RgbdSensor. The subsystems are
-    named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME` and
-    `object_poses`. Disturbances enter by `object_forces_cheat`
-    (list[ExternallyAppliedSpatialForce]).
+    The ports of the arm, the gripper and the cameras exist where the scenario has them.
+    `AddArmPositionDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
+    `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. Disturbances
+    enter through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). The
+    subsystems are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
+    `rgbd_sensor_NAME` and `object_poses`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
     builder = DiagramBuilder()
-    AddStation(builder, scenario).Export(builder)
+    AddStation(builder, scenario)
     diagram = builder.Build()
     diagram.set_name("station")
     return diagram
 
 
-def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
-    """Add what `MakeStation` makes a diagram of to a diagram, and return its ports.
+def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
+    """Add the systems of `MakeStation` to a diagram, and export their ports.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    ports = Ports()
     plant, scene_graph = MakePlant(builder, scenario)
-
-    # Drivers.
-    arm = gripper = None
+    gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
         driver = AddGripperDriver(
@@ -98,72 +91,85 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> Ports:
         builder.Connect(
             scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
         )
-        for name in _GRIPPER_INPUTS:
-            if driver.HasInputPort(name):
-                ports.inputs[f"gripper.{name}"] = driver.GetInputPort(name)
-        for name in _GRIPPER_OUTPUTS:
-            if driver.HasOutputPort(name):
-                ports.outputs[f"gripper.{name}"] = driver.GetOutputPort(name)
+        for name, port in input_ports(driver).items():
+            if name not in _INTERNAL:
+                builder.ExportInput(port, f"gripper.{name}")
+        for name, output in output_ports(driver).items():
+            if name not in _INTERNAL:
+                builder.ExportOutput(output, f"gripper.{name}")
     if scenario.arm is not None:
-        arm = plant.GetModelInstanceByName("arm")
-        models_plant = MakeModelsPlant(scenario)
-        driver = AddArmPositionDriver(
-            builder,
-            plant,
-            arm,
-            gripper,
-            models_plant,
-            scenario.arm,
-            scenario.random_seed,
-        )
-        ports.inputs["arm.position_commanded"] = driver.GetInputPort(
-            "position_commanded"
-        )
-        ports.outputs["arm.state_measured"] = driver.GetOutputPort("state_measured")
-        ports.outputs["arm.state_cheat"] = plant.get_state_output_port(arm)
-        ports.outputs["arm.torque_measured"] = plant.get_net_actuation_output_port(arm)
-        if scenario.planner.max_external_torque is not None:
-            # A continuous plant has to find its contacts anew for every sample: it does
-            # as often as the planner and sensors of touch ask for them anyway.
-            period = (scenario.arm if plant.time_step() else scenario.planner).period
-            ports.outputs["arm.external_torque"] = AddExternalTorque(
-                builder,
-                plant,
-                arm,
-                gripper,
-                models_plant,
-                period,
-                scenario.arm.errors,
-                scenario.random_seed,
-            )
-
-    if scenario.cameras:
-        ports.outputs |= AddCameras(builder, plant, scene_graph, scenario)
-
-    # Ground truth.
-    poses = builder.AddNamedSystem(
-        "object_poses",
-        ObjectPoses(
-            {
-                name: object_body(plant, plant.GetModelInstanceByName(name))
-                for name, config in scenario.objects.items()
-                if config.present
-            }
-        ),
+        _AddArm(builder, plant, gripper, scenario, scenario.arm)
+    for name, output in AddCameras(builder, plant, scene_graph, scenario).items():
+        builder.ExportOutput(output, name)
+    poses = _AddObjectPoses(builder, plant, scenario)
+    builder.ExportOutput(poses.get_output_port(), "object_poses_cheat")
+    builder.ExportOutput(
+        plant.get_contact_results_output_port(), "contact_results_cheat"
     )
+    forces = plant.get_applied_spatial_force_input_port()
+    builder.ExportInput(forces, "object_forces_cheat")
+    if builder.HasSubsystemNamed("contact_torques"):
+        # The arm feels the forces on what it holds.
+        contact_torques = builder.GetSubsystemByName("contact_torques")
+        builder.ConnectInput(
+            "object_forces_cheat", contact_torques.GetInputPort("applied_forces")
+        )
+
+
+def _AddArm(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    gripper: ModelInstanceIndex | None,
+    scenario: Scenario,
+    config: ArmPositionDriver,
+) -> None:
+    """Add the arm's driver and, where the planner wants it, its torque estimator."""
+    arm = plant.GetModelInstanceByName("arm")
+    models_plant = MakeModelsPlant(scenario)
+    driver = AddArmPositionDriver(
+        builder, plant, arm, gripper, models_plant, config, scenario.random_seed
+    )
+    builder.ExportInput(
+        driver.GetInputPort("position_commanded"), "arm.position_commanded"
+    )
+    for name, output in (
+        ("arm.state_measured", driver.GetOutputPort("state_measured")),
+        ("arm.state_cheat", plant.get_state_output_port(arm)),
+        ("arm.torque_measured", plant.get_net_actuation_output_port(arm)),
+    ):
+        builder.ExportOutput(output, name)
+    if scenario.planner.max_external_torque is None:
+        return
+    # A continuous plant computes its contacts anew for every sample. It already does
+    # this whenever the planner or a touch sensor reads its input.
+    period = (config if plant.time_step() else scenario.planner).period
+    torque = AddExternalTorque(
+        builder,
+        plant,
+        arm,
+        gripper,
+        models_plant,
+        period,
+        config.errors,
+        scenario.random_seed,
+    )
+    builder.ExportOutput(torque, "arm.external_torque")
+
+
+def _AddObjectPoses(
+    builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario
+) -> LeafSystem:
+    """Add the ground truth of the objects' poses, connected to the plant."""
+    bodies = {
+        name: object_body(plant, plant.GetModelInstanceByName(name))
+        for name, config in scenario.objects.items()
+        if config.present
+    }
+    poses = builder.AddNamedSystem("object_poses", ObjectPoses(bodies))
     builder.Connect(plant.get_body_poses_output_port(), poses.get_input_port(0))
     if poses.num_input_ports() > 1:
         builder.Connect(
             plant.get_deformable_body_configuration_output_port(),
             poses.get_input_port(1),
         )
-    ports.inputs["object_forces_cheat"] = plant.get_applied_spatial_force_input_port()
-    if builder.HasSubsystemNamed("contact_torques"):
-        # An arm feels what pulls at what it holds.
-        contact_torques = builder.GetSubsystemByName("contact_torques")
-        ports.followers["object_forces_cheat"] = contact_torques.GetInputPort(
-            "applied_forces"
-        )
-    ports.outputs["object_poses_cheat"] = poses.get_output_port()
-    ports.outputs["contact_results_cheat"] = plant.get_contact_results_output_port()
-    return ports
+    return poses

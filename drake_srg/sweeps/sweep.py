@@ -16,10 +16,9 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from pydrake.systems.framework import DiagramBuilder
 from tqdm import tqdm
 
-from drake_srg.cell import AddCell
+from drake_srg.cell import MakeCell
 from drake_srg.common.errors import ScenarioError, scenario_errors
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
@@ -132,7 +131,7 @@ def _check(
             require(module)
     drawn = draw_scenario(tree, scenario, seed).scenario
     with scenario_errors(Path(scenario).stem):
-        AddCell(DiagramBuilder(), drawn)
+        MakeCell(drawn)
     gc.collect()
     return drawn.random_seed
 

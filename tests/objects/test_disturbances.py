@@ -9,12 +9,14 @@ from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.cell import AddDisturber, MakeCell
+from drake_srg.cell import AddCell, AddDisturber, MakeCell
 from drake_srg.common.errors import ScenarioError
+from drake_srg.lifetime import my_context
 from drake_srg.objects.disturbances import Disturber, Force, Push, Target, Topple
 from drake_srg.planning.script.scripted import ScriptedPlanner, ScriptStep
-from drake_srg.scenario import is_continuous, load_scenario
-from drake_srg.station import AddStation, MakeStation
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.flat import NewRoot
+from drake_srg.station import MakeStation
 from drake_srg.types import Cylinder, Sphere
 
 RADIUS, LENGTH, MASS = 0.0125, 0.05, 0.02
@@ -61,19 +63,26 @@ def table(tmp_path_factory):
 
 def poses(scenario, duration):
     """Poses of the object every 1/128 s while the mode is pre_grasp."""
-    builder = DiagramBuilder()
-    if is_continuous(scenario):
-        station = AddStation(builder, scenario)
-    else:
-        station = builder.AddSystem(MakeStation(scenario))
-    script = [ScriptStep(mode="pre_grasp", duration=duration + 1.0)]
-    planner = builder.AddSystem(ScriptedPlanner(np.zeros(0), script))
-    AddDisturber(builder, scenario, station, planner)
-    builder.ExportOutput(station.GetOutputPort("object_poses_cheat"), "poses")
+
+    def add_table(builder, scenario, make_station=MakeStation):
+        station = builder.AddNamedSystem("station", make_station(scenario))
+        script = [ScriptStep(mode="pre_grasp", duration=duration + 1.0)]
+        planner = builder.AddNamedSystem(
+            "planner", ScriptedPlanner(np.zeros(0), script)
+        )
+        AddDisturber(builder, scenario, station, planner)
+        builder.ExportOutput(station.GetOutputPort("object_poses_cheat"), "poses")
+
+    def make_table(scenario):
+        builder = DiagramBuilder()
+        add_table(builder, scenario)
+        return builder.Build()
+
+    builder, table = NewRoot("table", make_table, add_table, scenario, "")
     simulator = Simulator(builder.Build())
     ApplySimulatorConfig(scenario.simulator_config, simulator)
-    port = simulator.get_system().GetOutputPort("poses")
-    context = simulator.get_context()
+    port = table.GetOutputPort("poses")
+    context = my_context(table, simulator.get_context())
     simulator.Initialize()
     result = [port.Eval(context)["thing"]]
     for time in np.arange(1.0 / 128.0, duration, 1.0 / 128.0):
@@ -283,11 +292,11 @@ def test_a_cell_has_a_disturber_where_there_is_something_for_it_to_do():
 @pytest.mark.parametrize("name", ["kitchen", "kitchen_fast"])
 def test_planners_are_disturbed_too(name):
     scenario = load_scenario(name, overrides=["disturbances=[!Push {at: idle}]"])
-    cell = MakeCell(scenario)
-    simulator = Simulator(cell)
+    builder, cell = NewRoot("cell", MakeCell, AddCell, scenario, name)
+    simulator = Simulator(builder.Build())
     ApplySimulatorConfig(scenario.simulator_config, simulator)
     port = cell.GetOutputPort("object_poses_cheat")
-    context = simulator.get_context()
+    context = my_context(cell, simulator.get_context())
     before = port.Eval(context)["soup_can"].translation()
     simulator.AdvanceTo(0.7)
     moved = port.Eval(context)["soup_can"].translation() - before

@@ -6,7 +6,7 @@ from helpers import port_table
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.errors import ScenarioError
-from drake_srg.scenario import is_continuous, load_scenario
+from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
 
@@ -94,22 +94,10 @@ def test_the_same_seed_gives_the_same_log():
         np.testing.assert_array_equal(array, logs[1][name])
 
 
-def test_the_plant_stands_in_the_cell_itself():
-    scenario = load_scenario("kitchen_fast")
-    assert is_continuous(scenario)
-    cell = MakeCell(scenario)
-    assert cell.HasSubsystemNamed("plant")
-    assert not cell.HasSubsystemNamed("station")
-    discrete = MakeCell(load_scenario("kitchen"))
-    assert port_table(cell) == port_table(discrete)
-
-
-def test_a_cell_of_ones_own_is_refused():
-    def my_cell(scenario):
-        return MakeCell(scenario)
-
-    with pytest.raises(ScenarioError, match=r"kf: plant_config.time_step: a cell of"):
-        Simulate(load_scenario("kitchen_fast"), name="kf", make_cell=my_cell)
+def test_a_fast_cell_looks_like_any_other():
+    fast, discrete = (MakeCell(load_scenario(n)) for n in ("kitchen_fast", "kitchen"))
+    assert port_table(fast) == port_table(discrete)
+    assert fast.GetSubsystemByName("station").HasSubsystemNamed("plant")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,191 @@
+"""Flat root diagrams for CENIC on Drake before 1.58.
+
+There, CENIC looks for the plant among the root's own subsystems. So the systems of our
+own cells and stations are added to the root itself, in place of diagrams of their own.
+Newer Drakes take a nested plant. Once 1.58 is the oldest Drake supported, delete this
+file: `NewRoot` is then `builder = DiagramBuilder()` and `builder.AddNamedSystem(...)`.
+"""
+
+import importlib.metadata
+from collections.abc import Callable
+from typing import Any, cast
+
+from pydrake.systems.framework import (
+    Context,
+    Diagram,
+    DiagramBuilder,
+    InputPort,
+    OutputPort,
+)
+
+from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.scenario.schema import Scenario, is_continuous
+from drake_srg.station.station import AddStation
+
+_NESTED_SINCE = (1, 58)
+
+Make = Callable[..., Diagram]
+Add = Callable[..., None]
+
+
+def NewRoot(
+    name: str, make: Make, add: Add | None, scenario: Scenario, origin: str
+) -> tuple[DiagramBuilder, Diagram]:
+    """Begin a root diagram with a cell or a station in it.
+
+    Args:
+        name: The subsystem's.
+        make: Builds it from the scenario.
+        add: Adds the same systems to a given builder; None where this is not possible.
+        scenario: What to build.
+        origin: The scenario's name, for errors.
+
+    Returns:
+        The root's builder, and the subsystem.
+
+    Raises:
+        ScenarioError: If the installed Drake cannot simulate it.
+    """
+    if not is_continuous(scenario) or takes_nested_plant():
+        builder = DiagramBuilder()
+        with scenario_errors(origin):
+            return builder, builder.AddNamedSystem(name, make(scenario))
+    if add is None:
+        raise ScenarioError(
+            f"{origin} with a {name} of your own needs drake >= 1.58 (Python 3.12+), "
+            "or plant_config.time_step > 0"
+        )
+    root = _Root()
+
+    def make_station(scenario: Scenario) -> Diagram:
+        return cast(Diagram, root.AddGroup("station", AddStation, scenario))
+
+    with scenario_errors(origin):
+        group = root.AddGroup(name, add, scenario, make_station)
+    return root, cast(Diagram, group)
+
+
+def takes_nested_plant() -> bool:
+    """Return whether CENIC of the installed Drake finds a plant in a nested diagram."""
+    version = importlib.metadata.version("drake").split(".")
+    return tuple(int(number) for number in version[:2]) >= _NESTED_SINCE
+
+
+class _Root(DiagramBuilder):
+    """A builder that keeps what groups of its systems export apart."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._groups: dict[str, _Group] = {}
+        self._open: list[_Group] = []  # the groups that are being added
+        # Inputs that a group exports together: the first one's key, the others.
+        self._together: dict[tuple[str, int], list[InputPort]] = {}
+
+    def AddGroup(self, name: str, add: Add, *arguments: Any) -> "_Group":
+        """Call `add` with this builder, and return what it exports."""
+        group = self._groups[name] = _Group(self.GetSubsystemByName)
+        self._open.append(group)
+        add(self, *arguments)
+        self._open.pop()
+        return group
+
+    def AddNamedSystem(self, name: str, system: Any) -> Any:
+        """As Drake's; a group is there already."""
+        if isinstance(system, _Group):
+            return system
+        return super().AddNamedSystem(name=name, system=system)
+
+    def GetSubsystemByName(self, name: str) -> Any:
+        """As Drake's, or a group."""
+        return self._groups.get(name) or super().GetSubsystemByName(name)
+
+    def ExportInput(self, input: InputPort, name: str) -> None:
+        """Export from the innermost open group."""
+        self._open[-1].inputs[name] = input
+
+    def ConnectInput(self, name: str, input: InputPort) -> None:
+        """Export together with an input that is exported already."""
+        first = self._open[-1].inputs[name]
+        self._together.setdefault(_key(first), []).append(input)
+
+    def ExportOutput(self, output: OutputPort, name: str) -> None:
+        """Export from the innermost open group."""
+        self._open[-1].outputs[name] = output
+
+    def Connect(self, output: OutputPort, input: InputPort) -> None:
+        """As Drake's, and to the inputs that are exported together with this one."""
+        for port in (input, *self._together.get(_key(input), ())):
+            super().Connect(output, port)
+
+    def Build(self) -> Diagram:
+        """Build the root, which exports what its outermost group does."""
+        outermost = next(iter(self._groups.values()))
+        for name, port in outermost.inputs.items():
+            super().ExportInput(port, name)
+            for other in self._together.get(_key(port), ()):
+                super().ConnectInput(name, other)
+        for name, output in outermost.outputs.items():
+            super().ExportOutput(output, name)
+        diagram = super().Build()
+        groups = self._groups
+        for group in groups.values():
+            group.diagram = diagram
+            group.GetSubsystemByName = lambda name: (
+                groups.get(name) or diagram.GetSubsystemByName(name)
+            )
+        return diagram
+
+
+def _key(port: InputPort) -> tuple[str, int]:
+    """Return what identifies a port within a builder."""
+    return port.get_system().get_name(), int(port.get_index())
+
+
+class _Group:
+    """Systems in the root that stand in for a diagram of their own."""
+
+    def __init__(self, find: Callable[[str], Any]) -> None:
+        self.GetSubsystemByName = find
+        self.inputs: dict[str, InputPort] = {}
+        self.outputs: dict[str, OutputPort] = {}
+        self.diagram: Diagram | None = None  # the root, once it is built
+
+    def HasInputPort(self, name: str) -> bool:
+        """As a diagram's."""
+        return name in self.inputs
+
+    def HasOutputPort(self, name: str) -> bool:
+        """As a diagram's."""
+        return name in self.outputs
+
+    def GetInputPort(self, name: str) -> InputPort:
+        """As a diagram's; once the root is built, the root's."""
+        return (
+            self.inputs[name]
+            if self.diagram is None
+            else self.diagram.GetInputPort(name)
+        )
+
+    def GetOutputPort(self, name: str) -> OutputPort:
+        """As a diagram's; once the root is built, the root's."""
+        return (
+            self.outputs[name]
+            if self.diagram is None
+            else self.diagram.GetOutputPort(name)
+        )
+
+    def ValidateContext(self, context: Context) -> None:
+        """As a system's: the root's context is the group's, too."""
+        assert self.diagram is not None
+        self.diagram.ValidateContext(context)
+
+
+@input_ports.register
+def _(system: _Group) -> dict[str, InputPort]:
+    return {name: system.GetInputPort(name) for name in system.inputs}
+
+
+@output_ports.register
+def _(system: _Group) -> dict[str, OutputPort]:
+    return {name: system.GetOutputPort(name) for name in system.outputs}
