@@ -1,15 +1,16 @@
 """A LeafSystem that Python's garbage collector can free.
 
-Two things keep systems written in Python, and with them their whole diagram, alive for
-ever (measured with Drake 1.51.1; see tests/test_lifetime.py):
+Two things keep a system written in Python, and with it the whole diagram, alive forever
+(measured with Drake 1.51.1; see tests/test_lifetime.py):
 
-* Drake holds the callback of an output port or a cache entry from C++, where the
-  collector cannot see it. A bound method holds its system. (Events are spared.)
-* Up to Python 3.11 a pybind11 class and a Python class derived from it both show the
-  collector the instance's `__dict__`. It then subtracts one reference too many, finds
-  a negative count, and takes the system for one that is in use.
+* Drake holds the callback of an output port or a cache entry in C++, where the
+collector
+  cannot see it. A bound method holds its system. (Event callbacks do not leak.)
+* Up to Python 3.11, a pybind11 class and a Python class derived from it both report the
+  instance's `__dict__` to the collector. The collector then subtracts one reference too
+  many, finds a negative count, and considers the system in use.
 
-`LeafSystem` here is Drake's with both put right; derive from it.
+The `LeafSystem` of this module is Drake's with both problems fixed. Derive from it.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from pydrake.systems import framework
 
 
 def weak(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A callable that calls a bound method without keeping its object alive."""
+    """Return a callable that calls a bound method without keeping its object alive."""
     reference = weakref.WeakMethod(method)
 
     def call(*arguments: Any) -> Any:
@@ -37,10 +38,11 @@ def weak(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def collectable(system: framework.System) -> None:
-    """Let the collector count the references of a system right; see the module.
+    """Make the collector count the references to a system correctly.
 
-    Where an instance shows its `__dict__` twice, a second reference is held by an
-    object array, which the collector does not look into. Elsewhere this does nothing.
+    Where an instance reports its `__dict__` twice (see the module), an object array,
+    which the collector does not traverse, holds a second reference to it. Elsewhere
+    this does nothing.
     """
     attributes = system.__dict__
     if sum(shown is attributes for shown in gc.get_referents(system)) > 1:
@@ -50,10 +52,10 @@ def collectable(system: framework.System) -> None:
 
 
 def my_context(system: framework.System, root: framework.Context) -> framework.Context:
-    """Return a system's context within that of the root diagram, or that itself.
+    """Return a system's context within `root`, or `root` itself if it is the system's.
 
-    Drake's `GetMyContextFromRoot` lets what it returns keep `root` alive: a root that
-    is asked for its own context keeps itself alive, images and all, for ever.
+    The result of Drake's `GetMyContextFromRoot` keeps `root` alive. Where that result
+    is `root` itself, the context would keep itself alive forever, images included.
     """
     try:
         system.ValidateContext(root)
@@ -65,9 +67,8 @@ def my_context(system: framework.System, root: framework.Context) -> framework.C
 class LeafSystem(framework.LeafSystem):
     """Drake's LeafSystem, freed with the diagram that holds it.
 
-    Output port callbacks that are methods of the system are held weakly; everything
-    else is as in Drake. Pass the callbacks of a cache entry's ValueProducer through
-    `weak`.
+    Holds output port callbacks weakly if they are methods of the system. Everything
+    else is as in Drake. Wrap the callbacks of a cache entry's ValueProducer in `weak`.
     """
 
     def __init__(self) -> None:
@@ -75,12 +76,12 @@ class LeafSystem(framework.LeafSystem):
         collectable(self)
 
     def DeclareVectorOutputPort(self, *args: Any, **kwargs: Any) -> Any:
-        """Drake's, with its own methods held weakly."""
+        """Declare the port as Drake does, holding the system's own methods weakly."""
         args, kwargs = self._weakly(args, kwargs)
         return super().DeclareVectorOutputPort(*args, **kwargs)
 
     def DeclareAbstractOutputPort(self, *args: Any, **kwargs: Any) -> Any:
-        """Drake's, with its own methods held weakly."""
+        """Declare the port as Drake does, holding the system's own methods weakly."""
         args, kwargs = self._weakly(args, kwargs)
         return super().DeclareAbstractOutputPort(*args, **kwargs)
 

@@ -1,4 +1,4 @@
-"""What the rooms of the package exchange: plain data, no systems."""
+"""Plain data that the packages of drake_srg exchange."""
 
 import dataclasses as dc
 import enum
@@ -13,11 +13,11 @@ Vector: TypeAlias = npt.NDArray[np.float64]
 
 
 def positive(**metadata: object) -> Mapping[str, object]:
-    """Return the field metadata of a quantity that must be greater than zero."""
+    """Return the metadata of a dataclass field that must be greater than zero."""
     return {"gt": 0.0, **metadata}
 
 
-# The shapes have defaults and are not frozen because YAML is loaded into them.
+# Shapes have defaults and are not frozen because yaml_load_typed fills them in.
 @dc.dataclass
 class Cylinder:
     """A solid cylinder; its axis is the object frame's z."""
@@ -31,7 +31,7 @@ class Cylinder:
         return self.length
 
     def scaled(self, factor: float) -> "Cylinder":
-        """The same shape in another size."""
+        """Return the shape, scaled by `factor`."""
         return Cylinder(factor * self.radius, factor * self.length)
 
 
@@ -50,7 +50,7 @@ class Box:
         return self.size[2]
 
     def scaled(self, factor: float) -> "Box":
-        """The same shape in another size."""
+        """Return the shape, scaled by `factor`."""
         return Box([factor * side for side in self.size])
 
 
@@ -66,25 +66,27 @@ class Sphere:
         return 2.0 * self.radius
 
     def scaled(self, factor: float) -> "Sphere":
-        """The same shape in another size."""
+        """Return the shape, scaled by `factor`."""
         return Sphere(factor * self.radius)
 
 
 Shape: TypeAlias = Cylinder | Box | Sphere
 
 
-# Of misfit. Camera noise alone moves that of one object by 0.005 in the images of the
-# scenario `kitchen_varied`, and by 0.014 in those of `assistive_arm_varied` (standard
-# deviations); that of other things of its colour which could be it begins at 0.04.
+# Differences in misfit below this step do not count. Camera noise alone varies the
+# misfit of one object by 0.005 in `kitchen_varied` and by 0.014 in
+# `assistive_arm_varied` (standard deviations); other things of its colour that could be
+# mistaken for it start at 0.04.
 _MISFIT_STEP = 0.02
 
 
 class BlobFlag(enum.Enum):
-    """What makes a blob's position less trustworthy."""
+    """A reason to trust a blob's position less."""
 
     BORDER = "border"  # the blob touches the image border
     OCCLUDED = "occluded"  # something hides part of the expected outline
-    # Too little is seen to tell the axis within a degree or the position within 1 mm.
+    # Too little is visible to determine the axis within 1 degree or the position within
+    # 1 mm.
     UNCERTAIN = "uncertain"
 
 
@@ -97,26 +99,26 @@ class Blob:
     pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
     position: Vector  # p_WO, the object's centre in world [m], shape (3,)
     # Unit vector of the object's z axis in world, shape (3,). A cylinder's ends look
-    # alike, so its axis is the one that points upwards (z >= 0); a ball's is (0, 0, 1).
+    # alike, so its axis is the direction with z >= 0. A ball's is (0, 0, 1).
     axis: Vector
-    quality: float  # 0 .. 1, share of the expected outline that was seen
+    quality: float  # 0 .. 1, visible share of the expected outline
     flags: frozenset[BlobFlag] = frozenset()
-    # 0 for the object itself, seen well: what speaks against its shape, as the share of
-    # the blob's pixels that the shape does not explain, plus how far it hovers over
-    # what is around, or is sunk in it, as a share of its height.
+    # Evidence against the object's shape; 0 for the object itself in clear view. The
+    # sum of the share of the blob's pixels that the shape does not explain, and how far
+    # the shape floats above or sinks into its surroundings, as a share of its height.
     misfit: float = 0.0
 
     @property
     def certain(self) -> bool:
-        """Whether position and axis could be told."""
+        """Whether position and axis are determined."""
         return BlobFlag.UNCERTAIN not in self.flags
 
     @property
     def trust(self) -> tuple[bool, int, bool, float]:
-        """What to sort by: the greater, the more trustworthy.
+        """Sort key; a greater one is more trustworthy.
 
-        How well the shape fits counts before how much of the outline is seen: what is
-        hidden in part is still the object, and another thing in full view is not.
+        The fit of the shape counts before the visible share of the outline: a partly
+        hidden object is still the object, another thing in full view is not.
         """
         steps = int(self.misfit / _MISFIT_STEP)
         return self.certain, -steps, not self.flags, self.quality
@@ -124,7 +126,7 @@ class Blob:
 
 @dc.dataclass(frozen=True, eq=False)
 class Obstacle:
-    """Something unknown that stands about: the box around what is seen of it."""
+    """An unknown thing in the workspace: the bounding box of its visible part."""
 
     shape: Box
     X_WO: RigidTransform  # the box's pose in world [m]
@@ -149,7 +151,7 @@ class Mode(enum.Enum):
 
 
 class Failure(enum.Enum):
-    """Why a task failed, in the planner's own word (metrics.json `failure`)."""
+    """Why a task failed, as reported by the planner (metrics.json `failure`)."""
 
     NOT_SEEN = "not_seen"
     OUT_OF_REACH = "out_of_reach"
@@ -163,14 +165,14 @@ class Failure(enum.Enum):
 
 @dc.dataclass(frozen=True)
 class PlannerStatus:
-    """What a planner says of its task."""
+    """What a planner reports about its task."""
 
     mode: Mode = Mode.IDLE
     failure: Failure | None = None  # set once the mode is FAILED
-    attempts: int = 0  # grasps begun
+    attempts: int = 0  # grasps started
     cycles: int = 0  # times the object has been placed
-    looks: int = 0  # how often images were asked for
-    localization: Blob | None = None  # the first one that led to a plan
-    localized_at: float = 0.0  # time of that [s]
+    looks: int = 0  # times the planner requested images
+    localization: Blob | None = None  # the first that led to a plan
+    localized_at: float = 0.0  # time of that localization [s]
     message: str = ""  # why it failed, in words
     planning_wall: float = 0.0  # wall-clock time spent on planning [s]

@@ -1,4 +1,4 @@
-"""Settings and fixtures of all tests."""
+"""Settings and fixtures shared by all tests."""
 
 import gc
 import weakref
@@ -8,18 +8,18 @@ from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem
 
-# No deadline: the machine may be busy. The same examples every time: a change that
-# passes here passes elsewhere.
+# No deadline, because the machine may be busy. The same examples every time, so that a
+# change that passes here passes elsewhere.
 settings.register_profile("drake_srg", deadline=None, derandomize=True)
 settings.load_profile("drake_srg")
 
 
 @pytest.fixture
 def leaked(monkeypatch):
-    """Tells, when called, the Python systems made in the test that are still alive.
+    """Return a function that lists the test's Python systems that are still alive.
 
-    A system written in Python lives as long as its diagram does. The wrapper of one
-    that Drake made may go long before, so watching that shows nothing.
+    A system written in Python lives as long as its diagram. Python's wrapper of a C++
+    system may go long before the diagram does, so watching that one proves nothing.
     """
     made = weakref.WeakSet()
     original = LeafSystem.__init__

@@ -1,4 +1,4 @@
-"""One step up the ladder: fix a system's inputs, evaluate ports, fire one event."""
+"""Helpers of the tests: fix inputs, evaluate ports, fire one event, skip."""
 
 import importlib
 import os
@@ -10,7 +10,7 @@ import pytest
 
 
 def fix(system, context, **inputs):
-    """Fixes input ports by name, vectors and abstract values alike."""
+    """Fix input ports by name, vector and abstract ones alike."""
     for name, value in inputs.items():
         abstract = hasattr(value, "get_value")
         system.GetInputPort(name).FixValue(
@@ -19,20 +19,20 @@ def fix(system, context, **inputs):
 
 
 def update(system, context, time=None):
-    """Executes the system's periodic discrete update once, at `time` if given."""
+    """Execute the system's periodic discrete update once, at `time` [s] if given."""
     if time is not None:
         context.SetTime(time)
     context.SetDiscreteState(system.EvalUniquePeriodicDiscreteUpdate(context))
 
 
 def read(system, context, name):
-    """The value of an output port, a copy of it where it is a vector."""
+    """Return the value of an output port; vectors are copied."""
     value = system.GetOutputPort(name).Eval(context)
     return value.copy() if isinstance(value, np.ndarray) else value
 
 
 def port_table(system):
-    """Name to size of the vector ports, to None of the abstract ones: (in, out)."""
+    """Return (inputs, outputs): name to size, or to None for abstract ports."""
 
     def size(port):
         return port.size() if port.get_data_type().name == "kVectorValued" else None
@@ -46,40 +46,40 @@ def port_table(system):
 
 
 def needs_debian(*programs):
-    """Skip where a program, or a file of an absolute path, is missing.
+    """Skip the test if a program, or a file given by its absolute path, is missing.
 
-    With DRAKE_SRG_REQUIRE_PEERS in the environment the test fails instead.
+    With DRAKE_SRG_REQUIRE_PEERS in the environment, the test fails instead.
     """
     missing = [p for p in programs if not (shutil.which(p) or Path(p).is_file())]
     if missing:
-        _do_without(f"{', '.join(missing)} missing: sh tools/install_test_peers.sh")
+        _skip_or_fail(f"{', '.join(missing)} missing: sh tools/install_test_peers.sh")
 
 
 def needs_module(name):
-    """Import a module; skip, or fail, likewise where it is missing."""
+    """Import a module; skip or fail like `needs_debian` if it is missing."""
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        _do_without(f"{name} cannot be imported: {error}")
+        _skip_or_fail(f"{name} cannot be imported: {error}")
 
 
-# Begins the command of a process that is sent SIGINT: what a shell starts in the
-# background ignores that, and so does all that this starts.
+# Prefix for the command of a process that is to receive SIGINT. A process that a shell
+# starts in the background ignores it, and so do all of its children.
 HEEDING_CTRL_C = ["env", "--default-signal=INT"]
 
 
 def needs_pty():
-    """Skip, or fail, likewise where there are no pseudo terminals, as in a chroot."""
+    """Skip or fail like `needs_debian` without pseudo terminals, as in a chroot."""
     try:
         ends = os.openpty()
     except OSError as error:
-        _do_without(f"no pseudo terminals here: {error}")
+        _skip_or_fail(f"no pseudo terminals here: {error}")
     else:
         for end in ends:
             os.close(end)
 
 
-def _do_without(message):
+def _skip_or_fail(message):
     if "DRAKE_SRG_REQUIRE_PEERS" in os.environ:
         pytest.fail(message)
     pytest.skip(message)

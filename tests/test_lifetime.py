@@ -76,7 +76,7 @@ def test_a_system_is_freed(make):
     assert [watch() for watch in watches] == [None] * len(watches)
 
 
-def test_a_root_context_that_is_asked_for_itself_is_freed():
+def test_a_root_context_is_freed_after_my_context_returned_it():
     diagram = make_in_a_diagram()
     context = diagram.CreateDefaultContext()
     assert my_context(diagram, context) is context
@@ -86,7 +86,7 @@ def test_a_root_context_that_is_asked_for_itself_is_freed():
     assert freed() is None
 
 
-def test_a_context_within_another_is_that_of_the_system():
+def test_my_context_returns_the_context_of_a_subsystem():
     builder = DiagramBuilder()
     system = builder.AddSystem(OneOfEverything())
     diagram = builder.Build()

@@ -33,7 +33,7 @@ def test_urls_resolve_from_a_checkout():
     assert plant.GetModelInstanceName(model) == "srg"
 
 
-def test_configuring_twice_changes_nothing():
+def test_configuring_a_parser_twice_changes_nothing():
     parser = make_parser()
     parsing.configure_parser(parser)
     parsing.configure_parser(parser)
@@ -61,7 +61,7 @@ def test_a_checkout_has_the_models_beside_the_package(tmp_path, monkeypatch):
     assert parsing.models_path() == beside
 
 
-def test_missing_models_are_named_with_both_places(tmp_path, monkeypatch):
+def test_the_error_for_missing_models_names_both_places(tmp_path, monkeypatch):
     package = fake_package(tmp_path)
     monkeypatch.setattr(parsing, "_PACKAGE", package)
     with pytest.raises(FileNotFoundError, match="models are missing") as error:

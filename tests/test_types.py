@@ -15,7 +15,7 @@ def blob(**changes):
     return dc.replace(PLAIN, **changes)
 
 
-def test_trust_is_by_certainty_then_shape_then_flags_then_outline():
+def test_trust_ranks_certainty_then_shape_then_flags_then_outline():
     best_first = [
         blob(),
         blob(quality=0.5),
@@ -36,10 +36,10 @@ blobs = st.builds(
 
 
 @given(blobs, st.floats(0.04, 1.0))
-def test_more_misfit_is_never_trusted_more(one, more):
+def test_more_misfit_means_less_trust(one, more):
     assert dc.replace(one, misfit=one.misfit + more).trust < one.trust
 
 
-def test_a_misfit_as_noise_makes_it_does_not_decide():
+def test_a_difference_in_misfit_within_noise_does_not_decide():
     assert blob(misfit=0.008).trust > blob(misfit=0.004, quality=0.8).trust
     assert blob(misfit=0.008).trust > blob(misfit=0.004, flags=HIDDEN).trust
