@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
@@ -34,7 +35,7 @@ CAN = "005_tomato_soup_can"
 _HEIGHT = 0.06
 # The can's middle in the palm frame: 4 mm from the palm's face (at 72 mm), its radius
 # is 34 mm. 2 mm closer, and the open hand's base sensors fire from the start [m].
-_X = 0.072 + 0.004 + 0.034
+_X = SRG.palm_face_x + 0.004 + 0.034
 START, DURATION = 0.1, 2.9  # of closing, and how long it is watched [s]
 _COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder, below which no joint moved [rad]
 _TOUCHED = TouchConfig().trigger_force  # what thin-film sensors begin to read [N]
@@ -43,7 +44,7 @@ _NEAR = ProximityConfig().trigger_distance  # at which proximity sensors fire [m
 # differ by less than half a degree.
 _SYMMETRY = np.deg2rad(0.5)
 # From a hinge to where its link presses: the middle of the base link, of the pad [m].
-_BASE_LEVER, _TIP_LEVER = 0.026, 0.034
+_BASE_LEVER, _TIP_LEVER = 0.5 * SRG.base_length, round(SRG.pad_middle, 3)
 
 
 @dc.dataclass(frozen=True)

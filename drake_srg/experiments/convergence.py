@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.gripper.underactuation import JOINT_NAMES
@@ -45,7 +46,10 @@ FINEST = ("step 0.5 ms", "facets 2.5 mm", FINEST_PADS)
 # side with 2 mm between can and palm; pinched, from above, the can's top at the roots
 # of the pads.
 GRIPS = {
-    "wrapped": ((0.0, 0.0, 0.0), (-0.074 - _CAN_RADIUS, 0.0, _CAN_LENGTH / 2)),
+    "wrapped": (
+        (0.0, 0.0, 0.0),
+        (-SRG.palm_face_x - 0.002 - _CAN_RADIUS, 0.0, _CAN_LENGTH / 2),
+    ),
     "pinched": ((0.0, 90.0, 0.0), (0.0, 0.0, _CAN_LENGTH + 0.118)),
 }
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from pydrake.geometry import CollisionFilterDeclaration, GeometrySet
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.data import read_csv
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
@@ -24,7 +25,7 @@ from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 
 # Upper stops of base and tip [rad]: the MuJoCo model's, and those of SAKE's URDF.
-STOPS = {"vendor": (2.0068, 1.745), "ours": (1.94, 1.94)}
+STOPS = {"vendor": (2.0068, 1.745), "ours": (SRG.joint_limit, SRG.joint_limit)}
 _WORDS = {"vendor": "vendor's stops", "ours": "our stops"}
 STEPS = 150  # of the spool
 FINE_STEPS = 30  # into which the step is divided in which the tip starts

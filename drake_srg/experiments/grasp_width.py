@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
@@ -24,14 +25,9 @@ CLAIM = 0.145  # m, the SRG thesis's figure
 WIDTHS = (0.05, 0.07, 0.09, 0.11, 0.13, 0.145, 0.16, 0.17, 0.18, 0.19)  # m
 # A box of cardboard, as heavy as the sugar box; tall enough for the pads [m], [kg].
 _DEPTH, _HEIGHT, _MASS, _FRICTION = 0.06, 0.12, 0.5, 0.6
-# The hand's geometry, from SAKE's public URDF; see tools/models/srg.py [m].
-_HINGE_X, _HINGE_Y, _BASE_LENGTH, _REACH = 0.072569, 0.03, 0.052, 0.1108
-_PAD_FACE, _PAD_LENGTH = 0.0092, 0.05  # the face inwards of the line through the hinges
 # How far the palm frame is above a box's top, 3 mm below the open fingers' pads, and
 # above the middle of the pads of straight fingers that meet [m].
-_ABOVE_BOX, _ABOVE_PADS = _HINGE_X + _PAD_FACE + 0.003, 0.158
-# Gap between the pads where they are parallel with the bases fully open.
-PARALLEL_GAP = 2.0 * (_HINGE_Y + _BASE_LENGTH - _PAD_FACE)
+_ABOVE_BOX, _ABOVE_PADS = SRG.hinge_x + SRG.face_offset + 0.003, 0.158
 # Of the table's card and pencil; thinner ones keep outline, density and friction [m].
 SHEETS, RODS = (0.00076, 0.0003), (0.0072, 0.003, 0.001)
 _CLOSE, _LIFT, _HOLD = 2.5, 0.8, 3.0  # s; the wires' force is up within the first
@@ -182,7 +178,7 @@ def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
             "hand",
             "gap between parallel pads, bases open",
             1e3 * CLAIM,
-            1e3 * PARALLEL_GAP,
+            1e3 * SRG.parallel_gap,
             "mm",
             relative=0.01,
         ),
@@ -248,17 +244,17 @@ def _sketch(axes: Any, width: float, result: Grasp) -> None:
         corners = np.array([(-y, bottom), (-y, top), (y, top), (y, bottom)])
         axes.plot(*(1e3 * corners.T), color=COLORS[4], ls=dashed, lw=1.2)
         base, tip = angles
-        hinge = np.array([_HINGE_Y, _HINGE_X])
-        tip_hinge = hinge + _BASE_LENGTH * _direction(base)
-        end = _REACH - _BASE_LENGTH
+        hinge = np.array([SRG.hinge_y, SRG.hinge_x])
+        tip_hinge = hinge + SRG.base_length * _direction(base)
+        end = SRG.pad_end
         along, inwards = _direction(base + tip), _direction(base + tip + np.pi / 2)
         pad = tip_hinge + np.array(
             [
                 distance * along + depth * inwards
                 for distance, depth in (
-                    (end - _PAD_LENGTH, 0.0),
-                    (end - _PAD_LENGTH, _PAD_FACE),
-                    (end, _PAD_FACE),
+                    (end - SRG.pad_length, 0.0),
+                    (end - SRG.pad_length, SRG.face_offset),
+                    (end, SRG.face_offset),
                     (end, 0.0),
                 )
             ]

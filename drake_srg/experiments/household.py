@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.grasping import (
     ACCELERATION,
     HELD,
@@ -34,10 +35,8 @@ Picture = tuple[npt.NDArray[np.uint8], str, str]  # image, caption and its colou
 
 _GRASPS = Path(__file__).parent / "household.yaml"
 
-# From SAKE's gen-2 URDF and MuJoCo model: hinges 30 mm off the middle, base links of
-# 52 mm, pads whose faces are 9.2 mm inside the line through the hinges. With the base
-# links sideways, pads that are parallel are this far apart [m].
-OPENING = 2.0 * (0.030 + 0.052 - 0.0092)
+# Gap between parallel pads with the base links sideways [m].
+OPENING = SRG.parallel_gap
 _PIXELS = 190  # of a picture's side
 # Held firmly is what is within this of where it was when it was lifted.
 MOST_SLIP, MOST_TURN = 0.005, np.deg2rad(10.0)

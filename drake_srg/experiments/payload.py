@@ -16,6 +16,7 @@ from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 
 from drake_srg.common.errors import ScenarioError
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.gripper.drivers import SrgTendonDriver
@@ -50,9 +51,9 @@ RADIUS, LENGTH, FRICTION = 0.034, 0.16, 0.8
 # model's frame `grasp_center`). Pinched, to the side: across the pads, where the tips
 # stay on their stops. Further in, the wires curl the tips.
 _X = {
-    ("wrap", "down"): 0.074 + RADIUS,
-    ("wrap", "side"): 0.074 + RADIUS,
-    ("pinch", "down"): 0.1631,
+    ("wrap", "down"): SRG.palm_face_x + 0.002 + RADIUS,
+    ("wrap", "side"): SRG.palm_face_x + 0.002 + RADIUS,
+    ("pinch", "down"): SRG.grasp_center_x,
     ("pinch", "side"): 0.155,
 }
 _MIDDLE = 0.5  # x of the bench's middle in world [m]

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.sponge import (
@@ -22,7 +23,6 @@ from drake_srg.experiments.sponge import (
     HOLD,
     LIFT,
     LIFT_HEIGHT,
-    PAD_WIDTH,
     SIZE,
     TIME_STEP,
     Case,
@@ -135,7 +135,7 @@ def _judge_squeeze(name: str, held: Grasp) -> list[Row]:
     e, nu = FOAM.youngs_modulus, FOAM.poissons_ratio
     confined = e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
     squeeze, force = held.at_rest(held.squeeze), held.at_rest(held.force)
-    column = e * PAD_WIDTH * (SIZE[2] - CLEARANCE)
+    column = e * SRG.pad_width * (SIZE[2] - CLEARANCE)
     return [
         Row.at_most(
             name,

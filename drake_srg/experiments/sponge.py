@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.multibody.tree import DeformableBody
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.moment_arms import base_moment_arm
 from drake_srg.gripper.tendon import TendonDriveConfig
@@ -22,10 +23,10 @@ from drake_srg.types import Box, Vector
 # [kg/m³] and stiffness: those of `SoftConfig`. Foam on rubber: between the 0.2 and 3
 # that polyurethanes have.
 SIZE, DENSITY, FOAM, FRICTION = [0.04, 0.06, 0.045], 30.0, SoftConfig(), 0.6
-# The pads' flat faces: width, and middle in a tip's frame (srg.sdf) [m]; and its
-# distance from the base hinge when the tip is straight.
-PAD_WIDTH, PAD_MIDDLE = 0.0303, [0.0338, 0.0092, 0.0]
-LEVER = 0.052 + PAD_MIDDLE[0]
+# Middle of a pad's flat face in the tip's frame [m], and its distance from the base
+# hinge with the tip straight.
+PAD_MIDDLE = [SRG.pad_middle, SRG.face_offset, 0.0]
+LEVER = SRG.base_length + SRG.pad_middle
 # The hand's height: with parallel fingers, the pads' lower ends are this much above the
 # table, and the upper ones above the sponge [m].
 HEIGHT, CLEARANCE = 0.1854, 0.002

@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
@@ -22,7 +23,7 @@ class MinimumJerkConfig:
 
     # Peak speed of a rest-to-rest motion [rad/s]. Default: the SRG's joint limit in
     # SAKE's public URDF.
-    max_velocity: float = dc.field(default=3.67, metadata=positive())
+    max_velocity: float = dc.field(default=SRG.joint_speed, metadata=positive())
     # Shortest motion [s]: the time in which small corrections are made.
     min_duration: float = dc.field(default=0.08, metadata=positive())
     # Time between looks at the target [s]: Algorithm 1 changes it at 100 Hz.

@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper.moment_arms import wire_travel
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
@@ -16,9 +17,9 @@ class SpoolCommandConfig:
 
     # Sum of base and tip angle that closure 1 asks of an empty hand [rad], and the
     # base's limit, from where on the tip closes; as in UnderactuationConfig.
-    full_scale: float = dc.field(default=3.0, metadata=positive())
+    full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
     # (The fitted moment arms end at 2.007 rad.)
-    base_limit: float = dc.field(default=1.94, metadata=positive(le=2.007))
+    base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive(le=2.007))
     period: float = dc.field(default=0.01, metadata=positive())  # s
 
 

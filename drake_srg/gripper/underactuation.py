@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
@@ -20,10 +21,10 @@ class UnderactuationConfig:
     """Parameters of Algorithm 1."""
 
     # Sum of base and tip angle that closure 1 asks for [rad]; from the thesis.
-    full_scale: float = dc.field(default=3.0, metadata=positive())
+    full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
     # Joint limits of base and tip [rad]; targets saturate there. SAKE's public URDF.
-    base_limit: float = 1.94
-    tip_limit: float = 1.94
+    base_limit: float = SRG.joint_limit
+    tip_limit: float = SRG.joint_limit
     # The thesis tests `tip angle <= 0`; a measured angle of a finger that rests on
     # its stop is zero only up to the stop's compliance [rad].
     straight_tolerance: float = 0.002

@@ -15,6 +15,7 @@ from pydrake.multibody.plant import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper.finger_layout import SRG_FINGERS
 from drake_srg.gripper.touch import (
     AddContactForceSensors,
@@ -42,7 +43,7 @@ CUBE = ObjectConfig(
     resolution=0.01,
 )
 # Where the ball rests on the tip's pad: its middle, from the tip's origin [m].
-PAD = np.array([0.0338, 0.0092, 0.0])
+PAD = np.array([SRG.pad_middle, SRG.face_offset, 0.0])
 
 
 def rest_on_a_pad(thing, side):

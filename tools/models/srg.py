@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
+from drake_srg.common.srg_geometry import SRG
+
 from .pieces import Inertial, Piece
 from .sdf import Files, Model
 from .shapes import union_properties
 from .srg_boxes import BASE_BOXES, PALM_BOXES, TIP_BOXES, in_boxes
 from .srg_pieces import (
-    BASE_LENGTH,
-    HINGE_X,
-    HINGE_Y,
     LOOKS,
-    PAD_THICKNESS,
     base_pieces,
     palm_pieces,
     tip_pieces,
 )
 
 # SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper).
-BASE_RANGE = TIP_RANGE = (0.0, 1.94)  # rad
-VELOCITY_LIMIT = 3.67  # rad/s
 PALM_MASS, FINGER_LINK_MASS = 0.3, 0.025  # kg
 
 # One Dynamixel MX-64 winds one wire per finger. Data sheet: 6.0 N m stall at 12 V, gear
@@ -52,8 +48,8 @@ def build() -> Files:
     return {
         **_build("srg"),
         **_build("srg_fast", boxes=True),
-        **_build("srg_fine_pads", PAD_THICKNESS / 2),
-        **_build("srg_finest_pads", PAD_THICKNESS / 4),
+        **_build("srg_fine_pads", SRG.pad_thickness / 2),
+        **_build("srg_finest_pads", SRG.pad_thickness / 4),
     }
 
 
@@ -73,8 +69,8 @@ def _build(
     model.AddLink("palm", palm, uniform(PALM_MASS, palm))
     # Open fingers point along +y and -y; a positive turn closes either one.
     poses = {
-        "left": ((HINGE_X, HINGE_Y, 0), (np.pi, 0, np.pi / 2)),
-        "right": ((HINGE_X, -HINGE_Y, 0), (0, 0, -np.pi / 2)),
+        "left": ((SRG.hinge_x, SRG.hinge_y, 0), (np.pi, 0, np.pi / 2)),
+        "right": ((SRG.hinge_x, -SRG.hinge_y, 0), (0, 0, -np.pi / 2)),
     }
     for side, (xyz, rpy) in poses.items():
         model.AddLink(
@@ -89,12 +85,12 @@ def _build(
             "tip_link",
             tip,
             uniform(FINGER_LINK_MASS, tip),
-            (f"{side}_base_link", (BASE_LENGTH, 0, 0), (0, 0, 0)),
+            (f"{side}_base_link", (SRG.base_length, 0, 0), (0, 0, 0)),
             prefix=f"{side}_",
         )
-    for part, parent, arm, limits in (
-        ("base", "palm", BASE_ARM, BASE_RANGE),
-        ("tip", "{}_base_link", TIP_ARM, TIP_RANGE),
+    for part, parent, arm in (
+        ("base", "palm", BASE_ARM),
+        ("tip", "{}_base_link", TIP_ARM),
     ):
         for side in poses:
             model.AddJoint(
@@ -103,10 +99,10 @@ def _build(
                 f"{side}_{part}_link",
                 (0, 0, 1),
                 {
-                    "lower": limits[0],
-                    "upper": limits[1],
+                    "lower": 0.0,
+                    "upper": SRG.joint_limit,
                     "effort": round(WIRE_FORCE * arm, 3),
-                    "velocity": VELOCITY_LIMIT,
+                    "velocity": SRG.joint_speed,
                 },
                 damping=DAMPING,
                 rotor_inertia=ROTOR_INERTIA,
@@ -116,7 +112,7 @@ def _build(
     model.AddFrame("mount", "palm")
     # On the palm's axis between the pads of straight fingers at 90 degrees, 5 mm beyond
     # the middle of the pads so that a wide object clears the palm.
-    model.AddFrame("grasp_center", "palm", (round(HINGE_X + 0.0905, 4), 0, 0))
+    model.AddFrame("grasp_center", "palm", (SRG.grasp_center_x, 0, 0))
     # A finger's own links overlap at the knuckles, under the palm's ears. The left and
     # the right finger can touch each other.
     for side in poses:

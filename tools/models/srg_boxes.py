@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import dataclasses as dc
 
+from drake_srg.common.srg_geometry import SRG
+
 from .pieces import Piece
 from .srg_pieces import (
-    BASE_LENGTH,
     BASE_THICKNESS,
     BASE_WIDTH,
-    KNUCKLE_TO_TIP,
     NOSE,
-    PAD_FACE,
-    PAD_LENGTH,
-    PAD_THICKNESS,
-    PAD_WIDTH,
-    PALM_HEIGHT,
     PLATE_IN,
     PLATE_OUT,
     TIP_WIDTH,
@@ -29,40 +24,49 @@ from .srg_pieces import (
 PALM_BOXES = {
     "palm_mount": ((0.0, -0.0265, -0.0265), (0.008, 0.0265, 0.0265)),
     "palm_body": ((0.008, -0.036, -PLATE_OUT), (0.060, 0.036, PLATE_OUT)),
-    "palm_face": ((0.060, -0.0188, -PLATE_IN), (0.072, 0.0188, PLATE_IN)),
+    "palm_face": ((0.060, -0.0188, -PLATE_IN), (SRG.palm_face_x, 0.0188, PLATE_IN)),
     **{
         f"palm_{side}_{hand}_ear": ((0.060, y, z), (0.0775, y + 0.0177, z + 0.005))
         for side, z in (("upper", PLATE_IN), ("lower", -PLATE_OUT))
         for hand, y in (("left", 0.0188), ("right", -0.0365))
     },
-    "palm_servo": ((0.0095, -0.0201, -PALM_HEIGHT / 2), (0.0555, 0.0201, -PLATE_OUT)),
-    "palm_spool_cover": ((0.020, -0.014, PLATE_OUT), (0.048, 0.014, PALM_HEIGHT / 2)),
+    "palm_servo": (
+        (0.0095, -0.0201, -SRG.palm_height / 2),
+        (0.0555, 0.0201, -PLATE_OUT),
+    ),
+    "palm_spool_cover": (
+        (0.020, -0.014, PLATE_OUT),
+        (0.048, 0.014, SRG.palm_height / 2),
+    ),
 }
-_BASE_BACK, _PAD_BACK = PAD_FACE - BASE_THICKNESS, PAD_FACE - PAD_THICKNESS
+_BASE_BACK = SRG.face_offset - BASE_THICKNESS
+_PAD_BACK = SRG.face_offset - SRG.pad_thickness
 _BASE_HALF, _TIP_HALF = BASE_WIDTH / 2, TIP_WIDTH / 2
-_TIP_FAR = KNUCKLE_TO_TIP - BASE_LENGTH
 _NOSE_HALF = 0.0022  # reaches 0.3 mm beyond the nose's circle
 BASE_BOXES = {
-    "base_body": ((-0.006, _BASE_BACK, -_BASE_HALF), (0.0375, PAD_FACE, _BASE_HALF)),
+    "base_body": (
+        (-0.006, _BASE_BACK, -_BASE_HALF),
+        (0.0375, SRG.face_offset, _BASE_HALF),
+    ),
     "base_cheeks": (
         (0.0375, _BASE_BACK + 0.003, -_BASE_HALF),
-        (BASE_LENGTH + 0.007, 0.0046, _BASE_HALF),
+        (SRG.base_length + 0.007, 0.0046, _BASE_HALF),
     ),
     "base_upper_nose": (
-        (BASE_LENGTH - _NOSE_HALF, -NOSE, _TIP_HALF + 0.0005),
-        (BASE_LENGTH + _NOSE_HALF, NOSE, _BASE_HALF),
+        (SRG.base_length - _NOSE_HALF, -NOSE, _TIP_HALF + 0.0005),
+        (SRG.base_length + _NOSE_HALF, NOSE, _BASE_HALF),
     ),
     "base_lower_nose": (
-        (BASE_LENGTH - _NOSE_HALF, -NOSE, -_BASE_HALF),
-        (BASE_LENGTH + _NOSE_HALF, NOSE, -_TIP_HALF - 0.0005),
+        (SRG.base_length - _NOSE_HALF, -NOSE, -_BASE_HALF),
+        (SRG.base_length + _NOSE_HALF, NOSE, -_TIP_HALF - 0.0005),
     ),
 }
 TIP_BOXES = {
     "tip_nose": ((-_NOSE_HALF, -NOSE, -_TIP_HALF), (_NOSE_HALF, NOSE, _TIP_HALF)),
     "tip_spine": ((-0.007, _PAD_BACK - 0.006, -_TIP_HALF), (0.024, 0.004, _TIP_HALF)),
     "tip_carrier": (
-        (_TIP_FAR - PAD_LENGTH, _PAD_BACK - 0.003, -PAD_WIDTH / 2),
-        (_TIP_FAR, _PAD_BACK, PAD_WIDTH / 2),
+        (SRG.pad_end - SRG.pad_length, _PAD_BACK - 0.003, -SRG.pad_width / 2),
+        (SRG.pad_end, _PAD_BACK, SRG.pad_width / 2),
     ),
 }
 

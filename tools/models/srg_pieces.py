@@ -10,6 +10,8 @@ import functools
 
 import numpy as np
 
+from drake_srg.common.srg_geometry import SRG
+
 from .pieces import (
     Piece,
     Primitive,
@@ -20,18 +22,10 @@ from .pieces import (
 )
 from .shapes import block, disc, hull_2d, prism, revolve, rot_x, rot_y
 
-# SAKE's public gen-2 articulated URDF (SAKErobotics/EZGripper).
-HINGE_X, HINGE_Y = 0.072569, 0.03  # palm to base hinge
-BASE_LENGTH = 0.052  # base hinge to tip hinge
-# Base hinge to the end of the pad with the finger straight: same URDF, its meshes.
-KNUCKLE_TO_TIP = 0.1108
-# The gap between the pads at base angles of 90 degrees is 0.0416.
-PAD_FACE = HINGE_Y - 0.0416 / 2  # 0.0092, inwards of the line through the hinges
-# From the bounding boxes of the vendor's STL parts.
-PAD_LENGTH, PAD_WIDTH, PAD_THICKNESS = 0.0500, 0.0303, 0.0150
+# What planning and experiments need, too, is in `SRG`, with its sources. These numbers
+# are the model's alone, from the bounding boxes of the vendor's STL parts.
 BASE_REAR, BASE_WIDTH, BASE_THICKNESS = 0.0096, 0.0300, 0.0220
 TIP_WIDTH, TIP_THICKNESS = 0.0169, 0.0223
-PALM_LENGTH, PALM_WIDTH, PALM_HEIGHT = 0.0791, 0.0816, 0.0653
 
 LOOKS = {
     "shell": (0.27, 0.28, 0.31),
@@ -56,7 +50,7 @@ _extruded = functools.partial(extruded_piece, proximity=PLASTIC)
 
 def palm_pieces() -> list[Piece]:
     """Return the palm: +x points out of it, the fingers move in the x-y plane."""
-    half_y, half_z = PALM_WIDTH / 2, PALM_HEIGHT / 2
+    half_y, half_z = SRG.palm_width / 2, SRG.palm_height / 2
     pieces = [
         Piece(
             "palm_mount",
@@ -73,7 +67,7 @@ def palm_pieces() -> list[Piece]:
         # An object deep between the fingers touches this.
         plastic_box(
             "palm_face", "rubber",
-            (0.058, -0.0188, -PLATE_IN), (0.072, 0.0188, PLATE_IN), 0.0015,
+            (0.058, -0.0188, -PLATE_IN), (SRG.palm_face_x, 0.0188, PLATE_IN), 0.0015,
         ),
     ]  # fmt: skip
     plate = np.array(
@@ -87,12 +81,12 @@ def palm_pieces() -> list[Piece]:
         pieces.append(_extruded(f"palm_{side}_plate", "shell", plate, z0, z1, 0.001))
         for hand, h in (("left", 1), ("right", -1)):
             ear = hull_2d(
-                disc(PALM_LENGTH - HINGE_X, (HINGE_X, h * HINGE_Y), 20),
+                disc(SRG.palm_length - SRG.hinge_x, (SRG.hinge_x, h * SRG.hinge_y), 20),
                 np.array([(0.058, h * half_y), (0.058, h * 0.0165)]),
             )
             name = f"palm_{side}_{hand}_ear"
             pieces.append(_extruded(name, "shell", ear, z0, z1, 0.001))
-            pin = disc(0.0035, (HINGE_X, h * HINGE_Y), 16)
+            pin = disc(0.0035, (SRG.hinge_x, h * SRG.hinge_y), 16)
             z0_, z1_ = sorted((s * (PLATE_OUT - 0.001), s * (PLATE_OUT + 0.001)))
             pieces.append(Piece(name + "_pin", "metal", prism(pin, z0_, z1_, 0.0004)))
         for x, y in ((0.017, 0.024), (0.017, -0.024), (0.054, 0.034), (0.054, -0.034)):
@@ -129,11 +123,11 @@ def palm_pieces() -> list[Piece]:
 
 def base_pieces() -> list[Piece]:
     """Return a base link: knuckle, body, and two cheeks around the tip's lug."""
-    back = PAD_FACE - BASE_THICKNESS
+    back = SRG.face_offset - BASE_THICKNESS
     half = BASE_WIDTH / 2
     body = hull_2d(
         disc(BASE_REAR, count=24),
-        np.array([(0.006, PAD_FACE), (0.0375, PAD_FACE)]),
+        np.array([(0.006, SRG.face_offset), (0.0375, SRG.face_offset)]),
         np.array([(0.018, back), (0.030, back), (0.0375, back + 0.002)]),
     )
     half_rib = 0.008
@@ -148,8 +142,8 @@ def base_pieces() -> list[Piece]:
     )
     # Stays below the arc that the pad's inner corner sweeps as the tip curls.
     cheek = hull_2d(
-        disc(NOSE, (BASE_LENGTH, 0), 24),
-        np.array([(BASE_LENGTH - 0.0118, 0.0046), (0.0365, 0.0028)]),
+        disc(NOSE, (SRG.base_length, 0), 24),
+        np.array([(SRG.base_length - 0.0118, 0.0046), (0.0365, 0.0028)]),
         np.array([(0.0365, back + 0.0018), (0.042, back + 0.003)]),
     )
     pieces = [_extruded("base_body", "shell", body, -half, half, 0.0012)]
@@ -161,7 +155,7 @@ def base_pieces() -> list[Piece]:
         z0, z1 = sorted((s * (TIP_WIDTH / 2 + 0.0005), s * half))
         name = f"base_{side}_cheek"
         pieces.append(_extruded(name, "shell", cheek, z0, z1, 0.001))
-        pin = disc(0.003, (BASE_LENGTH, 0), 16)
+        pin = disc(0.003, (SRG.base_length, 0), 16)
         z0, z1 = sorted((s * (half - 0.001), s * (half + 0.0008)))
         pieces.append(Piece(name + "_pin", "metal", prism(pin, z0, z1, 0.0004)))
     return pieces
@@ -172,10 +166,10 @@ def tip_pieces(pad_resolution: float | None = None) -> list[Piece]:
 
     With a resolution [m] the pad collides as a mesh of tetrahedra instead of a box.
     """
-    far = KNUCKLE_TO_TIP - BASE_LENGTH
-    near = far - PAD_LENGTH
-    pad_back = PAD_FACE - PAD_THICKNESS
-    spine_back = PAD_FACE - TIP_THICKNESS
+    far = SRG.pad_end
+    near = far - SRG.pad_length
+    pad_back = SRG.face_offset - SRG.pad_thickness
+    spine_back = SRG.face_offset - TIP_THICKNESS
     spine = hull_2d(
         disc(NOSE, count=24),
         np.array([(0.007, spine_back), (0.016, spine_back), (0.030, pad_back - 0.001)]),
@@ -190,19 +184,19 @@ def tip_pieces(pad_resolution: float | None = None) -> list[Piece]:
             (near + 0.001, pad_back + 0.002),
         ]
     )
-    half = PAD_WIDTH / 2
-    size = (PAD_LENGTH, PAD_THICKNESS, PAD_WIDTH)
-    middle = ((near + far) / 2, PAD_FACE - PAD_THICKNESS / 2, 0.0)
+    half = SRG.pad_width / 2
+    size = (SRG.pad_length, SRG.pad_thickness, SRG.pad_width)
+    middle = ((near + far) / 2, SRG.face_offset - SRG.pad_thickness / 2, 0.0)
     pad: Primitive | VolumeMesh = Primitive("box", size, middle)
     if pad_resolution is not None:
         pad = VolumeMesh(size, middle, pad_resolution)
     # Treads 0.8 mm high across the pad; its collision geometry is the box around them.
-    groove = PAD_FACE - 0.0008
+    groove = SRG.face_offset - 0.0008
     body = block((near, pad_back, -half), (far, groove, half), 0.0014)
     treads = []
     for x in np.linspace(near + 0.003, far - 0.003, 13):
         profile = [(x - 0.0015, groove - 0.0005), (x + 0.0015, groove - 0.0005)]
-        profile += [(x + 0.0009, PAD_FACE), (x - 0.0009, PAD_FACE)]
+        profile += [(x + 0.0009, SRG.face_offset), (x - 0.0009, SRG.face_offset)]
         treads.append(prism(np.array(profile), -half + 0.001, half - 0.001))
     return [
         _extruded("tip_spine", "shell", spine, -TIP_WIDTH / 2, TIP_WIDTH / 2, 0.001),
@@ -215,7 +209,7 @@ def tip_pieces(pad_resolution: float | None = None) -> list[Piece]:
 
 def _screws() -> list[Piece]:
     """Return the screw heads on the back of the pad's carrier."""
-    back = PAD_FACE - PAD_THICKNESS - 0.0030
+    back = SRG.face_offset - SRG.pad_thickness - 0.0030
     screws = []
     for z in (-0.0115, 0.0115):
         head = prism(disc(0.0017, count=12), -0.0006, 0.0008, 0.0003)

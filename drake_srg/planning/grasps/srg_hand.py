@@ -8,21 +8,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
-# Geometry of the SRG in the palm frame G (x out of the palm, fingers in the x-y plane)
-# from SAKE's public gen-2 URDF and MuJoCo model [m].
-_PALM_FACE = 0.072  # where it is flat
-_PALM_HALF_HEIGHT = 0.0327
-_HINGE_X, _HINGE_Y = 0.072569, 0.03
-_BASE_LENGTH = 0.052
-_PAD_START, _PAD_END = 0.009, 0.0588  # along the tip link, from its hinge
-_FACE_OFFSET = 0.0092  # of finger faces, inward from the line through the hinges
-# As far as straight fingers reach in x, a little inward of pointing straight ahead.
-_FINGERTIP_X = _HINGE_X + np.hypot(_BASE_LENGTH + _PAD_END, _FACE_OFFSET)
-_FULL_SCALE = 3.0  # base + tip angle at closure 1 [rad]
-_JOINT_LIMIT = 1.94  # of base and tip [rad]
+# What the hand must clear above and below its middle [m]: half of the palm's height,
+# rounded up to 0.1 mm.
+_PALM_HALF_HEIGHT = np.ceil(0.5e4 * SRG.palm_height) / 1e4
+# How far straight fingers reach in the palm's x, pointing a little inward of straight
+# ahead [m].
+_FINGERTIP_X = SRG.hinge_x + np.hypot(SRG.finger_length, SRG.face_offset)
 # An object whose grasp is not this far from an empty hand's [rad] cannot be told from
 # nothing: at 2.5 mm a side.
 _LEAST_DIFFERENCE = 0.02
@@ -112,7 +107,7 @@ def _grasp(
         p_GO=p_GO,
         # The palm's y stays horizontal, its x tilts.
         axis_G=np.array([-np.sin(tilt), 0.0, np.cos(tilt)]),
-        closure_open=base_open / _FULL_SCALE,
+        closure_open=base_open / SRG.full_scale,
         closure_closed=closure_closed,
         fingers_open=_fingers(base_open, 0.0),
         fingers_closed=_fingers(base, tip),
@@ -135,10 +130,10 @@ def _from_above(shape: Cylinder | Sphere, squeeze: float) -> SrgGrasp | None:
     # The pads lie flat on the sides, base + tip = 90 degrees, with the object's top at
     # the root of the pads: as much pad as there is on it. Low objects are taken by the
     # pads' ends, 6 mm above the table.
-    depth = _HINGE_X + _BASE_LENGTH + 0.002
+    depth = SRG.hinge_x + SRG.base_length + 0.002
     depth = max(depth, float(_FINGERTIP_X) + 0.006 - shape.height)
     # Half the gap between vertical pads is hinge + 52 mm cos(base) - 9.2 mm.
-    cosine = (half_width - _HINGE_Y + _FACE_OFFSET) / _BASE_LENGTH
+    cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
     base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
     tip = 0.5 * np.pi - base
     if tip < 0.0:  # so thin that straight fingers meet it with their ends
@@ -153,7 +148,7 @@ def _from_above(shape: Cylinder | Sphere, squeeze: float) -> SrgGrasp | None:
         base,
         tip,
         base_open=opening,
-        closure_closed=(base + tip + squeeze) / _FULL_SCALE,
+        closure_closed=(base + tip + squeeze) / SRG.full_scale,
     )
 
 
@@ -163,15 +158,20 @@ def _from_side(
     radius = shape.radius
     # The object nearly touches the palm, so that the fingers wrap around it and do
     # not pull it in; taken above its centre, for the wrist's sake.
-    x = _PALM_FACE + radius / np.cos(tilt) + _PALM_HALF_HEIGHT * np.tan(tilt) + 0.002
+    x = (
+        SRG.palm_face_x
+        + radius / np.cos(tilt)
+        + _PALM_HALF_HEIGHT * np.tan(tilt)
+        + 0.002
+    )
     height = 0.25 * shape.height
-    p_hinge = np.array([x - _HINGE_X, -_HINGE_Y])
+    p_hinge = np.array([x - SRG.hinge_x, -SRG.hinge_y])
     base = _contact_angle(p_hinge, radius)
-    if base is None or base > _JOINT_LIMIT:
+    if base is None or base > SRG.joint_limit:
         return None
-    p_tip_hinge = p_hinge - _BASE_LENGTH * np.array([np.sin(base), np.cos(base)])
+    p_tip_hinge = p_hinge - SRG.base_length * np.array([np.sin(base), np.cos(base)])
     total = _contact_angle(p_tip_hinge, radius)
-    if total is None or not 0.0 <= total - base <= _JOINT_LIMIT:
+    if total is None or not 0.0 <= total - base <= SRG.joint_limit:
         return None
     return _grasp(
         Approach.SIDE,
@@ -179,8 +179,8 @@ def _from_side(
         np.array([x + height * np.sin(tilt), 0.0, -height * np.cos(tilt)]),
         base,
         total - base,
-        base_open=0.2 * _FULL_SCALE,
-        closure_closed=min(1.0, (total + squeeze) / _FULL_SCALE),
+        base_open=0.2 * SRG.full_scale,
+        closure_closed=min(1.0, (total + squeeze) / SRG.full_scale),
     )
 
 
@@ -189,10 +189,10 @@ def _opening(half_width: float, depth: float) -> float | None:
 
     `depth` is where the object begins, in the palm's x [m]. None if it is too wide.
     """
-    along = max(depth - _HINGE_X, 0.0)
-    need = half_width + 0.012 - _HINGE_Y
+    along = max(depth - SRG.hinge_x, 0.0)
+    need = half_width + 0.012 - SRG.hinge_y
     angles = np.linspace(0.0, 0.5 * np.pi, 200)
-    gaps = along * np.cos(angles) - _FACE_OFFSET * np.sin(angles)
+    gaps = along * np.cos(angles) - SRG.face_offset * np.sin(angles)
     fitting = angles[gaps >= need]
     return float(fitting[-1]) if len(fitting) else None
 
@@ -202,10 +202,10 @@ def _straight_base_angle(half_gap: float) -> float:
 
     Half the gap is 30 mm + 110.8 mm cos(base) - 9.2 mm sin(base).
     """
-    length = _BASE_LENGTH + _PAD_END
-    reach = np.hypot(length, _FACE_OFFSET)
-    phase = np.arctan2(_FACE_OFFSET, length)
-    return float(np.arccos((half_gap - _HINGE_Y) / reach) - phase)
+    length = SRG.finger_length
+    reach = np.hypot(length, SRG.face_offset)
+    phase = np.arctan2(SRG.face_offset, length)
+    return float(np.arccos((half_gap - SRG.hinge_y) / reach) - phase)
 
 
 # Where the base links of an empty hand come to rest, fingertip on fingertip [rad].
@@ -222,7 +222,7 @@ def _contact_angle(p: Vector, radius: float) -> float | None:
         p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
         radius: Of the circle [m].
     """
-    cosine = float((radius + _FACE_OFFSET) / np.linalg.norm(p))
+    cosine = float((radius + SRG.face_offset) / np.linalg.norm(p))
     if cosine > 1.0:
         return None
     return float(np.arccos(cosine) - np.arctan2(p[1], p[0]))

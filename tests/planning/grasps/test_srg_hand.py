@@ -10,6 +10,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.srg_geometry import SRG
 from drake_srg.parsing import configure_parser
 from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, Approach, SrgHand
 from drake_srg.types import Box, Cylinder, Sphere
@@ -153,7 +154,7 @@ def test_low_objects_are_taken_clear_of_the_table():
     grasp = above(Sphere(0.02))
     (bottom,) = grasp.X_GO.translation()[:1] + 0.02
     # Fingers straight ahead end 58.8 mm beyond the tip's hinge.
-    assert bottom - (0.072569 + 0.052 + 0.0588) >= 0.005 - 1e-9
+    assert bottom - (SRG.hinge_x + SRG.finger_length) >= 0.005 - 1e-9
 
 
 def test_approaches_and_tilts_are_those_asked_for():
