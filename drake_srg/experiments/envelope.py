@@ -24,7 +24,7 @@ from drake_srg.cell.goals import goal_pose
 from drake_srg.experiments.cycles import run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Cylinder, Vector
@@ -143,7 +143,7 @@ class Cell:
         """Ask the planner for all motions, from home and back."""
         home, X_WO = self._planner.q_home, self.pose(case)
         result = self._planner.plan(home, X_WO, self.shape, self._goal)
-        if isinstance(result, TaskFailure):
+        if isinstance(result, PlanningFailure):
             return Outcome(case, result.failure.value, result.message)
         return Outcome(case, None)
 

@@ -10,14 +10,13 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.moves import FREEDOMS, TaskFailure
 from drake_srg.types import Cylinder, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -52,16 +51,24 @@ class GraspSearch:
         scene: The arm, the gripper and what they may hit.
         hand: How that gripper takes things.
         q_home: Where the arm rests, shape (N,) [rad].
-        config: Distances.
+        place_height: Height above the goal at which the object is let go [m].
+        regrasp_squeeze: How much more firmly the hand closes once a grasp has failed.
     """
 
     def __init__(
-        self, scene: PlanningScene, hand: Hand, q_home: Vector, config: PlannerConfig
+        self,
+        scene: PlanningScene,
+        hand: Hand,
+        q_home: Vector,
+        *,
+        place_height: float,
+        regrasp_squeeze: float,
     ) -> None:
         self._scene = scene
         self._hand = hand
         self._q_home = q_home
-        self._config = config
+        self._place_height = place_height
+        self._regrasp_squeeze = regrasp_squeeze
 
     def candidates(
         self,
@@ -71,7 +78,7 @@ class GraspSearch:
         *,
         turned: bool = False,
         tried: Sequence[str] = (),
-    ) -> tuple[list[Candidate], list[TaskFailure]]:
+    ) -> tuple[list[Candidate], list[PlanningFailure]]:
         """Grasps that can be reached at both ends, the best first; or why none is.
 
         Args:
@@ -85,7 +92,7 @@ class GraspSearch:
         candidates: list[Candidate] = []
         no_pick: list[tuple[Grasp, IkFailure]] = []
         no_place: list[tuple[Grasp, IkFailure]] = []
-        firmness = self._config.regrasp_squeeze if tried else 1.0
+        firmness = self._regrasp_squeeze if tried else 1.0
         choices = [
             (X_WO, grasp, target)
             for X_WO in self._ends_up(X_WO_seen, shape)
@@ -104,7 +111,7 @@ class GraspSearch:
             with carrying(self._scene, shape, grasp, supported=True):
                 place = solve_inverse_kinematics(
                     self._scene,
-                    place_target(grasp, X_WO_goal, self._config.place_height),
+                    place_target(grasp, X_WO_goal, self._place_height),
                     q_nominal=self._q_home,
                     q_guess=pick.q,
                 )
@@ -124,7 +131,7 @@ class GraspSearch:
         # The narrowest miss, of angles or of distances, tells most.
         step, missed = ("place", no_place) if no_place else ("pick", no_pick)
         failures = [
-            TaskFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
+            PlanningFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
             for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
         ]
         return sorted(candidates, key=lambda c: c.score), failures
@@ -135,7 +142,7 @@ class GraspSearch:
         target = grasp.pick_target(X_WO)
         if not turned:
             return [target]
-        if self._scene.num_joints < FREEDOMS:
+        if not self._scene.reaches_any_pose:
             return []  # the arm has no choice
         # The palm's y is across the axis in every grasp.
         angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)

@@ -12,8 +12,9 @@ from pydrake.math import RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
 from pydrake.solvers import SnoptSolver, SolverOptions
 
+from drake_srg.planning.motion.clearance import Clearance
 from drake_srg.planning.motion.hand_target import HandTarget
-from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
+from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Failure, Vector
 
 # A solvable call needs 5 to 20 major iterations; one that needs more is lost.

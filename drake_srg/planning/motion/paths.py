@@ -9,24 +9,16 @@ from numpy.random import default_rng
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RotationMatrix
 
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.follow import follow
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     solve_inverse_kinematics,
 )
-from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
+from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.rrt import rrt_connect, shortcut_path
 from drake_srg.types import Failure, Vector
-
-
-@dc.dataclass(frozen=True)
-class PathFailure:
-    """Why there is no path."""
-
-    message: str
-    failure: Failure = Failure.BLOCKED
-    clearance: Clearance | None = None  # of the colliding pair, where one is known
 
 
 def plan_joint_path(
@@ -37,7 +29,7 @@ def plan_joint_path(
     max_iterations: int = 1000,
     shortcuts: int = 20,
     seed: int = 0,
-) -> Vector | PathFailure:
+) -> Vector | PlanningFailure:
     """Finds waypoints that straight joint lines connect freely.
 
     The straight line if it is free; else RRT-Connect, shortened. The same call returns
@@ -57,7 +49,8 @@ def plan_joint_path(
     for name, q in (("start", q_start), ("goal", q_goal)):
         hit = scene.first_hit([q])
         if hit:
-            return PathFailure(f"the {name} is not free: {hit}", clearance=hit)
+            message = f"the {name} is not free: {hit}"
+            return PlanningFailure(Failure.BLOCKED, message, hit)
     if scene.is_edge_free(q_start, q_goal):
         return np.array([q_start, q_goal])
     rng = default_rng(seed)
@@ -74,9 +67,10 @@ def plan_joint_path(
     )
     if path is None:
         hit = scene.first_hit(scene.edge(q_start, q_goal))
-        return PathFailure(
+        return PlanningFailure(
+            Failure.BLOCKED,
             f"no path in {max_iterations} iterations; on the straight line, {hit}",
-            clearance=hit,
+            hit,
         )
     return shortcut_path(
         path, is_edge_free=scene.is_edge_free, attempts=shortcuts, rng=rng
@@ -92,7 +86,7 @@ def plan_cartesian_path(
     turn_spacing: float = 0.1,
     max_joint_step: float = 0.3,
     joint_margin: float = 0.02,
-) -> Vector | PathFailure:
+) -> Vector | PlanningFailure:
     """Moves the hand's point T straight from where it is at `q_start` to `target`.
 
     An orientation turns evenly about one axis from where it starts. Axes are kept
@@ -140,17 +134,17 @@ def plan_cartesian_path(
                 check_clearance=False,
             )
             if isinstance(found, IkFailure):
-                return PathFailure(f"{where}, {found.message}", found.failure)
+                return PlanningFailure(found.failure, f"{where}, {found.message}")
             q = found.q
         jump = np.abs(q - path[-1])
         if np.max(jump) > max_joint_step:
             joint = scene.joint_names[int(np.argmax(jump))]
-            return PathFailure(
-                f"{where}, {joint} would jump by {np.max(jump):.2f} rad",
+            return PlanningFailure(
                 Failure.OUT_OF_REACH,
+                f"{where}, {joint} would jump by {np.max(jump):.2f} rad",
             )
         hit = scene.first_hit(scene.edge(path[-1], q))
         if hit:
-            return PathFailure(f"{where}, {hit}", clearance=hit)
+            return PlanningFailure(Failure.BLOCKED, f"{where}, {hit}", hit)
         path.append(q)
     return np.array(path)

@@ -15,11 +15,11 @@ from pydrake.trajectories import (
     Trajectory,
 )
 
-from drake_srg.planning.motion.paths import PathFailure
+from drake_srg.planning.motion.config import TipLimits
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.trajectories import MotionLimits
-from drake_srg.planning.task.config import TipLimits
-from drake_srg.types import Vector
+from drake_srg.types import Failure, Vector
 
 # Longest steps of a path, in distance [m] and of a joint [rad]: longer than those of
 # `plan_cartesian_path`, whose waypoints are taken as they are.
@@ -43,7 +43,7 @@ def tip_limited_trajectory(
     tip: TipLimits,
     *,
     p_GT: Vector | None = None,
-) -> Trajectory | PathFailure:
+) -> Trajectory | PlanningFailure:
     """Moves from rest to rest along `waypoints`, the tip as `tip` says.
 
     The joints follow a cubic spline through the waypoints, and through points between
@@ -87,7 +87,8 @@ def tip_limited_trajectory(
             return PathParameterizedTrajectory(
                 path, _profile(s[-1], tip.slowed(slower))
             )
-    return PathFailure(f"no smooth motion along the path is free: {hit}", clearance=hit)
+    message = f"no smooth motion along the path is free: {hit}"
+    return PlanningFailure(Failure.BLOCKED, message, hit)
 
 
 def _refined(

@@ -22,7 +22,7 @@ from pydrake.trajectories import (
     Trajectory,
 )
 
-from drake_srg.planning.motion.paths import PathFailure
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Failure, Vector
 
@@ -72,7 +72,7 @@ def time_optimal_trajectory(
     *,
     rounding: float = 0.2,
     ramp: float = 0.04,
-) -> BsplineTrajectory | PathFailure:
+) -> BsplineTrajectory | PlanningFailure:
     """Moves from rest to rest along `waypoints`, as fast as `limits` allow.
 
     The path's corners are rounded, less and less until the motion is free in `scene`.
@@ -113,9 +113,9 @@ def time_optimal_trajectory(
             continue
         motion = _fastest_motion(scene, path, limits)
         if motion is None:
-            return PathFailure(
-                "the arm's torque cannot hold it all along this path",
+            return PlanningFailure(
                 Failure.OUT_OF_REACH,
+                "the arm's torque cannot hold it all along this path",
             )
         trajectory = _within_limits(scene, motion, limits, ramp)
         # A straight line stays straight and has been checked.
@@ -124,7 +124,7 @@ def time_optimal_trajectory(
         if hit is None:
             return trajectory
         message = f": {hit}"
-    return PathFailure(f"no rounding of the path is free{message}")
+    return PlanningFailure(Failure.BLOCKED, f"no rounding of the path is free{message}")
 
 
 def _rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:

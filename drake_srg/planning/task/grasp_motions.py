@@ -8,11 +8,12 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.grasps.grasp_search import Candidate, carrying, place_target
 from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
-from drake_srg.planning.motion.paths import PathFailure, plan_cartesian_path
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.paths import plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.moves import FREEDOMS, Moves, NoPathError
 from drake_srg.types import Failure, Mode, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -151,7 +152,7 @@ class GraspMotions:
             if across is not None:
                 below = self._moves.below(across[-1])
                 down = plan_cartesian_path(scene, across[-1], below)
-                if not isinstance(down, PathFailure):
+                if not isinstance(down, PlanningFailure):
                     return across, down
             q_place = candidate.q_place
             up = self._moves.straight(q_place, self._moves.above(q_place))
@@ -174,7 +175,7 @@ class GraspMotions:
                     return None
         else:
             return None
-        if scene.num_joints < FREEDOMS and self._config.tip_limits is None:
+        if not scene.reaches_any_pose and self._config.tip_limits is None:
             # Without a joint to spare, the hand's line costs detours of the joints.
             line = scene.edge(q_lifted, across[-1])
             lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)

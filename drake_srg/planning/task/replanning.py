@@ -10,8 +10,8 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.moves import TaskFailure
 from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.planning.task.sightings import (
     Sightings,
@@ -99,7 +99,7 @@ class Replanner:
             ready_at=time + self._config.latency,
             obstacles=obstacles,
         )
-        if isinstance(result, TaskFailure):
+        if isinstance(result, PlanningFailure):
             # What became of an object that was in the hand says more.
             if memory.failure is None:
                 memory = dc.replace(
@@ -207,7 +207,7 @@ class Replanner:
             ready_at=time + self._config.latency,
             obstacles=obstacles,
         )
-        if isinstance(result, TaskFailure):
+        if isinstance(result, PlanningFailure):
             hit = None
             if view.obstacles:
                 hit = self._obstruction(motions, memory.mode, obstacles)
@@ -239,7 +239,7 @@ class Replanner:
             ready_at=time + self._config.latency,
             next_look=np.inf,
         )
-        if isinstance(escape, TaskFailure):
+        if isinstance(escape, PlanningFailure):
             return dc.replace(memory, mode=Mode.FAILED, message=escape.message)
         return dc.replace(memory, escape=escape)
 

@@ -17,12 +17,14 @@ from drake_srg.planning.grasps.grasp_search import (
     carrying,
 )
 from drake_srg.planning.grasps.grasps import Grasp, Hand
-from drake_srg.planning.motion.paths import PathFailure, plan_cartesian_path
-from drake_srg.planning.motion.planning_scene import Clearance, PlanningScene
+from drake_srg.planning.motion.clearance import Clearance
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.paths import plan_cartesian_path
+from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.grasp_motions import GraspMotions
-from drake_srg.planning.task.moves import Moves, NoPathError, TaskFailure
 from drake_srg.types import Failure, Mode, Shape, Vector
 
 # Grasps whose motions are planned before the planner gives up. More are there only
@@ -64,9 +66,15 @@ class TaskPlanner:
         self.hand = hand
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
-        self._moves = Moves(scene, hand, config)
+        self._moves = Moves(scene, hand.p_GT, config)
         self._grasp_motions = GraspMotions(scene, self._moves, self.q_home, config)
-        self._search = GraspSearch(scene, hand, self.q_home, config)
+        self._search = GraspSearch(
+            scene,
+            hand,
+            self.q_home,
+            place_height=config.place_height,
+            regrasp_squeeze=config.regrasp_squeeze,
+        )
 
     def plan(
         self,
@@ -76,7 +84,7 @@ class TaskPlanner:
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
         tried: Sequence[str] = (),
-    ) -> TaskMotions | TaskFailure:
+    ) -> TaskMotions | PlanningFailure:
         """Plan the motions from `q_start` over pick and place to home.
 
         Args:
@@ -97,7 +105,7 @@ class TaskPlanner:
         shape: Shape,
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
-    ) -> TaskMotions | TaskFailure:
+    ) -> TaskMotions | PlanningFailure:
         """Plan from above the goal onto it, and home, with the object in the hand.
 
         Args:
@@ -121,11 +129,11 @@ class TaskPlanner:
         shape: Shape,
         X_WO_goal: RigidTransform,
         tried: Sequence[str],
-    ) -> TaskMotions | TaskFailure:
+    ) -> TaskMotions | PlanningFailure:
         taken = self._overlap(shape, X_WO_goal)
         if taken is not None:
-            return TaskFailure(Failure.BLOCKED, f"the goal is taken: {taken}")
-        reasons: list[TaskFailure] = []
+            return PlanningFailure(Failure.BLOCKED, f"the goal is taken: {taken}")
+        reasons: list[PlanningFailure] = []
         for turned in (False, True):
             candidates, failures = self._search.candidates(
                 X_WO, shape, X_WO_goal, turned=turned, tried=tried
@@ -146,7 +154,7 @@ class TaskPlanner:
             if not blocked:
                 break
         if not reasons:
-            return TaskFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
+            return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
         # What only the surroundings forbid is worth knowing before what no arm
         # posture reaches.
         return (blocked or reasons)[0]
@@ -221,7 +229,7 @@ class TaskPlanner:
 
     def plan_escape(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles = ()
-    ) -> tuple[Trajectory, Trajectory] | TaskFailure:
+    ) -> tuple[Trajectory, Trajectory] | PlanningFailure:
         """Plan back out of a failed grasp: away from the object, then home.
 
         Args:
@@ -233,7 +241,7 @@ class TaskPlanner:
         try:
             with self._standing(obstacles):
                 path = plan_cartesian_path(self.scene, q, self._moves.behind(q))
-                if isinstance(path, PathFailure):
+                if isinstance(path, PlanningFailure):
                     path = q[np.newaxis]
                 return (
                     self._moves.timed(path, self._moves.free),

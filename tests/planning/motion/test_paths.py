@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
 from drake_srg.planning.motion.paths import (
-    PathFailure,
     plan_cartesian_path,
     plan_joint_path,
 )
@@ -55,7 +55,7 @@ def test_a_wall_is_gone_around_freely_and_the_same_way_again(iiwa, sides, seed):
 def test_a_blocked_goal_is_named(iiwa, sides):
     with iiwa.standing(Sphere(0.1), iiwa.X_WG(sides[1])):
         failure = plan_joint_path(iiwa, *sides)
-    assert isinstance(failure, PathFailure)
+    assert isinstance(failure, PlanningFailure)
     assert failure.message.startswith("the goal is not free")
     assert "obstacle" in failure.clearance.bodies
     assert failure.failure is Failure.BLOCKED
@@ -64,7 +64,7 @@ def test_a_blocked_goal_is_named(iiwa, sides):
 def test_a_search_that_ends_names_what_is_on_the_straight_line(iiwa, sides):
     with iiwa.standing(WALL, X_WALL):
         failure = plan_joint_path(iiwa, *sides, max_iterations=0)
-    assert isinstance(failure, PathFailure)
+    assert isinstance(failure, PlanningFailure)
     assert "no path in 0 iterations" in failure.message
     assert "obstacle" in failure.clearance.bodies
 
@@ -103,7 +103,7 @@ def test_an_axis_is_kept_while_the_hand_moves(iiwa, sides):
 def test_a_line_into_the_table_is_blocked_where_it_meets_it(iiwa, sides):
     target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -0.25]))
     failure = plan_cartesian_path(iiwa, sides[0], target)
-    assert isinstance(failure, PathFailure)
+    assert isinstance(failure, PlanningFailure)
     assert "table" in failure.clearance.bodies
     assert "along the line" in failure.message
 
@@ -111,7 +111,7 @@ def test_a_line_into_the_table_is_blocked_where_it_meets_it(iiwa, sides):
 def test_a_line_out_of_reach_says_so(iiwa, sides):
     target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0.6, 0, 0]))
     failure = plan_cartesian_path(iiwa, sides[0], target)
-    assert isinstance(failure, PathFailure)
+    assert isinstance(failure, PlanningFailure)
     assert failure.failure is Failure.OUT_OF_REACH
 
 

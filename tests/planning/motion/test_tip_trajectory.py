@@ -5,15 +5,15 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.errors import ScenarioError
+from drake_srg.planning.motion.config import TipLimits
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.paths import (
-    PathFailure,
     plan_cartesian_path,
     plan_joint_path,
 )
 from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
 from drake_srg.planning.motion.trajectories import MotionLimits
-from drake_srg.planning.task.config import TipLimits
 from drake_srg.scenario.yaml_tree import load_typed
 from drake_srg.types import Sphere
 
@@ -104,7 +104,7 @@ def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
     direction = np.array(direction) / np.linalg.norm(direction)
     home = np.array([0.0, 0.0, 0.0, -1.7, 0.0, 1.4, 0.0])
     waypoints = line(iiwa, home, length * direction)
-    assume(not isinstance(waypoints, PathFailure))
+    assume(not isinstance(waypoints, PlanningFailure))
     assume(min(reach_left(iiwa, q) for q in waypoints) > LEAST_REACH_LEFT)
     trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
     assert_at_rest(trajectory, waypoints)
@@ -182,7 +182,7 @@ def test_joints_keep_their_limits_however_fast_the_tip_may_be(iiwa, direction, s
     offset = 0.3 * np.array(direction) / np.linalg.norm(direction)
     home = np.array([0.0, 0.0, 0.0, -1.7, 0.0, 1.4, 0.0])
     waypoints = line(iiwa, home, offset)
-    assume(not isinstance(waypoints, PathFailure))
+    assume(not isinstance(waypoints, PlanningFailure))
     limits = limits_of(iiwa).scaled(share, share)
     fast = TipLimits(velocity=10.0, acceleration=100.0, jerk=2000.0)
     trajectory = tip_limited_trajectory(iiwa, waypoints, limits, fast)
@@ -272,7 +272,7 @@ def test_what_stands_in_the_way_is_named(iiwa, home):
     middle = iiwa.X_WG(waypoints[len(waypoints) // 2]).translation()
     with iiwa.standing(Sphere(0.02), RigidTransform(middle)):
         failure = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
-    assert isinstance(failure, PathFailure)
+    assert isinstance(failure, PlanningFailure)
     assert "obstacle" in failure.message
     assert failure.clearance is not None
 

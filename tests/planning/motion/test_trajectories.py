@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.tree import MultibodyForces
 
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
 from drake_srg.planning.motion.paths import (
-    PathFailure,
     plan_cartesian_path,
     plan_joint_path,
 )
@@ -224,7 +224,7 @@ def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
     failure = time_optimal_trajectory(
         pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits
     )
-    assert isinstance(failure, PathFailure)
+    assert isinstance(failure, PlanningFailure)
     assert failure.failure is Failure.OUT_OF_REACH
     assert "torque" in failure.message
 
@@ -238,10 +238,10 @@ def test_a_payload_slows_and_can_be_too_much(pendulum, loaded_pendulum):
     # 12.26 N m to hold 2.5 kg, 9.81 N m to hold 2 kg.
     weak = limits.scaled(torque=12.0 / 13.0)
     assert not isinstance(
-        time_optimal_trajectory(pendulum, waypoints, weak), PathFailure
+        time_optimal_trajectory(pendulum, waypoints, weak), PlanningFailure
     )
     assert isinstance(
-        time_optimal_trajectory(loaded_pendulum, waypoints, weak), PathFailure
+        time_optimal_trajectory(loaded_pendulum, waypoints, weak), PlanningFailure
     )
 
 

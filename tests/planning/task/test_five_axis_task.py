@@ -9,13 +9,13 @@ from pydrake.multibody.tree import JacobianWrtVariable
 from drake_srg.cell import MakeTaskPlanner
 from drake_srg.cell.goals import goal_pose
 from drake_srg.planning.grasps.grasps import pose_along
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.follow import follow
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkSolution,
     solve_inverse_kinematics,
 )
-from drake_srg.planning.task.moves import TaskFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Cylinder, Failure, Mode
 from planning.planning_world import MOVING
@@ -78,7 +78,7 @@ def tasks(planner):
 def posed(request, tasks):
     """A pose, and the task that is planned for it."""
     task = tasks[request.param]
-    assert not isinstance(task, TaskFailure), task.message
+    assert not isinstance(task, PlanningFailure), task.message
     return POSES[request.param], task
 
 
@@ -171,7 +171,7 @@ def test_what_is_carried_hits_nothing(planner, posed):
 )
 def test_it_says_why_not(planner, X_WO, failure, words):
     result = planner.plan(planner.q_home, X_WO, CYLINDER, GOAL)
-    assert isinstance(result, TaskFailure)
+    assert isinstance(result, PlanningFailure)
     assert result.failure is failure
     assert words in result.message
 

@@ -7,7 +7,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.cell import MakeTaskPlanner
-from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import BlobFlag, Box, Failure, Mode, Obstacle
 from planning.planning_world import CAN, CYCLE, START, World, blob
@@ -86,7 +86,7 @@ def test_what_gets_onto_the_goal_meanwhile_blocks_it(hidden):
     world.where = seen
     world.unknown = lambda mode: [WALL] if mode is Mode.TRANSFER else []
     world.task_planner.hit = "place: held_object and obstacle"
-    world.task_planner.place = TaskFailure(Failure.BLOCKED, "no")
+    world.task_planner.place = PlanningFailure(Failure.BLOCKED, "no")
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.BLOCKED)
     assert status.message == world.task_planner.hit
@@ -133,7 +133,7 @@ HERE, THERE = RigidTransform(START), RigidTransform([0.55, -0.42, 0.05])
 def test_the_hand_turns_to_where_it_fits_between_obstacles(planner, turn):
     walls = cage(turn, turn + 90, turn + 180)
     task = planner.plan(planner.q_home, HERE, CAN, THERE, walls)
-    assert not isinstance(task, TaskFailure), task.message
+    assert not isinstance(task, PlanningFailure), task.message
     assert planner.obstruction(task, CAN, walls) is None
 
 

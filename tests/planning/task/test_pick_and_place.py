@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE
-from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.types import BlobFlag, Failure, Mode
 from planning.planning_world import CUP, CYCLE, GOAL, START, World, blob, make_planner
 
@@ -118,7 +118,7 @@ def test_the_best_blob_of_the_right_name_counts():
 @pytest.mark.parametrize("failure", [Failure.BLOCKED, Failure.OUT_OF_REACH])
 def test_where_there_is_no_plan_the_reason_is_told(failure):
     world = World()
-    world.task_planner.result = TaskFailure(failure, "there is a wall")
+    world.task_planner.result = PlanningFailure(failure, "there is a wall")
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, failure)
     assert status.message == "there is a wall"
@@ -279,7 +279,7 @@ def test_other_objects_are_obstacles_where_they_are_seen():
 def test_a_way_out_that_is_blocked_ends_the_task():
     world = World()
     world.holding = lambda mode: False
-    world.task_planner.escape = TaskFailure(Failure.BLOCKED, "stuck")
+    world.task_planner.escape = PlanningFailure(Failure.BLOCKED, "stuck")
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.NO_GRASP)
     assert status.message == "stuck"

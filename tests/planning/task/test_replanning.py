@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.types import BlobFlag, Failure, Mode
 from planning.planning_world import CYCLE, GOAL, START, World, blob
 
@@ -77,7 +77,7 @@ def test_what_cannot_be_planned_in_front_of_the_object_is_planned_from_home():
 
     def only_from_home(q_start, *args):
         if not np.array_equal(q_start, world.task_planner.q_home):
-            return TaskFailure(Failure.BLOCKED, "too near")
+            return PlanningFailure(Failure.BLOCKED, "too near")
         return plan(q_start, *args)
 
     world.task_planner.plan = only_from_home

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from drake_srg.planning.task.moves import TaskFailure
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.types import Box, Failure, Mode
 from planning.planning_world import CAN, MOVING
 from planning.task.kitchen_task import GOAL, START, ends, samples
@@ -32,7 +32,7 @@ def test_what_cannot_be_done_is_named(planner, start, goal, failure):
         for pose in (start, goal)
     )
     result = planner.plan(planner.q_home, start, CAN, goal)
-    assert isinstance(result, TaskFailure)
+    assert isinstance(result, PlanningFailure)
     assert result.failure is failure
     assert result.message
 

@@ -1,4 +1,4 @@
-"""The kinds of motion of a pick and place, each with its path and its timing."""
+"""Moves of the hand, each with its path and its timing."""
 
 from __future__ import annotations
 
@@ -8,38 +8,17 @@ from collections.abc import Iterable
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.grasps.grasps import Hand
+from drake_srg.planning.motion.config import MotionConfig
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
-from drake_srg.planning.motion.paths import (
-    PathFailure,
-    plan_cartesian_path,
-    plan_joint_path,
-)
+from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
 from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_trajectory
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.types import Failure, Vector
+from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 _SAME = 0.01  # difference of postures that a straight line may end with [rad]
-FREEDOMS = 6  # of a hand in space; arms with fewer joints cannot keep a whole pose
-
-
-@dc.dataclass(frozen=True)
-class TaskFailure:
-    """Why there are no motions."""
-
-    failure: Failure
-    message: str
-
-
-class NoPathError(Exception):
-    """A move that does not exist, with the reason as `failure`."""
-
-    def __init__(self, failure: Failure, message: str) -> None:
-        super().__init__(message)
-        self.failure = TaskFailure(failure, message)
 
 
 class Moves:
@@ -50,9 +29,11 @@ class Moves:
         holding: Limits of motions with something in it.
     """
 
-    def __init__(self, scene: PlanningScene, hand: Hand, config: PlannerConfig) -> None:
+    def __init__(
+        self, scene: PlanningScene, p_GT: Vector, config: MotionConfig
+    ) -> None:
         self._scene = scene
-        self._p_GT = np.asarray(hand.p_GT)
+        self._p_GT = np.asarray(p_GT)
         self._config = config
         limits = MotionLimits.of_plant(scene)
         self.free = limits.scaled(config.speed, config.speed)
@@ -76,7 +57,7 @@ class Moves:
     def _like(self, q: Vector) -> HandTarget:
         """The hand's pose, or as much of it as the arm can keep along a line."""
         X_WG = self._scene.X_WG(q)
-        if self._scene.num_joints >= FREEDOMS:
+        if self._scene.reaches_any_pose:
             return HandTarget.from_pose(X_WG)
         z = np.array([0.0, 0.0, 1.0])
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)
@@ -96,12 +77,12 @@ class Moves:
             NoPathError: If there is none.
         """
         path = plan_cartesian_path(self._scene, q, target)
-        if isinstance(path, PathFailure) and turning and target.axes:
+        if isinstance(path, PlanningFailure) and turning and target.axes:
             # Joints of an arm that is nearly stretched move far on a short way.
             target = dc.replace(target, axes=())
             path = plan_cartesian_path(self._scene, q, target, spacing=0.005)
-        if isinstance(path, PathFailure):
-            raise NoPathError(path.failure, path.message)
+        if isinstance(path, PlanningFailure):
+            raise NoPathError(path)
         return path
 
     def through(self, q: Vector, targets: Iterable[HandTarget]) -> Vector:
@@ -125,13 +106,13 @@ class Moves:
         """
         if self._config.tip_limits is not None:
             line = plan_cartesian_path(self._scene, q_start, self._like(q_goal))
-            if not isinstance(line, PathFailure) and np.allclose(
+            if not isinstance(line, PlanningFailure) and np.allclose(
                 line[-1], q_goal, atol=_SAME
             ):
                 return np.vstack([line, q_goal])
         path = plan_joint_path(self._scene, q_start, q_goal)
-        if isinstance(path, PathFailure):
-            raise NoPathError(path.failure, path.message)
+        if isinstance(path, PlanningFailure):
+            raise NoPathError(path)
         return path
 
     def timed(
@@ -147,7 +128,7 @@ class Moves:
         Raises:
             NoPathError: If there is none.
         """
-        trajectory: Trajectory | PathFailure
+        trajectory: Trajectory | PlanningFailure
         if self._config.tip_limits is not None:
             trajectory = tip_limited_trajectory(
                 self._scene, path, limits, self._config.tip_limits, p_GT=self._p_GT
@@ -157,6 +138,6 @@ class Moves:
             trajectory = time_optimal_trajectory(
                 self._scene, path, limits, rounding=rounding
             )
-        if isinstance(trajectory, PathFailure):
-            raise NoPathError(trajectory.failure, trajectory.message)
+        if isinstance(trajectory, PlanningFailure):
+            raise NoPathError(trajectory)
         return trajectory

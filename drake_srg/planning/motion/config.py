@@ -1,0 +1,46 @@
+"""How the arm moves."""
+
+import dataclasses as dc
+
+from drake_srg.types import positive
+
+
+@dc.dataclass(kw_only=True)
+class TipLimits:
+    """How the tip may move along its path; the defaults are the five-axis thesis's.
+
+    Distance on a path is that of `moveToPose` with metric [1, 1, 1, angle_weight]: the
+    norm of the tip's step and of the angle that the hand turns by, times the weight.
+    """
+
+    velocity: float = dc.field(default=0.1, metadata=positive())  # m/s
+    acceleration: float = dc.field(default=0.1, metadata=positive())  # m/s²
+    jerk: float = dc.field(default=0.1, metadata=positive())  # m/s³
+    # What a turn of the hand counts as [m/rad].
+    angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
+
+    def slowed(self, factor: float) -> "TipLimits":
+        """The limits of the same motions in `factor` times the time."""
+        return dc.replace(
+            self,
+            velocity=self.velocity / factor,
+            acceleration=self.acceleration / factor**2,
+            jerk=self.jerk / factor**3,
+        )
+
+
+@dc.dataclass(kw_only=True)
+class MotionConfig:
+    """Distances and speeds of moves."""
+
+    approach_distance: float = dc.field(default=0.08, metadata=positive())  # m
+    lift_height: float = dc.field(default=0.08, metadata=positive())  # m
+    # Share of the arm's velocity and acceleration limits with an empty hand.
+    speed: float = dc.field(default=0.9, metadata={"ge": 0.01, "le": 1.0})
+    # The same with something in the hand.
+    holding_speed: float = dc.field(default=0.7, metadata={"ge": 0.01, "le": 1.0})
+    holding_acceleration: float = dc.field(
+        default=0.3, metadata={"ge": 0.01, "le": 1.0}
+    )
+    # Limits of the hand's motion, in place of the fastest that the joints allow.
+    tip_limits: TipLimits | None = None
