@@ -4,8 +4,8 @@ Two things keep a system written in Python, and with it the whole diagram, alive
 (measured with Drake 1.51.1; see tests/test_lifetime.py):
 
 * Drake holds the callback of an output port or a cache entry in C++, where the
-collector
-  cannot see it. A bound method holds its system. (Event callbacks do not leak.)
+  collector cannot see it. A bound method holds its system. (Event callbacks do not
+  leak.)
 * Up to Python 3.11, a pybind11 class and a Python class derived from it both report the
   instance's `__dict__` to the collector. The collector then subtracts one reference too
   many, finds a negative count, and considers the system in use.

@@ -73,7 +73,7 @@ class Sphere:
 Shape: TypeAlias = Cylinder | Box | Sphere
 
 
-# Differences in misfit below this step do not count. Camera noise alone varies the
+# Trust counts misfit in steps of this size. Camera noise alone varies the
 # misfit of one object by 0.005 in `kitchen_varied` and by 0.014 in
 # `assistive_arm_varied` (standard deviations); other things of its colour that could be
 # mistaken for it start at 0.04.
