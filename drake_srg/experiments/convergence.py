@@ -39,7 +39,7 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     **{f"step {k}": (_ACCURATE, v) for k, v in _STEPS.items()},
     **{f"facets {k}": (_ACCURATE, v) for k, v in _FACETS.items()},
     BENCH: ("gripper_bench", {}),
-    FINEST_PADS: (_ACCURATE, {"directives.4.add_model.file": _FINEST_PADS}),
+    FINEST_PADS: (_ACCURATE, {"directives.gripper.add_model.file": _FINEST_PADS}),
 }
 FINEST = ("step 0.5 ms", "facets 2.5 mm", FINEST_PADS)
 # How the hand points (roll, pitch, yaw [degrees]) and where it is [m]: wrapped, to the

@@ -116,7 +116,9 @@ def calibration_cycle(
     path = folder / file_name(scenario)
     path.write_text(_DIRECTIVES.format(tip=tip, shift=shift), encoding="utf-8")
     directive = f"{{add_directives: {{file: {path.as_uri()}}}}}"
-    return run_cycle(scenario, seed, [f"directives.11={directive}"])
+    return run_cycle(
+        scenario, seed, [f"directives.{path.name.partition('.')[0]}={directive}"]
+    )
 
 
 def mean(verb: str, values: Iterable[Vector | None]) -> Vector:

@@ -28,7 +28,8 @@ from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import AddDirectives
 
 SEEDS = range(50)
-_FLAT = "directives.9.add_model.file=package://drake_srg/sdf/linkage_gripper_flat.sdf"
+_FLAT_PADS = "package://drake_srg/sdf/linkage_gripper_flat.sdf"
+_FLAT = f"directives.gripper.add_model.file={_FLAT_PADS}"
 # Scenario and overrides by fingertips and motion; the first is the one that must be
 # better than the thesis and keep our own bounds.
 VARIANTS: Mapping[str, tuple[str, tuple[str, ...]]] = {

@@ -199,5 +199,5 @@ def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
     base_path = path.parent / base if base.endswith(".yaml") else _builtin(base)
     if base_path in seen:
         raise ScenarioError(f"{path.name}: base: {base} leads back to itself")
-    merged: dict[str, Any] = merge(_read(base_path, (*seen, path)), tree)
+    merged: dict[str, Any] = merge(_read(base_path, (*seen, path)), tree, path.name)
     return merged

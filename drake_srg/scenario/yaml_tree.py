@@ -49,71 +49,122 @@ def parse_yaml(text: str, origin: str) -> Any:
     return tree
 
 
-def merge(base: Any, override: Any) -> Any:
+def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:
     """Return `base` with `override` laid over it, mapping by mapping.
 
-    A mapping whose tag differs from the base's replaces it as a whole. A mapping over a
-    list, its keys the indices ("4", quoted), is laid over those entries.
+    A mapping with another tag than the base's replaces it as a whole. A mapping over a
+    list of named entries is laid over those that its keys name; see `entry_names`.
+
+    Args:
+        base: A parsed tree. It is not changed.
+        override: Another one. It is not changed.
+        origin: File or option to name in errors.
+        key: Dotted path of both.
 
     Raises:
-        ScenarioError: If the list has no such entry.
+        ScenarioError: If a list has no entry of that name.
     """
-    if isinstance(base, list) and isinstance(override, Mapping) and override:
-        if not all(str(key).isdigit() for key in override):
-            return override
-        for key in override:
-            if int(key) >= len(base):
-                raise ScenarioError(
-                    f"a list of {len(base)} has no entry {key} to lay something over"
-                )
-        return [
-            merge(entry, override[str(i)]) if str(i) in override else entry
-            for i, entry in enumerate(base)
-        ]
-    if not (isinstance(base, Mapping) and isinstance(override, Mapping)):
+    if not isinstance(override, Mapping):
+        return override
+    if isinstance(base, list) and override and "_tag" not in override:
+        merged = list(base)
+        for name, value in override.items():
+            i = _entry_index(base, name, origin, key)
+            merged[i] = merge(base[i], value, origin, join(key, name))
+        return merged
+    if not isinstance(base, Mapping):
         return override
     if override.get("_tag", base.get("_tag")) != base.get("_tag"):
         return override
     return {
         **base,
-        **{k: merge(base[k], v) if k in base else v for k, v in override.items()},
+        **{
+            k: merge(base[k], v, origin, join(key, k)) if k in base else v
+            for k, v in override.items()
+        },
     }
 
 
 def set_key(tree: dict[str, Any], key: str, value: Any) -> None:
     """Merge `value` into `tree` at the dotted `key`, making mappings on the way.
 
-    Entries of a list are named by their index: `directives.0.add_model.file`. An empty
-    mapping, into which nothing would be merged, empties what is there.
+    A list's entry goes by its name, `directives.gripper.add_model.file`, or, in a list
+    without names, by its index, `script.0.duration`. An empty mapping replaces what is
+    there: nothing would be merged into it.
 
     Raises:
         ScenarioError: If the key leads through something that is neither a mapping nor
             a list, or to an entry that a list does not have.
     """
     node: Any = tree
-    path = key.split(".")
+    origin, path = f"--set {key}", key.split(".")
     for i, name in enumerate(path):
         above = ".".join(path[:i])
         entry: str | int = name
         if isinstance(node, list):
-            entry = _list_index(node, name, f"--set {key}: {above}")
+            entry = _entry_index(node, name, origin, above, indices=True)
         elif not isinstance(node, dict):
-            raise ScenarioError(f"--set {key}: {above} is a value without keys")
+            raise ScenarioError(f"{origin}: {above} is a value without keys")
         elif node.get(name) is None and i < len(path) - 1:
             node[name] = {}
         if i < len(path) - 1:
             node = node[entry]
             continue
         old = node[entry] if isinstance(entry, int) else node.get(entry)
-        node[entry] = merge(old, value) if value != {} else value
+        node[entry] = merge(old, value, origin, key) if value != {} else value
 
 
-def _list_index(items: list[Any], name: str, where: str) -> int:
-    if not (name.isdecimal() and int(name) < len(items)):
-        allowed = f"0 .. {len(items) - 1}" if items else "none, it is empty"
-        raise ScenarioError(
-            f"{where} is a list, {name!r} is not an index of it; allowed: {allowed}"
+def entry_names(items: Sequence[Any]) -> list[str]:
+    """Return the names of a list's entries; none unless all of them have one.
+
+    An entry's name is its `name`. That of a model directive is its model's or frame's
+    `name`, a weld's `child`, or the stem of an included `file`.
+    """
+    found = []
+    for item in items:
+        inner = item
+        if isinstance(item, Mapping) and "name" not in item:  # a model directive?
+            inner = next(iter(item.values()), None)
+        if not isinstance(inner, Mapping):
+            return []
+        stem = str(inner.get("file", "")).rpartition("/")[2].partition(".")[0]
+        name = inner.get("name") or inner.get("child") or stem
+        if not name:
+            return []
+        found.append(str(name))
+    return found
+
+
+def _entry_index(
+    items: Sequence[Any], name: str, origin: str, key: str, *, indices: bool = False
+) -> int:
+    """Return which entry of a list a key means.
+
+    Args:
+        items: The list.
+        name: The key: a name, or an index of a list without names.
+        origin: File or option to name in errors.
+        key: Dotted path of the list.
+        indices: Whether an index will do where there are no names.
+    """
+    allowed = entry_names(items)
+    if allowed:
+        if name in allowed:
+            return allowed.index(name)
+        hint = ""
+        if name.isdecimal() and int(name) < len(items):
+            hint = f"write {allowed[int(name)]!r} instead of {name!r}; "
+        fail(
+            origin,
+            key,
+            f"entries are overridden by name, got {name!r} ({hint}allowed: "
+            f"{', '.join(allowed)})",
         )
+    if not indices:
+        fail(origin, key, "entries have no names: override the list as a whole")
+    if not (name.isdecimal() and int(name) < len(items)):
+        numbers = f"0 .. {len(items) - 1}" if items else "none, it is empty"
+        fail(origin, key, f"{name!r} is not an index of this list; allowed: {numbers}")
     return int(name)
 
 

@@ -153,7 +153,7 @@ def test_object_is_the_picked_object():
 
 
 def test_set_reaches_into_lists():
-    turned = "directives.5.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 90]}"
+    turned = "directives.gripper::palm.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 90]}"
     scenario = load_scenario("gripper_bench", overrides=[turned, "script.0.duration=2"])
     X_PC = scenario.directives[5].add_weld.X_PC.GetDeterministicValue()
     np.testing.assert_allclose(X_PC.rotation().col(0), [0, 1, 0], atol=1e-12)
@@ -168,6 +168,21 @@ def test_an_object_with_a_pose_gets_no_position():
 
 
 # Bases.
+
+
+def test_a_variant_overrides_models_by_name(write):
+    path = write("base: kitchen\ndirectives: {gripper: {add_model: {file: x.sdf}}}")
+    models = [d.add_model for d in load_scenario(path).directives if d.add_model]
+    files = {model.name: model.file for model in models}
+    assert files["gripper"] == "x.sdf"
+    assert files["arm"] == "package://drake_srg/sdf/iiwa14.sdf"
+
+
+def test_a_variant_in_the_old_form_is_told_the_name_to_write(write):
+    path = write('base: kitchen\ndirectives: {"4": {add_model: {file: x.sdf}}}')
+    message = r": directives: .* got '4' \(write 'gripper' instead of '4'; allowed: tab"
+    with pytest.raises(ScenarioError, match=message):
+        load_scenario(path)
 
 
 def test_a_variant_lays_its_keys_over_its_base(write):
@@ -322,9 +337,12 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ("arm.period=0", "arm.period: must be greater than 0.0"),
         ("plant_config.time_step=0", "plant_config.time_step: must be greater than 0"),
         ("directives=[3]", "directives[0]: must be a mapping, is 3"),
-        ("directives.99.x=3", "directives is a list, '99' is not an index of it; allo"),
         (
-            "directives.0.add_modl.file=x",
+            "directives.99.x=3",
+            "directives: entries are overridden by name, got '99' (allowed: table, ",
+        ),
+        (
+            "directives.table.add_modl.file=x",
             "directives[0]: unknown key 'add_modl'; did you mean 'add_model'",
         ),
         (

@@ -10,6 +10,7 @@ from drake_srg.common.errors import ScenarioError
 from drake_srg.scenario.draws import draw_distributions
 from drake_srg.scenario.yaml_tree import (
     check_tree,
+    entry_names,
     load_typed,
     merge,
     parse_yaml,
@@ -120,9 +121,66 @@ def test_merge_replaces_what_has_another_tag():
 @given(trees, trees)
 def test_merge_changes_neither_and_is_idempotent(base, override):
     before = repr((base, override))
-    merged = merge(base, override)
+    try:
+        merged = merge(base, override)
+    except ScenarioError:  # the override names an entry that a list does not have
+        merged = None
     assert repr((base, override)) == before
-    assert repr(merge(merged, override)) == repr(merged)
+    if merged is not None:
+        assert repr(merge(merged, override)) == repr(merged)
+
+
+DIRECTIVES = """
+- add_model: {name: table, file: "package://p/table.sdf"}
+- add_weld: {parent: world, child: "table::top"}
+- add_directives: {file: "package://p/arm_tip.dmd.yaml"}
+- {name: lamp, power: 3}
+"""
+
+
+def test_entries_are_named_after_what_they_add():
+    names = entry_names(parse_yaml(DIRECTIVES, "f"))
+    assert names == ["table", "table::top", "arm_tip", "lamp"]
+
+
+@pytest.mark.parametrize("text", ["[]", "[1, 2]", "[{name: a}, {power: 2}]", "[[1]]"])
+def test_a_list_has_names_only_if_all_its_entries_do(text):
+    assert entry_names(parse_yaml(text, "f")) == []
+
+
+def test_entries_of_a_list_are_overridden_by_name():
+    base = {"directives": parse_yaml(DIRECTIVES, "f")}
+    merged = merge(base, {"directives": {"table": {"add_model": {"file": "x.sdf"}}}})
+    assert merged["directives"][0] == {"add_model": {"name": "table", "file": "x.sdf"}}
+    assert merged["directives"][1:] == base["directives"][1:]
+
+
+def test_an_index_is_refused_with_the_name_to_write():
+    base = {"directives": parse_yaml(DIRECTIVES, "f")}
+    message = (
+        r"^f: directives: entries are overridden by name, got '1' \(write "
+        r"'table::top' instead of '1'; allowed: table, table::top, arm_tip, lamp\)$"
+    )
+    with pytest.raises(ScenarioError, match=message):
+        merge(base, {"directives": {"1": {}}}, "f")
+
+
+def test_an_unknown_name_is_refused_with_those_allowed():
+    base = {"directives": parse_yaml(DIRECTIVES, "f")}
+    message = r"f: directives: .* got 'chair' \(allowed: table, table::top, arm_tip"
+    with pytest.raises(ScenarioError, match=message):
+        merge(base, {"directives": {"chair": {}}}, "f")
+
+
+def test_a_list_without_names_is_overridden_as_a_whole():
+    assert merge({"a": [1, 2]}, {"a": [3]}) == {"a": [3]}
+    with pytest.raises(ScenarioError, match=r"^f: a: entries have no names: override"):
+        merge({"a": [1, 2]}, {"a": {"0": 3}}, "f")
+
+
+def test_a_distribution_replaces_a_list():
+    vector = {"_tag": "!UniformVector", "min": [0], "max": [1]}
+    assert merge({"a": [1]}, {"a": vector}) == {"a": vector}
 
 
 def test_set_key_makes_mappings_on_the_way():
@@ -144,7 +202,18 @@ def test_set_key_does_not_lead_through_values():
         set_key({"a": {"b": 1}}, "a.b.c", 2)
 
 
-def test_set_key_leads_through_lists_by_index():
+def test_set_key_leads_through_lists_by_name():
+    tree = {"directives": parse_yaml(DIRECTIVES, "f")}
+    set_key(tree, "directives.table::top.add_weld.parent", "floor::top")
+    set_key(tree, "directives.lamp.power", 4)
+    assert tree["directives"][1]["add_weld"]["parent"] == "floor::top"
+    assert tree["directives"][3]["power"] == 4
+    message = r"^--set directives\.3\.power: directives: .*write 'lamp' instead of '3'"
+    with pytest.raises(ScenarioError, match=message):
+        set_key(tree, "directives.3.power", 5)
+
+
+def test_set_key_leads_through_lists_without_names_by_index():
     tree = {"a": [{"b": 1}, {"c": [3, 4]}]}
     set_key(tree, "a.0.b", 2)
     set_key(tree, "a.0.d.e", 5)
@@ -158,8 +227,7 @@ def test_set_key_needs_an_index_that_a_list_has(index, rest):
     with pytest.raises(ScenarioError) as error:
         set_key({"a": [{"b": 1}, 2]}, f"a.{index}{rest}", 3)
     if index != "1.5":  # whose 1 is an index, of a value
-        assert "a is a list" in str(error.value)
-        assert "is not an index of it; allowed: 0 .. 1" in str(error.value)
+        assert "is not an index of this list; allowed: 0 .. 1" in str(error.value)
 
 
 def test_set_key_finds_no_entry_in_an_empty_list():
@@ -276,13 +344,3 @@ def test_checking_is_idempotent(tree):
     except ScenarioError:
         return
     assert check_tree(checked, Outer, "f") == checked
-
-
-def test_a_mapping_of_indices_is_laid_over_a_list():
-    base = {"a": [{"b": 1, "c": 2}, 3, 4]}
-    override = {"a": {"0": {"c": 5}, "2": 6}}
-    assert merge(base, override) == {"a": [{"b": 1, "c": 5}, 3, 6]}
-    # Without mercy for entries that are not there; other mappings replace the list.
-    with pytest.raises(ScenarioError, match="a list of 3 has no entry 3"):
-        merge(base, {"a": {"3": 1}})
-    assert merge(base, {"a": {"b": 1}}) == {"a": {"b": 1}}

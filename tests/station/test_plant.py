@@ -28,7 +28,7 @@ def test_seeds_share_it():
 
 def test_files_that_change_are_read_again(tmp_path):
     path = tmp_path / "frames.dmd.yaml"
-    override = f"directives.1={{add_directives: {{file: {path.as_uri()}}}}}"
+    override = f"directives.floor={{add_directives: {{file: {path.as_uri()}}}}}"
     for x in (0.1, 0.2):
         path.write_text(FRAME.format(x=x))
         plant = MakeModelsPlant(load_scenario("kitchen", overrides=[override]))
@@ -38,7 +38,7 @@ def test_files_that_change_are_read_again(tmp_path):
 
 def test_models_that_change_are_read_again(tmp_path):
     path = tmp_path / "ball.sdf"
-    override = f"directives.1={{add_model: {{name: ball, file: {path.as_uri()}}}}}"
+    override = f"directives.floor={{add_model: {{name: ball, file: {path.as_uri()}}}}}"
     model = '<sdf version="1.9"><model name="ball"><link name="{}"/></model></sdf>'
     for i, link in enumerate(("red", "green")):
         path.write_text(model.format(link))
@@ -49,7 +49,8 @@ def test_models_that_change_are_read_again(tmp_path):
 
 def test_a_file_that_is_missing_is_told():
     scenario = load_scenario(
-        "kitchen", overrides=["directives.0={add_directives: {file: file:///no.yaml}}"]
+        "kitchen",
+        overrides=["directives.table={add_directives: {file: file:///no.yaml}}"],
     )
     with pytest.raises(ScenarioError, match=r"directives: .*no\.yaml"):
         MakeModelsPlant(scenario)

@@ -453,7 +453,7 @@ def test_sakes_sequences_move_the_simulated_gripper():
         assert wait_until(lambda: seen.time >= end, 60.0)
 
     # Pointing to the front: down, the fingers would fall shut against their springs.
-    front = "directives.5.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 0]}"
+    front = "directives.gripper::palm.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 0]}"
     scenario = load_scenario(
         "gripper_bench_fast", overrides=["object.present=false", front]
     )
