@@ -103,7 +103,7 @@ class Subscription:
             except TcprosError as error:
                 kind = type(error).__name__
                 self._warn(kind, f"{uri}: {error}; connection closed")
-            except (OSError, ValueError, asyncio.TimeoutError) as error:
+            except (TimeoutError, OSError, ValueError) as error:
                 # Who has just left may be listed for a moment still.
                 if publisher.connection is None and not worked:
                     text = one_line(error) or "no answer"

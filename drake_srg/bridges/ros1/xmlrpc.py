@@ -56,7 +56,7 @@ async def call(
         ((code, status, value),) = answers
     except socket.gaierror as error:
         raise XmlRpcError(f"{uri}: host not found") from error
-    except (OSError, asyncio.TimeoutError) as error:
+    except (TimeoutError, OSError) as error:
         raise XmlRpcError(f"{uri} does not answer") from error
     except Exception as error:  # there is no end of what can be wrong with a text
         raise XmlRpcError(f"{uri} does not answer as ROS: {one_line(error)}") from error
@@ -84,7 +84,7 @@ async def serve(
             body = _answer(request, answer)
             writer.write(_message(b"HTTP/1.0 200 OK", body))
             await asyncio.wait_for(writer.drain(), TIMEOUT)
-        except asyncio.TimeoutError:
+        except TimeoutError:
             refuse("half a request")
         except Exception as error:  # as in call()
             refuse(one_line(error))
