@@ -9,11 +9,8 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.systems.framework import Context
-from pydrake.systems.primitives import VectorLogSink
 
 from drake_srg.recording.output import OutputFile
-from drake_srg.types import Vector
 
 # The oldest date that a zip file can state, so that none of ours tells the time.
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -61,23 +58,3 @@ def read_log(path: Path | str) -> dict[str, npt.NDArray[Any]]:
     """
     with np.load(path, allow_pickle=False) as archive:
         return dict(archive)
-
-
-def sink_arrays(
-    context: Context, sinks: Mapping[str, VectorLogSink]
-) -> dict[str, Vector]:
-    """What log sinks hold, with time along the first axis.
-
-    Args:
-        context: The root context of the diagram that holds the sinks.
-        sinks: Name to sink.
-
-    Returns:
-        For every name an array `NAME` of shape (K, size) and its `NAME.time` [s], (K,).
-    """
-    arrays: dict[str, Vector] = {}
-    for name, sink in sinks.items():
-        log = sink.FindLog(context)
-        arrays[f"{name}.time"] = log.sample_times().copy()
-        arrays[name] = log.data().T.copy()
-    return arrays

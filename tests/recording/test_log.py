@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
-from drake_srg.recording.log import read_log, sink_arrays, write_log
+from drake_srg.recording.log import read_log, write_log
 
 names = st.text("abcz./_ ", min_size=1, max_size=8).filter(
     lambda name: name.strip("./ ") == name
@@ -42,14 +39,3 @@ def test_objects_are_refused_and_the_old_log_stays(tmp_path):
         write_log(path, {"b": np.array([None])})
     assert read_log(path)["a"] == [1.0]
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_sinks_become_arrays_with_time_first():
-    builder = DiagramBuilder()
-    source = builder.AddSystem(ConstantVectorSource([1.0, 2.0]))
-    sink = LogVectorOutput(source.get_output_port(), builder, 0.1)
-    simulator = Simulator(builder.Build())
-    simulator.AdvanceTo(0.35)
-    logged = sink_arrays(simulator.get_context(), {"u": sink})
-    np.testing.assert_allclose(logged["u.time"], [0.0, 0.1, 0.2, 0.3])
-    assert logged["u"].tolist() == [[1.0, 2.0]] * 4
