@@ -1,6 +1,6 @@
-"""Which code and models a trial is made of, where the version is one of many commits.
+"""A hash of the code, scenarios and models that a trial depends on.
 
-A checkout has the same version from one release to the next.
+The package's version does not identify them: it changes with a release, not a commit.
 """
 
 from __future__ import annotations
@@ -13,20 +13,32 @@ from drake_srg.parsing import models_path
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
-# What Python, scenarios and Drake's parser read; not what editors leave behind.
+# The files that Python and Drake's parser read, not those that editors leave behind.
 SUFFIXES = {".py", ".yaml", ".csv", ".xml", ".sdf", ".urdf", ".obj", ".vtk"}
 SUFFIXES |= {".gltf", ".bin", ".stl", ".mtl", ".png"}
 
-# They read what trials have left, or do without sweeps.
-_NO_TRIAL = ("sweeps/report/", "sweeps/dataset/", "experiments/")
+# Folders and modules that no trial imports: they build on trials, or have nothing to do
+# with sweeps. Changing one of them does not make a sweep's rows incomparable.
+NOT_IN_A_TRIAL = (
+    "__main__.py",
+    "bridges/",
+    "cli/",
+    "experiments/",
+    "simulation/bench.py",
+    "simulation/rig.py",
+    "sweeps/dataset/",
+    "sweeps/report/",
+    "sweeps/statistics.py",
+    "sweeps/summary.py",
+)
 
 
 @functools.cache
 def sources_hash() -> str:
-    """Return a short hash of the package's own files that a trial depends on.
+    """Return a short hash of the package's files that a trial depends on.
 
-    It is the same for the same files in a checkout and in a wheel, on any machine, and
-    is taken once a process.
+    The same files give the same hash in a checkout and in a wheel, on any machine. The
+    hash is computed once per process.
 
     Raises:
         OSError: If a file cannot be read.
@@ -38,8 +50,8 @@ def hash_files(package: Path, models: Path) -> str:
     """Return a short hash of the names and contents of a package's files.
 
     Args:
-        package: Its folder.
-        models: That of its models, which may be in it.
+        package: The package's folder.
+        models: The folder of its models, inside the package or elsewhere.
     """
     files = {path.relative_to(package).as_posix(): path for path in package.rglob("*")}
     files |= {
@@ -48,7 +60,7 @@ def hash_files(package: Path, models: Path) -> str:
     }
     whole = hashlib.sha256()
     for name, path in sorted(files.items()):
-        if path.suffix in SUFFIXES and not name.startswith(_NO_TRIAL):
+        if path.suffix in SUFFIXES and not name.startswith(NOT_IN_A_TRIAL):
             content = hashlib.sha256(path.read_bytes()).hexdigest()
             whole.update(f"{content} {name}\n".encode())
     return whole.hexdigest()[:12]
