@@ -1,4 +1,4 @@
-"""`python -m drake_srg` is the command drake-srg."""
+"""Makes `python -m drake_srg` the command `drake-srg`."""
 
 import sys
 

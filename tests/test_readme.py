@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_srg.cli.main import _parser
+from drake_srg.cli.main import make_parser
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -26,7 +26,7 @@ def test_commands_parse():
     commands = re.findall(pattern, PAGES, re.MULTILINE)
     assert len(commands) > 7
     for command in commands:
-        _parser().parse_args(shlex.split(command)[1:])
+        make_parser().parse_args(shlex.split(command)[1:])
 
 
 def test_links_lead_somewhere():

@@ -1,1 +1,1 @@
-"""The command drake-srg."""
+"""The command `drake-srg`."""

@@ -1,6 +1,6 @@
-"""Whether this machine can run what the package offers, and what to install if not.
+"""Checks whether this machine can run the package, and says what to install if not.
 
-Nothing of Drake is imported here, so that the doctor can be asked where Drake fails.
+Nothing of Drake is imported here, so that the checks run even where Drake does not.
 """
 
 from __future__ import annotations
@@ -15,28 +15,39 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from drake_srg.common.installing import pip_install, this_package
 
 # Debian and Ubuntu packages of the libraries that Drake's wheel needs but does not
-# carry; tools/install_system_libraries.sh has the same list.
+# contain; tools/install_system_libraries.sh has the same list.
 IMPORT_PACKAGES = ("libglib2.0-0",)
 RENDERING_PACKAGES = ("libegl1", "libgl1")
 OLDEST_PYTHON = "3.10"
 OLDEST_DRAKE = "1.51.1"
 
-# Modules of the base install, and the packages that bring them.
+# Modules to import, and the packages that contain them.
 _PACKAGES = {"cv2": "opencv-python-headless", "ruckig": "ruckig", "tqdm": "tqdm"}
+_ROSBAGS = {"rosbags.rosbag2": "rosbags"}
+_PLOTS = {"matplotlib.figure": "matplotlib"}
+_SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}
+_ROS2 = {"cyclonedds.domain": "cyclonedds"}
+
 _APT = "sudo apt-get update && sudo apt-get install -y --no-install-recommends "
 _PATIENCE = 120.0  # s
 
 
 @dc.dataclass(frozen=True)
 class Check:
-    """One finding: `detail` says what was found, `fix` what to run if it is not ok.
+    """The result of one check.
 
-    What is `optional` may be missing on a machine that is well.
+    Attributes:
+        name: What was checked.
+        ok: Whether it works.
+        detail: What was found.
+        fix: The command to run if it does not work.
+        optional: Whether the package also runs without it.
     """
 
     name: str
@@ -45,45 +56,71 @@ class Check:
     fix: str = ""
     optional: bool = False
 
+    def __str__(self) -> str:
+        """The check as `drake-srg doctor` prints it: a line, and the fix below it."""
+        word = "ok" if self.ok else "missing" if self.optional else "FAIL"
+        line = f"{word:7} {self.name:10} {self.detail}"
+        return line if self.ok else f"{line}\n{'':18} {self.fix}"
 
-def Checks() -> list[Check]:
-    """Examine this machine; takes some seconds.
 
-    Nothing here raises. What could crash the interpreter runs in one of its own.
+def examine_machine() -> list[Check]:
+    """Check this machine; takes some seconds.
+
+    Nothing here raises. Checks that could crash the interpreter run in another one.
 
     Returns:
         One Check each for Python, Drake, the other packages, rendering, video, rosbags,
-        plots, solvers, models and, optional, ROS 2 and Graphviz.
+        plots, solvers and models, and optional ones for sweeps, Ray, ROS 2 and
+        Graphviz.
     """
     recording = pip_install(*this_package("recording"))
-    examinations: list[tuple[str, Callable[[], str], str]] = [
+    required: list[tuple[str, Callable[[], str], str]] = [
         ("python", _python, f"install Python {OLDEST_PYTHON} or newer"),
         ("drake", _drake, pip_install(f"drake>={OLDEST_DRAKE}")),
-        ("packages", _packages, pip_install(*this_package())),
-        ("rendering", _rendering, _APT + " ".join(RENDERING_PACKAGES)),
+        ("packages", partial(_versions, _PACKAGES), pip_install(*this_package())),
+        (
+            "rendering",
+            partial(run_elsewhere, _RENDER),
+            _APT + " ".join(RENDERING_PACKAGES),
+        ),
         ("video", _video, recording),
-        ("rosbags", _rosbags, recording),
-        ("plots", _plots, recording),
-        ("solvers", _solvers, pip_install("--force-reinstall", "drake")),
-        ("models", _models, pip_install("--force-reinstall", *this_package())),
+        ("rosbags", partial(_versions, _ROSBAGS), recording),
+        ("plots", partial(_versions, _PLOTS), recording),
+        (
+            "solvers",
+            partial(run_elsewhere, _SOLVE),
+            pip_install("--force-reinstall", "drake"),
+        ),
+        (
+            "models",
+            partial(run_elsewhere, _RESOLVE),
+            pip_install("--force-reinstall", *this_package()),
+        ),
     ]
     optional: list[tuple[str, Callable[[], str], str]] = [
-        ("sweeps", _sweeps, pip_install(*this_package("sweep"))),
+        ("sweeps", partial(_versions, _SWEEPS), pip_install(*this_package("sweep"))),
         ("ray", _ray, pip_install(*this_package("ray"))),
-        ("ros2", _cyclonedds, pip_install(*this_package("ros2"))),
+        ("ros2", partial(_versions, _ROS2), pip_install(*this_package("ros2"))),
         ("graphviz", _graphviz, _APT + "graphviz"),
     ]
     return [
-        *(_check(*examination) for examination in examinations),
-        *(dc.replace(_check(*one), optional=True) for one in optional),
+        *(check(*examination) for examination in required),
+        *(dc.replace(check(*examination), optional=True) for examination in optional),
     ]
 
 
-def _check(name: str, examine: Callable[[], str], fix: str) -> Check:
+def check(name: str, examine: Callable[[], str], fix: str) -> Check:
+    """Run a check; an exception is its failure.
+
+    Args:
+        name: What is checked.
+        examine: Returns what was found, or raises.
+        fix: The command to run if it raises.
+    """
     try:
         return Check(name, ok=True, detail=examine())
     except Exception as error:
-        detail = str(error).strip() or type(error).__name__
+        detail = " ".join(str(error).split()) or type(error).__name__
         if "libglib-2.0" in detail:  # nothing of Drake works without it
             fix = _APT + " ".join(IMPORT_PACKAGES)
         return Check(name, ok=False, detail=detail, fix=fix)
@@ -91,27 +128,15 @@ def _check(name: str, examine: Callable[[], str], fix: str) -> Check:
 
 def _python() -> str:
     found = ".".join(map(str, sys.version_info[:3]))
-    _at_least("Python", found, OLDEST_PYTHON)
+    require_version("Python", found, OLDEST_PYTHON)
     return found
 
 
 def _drake() -> str:
     found = importlib.metadata.version("drake")
-    _at_least("drake", found, OLDEST_DRAKE)
-    _run_apart("import pydrake.all")
+    require_version("drake", found, OLDEST_DRAKE)
+    run_elsewhere("import pydrake.all")
     return found
-
-
-def _packages() -> str:
-    found = []
-    for name, package in _PACKAGES.items():
-        importlib.import_module(name)
-        found.append(f"{package} {importlib.metadata.version(package)}")
-    return ", ".join(found)
-
-
-def _rendering() -> str:
-    return _run_apart(_RENDER)
 
 
 def _video() -> str:
@@ -136,40 +161,9 @@ def _video() -> str:
     return f"H.264 encodes and decodes, av {importlib.metadata.version('av')}"
 
 
-def _rosbags() -> str:
-    importlib.import_module("rosbags.rosbag2")
-    return f"rosbags {importlib.metadata.version('rosbags')}"
-
-
-def _sweeps() -> str:
-    found = []
-    for package in ("joblib", "pyarrow"):
-        importlib.import_module(package)
-        found.append(f"{package} {importlib.metadata.version(package)}")
-    return ", ".join(found)
-
-
 def _ray() -> str:
-    # Found, not imported: that takes seconds.
+    # Not imported, because that takes seconds.
     return f"ray {importlib.metadata.version('ray')}"
-
-
-def _cyclonedds() -> str:
-    importlib.import_module("cyclonedds.domain")
-    return f"cyclonedds {importlib.metadata.version('cyclonedds')}"
-
-
-def _plots() -> str:
-    importlib.import_module("matplotlib.figure")
-    return f"matplotlib {importlib.metadata.version('matplotlib')}"
-
-
-def _solvers() -> str:
-    return _run_apart(_SOLVE)
-
-
-def _models() -> str:
-    return _run_apart(_RESOLVE)
 
 
 def _graphviz() -> str:
@@ -179,7 +173,22 @@ def _graphviz() -> str:
     return f"dot is {found}"
 
 
-def _at_least(name: str, found: str, oldest: str) -> None:
+def _versions(packages: dict[str, str]) -> str:
+    """Import modules, given with the packages that contain them; the versions."""
+    found = []
+    for module, package in packages.items():
+        importlib.import_module(module)
+        found.append(f"{package} {importlib.metadata.version(package)}")
+    return ", ".join(found)
+
+
+def require_version(name: str, found: str, oldest: str) -> None:
+    """Check a version.
+
+    Raises:
+        RuntimeError: If `found` is older than `oldest`.
+    """
+
     def numbers(version: str) -> list[int]:
         return [int(part) for part in version.split(".") if part.isdigit()]
 
@@ -187,16 +196,27 @@ def _at_least(name: str, found: str, oldest: str) -> None:
         raise RuntimeError(f"{name} {found} is older than {oldest}")
 
 
-def _run_apart(code: str) -> str:
-    """Run code in another interpreter; what it prints last."""
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        timeout=_PATIENCE,
-        check=False,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
+def run_elsewhere(code: str, patience: float = _PATIENCE) -> str:
+    """Run code in another interpreter, and return the last line that it prints.
+
+    Args:
+        code: The program.
+        patience: How long it may take [s].
+
+    Raises:
+        RuntimeError: If it crashes, raises or takes longer; the message says which.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            timeout=patience,
+            check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        )
+    except subprocess.TimeoutExpired:
+        raise RuntimeError(f"timed out after {patience:g} s") from None
     if done.returncode < 0:
         raise RuntimeError(f"crashed by {signal.Signals(-done.returncode).name}")
     if done.returncode > 0:
@@ -207,7 +227,6 @@ def _run_apart(code: str) -> str:
 
 _RENDER = """
 import pydrake.geometry as geometry
-from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo, ImageRgba8U
 
@@ -232,7 +251,7 @@ image = ImageRgba8U(64, 48)
 engine.RenderColorImage(geometry.ColorRenderCamera(core), image)
 red, green, *_ = image.at(32, 24)
 if red < 100 or green > 50:
-    raise RuntimeError(f"RenderError: a red ball came out as {image.at(32, 24)}")
+    raise RuntimeError(f"a red ball was rendered as {image.at(32, 24)}")
 print("VTK renders without a display")
 """
 
@@ -254,7 +273,7 @@ for solver in solvers:
         program.AddQuadraticCost(x * x)
     found = solver.Solve(program).GetSolution(x)
     if abs(found - 1) > 1e-3:
-        raise RuntimeError(f"{name} finds {found} where 1 is right")
+        raise RuntimeError(f"{name} returns {found}, the solution is 1")
 print(", ".join(solver.solver_id().name() for solver in solvers))
 """
 

@@ -1,32 +1,34 @@
-"""The command drake-srg."""
+"""The command `drake-srg`."""
 
 import argparse
+import importlib.metadata
 import os
-import shutil
-import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from drake_srg.cli import doctor
+from drake_srg.cli import commands
+from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
-from drake_srg.common.errors import ScenarioError, scenario_errors
-
-# Exit codes.
-SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2
+from drake_srg.cli.process import BAD_INPUT, SUCCESS
+from drake_srg.common.errors import ScenarioError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit code."""
-    options = _parser().parse_args(arguments)
+    """Run a command and return its exit code.
+
+    Args:
+        arguments: The command line without the program's name; None: sys.argv's.
+    """
+    options = make_parser().parse_args(arguments)
     try:
         code: int = options.run(options)
     except ScenarioError as error:
         return _complain(str(error))
     except ImportError as error:
-        return _complain(f"{error}. `drake-srg doctor` says more.")
+        return _complain(f"{error}. `drake-srg doctor` lists everything missing.")
     except KeyboardInterrupt:
         return _complain("stopped")
     except BrokenPipeError:  # `| head` has read enough
@@ -35,281 +37,166 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-class _Parser(argparse.ArgumentParser):
-    """A parser whose complaints are one line, as all others are."""
-
-    def error(self, message: str) -> NoReturn:
-        """Say what is wrong, and exit."""
-        sys.exit(_complain(message))
-
-
-class _ExperimentHelp(argparse.Action):
-    """Shows the help of `experiment` and, after a NAME, what that one takes."""
-
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: object,
-        option: str | None = None,
-    ) -> NoReturn:
-        """Print and exit."""
-        from drake_srg.experiments.registry import describe
-
-        name = getattr(namespace, "name", None)
-        try:
-            print(describe(name) if name else parser.format_help())
-        except ScenarioError as error:
-            parser.error(str(error))
-        parser.exit()
-
-
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of all commands; `options.run(options)` runs the chosen one."""
     parser = _Parser(
         prog="drake-srg",
         description="Robot cells with the SAKE Robotics gripper, simulated with Drake.",
+        epilog="`drake-srg COMMAND --help` describes a command and its options.",
     )
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    parser.add_argument(
+        "--version", action=_PrintVersion, nargs=0, help="print the version and exit"
+    )
+    subparsers = parser.add_subparsers(
+        title="commands", required=True, metavar="COMMAND"
+    )
 
-    run = commands.add_parser("run", help="simulate a scenario and record it")
+    def add(
+        name: str,
+        run: Callable[[argparse.Namespace], int],
+        summary: str,
+        details: str = "",
+        **options: Any,
+    ) -> Any:
+        """Add a command: the overview has the summary, its own help the details too."""
+        description = f"{summary[0].upper()}{summary[1:]}. {details}".strip()
+        command = subparsers.add_parser(
+            name, help=summary, description=description, **options
+        )
+        command.set_defaults(run=run)
+        return command
+
+    run = add(
+        "run",
+        commands.run,
+        "simulate a scenario and record it",
+        "Exit code: 0 success, 1 the task failed, 2 bad input.",
+    )
     _add_scenario(run)
     run.add_argument(
-        "--out", type=Path, metavar="DIR", help="results (default: out/SCENARIO)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results (default: out/SCENARIO)",
     )
     run.add_argument(
-        "--no-record", action="store_true", help="only metrics.json and log.npz"
+        "--no-record", action="store_true", help="write only metrics.json and log.npz"
     )
-    run.add_argument("--json", action="store_true", help="print metrics.json")
-    run.set_defaults(run=_run)
+    run.add_argument(
+        "--json", action="store_true", help="print metrics.json instead of a table"
+    )
 
-    serve = commands.add_parser(
-        "serve", help="run a scenario's station under the commands of ROS or a driver"
+    serve = add(
+        "serve",
+        cli_serve.serve,
+        "run a scenario's station under outside command: ROS 1, ROS 2, a servo driver",
     )
     _add_scenario(serve)
     cli_serve.add_arguments(serve)
-    serve.set_defaults(run=cli_serve.serve)
 
-    sweep = commands.add_parser(
-        "sweep", help="run many trials of a scenario, a row each, and count"
+    sweep = add(
+        "sweep",
+        cli_sweep.sweep,
+        "run many trials of a scenario, one row each",
+        "Trial k is `drake-srg run SCENARIO --seed S+k`. Exit code: 0 once all trials "
+        "have run, whatever their outcome; 2 bad input; 130 interrupted.",
     )
     _add_scenario(sweep)
     cli_sweep.add_sweep_arguments(sweep)
-    sweep.set_defaults(run=cli_sweep.sweep)
 
-    report = commands.add_parser("report", help="make an HTML page of a sweep")
+    report = add(
+        "report",
+        cli_sweep.report,
+        "turn a sweep into an HTML page",
+        "The page shows how often trials succeed, why they fail and what that depends "
+        "on.",
+    )
     cli_sweep.add_report_arguments(report)
-    report.set_defaults(run=cli_sweep.report)
 
-    dataset = commands.add_parser(
-        "dataset", help="make a LeRobot data set of a sweep's recordings"
+    dataset = add(
+        "dataset",
+        cli_sweep.dataset,
+        "turn a sweep's recordings into a LeRobot data set",
+        "Each recorded trial becomes an episode: `drake-srg sweep ... --record all`.",
     )
     cli_sweep.add_dataset_arguments(dataset)
-    dataset.set_defaults(run=cli_sweep.dataset)
 
-    listing = commands.add_parser("list", help="list the scenarios")
-    listing.set_defaults(run=_list)
+    add("list", commands.list_scenarios, "list the scenarios")
 
-    diagram = commands.add_parser("diagram", help="draw a scenario's systems")
+    diagram = add("diagram", commands.diagram, "draw a scenario's block diagram")
     _add_scenario(diagram)
     diagram.add_argument(
-        "-o", "--output", type=Path, required=True, metavar="FILE.svg|.png|.dot"
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="the picture; ends in .svg, .png or .dot",
     )
-    diagram.set_defaults(run=_diagram)
 
-    bench = commands.add_parser(
-        "bench", help="measure the speed of a scenario, and where the time goes"
+    bench = add(
+        "bench",
+        commands.bench,
+        "measure how fast scenarios run, and where the time goes",
     )
     _add_scenario(
         bench,
         nargs="*",
-        help="names of `drake-srg list`, or .yaml files (default: each scenario with "
-        "a fast variant, and that)",
+        help="a name from `drake-srg list` or a .yaml file (default: every scenario "
+        "that has a fast variant, and the variant)",
     )
-    bench.set_defaults(run=_bench)
 
-    experiment = commands.add_parser(
+    experiment = add(
         "experiment",
-        help="compare models and drivers with published claims and theory",
+        cli_experiment.experiment,
+        "compare models and drivers with published claims and theory",
+        "Exit code: 0 every claim holds, 1 at least one does not, 2 bad input.",
         add_help=False,
     )
-    experiment.add_argument(
-        *("-h", "--help"),
-        action=_ExperimentHelp,
-        nargs=0,
-        help="show this and, after a NAME, the parameters of that experiment",
-    )
-    which = experiment.add_mutually_exclusive_group(required=True)
-    which.add_argument("name", nargs="?", metavar="NAME", help="experiment to run")
-    which.add_argument("--list", action="store_true", help="list the experiments")
-    experiment.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help="set a parameter of the experiment; YAML value",
-    )
-    experiment.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="result.json, tables and a figure (default: out/experiments/NAME)",
-    )
-    experiment.set_defaults(run=_experiment)
+    cli_experiment.add_arguments(experiment)
 
-    check = commands.add_parser("doctor", help="say what works on this machine")
-    check.set_defaults(run=_doctor)
+    add(
+        "doctor",
+        commands.doctor,
+        "check what works on this machine, and print what installs the rest",
+        "Exit code: 0 everything required works, 1 something required is missing.",
+    )
     return parser
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that reports an error in one line, like every command."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print what is wrong, and exit."""
+        sys.exit(_complain(message))
+
+
+class _PrintVersion(argparse.Action):
+    """Prints the version; looks it up only then, because that reads the disk."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        print(f"drake-srg {importlib.metadata.version('drake_srg')}")
+        parser.exit()
 
 
 def _add_scenario(
     parser: argparse.ArgumentParser,
     nargs: str | None = None,
-    help: str = "a name of `drake-srg list`, or a .yaml file",
+    help: str = "a name from `drake-srg list` or a .yaml file",
 ) -> None:
-    parser.add_argument("scenario", nargs=nargs, help=help)
+    parser.add_argument("scenario", nargs=nargs, metavar="SCENARIO", help=help)
     parser.add_argument(
-        "--seed", type=int, help="replaces the scenario's random_seed", metavar="N"
+        "--seed", type=int, metavar="N", help="replaces the scenario's random_seed"
     )
     parser.add_argument(
         "--set",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="replace an entry: dotted key, YAML value; `object.` is the picked object",
+        help="override an entry of the scenario (repeatable): a dotted key, a YAML "
+        "value; `object.` stands for the picked object",
     )
-
-
-def _run(options: argparse.Namespace) -> int:
-    from drake_srg.scenario import load_scenario
-    from drake_srg.simulation import Simulate
-
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    name = Path(options.scenario).stem
-    out: Path = options.out or Path("out") / name
-    cli_sweep.end_on_sigterm()
-    try:
-        result = Simulate(
-            scenario,
-            name=name,
-            out=out,
-            record=not options.no_record,
-            progress=sys.stderr.isatty(),
-        )
-    except OSError as error:
-        return _complain(f"--out {out}: cannot be written: {error.strerror or error}")
-    metrics = result.metrics
-    if options.json:
-        print((out / "metrics.json").read_text(encoding="utf-8"), end="")
-    else:
-        print(metrics.table())
-        if result.status.message and not metrics.success:
-            print(f"\n{result.status.message}")
-        print()
-        for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
-            print(out / Path(path).name)
-    return SUCCESS if metrics.success else TASK_FAILED
-
-
-def _list(options: argparse.Namespace) -> int:
-    from drake_srg.scenario import SCENARIOS, list_scenarios
-
-    for name in list_scenarios():
-        first = (SCENARIOS / f"{name}.yaml").read_text().splitlines()[0]
-        print(f"{name:24} {first.removeprefix('#').strip()}")
-    return SUCCESS
-
-
-def _diagram(options: argparse.Namespace) -> int:
-    from drake_srg.cell import MakeCell
-    from drake_srg.scenario import load_scenario
-
-    output: Path = options.output
-    kinds = (".svg", ".png", ".dot")
-    if output.suffix not in kinds:
-        return _complain(f"-o {output}: must end in one of {', '.join(kinds)}")
-    scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
-    with scenario_errors(Path(options.scenario).stem):
-        cell = MakeCell(scenario)
-    dot = cell.GetGraphvizString()
-    try:
-        if output.suffix == ".dot":
-            output.write_text(dot)
-        elif shutil.which("dot") is None:
-            return _complain(
-                "drawing needs Graphviz: sudo apt-get install -y graphviz "
-                "(a .dot file does not)"
-            )
-        else:
-            subprocess.run(
-                ["dot", f"-T{output.suffix[1:]}", "-o", str(output)],
-                input=dot,
-                text=True,
-                check=True,
-                capture_output=True,
-            )
-    except OSError as error:
-        return _complain(f"-o {output}: cannot be written: {error.strerror or error}")
-    except subprocess.CalledProcessError as error:
-        return _complain(f"-o {output}: cannot be drawn: {error.stderr.strip()}")
-    print(output)
-    return SUCCESS
-
-
-def _bench(options: argparse.Namespace) -> int:
-    from drake_srg.scenario import load_scenario
-    from drake_srg.simulation.bench import bench_table, run_bench, scenarios_with_a_twin
-
-    # All are loaded before the first one is run: a mistake shows at once.
-    scenarios = {
-        name: load_scenario(name, seed=options.seed, overrides=options.set)
-        for name in options.scenario or scenarios_with_a_twin()
-    }
-    benches = {
-        Path(name).stem: run_bench(scenario, Path(name).stem)
-        for name, scenario in scenarios.items()
-    }
-    print(bench_table(benches))
-    return SUCCESS
-
-
-def _experiment(options: argparse.Namespace) -> int:
-    from drake_srg.experiments.registry import (
-        list_experiments,
-        list_measurements,
-        run_experiment,
-    )
-
-    if options.list:
-        for name, description in list_experiments().items():
-            print(f"{name:24} {description}")
-        if measurements := list_measurements():
-            print("\nFor maintainers, in a checkout only (tools/measure):")
-        for name, description in measurements.items():
-            print(f"{name:24} {description}")
-        return SUCCESS
-    out: Path = options.out or Path("out") / "experiments" / options.name
-    cli_sweep.end_on_sigterm()
-    try:
-        result = run_experiment(
-            options.name, out, overrides=options.set, progress=sys.stderr.isatty()
-        )
-    except OSError as error:
-        return _complain(f"--out {out}: cannot be written: {error.strerror or error}")
-    print(result.table())
-    print()
-    for path in result.paths(options.name, out):
-        print(path)
-    return SUCCESS if result.passed else TASK_FAILED
-
-
-def _doctor(options: argparse.Namespace) -> int:
-    checks = doctor.Checks()
-    for check in checks:
-        word = "ok" if check.ok else "none" if check.optional else "FAIL"
-        print(f"{word:4} {check.name:10} {check.detail}")
-        if not check.ok:
-            print(f"     {'':10} {check.fix}")
-    return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED
 
 
 def _complain(message: str) -> int:

@@ -17,8 +17,8 @@ def by_name(checks):
     return {check.name: check for check in checks}
 
 
-def test_this_machine_is_well():
-    checks = doctor.Checks()
+def test_this_machine_passes_every_required_check():
+    checks = doctor.examine_machine()
     assert [check.name for check in checks] == [
         "python",
         "drake",
@@ -38,7 +38,7 @@ def test_this_machine_is_well():
     assert all(check.detail and check.ok != bool(check.fix) for check in checks)
 
 
-def test_the_doctor_does_not_need_drake(tmp_path):
+def test_the_doctor_works_without_drake(tmp_path):
     (tmp_path / "pydrake.py").write_text("raise ImportError('no pydrake here')")
     code = (
         f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
@@ -49,31 +49,36 @@ def test_the_doctor_does_not_need_drake(tmp_path):
     )
     assert (done.returncode, done.stderr) == (1, "")
     lines = done.stdout.splitlines()
-    (line,) = [i for i, line in enumerate(lines) if line.startswith("FAIL drake ")]
+    (line,) = [i for i, line in enumerate(lines) if line.startswith("FAIL    drake ")]
     assert "no pydrake here" in lines[line]
     assert "-m pip install 'drake>=" in lines[line + 1]
 
 
-def test_a_crash_elsewhere_is_reported():
+def test_a_crash_fails_the_check_only():
     crash = "import os; os.abort()"
-    check = doctor._check("x", lambda: doctor._run_apart(crash), "reboot")
+    check = doctor.check("x", lambda: doctor.run_elsewhere(crash), "reboot")
     assert check == doctor.Check("x", False, "crashed by SIGABRT", "reboot")
 
 
-def test_the_last_error_elsewhere_is_reported():
+def test_the_last_error_of_a_check_is_reported():
     code = "import nothing_of_this_name"
-    check = doctor._check("x", lambda: doctor._run_apart(code), "")
+    check = doctor.check("x", lambda: doctor.run_elsewhere(code), "")
     assert check.detail == (
         "ModuleNotFoundError: No module named 'nothing_of_this_name'"
     )
 
 
-def test_silence_elsewhere_is_not_waited_for(monkeypatch):
-    monkeypatch.setattr(doctor, "_PATIENCE", 0.1)
+def test_a_check_that_never_ends_fails():
     code = "import time; time.sleep(20)"
-    check = doctor._check("x", lambda: doctor._run_apart(code), "")
-    assert not check.ok
-    assert "timed out" in check.detail
+    check = doctor.check("x", lambda: doctor.run_elsewhere(code, patience=0.1), "")
+    assert check == doctor.Check("x", False, "timed out after 0.1 s")
+
+
+def test_a_long_message_is_one_line():
+    def fail():
+        raise ImportError("no\n  pydrake\nhere")
+
+    assert doctor.check("x", fail, "").detail == "no pydrake here"
 
 
 @pytest.mark.parametrize(
@@ -89,47 +94,52 @@ def test_silence_elsewhere_is_not_waited_for(monkeypatch):
         ("tqdm", "packages"),
     ],
 )
-def test_a_missing_package_is_named_with_its_cure(monkeypatch, module, name):
-    monkeypatch.setattr(doctor, "_run_apart", lambda code: "")
+def test_a_missing_package_is_named_with_the_command_that_installs_it(
+    monkeypatch, module, name
+):
+    monkeypatch.setattr(doctor, "run_elsewhere", lambda code: "")
     monkeypatch.setattr(shutil, "which", lambda name: "/dot")
     monkeypatch.setitem(sys.modules, module, None)
-    checks = by_name(doctor.Checks())
+    checks = by_name(doctor.examine_machine())
     assert {check.name for check in checks.values() if not check.ok} == {name}
     extra = {"packages": "", "ros2": "ros2", "sweeps": "sweep"}.get(name, "recording")
     assert checks[name].fix == pip_install(*this_package(extra))
 
 
-def test_a_command_installs_for_this_interpreter():
+def test_the_install_command_is_for_this_interpreter():
     checkout = Path(__file__).resolve().parents[2]
     assert pip_install(*this_package("recording")) == (
         f"{sys.executable} -m pip install -e '{checkout}[recording]'"
     )
 
 
-def test_graphviz_may_be_missing(monkeypatch, capsys):
-    monkeypatch.setattr(doctor, "_run_apart", lambda code: "")
+def test_graphviz_is_optional(monkeypatch, capsys):
+    monkeypatch.setattr(doctor, "run_elsewhere", lambda code: "")
     monkeypatch.setattr(shutil, "which", lambda name: None)
     assert main(["doctor"]) == 0
-    assert "only `drake-srg diagram` needs it" in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    (at,) = [i for i, line in enumerate(lines) if line.startswith("missing graphviz ")]
+    assert "only `drake-srg diagram` needs it" in lines[at]
+    assert lines[at + 1].endswith("apt-get install -y --no-install-recommends graphviz")
 
 
-def test_missing_libraries_are_named_with_their_packages(monkeypatch):
+def test_missing_libraries_are_reported_with_their_packages(monkeypatch):
     def fail(code):
         if "MakeRenderEngineVtk" in code:
             raise RuntimeError("crashed by SIGSEGV")
         raise RuntimeError("ImportError: libglib-2.0.so.0: cannot open shared object")
 
-    monkeypatch.setattr(doctor, "_run_apart", fail)
-    checks = by_name(doctor.Checks())
+    monkeypatch.setattr(doctor, "run_elsewhere", fail)
+    checks = by_name(doctor.examine_machine())
     assert checks["rendering"].fix.endswith(" libegl1 libgl1")
     assert checks["drake"].fix.endswith("--no-install-recommends libglib2.0-0")
 
 
-def test_old_versions_are_not_accepted():
-    doctor._at_least("drake", "1.51.1", "1.51.1")
-    doctor._at_least("drake", "1.100", "1.51.1")
+def test_old_versions_fail():
+    doctor.require_version("drake", "1.51.1", "1.51.1")
+    doctor.require_version("drake", "1.100", "1.51.1")
     with pytest.raises(RuntimeError, match=r"drake 1\.9\.9 is older than 1\.51\.1"):
-        doctor._at_least("drake", "1.9.9", "1.51.1")
+        doctor.require_version("drake", "1.9.9", "1.51.1")
 
 
 def test_script_and_doctor_name_the_same_packages():
@@ -172,9 +182,9 @@ def fake_machine(folder, libraries, user):
             "--no-install-recommends libglib2.0-0\n",
         ),
     ],
-    ids=["nothing_missing", "root_installs", "a_user_is_told"],
+    ids=["nothing_missing", "root_installs", "user_gets_the_command"],
 )
-def test_the_script_installs_or_says_what_is_missing(
+def test_the_script_installs_missing_libraries_or_prints_how(
     tmp_path, libraries, user, code, out, err
 ):
     done = subprocess.run(

@@ -1,13 +1,21 @@
+import errno
+import importlib.metadata
 import json
+import os
 import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
 from drake_srg.cli.main import main
 from drake_srg.recording.log import read_log
 
-# A run that ends within a second of simulated time.
+# A run that ends after less than a second of simulated time.
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
+COMMANDS = ("run", "serve", "sweep", "report", "dataset", "list", "diagram", "bench")
+COMMANDS += ("experiment", "doctor")
 
 
 @pytest.mark.parametrize(
@@ -64,7 +72,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(arguments, words, tmp_path, ca
     [
         ([], "COMMAND"),
         (["walk"], "walk"),
-        (["run"], "scenario"),
+        (["run"], "SCENARIO"),
         (["run", "kitchen", "--seed", "x"], "--seed"),
         (["diagram", "kitchen"], "-o"),
     ],
@@ -76,6 +84,23 @@ def test_a_bad_command_line_is_one_line(arguments, word, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("drake-srg: ")
     assert word in line
+
+
+def test_a_scenario_that_nobody_may_read_is_one_line(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "mine.yaml"
+    path.write_text("base: kitchen")
+    read_text = Path.read_text
+
+    def forbidden(self, **options):
+        if self == path:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        return read_text(self, **options)
+
+    monkeypatch.setattr(Path, "read_text", forbidden)
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"{path}: cannot be read: Permission denied" in line
+    assert not (tmp_path / "out").exists()
 
 
 def test_an_unwritable_folder_is_bad_input(tmp_path, capsys):
@@ -103,7 +128,10 @@ def test_a_failed_task_exits_with_1_and_says_why(tmp_path, capsys):
 
 def test_list_names_and_describes_the_scenarios(capsys):
     assert main(["list"]) == 0
-    assert "kitchen " in capsys.readouterr().out
+    lines = capsys.readouterr().out.splitlines()
+    assert all(len(line.split(maxsplit=1)) == 2 for line in lines)
+    (described,) = [line for line in lines if line.startswith("kitchen ")]
+    assert "can" in described
 
 
 def test_diagram_writes_graphviz(tmp_path, capsys):
@@ -138,13 +166,84 @@ def test_bad_settings_of_a_diagram_are_one_line(override, word, tmp_path, capsys
 def test_drawing_without_graphviz_says_what_to_install(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     assert main(["diagram", "kitchen", "-o", str(tmp_path / "kitchen.svg")]) == 2
-    assert "apt-get install -y graphviz" in capsys.readouterr().err
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "apt-get install -y graphviz" in line
+
+
+def test_a_diagram_that_graphviz_cannot_draw_is_one_line(tmp_path, capsys, monkeypatch):
+    def fail(command, **_):
+        raise subprocess.CalledProcessError(1, command, stderr="Error:\n  no fonts\n")
+
+    monkeypatch.setattr(shutil, "which", lambda name: "/usr/bin/dot")
+    monkeypatch.setattr(subprocess, "run", fail)
+    path = tmp_path / "kitchen.svg"
+    assert main(["diagram", "kitchen", "-o", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert said == f"drake-srg: -o {path}: cannot be drawn: Error: no fonts\n"
+
+
+def test_a_diagram_that_cannot_be_written_is_one_line(tmp_path, capsys):
+    path = tmp_path / "missing" / "kitchen.dot"
+    assert main(["diagram", "kitchen", "-o", str(path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"-o {path}: cannot be written: No such file or directory" in line
 
 
 def test_help_names_every_command(capsys):
     with pytest.raises(SystemExit) as stopped:
         main(["--help"])
     assert stopped.value.code == 0
-    text = capsys.readouterr().out
-    for command in ("run", "list", "diagram", "bench", "experiment", "doctor"):
-        assert command in text
+    lines = capsys.readouterr().out.splitlines()
+    named = [line.split()[0] for line in lines if line.startswith("    ")]
+    assert set(COMMANDS) <= set(named)
+    assert max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_describes_itself(command, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    usage, description, *_ = capsys.readouterr().out.split("\n\n")
+    assert usage.startswith(f"usage: drake-srg {command}")
+    assert description[0].isupper() and description.endswith(".")
+
+
+def test_the_version_is_printed(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["--version"])
+    assert stopped.value.code == 0
+    version = importlib.metadata.version("drake_srg")
+    assert capsys.readouterr().out == f"drake-srg {version}\n"
+
+
+def test_the_module_is_the_command(capsys):
+    def run(*arguments):
+        return subprocess.run(
+            [sys.executable, "-m", "drake_srg", *arguments],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+
+    assert main(["list"]) == 0
+    listed = run("list")
+    assert (listed.returncode, listed.stderr) == (0, "")
+    assert listed.stdout == capsys.readouterr().out
+    wrong = run("run", "kitchn")
+    assert (wrong.returncode, wrong.stdout) == (2, "")
+    assert wrong.stderr.startswith("drake-srg: scenario 'kitchn' is unknown")
+    assert wrong.stderr.count("\n") == 1
+
+
+def test_a_reader_that_has_seen_enough_is_no_error():
+    ends = os.pipe()
+    os.close(ends[0])
+    with os.fdopen(ends[1], "w") as output:
+        listing = subprocess.run(
+            [sys.executable, "-m", "drake_srg", "list"],
+            stdout=output,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+    assert (listing.returncode, listing.stderr) == (0, b"")

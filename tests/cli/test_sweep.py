@@ -1,4 +1,4 @@
-"""The command `drake-srg sweep`, with the real trials."""
+"""The command `drake-srg sweep`, with real trials where they matter."""
 
 import os
 import signal
@@ -25,7 +25,7 @@ def arguments(out, *options):
 
 @pytest.fixture
 def stubbed(monkeypatch):
-    """The command with trials that cost nothing, run here."""
+    """The command with trials that cost nothing, run in this process."""
     run_sweep = sweep.run_sweep
 
     def run(*args, **options):
@@ -68,7 +68,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(options, words, tmp_path, caps
     assert not (tmp_path / "out").exists()
 
 
-def test_a_complete_sweep_is_told_in_a_table(stubbed, tmp_path, capsys):
+def test_a_complete_sweep_prints_a_summary(stubbed, tmp_path, capsys):
     assert main(arguments(tmp_path, "--trials", "7", "--record", "failures")) == 0
     output = capsys.readouterr()
     assert output.err == ""
@@ -83,7 +83,7 @@ def test_a_complete_sweep_is_told_in_a_table(stubbed, tmp_path, capsys):
     assert lines[6:] == [str(tmp_path / "trials.parquet"), str(tmp_path / "recordings")]
 
 
-def test_what_exists_is_kept_and_the_way_on_is_told(stubbed, tmp_path, capsys):
+def test_an_existing_sweep_is_kept_and_can_be_resumed(stubbed, tmp_path, capsys):
     assert main(arguments(tmp_path, "--trials", "2")) == 0
     capsys.readouterr()
     assert main(arguments(tmp_path, "--trials", "2")) == 2
@@ -94,17 +94,28 @@ def test_what_exists_is_kept_and_the_way_on_is_told(stubbed, tmp_path, capsys):
     assert read_rows(tmp_path).num_rows == 3
 
 
-def test_a_full_disk_is_one_line_with_the_way_on(
+def test_a_full_disk_is_one_line_with_the_command_to_continue(
     stubbed, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr(sweep.SweepFolder, "add", lambda *_: stub.no_space())
     assert main(arguments(tmp_path, "--trials", "2", "--seed", "3")) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "cannot be written: No space left on device" in line
+    assert "finished trials are kept" in line
     assert line.endswith(f"--seed 3 {' '.join(ABSENT)} --out {tmp_path} --resume")
 
 
-def test_what_a_trial_cannot_read_is_not_blamed_on_out(
+def test_a_folder_that_cannot_be_made_has_nothing_to_continue(
+    stubbed, tmp_path, capsys
+):
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "out"
+    assert main(arguments(out, "--trials", "2")) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"drake-srg: --out {out}: cannot be written: Not a directory"
+
+
+def test_a_file_that_a_trial_cannot_read_is_not_blamed_on_out(
     stubbed, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr(stub, "trial", lambda *_: Path("/missing.sdf").read_bytes())
@@ -115,7 +126,7 @@ def test_what_a_trial_cannot_read_is_not_blamed_on_out(
 
 
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_a_sweep_that_is_ended_goes_on_where_it_was(end, tmp_path, capfd):
+def test_an_ended_sweep_continues_where_it_stopped(end, tmp_path, capfd):
     command = arguments(tmp_path, "--trials", "5", "--jobs", "1")
     with subprocess.Popen(
         [*HEEDING_CTRL_C, sys.executable, "-m", "drake_srg", *command],
@@ -128,14 +139,14 @@ def test_a_sweep_that_is_ended_goes_on_where_it_was(end, tmp_path, capfd):
             assert sweeping.poll() is None
             time.sleep(0.02)
         if end == signal.SIGINT:
-            os.killpg(sweeping.pid, end)  # as a terminal does, to all
+            os.killpg(sweeping.pid, end)  # as a terminal sends it, to all
         else:
             sweeping.send_signal(end)
         _, errors = sweeping.communicate(timeout=30)
     assert sweeping.returncode == (-end if end == signal.SIGKILL else 130)
     if end != signal.SIGKILL:
         (line,) = errors.splitlines()
-        assert line.startswith("drake-srg: stopped; to go on: drake-srg sweep")
+        assert line.startswith("drake-srg: stopped; to continue: drake-srg sweep")
         assert line.endswith("--resume")
     done = read_rows(tmp_path).num_rows
     assert 1 <= done < 5

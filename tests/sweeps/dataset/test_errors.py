@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_srg.cli import main as cli
+from drake_srg.cli.main import main
 from drake_srg.common.errors import ScenarioError
 from drake_srg.sweeps.dataset import files, video
 from drake_srg.sweeps.dataset.make import make_dataset
@@ -161,7 +161,7 @@ def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch):
 
 
 def command(*arguments):
-    return cli.main(["dataset", *map(str, arguments)])
+    return main(["dataset", *map(str, arguments)])
 
 
 def test_command(sweep, tmp_path, capsys):
@@ -170,7 +170,7 @@ def test_command(sweep, tmp_path, capsys):
     said = capsys.readouterr().out
     assert said.splitlines() == [
         "2 episodes (2 successful), 9 frames at 4 per second",
-        "left out, of the recorded trials: 2 that ended in an error, 1 not over",
+        "recorded trials left out: 2 that ended in an error, 1 not over",
         str(made),
     ]
     lerobot.check(made)

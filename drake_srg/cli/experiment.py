@@ -1,0 +1,92 @@
+"""The command `drake-srg experiment`."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import NoReturn
+
+from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
+from drake_srg.common.errors import ScenarioError
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments; the parser must have no help of its own."""
+    parser.add_argument(
+        *("-h", "--help"),
+        action=_Help,
+        nargs=0,
+        help="show this or, after a NAME, the parameters of that experiment",
+    )
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("name", nargs="?", metavar="NAME", help="experiment to run")
+    which.add_argument("--list", action="store_true", help="list the experiments")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        help="set a parameter of the experiment (repeatable): a name, a YAML value",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for result.json, tables and a figure "
+        "(default: out/experiments/NAME)",
+    )
+
+
+class _Help(argparse.Action):
+    """Prints the command's help or, after a NAME, that of the experiment."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        option: str | None = None,
+    ) -> NoReturn:
+        """Print and exit."""
+        from drake_srg.experiments.registry import describe
+
+        name = getattr(namespace, "name", None)
+        try:
+            print(describe(name) if name else parser.format_help())
+        except ScenarioError as error:
+            parser.error(str(error))
+        parser.exit()
+
+
+def experiment(options: argparse.Namespace) -> int:
+    """Run an experiment, or list all of them; returns the exit code.
+
+    Raises:
+        ScenarioError: For bad input, or if the results cannot be written.
+    """
+    from drake_srg.experiments.registry import run_experiment
+
+    if options.list:
+        _print_list()
+        return SUCCESS
+    out: Path = options.out or Path("out") / "experiments" / options.name
+    end_on_sigterm()
+    with writing("--out", out):
+        result = run_experiment(
+            options.name, out, overrides=options.set, progress=sys.stderr.isatty()
+        )
+    print(result.table())
+    print()
+    for path in result.paths(options.name, out):
+        print(path)
+    return SUCCESS if result.passed else TASK_FAILED
+
+
+def _print_list() -> None:
+    from drake_srg.experiments.registry import list_experiments, list_measurements
+
+    for name, description in list_experiments().items():
+        print(f"{name:24} {description}")
+    if measurements := list_measurements():
+        print("\nFor maintainers, in a checkout only (tools/measure):")
+    for name, description in measurements.items():
+        print(f"{name:24} {description}")
