@@ -1,11 +1,11 @@
 """How far a cylinder slides in the hand that carries it, at several time steps.
 
-Contact without slip gives what is held the velocity of the hand where the hand is at a
-step's beginning, and the step takes it along that straight line, while joints take the
-hand along its curve. So at every step of h what is held leaves the path outwards by
-h^2 a_n / 2, a_n the acceleration across the path, with no slip for friction to act
-against: over a motion, by h/2 times the integral of a_n. What the pads do not hold back
-of that shows as a slide that vanishes with the step.
+Contact without slip gives a held object the hand's velocity at the beginning of each
+step. The step then moves the object along a straight line, while the joints move the
+hand along a curve. So in each step h the object leaves the path outwards by h^2 a_n /
+2, where a_n is the acceleration across the path, and friction sees no slip to act
+against. Over a motion this adds up to h/2 times the integral of a_n. Unless the pads
+hold the object back, it slides by that distance, which vanishes with the step.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from drake_srg.simulation import Simulate
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 
-# Scenario, the key of its step, and steps of which each is half the one before [s]. The
-# integrator of the fast one keeps both halves of its steps.
+# Scenario, the key of its time step, and steps, each half the one before [s]. The
+# integrator of the fast scenario takes each step in two halves.
 STEPS: dict[str, tuple[str, tuple[float, ...]]] = {
     "assistive_arm": ("plant_config.time_step", (0.005, 0.0025, 0.00125)),
     "assistive_arm_fast": (
@@ -34,14 +34,13 @@ STEPS: dict[str, tuple[str, tuple[float, ...]]] = {
         (0.01171875, 0.005859375, 0.0029296875),
     ),
 }
-# What slides by as much in a hand that is let swing at no step at all [m]: a fifth of
-# what the recess leaves on each side.
+# Largest slide beyond the effect of the steps [m]: a fifth of the recess's clearance.
 LIMIT = 0.2e-3
 
 
 @dc.dataclass(frozen=True)
 class Case:
-    """A scenario, integrated at a step."""
+    """A scenario and its time step."""
 
     scenario: str
     step: float  # s
@@ -52,12 +51,12 @@ class Case:
 
 @dc.dataclass(frozen=True)
 class Carried:
-    """A cylinder while the arm takes it across.
+    """A cylinder while the arm transfers it.
 
     Attributes:
         time: Shape (K,) [s].
-        slide: How far it is from where the hand took it, in the hand, shape (K,) [m].
-        leaving: What all steps leave the path by, shape (K,) [m].
+        slide: Distance in the hand from the position at the start, shape (K,) [m].
+        leaving: Distance by which all steps together leave the path, shape (K,) [m].
     """
 
     time: Vector
@@ -66,16 +65,20 @@ class Carried:
 
 
 def carry(case: Case) -> Carried:
-    """Let the arm do its job, and see what it carries slide."""
+    """Run a scenario and return how the cylinder slides during the transfer.
+
+    Raises:
+        ScenarioError: If the arm carries nothing.
+    """
     key, steps = STEPS[case.scenario]
-    # A multiple of every step: a sample of the log between two would cut one short.
+    # A multiple of every step: a log sample within a step would cut the step short.
     period = 2 * steps[0] if steps[0] < 0.01 else steps[0]
     overrides = [f"{key}={case.step}", f"recording.period={period}"]
     scenario = load_scenario(case.scenario, overrides=overrides)
     log = Simulate(scenario, name=str(case)).log
     while_carried = np.flatnonzero(log["mode"] == list(Mode).index(Mode.TRANSFER))
     if not len(while_carried):
-        raise ScenarioError(f"carrying: {case}: nothing is carried")
+        raise ScenarioError(f"carrying: {case}: the arm carries nothing")
     log = {name: values[while_carried] for name, values in log.items()}
     time, p_WO = log["time"], log[f"object_pose.{scenario.task.pick}"][:, :3]
     p_GO = _in_hand(scenario, log["arm.state_cheat"], p_WO)
@@ -88,7 +91,13 @@ def carry(case: Case) -> Carried:
 
 
 def _in_hand(scenario: Scenario, states: Vector, p_WO: Vector) -> Vector:
-    """Positions (K, 3) in the palm's frame of those in world (K, 3) [m]."""
+    """Return positions (K, 3) [m] in the palm frame.
+
+    Args:
+        scenario: Names arm and models.
+        states: Of the arm, a row per position.
+        p_WO: Positions in world, shape (K, 3) [m].
+    """
     plant = MakeModelsPlant(scenario)
     context, palm = plant.CreateDefaultContext(), plant.GetBodyByName("palm")
     arm = plant.GetModelInstanceByName("arm")
@@ -101,12 +110,12 @@ def _in_hand(scenario: Scenario, states: Vector, p_WO: Vector) -> Vector:
 
 
 def leaving(time: Vector, position: Vector, step: float) -> Vector:
-    """How far steps leave a path up to each time, shape (K,) [m].
+    """Return the distance by which steps leave a path up to each time, (K,) [m].
 
     Args:
         time: Shape (K,) [s].
         position: Of a body on the path, shape (K, 3) [m].
-        step: [s].
+        step: Time step [s].
     """
     v = np.gradient(position, time, axis=0)
     a = np.gradient(v, time, axis=0)
@@ -123,7 +132,7 @@ def run(track: Track) -> ExperimentResult:
         str(case).replace(", ", "_").replace(" ", "_"): {
             "time [s]": c.time,
             "slide [m]": c.slide,
-            "what the steps leave the path by [m]": c.leaving,
+            "slide caused by the steps [m]": c.leaving,
         }
         for case, c in carried.items()
     }
@@ -131,7 +140,7 @@ def run(track: Track) -> ExperimentResult:
 
 
 def judge(carried: dict[Case, Carried]) -> Sequence[Row]:
-    """Judge the largest slides: none is physics, all are the steps'."""
+    """Judge the largest slides; the steps cause all of them."""
     rows = []
     for name, (_, steps) in STEPS.items():
         largest = [float(np.max(carried[Case(name, h)].slide)) for h in steps]
@@ -139,25 +148,25 @@ def judge(carried: dict[Case, Carried]) -> Sequence[Row]:
             case = Case(name, h)
             by_step = float(carried[case].leaving[-1])
             rows += [
-                Row.info(str(case), "by the steps alone", 1e3 * by_step, "mm"),
+                Row.info(str(case), "slide caused by the steps", 1e3 * by_step, "mm"),
                 Row.at_most(
                     str(case),
-                    "slides in the hand",
+                    "slide in the hand",
                     1e3 * (by_step + LIMIT),
                     1e3 * slide,
                     "mm",
                 ),
             ]
-        # Richardson's extrapolation of an error of first order.
+        # Richardson extrapolation of a first-order error.
         rest = abs(2.0 * largest[-1] - largest[-2])
-        text = "slides in the hand, extrapolated to no step"
+        text = "slide in the hand, extrapolated to step 0"
         rows.append(Row.at_most(name, text, 1e3 * LIMIT, 1e3 * rest, "mm"))
     return rows
 
 
 def draw(carried: dict[Case, Carried]) -> Any:
-    """Draw slides over time, a panel a scenario."""
-    figure = make_figure(9.0, 3.4, "Carried across")
+    """Draw slides over time, a panel per scenario."""
+    figure = make_figure(9.0, 3.4, "Slide of a carried cylinder")
     panels = figure.subplots(1, len(STEPS), sharey=True)
     for axes, name in zip(panels, STEPS, strict=True):
         style_axes(axes, xlabel="time [s]")
@@ -170,5 +179,7 @@ def draw(carried: dict[Case, Carried]) -> Any:
                     c.time, 1e3 * c.leaving, color=line.get_color(), ls="--", lw=0.8
                 )
         axes.legend(fontsize=8, frameon=False, title="step")
-    panels[0].set_ylabel("slide in the hand;\ndashed: by the steps [mm]", fontsize=9)
+    panels[0].set_ylabel(
+        "slide in the hand [mm]\n(dashed: caused by the steps)", fontsize=9
+    )
     return figure

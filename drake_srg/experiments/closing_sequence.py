@@ -1,7 +1,8 @@
-"""A hand closes around a can: base and tip angles, wires, proximity and touch in time.
+"""A hand closing around a can: joint angles, wire force, proximity and touch over time.
 
-Once with wires, where contact stops the base and the tip follows, and with Algorithm 1,
-which switches from base to tip when a sensor fires: proximity or touch.
+The hand closes once with wires, where contact stops the base and the tip follows, and
+twice with Algorithm 1, which switches from base to tip when a sensor fires: proximity
+or touch.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.experiments.objects import household_objects
+from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.gripper.drivers import SrgTendonDriver
@@ -31,34 +32,34 @@ DRIVERS = {
     "Algorithm 1, touch": "!SrgPositionDriver {trigger: touch}",
 }
 CAN = "005_tomato_soup_can"
-# The palm points to the front, its middle over the table by this [m].
+# Height of the palm's middle above the table; the palm points to the front [m].
 _HEIGHT = 0.06
-# The can's middle in the palm frame: 4 mm from the palm's face (at 72 mm), its radius
-# is 34 mm. 2 mm closer, and the open hand's base sensors fire from the start [m].
+# Middle of the can, whose radius is 34 mm, in the palm frame: 4 mm from the palm's face
+# at 72 mm. Another 2 mm closer, the base sensors of the open hand fire at once [m].
 _X = SRG.palm_face_x + 0.004 + 0.034
-START, DURATION = 0.1, 2.9  # of closing, and how long it is watched [s]
-_COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder, below which no joint moved [rad]
-_TOUCHED = TouchConfig().trigger_force  # what thin-film sensors begin to read [N]
+START, DURATION = 0.1, 2.9  # of closing [s]
+_COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder: less is no motion [rad]
+_TOUCHED = TouchConfig().trigger_force  # at which thin-film sensors respond [N]
 _NEAR = ProximityConfig().trigger_distance  # at which proximity sensors fire [m]
-# Both fingers are the same; the meshes of pads and can are not mirrored. Their joints
-# differ by less than half a degree.
+# Largest difference of a joint between the fingers. They are identical, but the meshes
+# of pads and can are not mirrored.
 _SYMMETRY = np.deg2rad(0.5)
-# From a hinge to where its link presses: the middle of the base link, of the pad [m].
+# From a hinge to the point where its link presses: middle of base link, of pad [m].
 _BASE_LEVER, _TIP_LEVER = 0.5 * SRG.base_length, round(SRG.pad_middle, 3)
 
 
 @dc.dataclass(frozen=True)
-class Sequence:
-    """What a closing hand senses; joints and sensors are ordered as `JOINT_NAMES`.
+class ClosingSequence:
+    """Measurements of a closing hand; joints and sensors in order of `JOINT_NAMES`.
 
     Attributes:
         time: Since the command to close, shape (K,) [s].
         angle: Of the joints, shape (K, 4) [rad].
         proximity: Signed distances, shape (K, 4) [m].
         touch: Forces on the closing sides, shape (K, 4) [N].
-        wire_force: Shape (K, 2) [N]; None: there are no wires.
-        wire_limit: What the servo can pull with as it is limited [N].
-        shift: Of the can on the table, shape (K,) [m].
+        wire_force: Shape (K, 2) [N]; None without wires.
+        wire_limit: Largest force of a wire at the servo's force limit [N].
+        shift: Motion of the can on the table, shape (K,) [m].
     """
 
     time: Vector
@@ -70,14 +71,14 @@ class Sequence:
     wire_limit: float = np.nan
 
     def first(self, condition: npt.NDArray[np.bool_]) -> float:
-        """When a condition of shape (K,) holds for the first time [s], else NaN."""
+        """Return when a condition (K,) first holds [s]; NaN if it never does."""
         return float(self.time[np.argmax(condition)]) if condition.any() else np.nan
 
 
-def close(driver: str, duration: float = DURATION) -> Sequence:
-    """Close a hand that the can stands in."""
+def close(driver: str, duration: float = DURATION) -> ClosingSequence:
+    """Close a hand around the can, for a duration [s]."""
     can = household_objects()[CAN]
-    can.resolution = 0.005  # as in gripper_bench: what base links press depends on it
+    can.resolution = 0.005  # as in gripper_bench; the base links' force depends on it
     scenario = bench_scenario(
         can,
         gripper_rpy=[0.0, 0.0, 0.0],
@@ -94,7 +95,7 @@ def close(driver: str, duration: float = DURATION) -> Sequence:
         wires = log["gripper.wire_force"]
         limit = gripper.servo.force_limit * gripper.drive.full_wire_force
     p_WO = log["object_pose.thing"][:, :3]
-    return Sequence(
+    return ClosingSequence(
         time=log["time"] - START,
         angle=log["gripper.state_measured"][:, :4],
         proximity=log["gripper.proximity"],
@@ -117,7 +118,7 @@ def run(track: Track) -> ExperimentResult:
     return ExperimentResult(rows, tables, draw(sequences))
 
 
-def judge(name: str, s: Sequence) -> list[Row]:
+def judge(name: str, s: ClosingSequence) -> list[Row]:
     """Judge the order of events at both fingers, and the grip at the end."""
     rows = []
     for side, (base, tip) in zip(("left", "right"), FINGERS, strict=True):
@@ -125,13 +126,13 @@ def judge(name: str, s: Sequence) -> list[Row]:
         base_touch = s.first(s.touch[:, base] >= _TOUCHED)
         tip_start = s.first(s.angle[:, tip] > _COUNT)
         tip_touch = s.first(s.touch[:, tip] >= _TOUCHED)
-        # Sensed before it is felt, the can makes Algorithm 1 switch early.
+        # With proximity, Algorithm 1 switches before the base touches the can.
         cue, what = base_touch, "touches"
         if "proximity" in name:
             cue, what = near, "is near"
         case = f"{name}, {side}"
         rows += [
-            Row.info(case, "base touches after", base_touch, "s"),
+            Row.info(case, "base touches at", base_touch, "s"),
             Row.at_least(
                 case, f"tip starts after the base {what}", cue, tip_start, "s"
             ),
@@ -143,22 +144,24 @@ def judge(name: str, s: Sequence) -> list[Row]:
     left, right = (list(finger) for finger in FINGERS)
     off = float(np.max(np.abs(s.angle[:, left] - s.angle[:, right])))
     rows += [
-        Row.at_least(name, "least touch at the end", _TOUCHED, float(min(last)), "N"),
+        Row.at_least(
+            name, "smallest touch force at the end", _TOUCHED, float(min(last)), "N"
+        ),
         Row.at_most(
             name,
-            "joints, left from right",
+            "largest difference of left and right joints",
             np.rad2deg(_SYMMETRY),
             np.rad2deg(off),
             "degrees",
         ),
-        Row.info(name, "base touch at the end", float(np.mean(last[:2])), "N"),
-        Row.info(name, "tip touch at the end", float(np.mean(last[2:])), "N"),
-        Row.info(name, "the can moves by", 1e3 * float(s.shift[-1]), "mm"),
+        Row.info(name, "base touch force at the end", float(np.mean(last[:2])), "N"),
+        Row.info(name, "tip touch force at the end", float(np.mean(last[2:])), "N"),
+        Row.info(name, "motion of the can", 1e3 * float(s.shift[-1]), "mm"),
     ]
     if s.wire_force is not None:
         most = float(np.max(s.wire_force))
         rows += [
-            Row.at_most(name, "wire force", s.wire_limit, most, "N"),
+            Row.at_most(name, "largest wire force", s.wire_limit, most, "N"),
             Row.within(
                 name,
                 "wire force at the end",
@@ -171,11 +174,11 @@ def judge(name: str, s: Sequence) -> list[Row]:
     return rows
 
 
-def judge_agreement(sequences: Mapping[str, Sequence]) -> list[Row]:
-    """Judge that all drivers wrap the can into the same posture.
+def judge_agreement(sequences: Mapping[str, ClosingSequence]) -> list[Row]:
+    """Expect all drivers to wrap the can in the same posture.
 
-    The can stops every link, wherever its torque comes from. What is left is how deep
-    links are pressed into can or rubber, which their proximity sensors tell.
+    The can stops every link, whatever drives it. Only the depth differs to which links
+    press into can or rubber, which the proximity sensors measure.
     """
     wires, *others = sequences.items()
     rows = []
@@ -184,20 +187,20 @@ def judge_agreement(sequences: Mapping[str, Sequence]) -> list[Row]:
         depth = -np.minimum(np.minimum(s.proximity[-1], wires[1].proximity[-1]), 0.0)
         bases, tips = np.array(FINGERS).T
         base_limit = np.rad2deg(np.max(depth[bases]) / _BASE_LEVER)
-        # Its angle is against the base link, whose own error counts, too.
+        # The tip's angle is relative to the base link, so the base's error adds to it.
         tip_limit = base_limit + np.rad2deg(np.max(depth[tips]) / _TIP_LEVER)
         for link, joints, limit in (
             ("base", bases, base_limit),
             ("tip", tips, tip_limit),
         ):
-            quantity = f"{link} at the end, from that with {wires[0]}"
+            quantity = f"{link} at the end, difference from {wires[0]}"
             measured = float(np.max(off[joints]))
             rows.append(Row.at_most(name, quantity, limit, measured, "degrees"))
     return rows
 
 
-def _columns(s: Sequence) -> dict[str, Vector]:
-    """Every fifth sample: a row every 10 ms, as often as the sensors are read."""
+def _columns(s: ClosingSequence) -> dict[str, Vector]:
+    """Return every fifth sample: a row per 10 ms, the period of the sensors."""
     columns: dict[str, Vector] = {"time [s]": s.time[::5]}
     for i, name in enumerate(JOINT_NAMES):
         columns[f"{name}: angle [rad]"] = s.angle[::5, i]
@@ -206,12 +209,12 @@ def _columns(s: Sequence) -> dict[str, Vector]:
     if s.wire_force is not None:
         for i, side in enumerate(("left", "right")):
             columns[f"{side}: wire force [N]"] = s.wire_force[::5, i]
-    columns["the can moved by [m]"] = s.shift[::5]
+    columns["motion of the can [m]"] = s.shift[::5]
     return columns
 
 
-def draw(sequences: Mapping[str, Sequence]) -> Any:
-    """Draw angle, wire force, proximity and touch over time, a column each driver."""
+def draw(sequences: Mapping[str, ClosingSequence]) -> Any:
+    """Draw angle, wire force, proximity and touch over time, a column per driver."""
     figure = make_figure(11.0, 8.0, "Closing around a can")
     shape = (4, len(sequences))
     all_axes = figure.subplots(*shape, sharex=True, sharey="row", squeeze=False)
@@ -249,7 +252,7 @@ def draw(sequences: Mapping[str, Sequence]) -> Any:
             axes.plot(s.time, force, color=COLORS[2], ls=style, lw=1.3)
         axes.axhline(s.wire_limit, color=COLORS[-1], lw=0.8, ls="--")
         axes.annotate(
-            "the servo's limit",
+            "servo limit",
             (0.0, s.wire_limit),
             xytext=(4, -10),
             textcoords="offset points",

@@ -1,7 +1,7 @@
-"""A wrapped and a pinched can, the step halved and the meshes refined.
+"""A wrapped and a pinched can, with halved time steps and refined meshes.
 
-One thing at a time is changed in the accurate bench: the plant's step, the facets of
-the can, or the mesh of the pads.
+Each variant changes one thing in the accurate bench: the plant's time step, the facets
+of the can, or the mesh of the pads.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 
-# What the accurate bench may differ by from each of its finest variants: angles that
-# move a fingertip, 0.11 m from the base hinge, by 2 mm [rad], and a tenth of a force.
+# Largest differences between the accurate bench and each of its finest variants: an
+# angle that moves a fingertip, 0.11 m from the base hinge, by 2 mm [rad], and a tenth
+# of a force.
 ANGLE, FORCE = 0.02, 0.1
 _CAN_RADIUS, _CAN_LENGTH = 0.0339, 0.1018  # m
 ACCURATE, BENCH, FINEST_PADS = "accurate", "bench (box pads)", "finest pads"
@@ -33,7 +34,7 @@ _STEPS: dict[str, dict[str, object]] = {
 _FACETS: dict[str, dict[str, object]] = {
     f"{mm:g} mm": {"object.resolution": mm * 1e-3} for mm in (10.0, 2.5)
 }
-# Scenario and what is changed in it, each series from coarse to fine.
+# Scenario and changes, each series from coarse to fine.
 VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     ACCURATE: (_ACCURATE, {}),
     **{f"step {k}": (_ACCURATE, v) for k, v in _STEPS.items()},
@@ -42,9 +43,8 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     FINEST_PADS: (_ACCURATE, {"directives.gripper.add_model.file": _FINEST_PADS}),
 }
 FINEST = ("step 0.5 ms", "facets 2.5 mm", FINEST_PADS)
-# How the hand points (roll, pitch, yaw [degrees]) and where it is [m]: wrapped, to the
-# side with 2 mm between can and palm; pinched, from above, the can's top at the roots
-# of the pads.
+# Roll, pitch, yaw [degrees] and position [m] of the hand. Wrapped: from the side, 2 mm
+# between can and palm. Pinched: from above, the can's top at the roots of the pads.
 GRIPS = {
     "wrapped": (
         (0.0, 0.0, 0.0),
@@ -56,15 +56,21 @@ GRIPS = {
 
 @dc.dataclass(frozen=True)
 class Grip:
-    """What holds the can in the end."""
+    """The final state of a grasp, joints and links in order of `JOINT_NAMES`.
+
+    Attributes:
+        held: Whether only the hand touches the can.
+        angles: Of the joints, shape (4,) [rad].
+        forces: On the closing sides of the links, shape (4,) [N].
+    """
 
     held: bool
-    angles: Vector  # of the joints, in the order of JOINT_NAMES, (4) [rad]
-    forces: Vector  # on the closing sides of the links, (4) [N]
+    angles: Vector
+    forces: Vector
 
 
 def grasp(grip: str, scenario: str, changes: dict[str, object]) -> Grip:
-    """Close on the bench's can, lift it and wait until all is at rest."""
+    """Close on the can of a bench, lift it and wait until everything is at rest."""
     rpy, home = GRIPS[grip]
     bench = bench_scenario(
         gripper_rpy=rpy,
@@ -84,9 +90,9 @@ def grasp(grip: str, scenario: str, changes: dict[str, object]) -> Grip:
 
 
 def difference(a: Grip, b: Grip) -> tuple[float, float]:
-    """Largest difference of an angle [rad], and of a force as a share of b's largest.
+    """Return the largest angle difference [rad] and relative force difference.
 
-    Where b touches nothing, that share is infinite.
+    Force differences are relative to b's largest force; infinite if b has none.
     """
     largest = float(np.max(b.forces))
     force = float(np.max(np.abs(a.forces - b.forces)))
@@ -95,7 +101,7 @@ def difference(a: Grip, b: Grip) -> tuple[float, float]:
 
 
 def run(track: Track) -> ExperimentResult:
-    """Grasp with every variant, and compare the accurate bench with the others."""
+    """Grasp with every variant and compare the accurate bench with the others."""
     grips = {
         (grip, variant): grasp(grip, *VARIANTS[variant])
         for grip, variant in track(
@@ -107,13 +113,13 @@ def run(track: Track) -> ExperimentResult:
     for grip in GRIPS:
         held = [g.held for (name, _), g in grips.items() if name == grip]
         rows.append(
-            Row.at_least(grip, "variants that hold it", len(held), sum(held), "")
+            Row.at_least(grip, "variants that hold the can", len(held), sum(held), "")
         )
         for variant in (*FINEST, BENCH):
             case = f"{grip}, accurate against {variant}"
             angle, force = difference(grips[grip, ACCURATE], grips[grip, variant])
-            what = ("largest angle between", "largest difference of a force")
-            if variant == BENCH:  # told, not judged
+            what = ("largest angle difference", "largest relative force difference")
+            if variant == BENCH:  # informative only
                 rows.append(Row.info(case, what[0], angle, "rad"))
                 rows.append(Row.info(case, what[1], force, ""))
             else:

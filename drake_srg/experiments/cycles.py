@@ -1,4 +1,4 @@
-"""Cycles of the five-axis arm's cell, for the experiments about it."""
+"""Pick-and-place cycles of the five-axis arm, with the object's motion in the hand."""
 
 from __future__ import annotations
 
@@ -21,19 +21,27 @@ from drake_srg.types import Mode, Vector
 
 @dc.dataclass(frozen=True)
 class Cycle:
-    """What came of one run; None where it did not come to that."""
+    """The outcome of one run; None for phases that the run did not reach.
+
+    Attributes:
+        seed: Of the scenario.
+        metrics: Of the run.
+        p_GO_open: Centre of the object in the palm frame when the fingers begin to
+            close, shape (3,) [m].
+        p_GO_held: The same when the fingers hold the object.
+        slip: Largest motion of the object in the hand, from when the fingers hold it
+            until it is above its goal or lost [m].
+        turn: Largest rotation of the object's axis in the hand during that time [rad].
+        error_G: Placement error in the palm's axes, shape (3,) [m].
+    """
 
     seed: int
     metrics: Metrics
-    # The object's centre in the palm when the fingers begin to close, and when they
-    # hold it, (3,) [m].
     p_GO_open: Vector | None
     p_GO_held: Vector | None
-    # Largest motion and turn of the object's axis in the hand, from when the fingers
-    # hold it until it is above its goal, or is lost [m], [rad].
     slip: float | None
     turn: float | None
-    error_G: Vector | None  # placement error in the palm's axes, (3,) [m]
+    error_G: Vector | None
 
 
 def run_cycle(
@@ -42,10 +50,18 @@ def run_cycle(
     overrides: Sequence[str] = (),
     make_cell: Callable[[Scenario], Diagram] = MakeCell,
 ) -> Cycle:
-    """Run a scenario of a cell once, without recordings."""
+    """Run a scenario once, without recordings.
+
+    Args:
+        scenario: Name of the scenario.
+        seed: Of the scenario.
+        overrides: `KEY=VALUE` each.
+        make_cell: Makes the cell.
+    """
     loaded = load_scenario(scenario, seed=seed, overrides=overrides)
     result = Simulate(loaded, name=scenario, make_cell=make_cell)
-    # Python counts the few objects of a diagram, not the megabytes behind them.
+    # Python counts the few objects of a diagram, not the megabytes behind them, and
+    # would collect too late.
     gc.collect()
     return make_cycle(loaded, result.metrics, result.log)
 
@@ -53,7 +69,7 @@ def run_cycle(
 def make_cycle(
     scenario: Scenario, metrics: Metrics, log: Mapping[str, Vector]
 ) -> Cycle:
-    """Read from a run's log what became of the object in the hand, the last time."""
+    """Return the last cycle in a run's log: where the object was in the hand."""
     mode = [MODES[int(i)] for i in log["mode"]]
     begun = [k for k in range(len(mode)) if k == 0 or mode[k] is not mode[k - 1]]
     opened = [k for k in begun if mode[k] is Mode.CLOSE][-1:]
@@ -90,9 +106,10 @@ def make_cycle(
 
 
 def _pose(row: Vector) -> RigidTransform:
-    """X_WO of a row of the log's `object_pose.NAME`."""
+    """Return X_WO from a row of `object_pose.NAME` in the log."""
     return RigidTransform(Quaternion(row[3:] / np.linalg.norm(row[3:])), row[:3])
 
 
 def _angle(z_1: Vector, z_2: Vector) -> float:
+    """Return the angle between two unit vectors [rad]."""
     return float(np.arctan2(np.linalg.norm(np.cross(z_1, z_2)), z_1 @ z_2))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.experiments.objects import household_objects
+from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.objects.config import ObjectConfig

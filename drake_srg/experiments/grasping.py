@@ -1,4 +1,4 @@
-"""One grasp from beginning to end: present, close, lift, shake, judge."""
+"""One grasp from beginning to end: present, close, lift, shake, measure."""
 
 import copy
 import dataclasses as dc
@@ -16,19 +16,18 @@ from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 
-MIDDLE = np.array([0.5, 0.0, 0.0])  # what the gantry's joint positions count from [m]
-# Times [s]: the hand arrives; the fingers close (up to 2.5 s with a loose wire) and the
-# wires' force settles (0.3 s time constant); the arm lifts. Each shake is two cycles
-# that swell, two that fade and one at full strength;
-# after the last one everything comes to rest.
+MIDDLE = np.array([0.5, 0.0, 0.0])  # origin of the gantry's joint positions [m]
+# Times [s]. The hand arrives. The fingers close (up to 2.5 s with a loose wire) and the
+# wire force settles (time constant 0.3 s). The arm lifts. Each shake has two cycles
+# that swell, one at full strength and two that fade. Then everything comes to rest.
 _ARRIVE, _CLOSE, _LIFT, SHAKE, _REST = 1.0, 3.5, 0.8, 2.5, 0.3
 LIFT_HEIGHT = 0.1  # m
 ACCELERATION, FREQUENCY = 9.81, 2.0  # m/s², Hz
 HELD = 3.0 * SHAKE  # from the end of the lift to the end of the last shake [s]
-# Heavy enough for no hand to push it about; steel [kg/m³].
+# Steel [kg/m³], so heavy that no hand moves it.
 _SUPPORT_DENSITY, _SUPPORT_COLOR = 7850.0, [0.45, 0.46, 0.48]
-_PADS_X = 0.158  # of the pads' middle with straight fingers ahead, in the palm [m]
-# Lost is what moved in the hand by more than a pad is wide [m].
+_PADS_X = 0.158  # middle of the pads of straight fingers, in the palm frame [m]
+# An object is lost when it moves in the hand by more than the width of a pad [m].
 _PAD_WIDTH = 0.03
 
 
@@ -40,7 +39,7 @@ class Support:
     size: list[float] = dc.field(
         default_factory=lambda: [0.1, 0.1, 0.1], metadata={"length": 3}
     )
-    # Of its middle, from the middle of the bench [m].
+    # Position of its middle from the middle of the bench [m].
     at: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
@@ -48,10 +47,10 @@ class Support:
 
 @dc.dataclass(kw_only=True)
 class GraspConfig:
-    """How an object is presented and how the hand takes it."""
+    """How an object is presented and how the hand grasps it."""
 
     # Roll, pitch, yaw of the palm [degrees]: [0, 0, 0] points to the front and closes
-    # horizontally, [0, 90, 0] points down, [90, 0, 0] closes vertically.
+    # horizontally; [0, 90, 0] points down; [90, 0, 0] closes vertically.
     hand: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
     )
@@ -59,49 +58,63 @@ class GraspConfig:
     grip: list[float] = dc.field(
         default_factory=lambda: [0.15, 0.0, 0.0], metadata={"length": 3}
     )
-    why: str = ""  # there, and so
+    why: str = ""  # reason for this grasp
     # Roll, pitch, yaw of the object [degrees].
     object: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
     )
-    # Height of what the object rests on [m].
+    # Height of the object's support [m].
     height: float = dc.field(default=0.0, metadata={"ge": 0.0})
     supports: list[Support] = dc.field(default_factory=list)
-    # Where the hand comes from, in the palm frame, relative to the grasp [m].
+    # Start of the approach, in the palm frame, relative to the grasp [m].
     retreat: list[float] = dc.field(
         default_factory=lambda: [-0.12, 0.0, 0.0], metadata={"length": 3}
     )
-    wire_force: float = dc.field(default=80.0, metadata={"ge": 0.0})  # each [N]
+    wire_force: float = dc.field(default=80.0, metadata={"ge": 0.0})  # per wire [N]
 
     @property
     def R_WG(self) -> RotationMatrix:
-        """Orientation of the palm in world."""
+        """Orientation of the palm frame in world."""
         return RollPitchYaw(np.deg2rad(self.hand)).ToRotationMatrix()
 
 
 @dc.dataclass(frozen=True)
 class Outcome:
-    """What came of a grasp."""
+    """The outcome of a grasp.
 
-    # Held by nothing but the gripper, from the end of the lift on [s], at most HELD.
+    Attributes:
+        held_for: Time after the lift during which only the gripper touches the object
+            [s], at most HELD.
+        lifted: Rise of the object during the lift [m].
+        acceleration: Peak acceleration of the hand along the axis where the peak is
+            lowest [m/s²].
+        settled: Motion in the hand during the lift [m].
+        sway: Largest motion in the hand during the shakes [m].
+        slip: Motion in the hand that remains at the end [m].
+        turn: Rotation in the hand that remains at the end [rad].
+        grip_force: Sum of the normal forces on all finger links after the lift [N].
+        wire_force: Largest force of either wire at any time [N].
+        q: Positions of the plant at the end.
+        p_WL: Middle between the pads at the end, in world, shape (3,) [m].
+    """
+
     held_for: float
-    lifted: float  # how far the object rose with the hand [m]
-    # The hand's greatest while it was shaken, of the axis where that is least [m/s²].
+    lifted: float
     acceleration: float
-    settled: float  # motion in the hand while it was lifted [m]
-    sway: float  # largest motion in the hand while it was shaken [m]
-    slip: float  # what was left of it afterwards [m]
-    turn: float  # and the turn that was left [rad]
-    grip_force: float  # sum of all finger links' normal forces after the lift [N]
-    wire_force: float  # largest of both wires over the whole [N]
-    q: Vector  # the plant's positions at the end
-    p_WL: Vector  # the middle between the pads then, in world, shape (3,) [m]
+    settled: float
+    sway: float
+    slip: float
+    turn: float
+    grip_force: float
+    wire_force: float
+    q: Vector
+    p_WL: Vector
 
 
 def _reach(thing: ObjectConfig, u_O: Vector) -> float:
-    """Return how far a shape reaches from its middle along a unit vector [m].
+    """Return the extent of a shape from its middle along a unit vector (3,) [m].
 
-    NaN of a model that is not a single shape.
+    NaN for a model that is not a single shape.
     """
     match simple_shape("thing", thing):
         case Box(size):
@@ -115,22 +128,22 @@ def _reach(thing: ObjectConfig, u_O: Vector) -> float:
 
 
 def rest_height(thing: ObjectConfig, R_WO: RotationMatrix) -> float:
-    """Return how high the origin of an object is above what it rests on [m].
+    """Return the height of an object's origin above its support [m].
 
     Raises:
-        ValueError: If a model, which stands on its x-y plane, is tilted.
+        ValueError: If a model that stands on its x-y plane is tilted.
     """
     z_O = R_WO.matrix()[2]
     reach = _reach(thing, z_O)
     if np.isfinite(reach):
         return reach
     if not np.isclose(z_O[2], 1.0):
-        raise ValueError("a model can stand upright only")
+        raise ValueError("a model must stand upright")
     return 0.0
 
 
 def width_between_pads(thing: ObjectConfig, grasp: GraspConfig) -> float:
-    """Extent of an object along the palm's y [m]; NaN of a model that is no shape."""
+    """Return an object's extent along the palm's y [m]; NaN for a compound model."""
     R_WO = RollPitchYaw(np.deg2rad(grasp.object)).ToRotationMatrix()
     return 2.0 * _reach(thing, R_WO.matrix().T @ grasp.R_WG.matrix()[:, 1])
 
@@ -138,7 +151,7 @@ def width_between_pads(thing: ObjectConfig, grasp: GraspConfig) -> float:
 def present(
     thing: ObjectConfig, grasp: GraspConfig, scenario: str = "gripper_bench"
 ) -> Scenario:
-    """The bench with an object where it is to be grasped and the hand before it."""
+    """Return the bench with an object to grasp and the hand in front of it."""
     thing = copy.deepcopy(thing)
     rotation = RollPitchYaw(np.deg2rad(grasp.object))
     R_WO = rotation.ToRotationMatrix()
@@ -164,11 +177,16 @@ def present(
 
 
 def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outcome:
-    """Take what `present` presents, lift it, and shake it along x, y and z.
+    """Grasp the object of a scenario, lift it, and shake it along x, y and z.
+
+    Args:
+        scenario: From `present`.
+        grasp: The grasp given to `present`.
+        rig_options: Passed to `Rig`.
 
     Raises:
-        ScenarioError: If the servo cannot pull the wires as hard, or the scenario's
-            gripper has no wires.
+        ScenarioError: If the servo cannot pull the wires that hard, or if the
+            scenario's gripper has no wires.
     """
     if not isinstance(scenario.gripper, SrgTendonDriver):
         raise ScenarioError("gripper: a grasp experiment needs !SrgTendonDriver")
@@ -189,7 +207,7 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outc
         rig.advance(_REST)
         log, X_WG = rig.log(), rig.X_WG()
         q = rig.plant.GetPositions(rig.plant_context)
-    # The gantry does not turn the hand.
+    # The gantry only translates: object minus hand is the motion in the hand.
     pose = log["object_pose.thing"]
     p_GO = pose[:, :3] - log["arm.state_measured"][:, :3]
     v_WG = log["arm.state_measured"][lifted:, 3:]
@@ -219,5 +237,5 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outc
 
 
 def _is_free(rig: Rig) -> bool:
-    """Whether nothing but the gripper touches the object."""
+    """Return whether only the gripper touches the object."""
     return set(rig.contact_forces()) == {"gripper"}

@@ -1,7 +1,7 @@
 """Creep of a held can and box, by step, contact approximation and stiction tolerance.
 
-Regularised contact lets whatever friction holds slide slowly; how fast is up to the
-solver's settings. Users of MuJoCo report 50 to 2,300 um/s.
+With regularised contact, anything held by friction slides slowly, at a rate that the
+solver's settings determine. Users of MuJoCo report 50 to 2,300 um/s.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.errors import ScenarioError
-from drake_srg.experiments.objects import household_objects
+from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.objects.config import ObjectConfig
@@ -20,14 +20,12 @@ from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Vector
 
-HOLD = 10.0  # s
-FORCE_LIMIT = 0.5  # 154 N at each wire: a firm grip of the box, which weighs 5 N
 LIMIT = 3.0  # in the accurate scenario [um/s]
 BENCH = "gripper_bench"
 ACCURATE, FAST = f"{BENCH}_accurate", f"{BENCH}_fast"
 _APPROXIMATION = "plant_config.discrete_contact_approximation"
 _STICTION = "plant_config.stiction_tolerance"
-# Scenario and what is changed in it.
+# Scenario and changes.
 SETTINGS: dict[str, tuple[str, dict[str, object]]] = {
     ACCURATE: (ACCURATE, {}),
     FAST: (FAST, {}),
@@ -48,9 +46,9 @@ SETTINGS: dict[str, tuple[str, dict[str, object]]] = {
 
 
 def things() -> dict[str, tuple[ObjectConfig, float]]:
-    """The can and the sugar box, standing, and the palm's height above the table [m].
+    """Return the standing can and sugar box, and the palm's height above the table [m].
 
-    Both are taken from above with their tops at the roots of the pads.
+    Both are grasped from above with their tops at the roots of the pads.
     """
     objects = household_objects()
     can, box = objects["005_tomato_soup_can"], objects["004_sugar_box"]
@@ -61,15 +59,29 @@ def things() -> dict[str, tuple[ObjectConfig, float]]:
 
 
 def creep(
-    thing: ObjectConfig, height: float, scenario: str, changes: Mapping[str, object]
+    thing: ObjectConfig,
+    height: float,
+    scenario: str,
+    changes: Mapping[str, object],
+    duration: float = 10.0,
+    force_limit: float = 0.5,
 ) -> tuple[Vector, Vector]:
-    """Grasp an object, lift it, and watch it in the hand for `HOLD`.
+    """Grasp an object, lift it, and measure its motion in the hand.
+
+    Args:
+        thing: The object.
+        height: Of the palm above the table at the grasp [m].
+        scenario: The bench.
+        changes: Overrides of the bench.
+        duration: Of the hold [s].
+        force_limit: Of the servo.
 
     Returns:
-        Time (K) [s] and distance from where it was in the palm frame (K) [m].
+        Time, shape (K,) [s], and distance in the palm frame from the position at the
+        start of the hold, shape (K,) [m].
 
     Raises:
-        ScenarioError: If it is not in the hand: there is no grip whose creep to tell.
+        ScenarioError: If the hand does not hold the object after the lift.
     """
     bench = bench_scenario(
         thing,
@@ -78,37 +90,46 @@ def creep(
         overrides=[f"{key}={value}" for key, value in changes.items()],
     )
     with Rig(bench, name="hold_drift") as rig:
-        rig.advance(3.5, closure=1.0, force_limit=FORCE_LIMIT)
+        rig.advance(3.5, closure=1.0, force_limit=force_limit)
         rig.move([0.0, 0.0, height + 0.06], 1.0)
-        rig.advance(1.0)  # what the lift moved comes to rest
+        rig.advance(1.0)  # until motion from the lift has settled
         start = rig.time
         touching = set(rig.contact_forces())
         if touching != {"gripper"}:
             raise ScenarioError(
-                f"hold_drift: {scenario}: nothing is held; the object touches "
+                f"hold_drift: {scenario}: the hand holds nothing; the object touches "
                 f"{', '.join(sorted(touching)) or 'nothing'}"
             )
-        rig.advance(HOLD)
+        rig.advance(duration)
         log = rig.log()
     held = log["time"] >= start - 1e-6
-    # The gantry does not turn the hand.
+    # The gantry only translates: object minus hand is the motion in the hand.
     p_GO = log["object_pose.thing"][held, :3] - log["arm.state_measured"][held, :3]
     return log["time"][held] - start, np.linalg.norm(p_GO - p_GO[0], axis=1)
 
 
-def run(track: Track) -> ExperimentResult:
-    """Hold both objects with every setting."""
+def run(
+    track: Track, *, duration: float = 10.0, force_limit: float = 0.5
+) -> ExperimentResult:
+    """Hold both objects with every setting.
+
+    Args:
+        track: Shows progress.
+        duration: Of the hold [s].
+        force_limit: Of the servo; 0.5 gives 154 N per wire, a firm grip of the box,
+            whose weight is 5 N.
+    """
     curves = {
-        (setting, thing): creep(*config, *SETTINGS[setting])
+        (setting, thing): creep(*config, *SETTINGS[setting], duration, force_limit)
         for setting, (thing, config) in track(
             [(s, thing) for s in SETTINGS for thing in things().items()],
             label=lambda case: f"{case[0]}, {case[1][0]}",
         )
     }
-    rates = {key: moved[-1] / HOLD * 1e6 for key, (_, moved) in curves.items()}
+    rates = {key: moved[-1] / duration * 1e6 for key, (_, moved) in curves.items()}
     rows = []
     for (setting, thing), rate in rates.items():
-        case, what = f"{thing}, {setting}", "creep over 10 s"
+        case, what = f"{thing}, {setting}", f"creep over {duration:g} s"
         if setting == ACCURATE:
             rows.append(Row.at_most(case, what, LIMIT, rate, "um/s"))
         else:
@@ -122,7 +143,7 @@ def run(track: Track) -> ExperimentResult:
 
 
 def _draw(settings: list[str], rates: Mapping[tuple[str, str], float]) -> Any:
-    figure = make_figure(8.0, 3.8, "Creep of what is held")
+    figure = make_figure(8.0, 3.8, "Creep of a held object")
     axes = figure.subplots()
     style_axes(axes, xlabel="creep [um/s]")
     places = np.arange(len(settings))[::-1]

@@ -1,19 +1,20 @@
-"""Household objects taken from above and from the side, lifted and shaken at 1 g, 2 Hz.
+"""Household objects grasped from above and the side, lifted and shaken at 1 g, 2 Hz.
 
-How each is presented and taken, and why so, is in household.yaml beside this file.
+data/grasps.yaml says how each object is presented and grasped, and why.
 """
 
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.common.errors import ScenarioError, suggest
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.experiments.data import household_objects, read_yaml
 from drake_srg.experiments.grasping import (
     ACCELERATION,
     HELD,
@@ -23,31 +24,36 @@ from drake_srg.experiments.grasping import (
     simulate,
     width_between_pads,
 )
-from drake_srg.experiments.objects import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.still import take_picture
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.recording.figure import COLORS, make_figure
-from drake_srg.scenario.yaml_tree import load_typed, parse_yaml
+from drake_srg.scenario.yaml_tree import load_typed
 
-Picture = tuple[npt.NDArray[np.uint8], str, str]  # image, caption and its colour
+Picture = tuple[npt.NDArray[np.uint8], str, str]  # image, caption, colour of both
 
-_GRASPS = Path(__file__).parent / "household.yaml"
+_GRASPS = "grasps.yaml"
 
 # Gap between parallel pads with the base links sideways [m].
 OPENING = SRG.parallel_gap
-_PIXELS = 190  # of a picture's side
-# Held firmly is what is within this of where it was when it was lifted.
+_PIXELS = 190  # width and height of a picture
+# An object is held firmly if it ends this close to its pose in the hand after the lift.
 MOST_SLIP, MOST_TURN = 0.005, np.deg2rad(10.0)
 
 
 @dc.dataclass(frozen=True)
 class Case:
-    """An object and one way to take it."""
+    """An object and one way to grasp it.
 
-    name: str  # of the object
-    approach: str  # above, side; with a remark: in another way than one would choose
+    Attributes:
+        name: Of the object.
+        approach: `above` or `side`; a remark after a comma marks an unusual grasp.
+        grasp: The grasp itself.
+    """
+
+    name: str
+    approach: str
     grasp: GraspConfig
 
     def __str__(self) -> str:
@@ -55,36 +61,50 @@ class Case:
 
     @property
     def width(self) -> float:
-        """Extent of the object across the pads [m]; NaN of one that is not convex."""
+        """Extent of the object across the pads [m]; NaN if it is not convex."""
         return width_between_pads(household_objects()[self.name], self.grasp)
 
     @property
     def possible(self) -> bool:
-        """Whether the pads open as far, as far as is known beforehand."""
+        """Whether the pads open wide enough; True where the width is unknown."""
         return not self.width > OPENING
 
 
 def household_cases() -> list[Case]:
-    """Return every way in which household.yaml takes an object."""
-    tree = parse_yaml(_GRASPS.read_text(encoding="utf-8"), _GRASPS.name)
+    """Return every grasp of data/grasps.yaml."""
     return [
         Case(
             name,
             approach,
-            load_typed(GraspConfig, grasp, f"{_GRASPS.name}: {name}: {approach}"),
+            load_typed(GraspConfig, grasp, f"{_GRASPS}: {name}: {approach}"),
         )
-        for name, grasps in tree.items()
+        for name, grasps in read_yaml(_GRASPS).items()
         for approach, grasp in grasps.items()
     ]
 
 
-def run(track: Track) -> ExperimentResult:
-    """Take, lift and shake every object in every way."""
+def run(track: Track, *, objects: Sequence[str] = ()) -> ExperimentResult:
+    """Grasp, lift and shake objects in every way.
+
+    Args:
+        track: Shows progress.
+        objects: Names of the objects to grasp; all by default.
+    """
+    cases = household_cases()
+    if objects:
+        known = {case.name for case in cases}
+        for name in objects:
+            if name not in known:
+                raise ScenarioError(
+                    f"household: objects: unknown object {name!r}; "
+                    f"{suggest(name, known)}"
+                )
+        cases = [case for case in cases if case.name in objects]
     rows: list[Row] = []
     table: dict[str, list[Any]] = {}
     pictures: dict[str, Picture] = {}
     things = household_objects()
-    for case in track(household_cases()):
+    for case in track(cases):
         scenario = present(things[case.name], case.grasp)
         outcome = simulate(scenario, case.grasp)
         judged = judge(case, outcome)
@@ -97,16 +117,21 @@ def run(track: Track) -> ExperimentResult:
     least = min(table["shaken at [m/s²]"])
     rows.append(
         Row.within(
-            "all", "hand's acceleration", ACCELERATION, least, "m/s²", relative=0.05
+            "all",
+            "acceleration of the hand",
+            ACCELERATION,
+            least,
+            "m/s²",
+            relative=0.05,
         )
     )
     return ExperimentResult(rows, {"grasps": table}, draw(pictures))
 
 
 def judge(case: Case, outcome: Outcome) -> list[Row]:
-    """Expect that what fits between the pads is held firmly, and the rest not.
+    """Expect a firm hold of objects that fit between the pads, and slip of the others.
 
-    Pads that cannot be parallel press on a wide thing's edges, from which it slips.
+    Pads that cannot become parallel press on a wide object's edges and slip off them.
     """
     name = str(case)
     full = TendonDriveConfig().full_wire_force
@@ -114,15 +139,13 @@ def judge(case: Case, outcome: Outcome) -> list[Row]:
     if not case.possible:
         width, opening = 1e3 * case.width, 1e3 * OPENING
         return [
-            Row.at_least(name, "cannot: opening needed", opening, width, "mm"),
-            Row.at_least(
-                name, "and so it slips", 1e3 * MOST_SLIP, 1e3 * outcome.slip, "mm"
-            ),
+            Row.at_least(name, "too wide: opening needed", opening, width, "mm"),
+            Row.at_least(name, "slip", 1e3 * MOST_SLIP, 1e3 * outcome.slip, "mm"),
             *rows,
         ]
     turn, most_turn = np.rad2deg([outcome.turn, MOST_TURN])
     return [
-        Row.at_least(name, "held, alone in the hand, for", HELD, outcome.held_for, "s"),
+        Row.at_least(name, "held by the hand alone for", HELD, outcome.held_for, "s"),
         Row.at_most(name, "slip", 1e3 * MOST_SLIP, 1e3 * outcome.slip, "mm"),
         Row.at_most(name, "turn in the hand", most_turn, turn, "degrees"),
         *rows,
@@ -150,23 +173,23 @@ def columns(case: Case, outcome: Outcome, passed: bool) -> dict[str, Any]:
 
 
 def verdict(case: Case, outcome: Outcome, passed: bool) -> tuple[str, str]:
-    """Say in a line what came of it, and in which colour."""
+    """Return a caption that sums up an outcome, and its colour."""
     slip, grip = 1e3 * outcome.slip, outcome.grip_force
     if not passed:
-        return f"fails: {outcome.held_for:.1f} s, slips {slip:.1f} mm", COLORS[1]
+        return f"fails: held {outcome.held_for:.1f} s, slips {slip:.1f} mm", COLORS[1]
     if not case.possible:
         wide = f"{1e3 * case.width:.0f} > {1e3 * OPENING:.0f} mm"
-        return f"cannot: {wide}, slips {slip:.0f} mm", COLORS[6]
+        return f"too wide: {wide}, slips {slip:.0f} mm", COLORS[6]
     return f"slips {slip:.1f} mm at {grip:.0f} N", COLORS[2]
 
 
 def draw(pictures: Mapping[str, Picture]) -> Any:
-    """Draw pictures of the end, by object from above and from the side below it.
+    """Draw pictures of the final states, a column per object.
 
     Args:
-        pictures: By the case's name.
+        pictures: By the name of the case.
     """
-    # What is taken in yet another way comes last.
+    # Unusual grasps come last.
     stacks: dict[str, list[str]] = {}
     for name in sorted(pictures, key=lambda name: name.count(",") > 1):
         thing = name if name.count(",") > 1 else name.partition(",")[0]

@@ -1,8 +1,9 @@
-"""Fully closed on nothing: whether finger on finger chatters.
+"""Whether fingers that press on each other chatter when the hand is closed on nothing.
 
-Both fingers press on each other with what their driver gives, for 10 s as the payloads
-are held, at several time steps. Pointing down the fingers' weight presses evenly; with
-one finger above the other it moves both, slowly, until the drive balances it.
+Both fingers press on each other with the full force of their driver, at several time
+steps, for as long as the payload experiments hold a load. When the hand points down,
+the weight of the fingers presses evenly. With one finger above the other, it moves both
+slowly until the drive balances it.
 """
 
 from __future__ import annotations
@@ -24,18 +25,16 @@ from drake_srg.types import Vector
 DRIVERS = ("SrgPositionDriver", "SrgTendonDriver")
 # Roll, pitch and yaw of the palm [degrees].
 HANDS = {"pointing down": (0, 90, 0), "finger above finger": (90, 0, 0)}
-TIME_STEPS = (0.001, 0.002, 0.005)  # s
-DURATION = 10.0  # s, of which the last second is judged
-# One count of the servo's encoder (12 bits a turn) a second: nobody could measure it.
-SPEED_LIMIT = 2.0 * np.pi / 4096.0  # rad/s
-# Of the mean force, what thin-film force sensors resolve.
+# One count per second of the servo's 12-bit encoder: too slow to measure [rad/s].
+SPEED_LIMIT = 2.0 * np.pi / 4096.0
+# Resolution of thin-film force sensors, as a share of the mean force.
 FORCE_SHARE = 0.01
-_WINDOW = 0.05  # s; the tables have a row for each
+_WINDOW = 0.05  # covered by each row of the tables [s]
 
 
 @dc.dataclass(frozen=True)
 class Case:
-    """Which hand closes on nothing."""
+    """A driver, a pose of the hand and a time step [s]."""
 
     driver: str
     hand: str
@@ -47,12 +46,12 @@ class Case:
 
 @dc.dataclass(frozen=True)
 class Closed:
-    """What a closed hand does, sampled every time step.
+    """Measurements of a closed hand, sampled every time step.
 
     Attributes:
         time: Shape (K,) [s].
         speeds: Of the four finger joints, shape (K, 4) [rad/s].
-        force: What the left fingertip's sensor reads, shape (K,) [N].
+        force: Reading of the left fingertip's sensor, shape (K,) [N].
     """
 
     time: Vector
@@ -60,8 +59,8 @@ class Closed:
     force: Vector
 
 
-def close(case: Case, duration: float = DURATION) -> Closed:
-    """Close a hand on nothing, from open."""
+def close(case: Case, duration: float) -> Closed:
+    """Close an open hand on nothing, for a duration [s]."""
     overrides = [
         f"gripper=!{case.driver} {{}}",
         f"plant_config.time_step={case.time_step}",
@@ -80,10 +79,21 @@ def close(case: Case, duration: float = DURATION) -> Closed:
     return Closed(log["time"], log["gripper.state_measured"][:, 4:], force)
 
 
-def run(track: Track) -> ExperimentResult:
-    """Close every hand with every driver at every time step."""
-    cases = [Case(d, h, dt) for d in DRIVERS for h in HANDS for dt in TIME_STEPS]
-    closed = {case: close(case) for case in track(cases)}
+def run(
+    track: Track,
+    *,
+    time_steps: Sequence[float] = (0.001, 0.002, 0.005),
+    duration: float = 10.0,
+) -> ExperimentResult:
+    """Close every hand with every driver at every time step.
+
+    Args:
+        track: Shows progress.
+        time_steps: Of the plant [s].
+        duration: Of each run, whose last second is judged [s].
+    """
+    cases = [Case(d, h, dt) for d in DRIVERS for h in HANDS for dt in time_steps]
+    closed = {case: close(case, duration) for case in track(cases)}
     rows = [row for case, response in closed.items() for row in judge(case, response)]
     tables: dict[str, dict[str, Vector]] = {}
     for case, response in closed.items():
@@ -93,7 +103,7 @@ def run(track: Track) -> ExperimentResult:
         step = f"{1e3 * case.time_step:g} ms"
         table["time [s]"] = time
         table[f"{step}: joint speed, RMS [rad/s]"] = speed
-        table[f"{step}: least force [N]"] = low
+        table[f"{step}: smallest force [N]"] = low
         table[f"{step}: largest force [N]"] = high
     return ExperimentResult(rows, tables, draw(closed))
 
@@ -120,7 +130,7 @@ def judge(case: Case, response: Closed) -> Sequence[Row]:
 
 
 def _windows(case: Case, response: Closed) -> tuple[Vector, ...]:
-    """End, largest RMS speed, least and largest force of each window of `_WINDOW`."""
+    """Return end, largest RMS speed, smallest and largest force of each window."""
     n = round(_WINDOW / case.time_step)
     count = (len(response.time) - 1) // n
     speeds = response.speeds[1 : 1 + n * count].reshape(count, n, -1)
@@ -131,7 +141,7 @@ def _windows(case: Case, response: Closed) -> tuple[Vector, ...]:
 
 
 def draw(closed: dict[Case, Closed]) -> Any:
-    """Draw joint speed over contact force, a column for each driver and hand."""
+    """Draw joint speed above contact force, a column for each driver and hand."""
     columns = list(dict.fromkeys((case.driver, case.hand) for case in closed))
     figure = make_figure(11.0, 5.0, "Closed on nothing")
     shape = (2, len(columns))
@@ -149,10 +159,10 @@ def draw(closed: dict[Case, Closed]) -> Any:
         axes.set_title(f"{driver}\n{hand}", fontsize=9, loc="left")
         axes.axhline(SPEED_LIMIT, color="#333333", ls="--", lw=0.8)
     all_axes[0, 0].set_ylabel("joint speed, RMS\n[rad/s]", fontsize=9)
-    all_axes[1, 0].set_ylabel("fingertip force,\nleast and largest [N]", fontsize=9)
+    all_axes[1, 0].set_ylabel("fingertip force,\nsmallest and largest [N]", fontsize=9)
     all_axes[0, 0].annotate(
-        "one encoder count a second",
-        (DURATION, SPEED_LIMIT),
+        "one encoder count per second",
+        (max(float(c.time[-1]) for c in closed.values()), SPEED_LIMIT),
         xytext=(0, 3),
         textcoords="offset points",
         ha="right",

@@ -99,7 +99,8 @@ def _parse(text: str, hint: Any, origin: str, key: str) -> Any:
             fail(origin, key, f"must be one of {', '.join(allowed)}; got {value!r}")
         return value
     many = typing.get_origin(hint) is collections.abc.Sequence
-    schema = list[typing.get_args(hint)] if many else hint  # type: ignore[misc] # made here
+    # Made from the hint, which mypy does not follow.
+    schema = list[typing.get_args(hint)] if many else hint  # type: ignore[misc]
     value = check_tree(value, schema, origin, key)
     items = value if many else [value]
     if not items:

@@ -1,4 +1,4 @@
-"""Figures by which responses of servos are compared."""
+"""Measures of step and tracking responses."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from drake_srg.types import Vector
 
 
 def rise_time(time: Vector, q: Vector, start: float, end: float) -> float:
-    """Return the time from 10 % to 90 % of a step [s]; NaN if it never gets there.
+    """Return the time from 10 % to 90 % of a step [s]; NaN if 90 % is not reached.
 
     Args:
-        time: When q was sampled, shape (K,) [s].
+        time: Of the samples, shape (K,) [s].
         q: Response, shape (K,).
         start: Reference before the step.
         end: Reference after it.
@@ -32,12 +32,12 @@ def rise_time(time: Vector, q: Vector, start: float, end: float) -> float:
 
 
 def overshoot(q: Vector, start: float, end: float) -> float:
-    """Return how far q goes beyond the end of a step, as a share of the step."""
+    """Return how far q exceeds the end of a step, as a share of the step."""
     return float(max(0.0, np.max((q - end) / (end - start))))
 
 
 def settling_time(time: Vector, error: Vector, band: float) -> float:
-    """Return when |error| is within the band for good [s]; NaN if it is not at last."""
+    """Return when |error| enters the band for good [s]; NaN if it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
     if not len(outside):
         return float(time[0])
@@ -47,5 +47,5 @@ def settling_time(time: Vector, error: Vector, band: float) -> float:
 
 
 def rms(values: Vector) -> float:
-    """Return the root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(np.square(values))))

@@ -1,4 +1,4 @@
-"""What an experiment hands back: rows that are judged, tables and a figure."""
+"""The result of an experiment: judged rows, tables and a figure."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from drake_srg.recording.output import OutputFile
 
 @dc.dataclass(frozen=True)
 class Row:
-    """One quantity, what was expected of it and what was measured.
+    """A measured quantity and its criterion.
 
-    Make rows by the class methods: they compute `passed`. What is measured passes only
-    where it is finite.
+    Make rows with the class methods, which compute `passed`. A measurement passes only
+    if it is finite.
 
     Attributes:
-        name: What was measured on: an object, a driver, a setting.
-        quantity: What was measured.
-        expected: The criterion in words, `<= 3`.
-        measured: The number.
-        unit: Of the number and of the criterion.
-        passed: Whether the number meets the criterion.
+        name: The object, driver or setting that was measured.
+        quantity: The measured quantity.
+        expected: The criterion as text, such as `<= 3`.
+        measured: The measured value.
+        unit: Of the value and of the criterion.
+        passed: Whether the value meets the criterion.
     """
 
     name: str
@@ -45,7 +45,7 @@ class Row:
     def at_most(
         cls, name: str, quantity: str, limit: float, measured: float, unit: str
     ) -> Row:
-        """Expect no more than `limit`."""
+        """Return a row that expects no more than `limit`."""
         text = f"<= {limit:.4g}"
         return cls._judged(name, quantity, text, measured, unit, measured <= limit)
 
@@ -53,7 +53,7 @@ class Row:
     def at_least(
         cls, name: str, quantity: str, limit: float, measured: float, unit: str
     ) -> Row:
-        """Expect no less than `limit`."""
+        """Return a row that expects no less than `limit`."""
         text = f">= {limit:.4g}"
         return cls._judged(name, quantity, text, measured, unit, measured >= limit)
 
@@ -69,9 +69,9 @@ class Row:
         relative: float = 0.0,
         absolute: float = 0.0,
     ) -> Row:
-        """Expect `expected` up to a share of itself and an absolute deviation.
+        """Return a row that expects a value up to a relative or absolute deviation.
 
-        Where both are given, the larger one counts.
+        If both deviations are given, the larger one counts.
         """
         allowed = max(relative * abs(expected), absolute)
         text = f"{expected:.4g} +- {allowed:.2g}"
@@ -80,7 +80,7 @@ class Row:
 
     @classmethod
     def info(cls, name: str, quantity: str, measured: float, unit: str) -> Row:
-        """Expect a number, whichever: what is told beside the rows that judge."""
+        """Return an informative row, which passes with any finite number."""
         return cls._judged(name, quantity, "a number", measured, unit, True)
 
     @classmethod
@@ -97,7 +97,7 @@ class Row:
         return cls(name, quantity, expected, float(measured), unit, passed)
 
     def as_dict(self) -> dict[str, str | float | bool | None]:
-        """Return the row as in result.json; what is not finite becomes None."""
+        """Return the row as in result.json; values that are not finite become None."""
         return {
             "name": self.name,
             "quantity": self.quantity,
@@ -110,17 +110,17 @@ class Row:
 
 @dc.dataclass(frozen=True)
 class ExperimentResult:
-    """What came of an experiment.
+    """The result of an experiment.
 
     Attributes:
-        rows: What is judged; at least one.
-        tables: Name of a CSV file to its columns, name (with the unit) to values,
-            equally long. The data behind the figure.
-        figure: A figure of `recording.figure.make_figure`.
-        files: Name to text of other files that come of it, such as a calibration.
+        rows: The judged quantities; at least one.
+        tables: The data behind the figure: columns by name of a CSV file. Columns are
+            values by name (with the unit), equally long.
+        figure: From `recording.figure.make_figure`.
+        files: Text of other files, such as a calibration, by name.
 
     Raises:
-        ValueError: If there are no rows, or columns of a table differ in length.
+        ValueError: If there are no rows, or if columns of a table differ in length.
     """
 
     rows: Sequence[Row]
@@ -130,11 +130,13 @@ class ExperimentResult:
 
     def __post_init__(self) -> None:
         if not self.rows:
-            raise ValueError("an experiment without rows shows nothing")
+            raise ValueError("rows: must not be empty")
         for table, columns in self.tables.items():
             shapes = {name: np.shape(values) for name, values in columns.items()}
             if len(set(shapes.values())) != 1 or {1} != set(map(len, shapes.values())):
-                raise ValueError(f"table {table!r}: columns must match, are {shapes}")
+                raise ValueError(
+                    f"table {table!r}: columns must have the same length, got {shapes}"
+                )
 
     @property
     def passed(self) -> bool:
@@ -142,7 +144,7 @@ class ExperimentResult:
         return all(row.passed for row in self.rows)
 
     def table(self) -> str:
-        """Return the rows as text."""
+        """Return the rows as aligned text."""
         lines = [("", "name", "quantity", "measured", "unit", "expected")]
         for row in self.rows:
             word = "ok" if row.passed else "FAIL"
@@ -156,18 +158,18 @@ class ExperimentResult:
         )
 
     def paths(self, name: str, out: Path) -> list[Path]:
-        """Return the files that `write` writes."""
+        """Return the paths of the files that `write` writes."""
         tables = (f"{table}.csv" for table in self.tables)
         files = ("result.json", *tables, *self.files, f"{name}.png")
         return [out / file for file in files]
 
     def write(self, name: str, out: Path) -> list[Path]:
-        """Write result.json, tables, files and NAME.png, all of them or none.
+        """Write result.json, tables, files and NAME.png: all of them or none.
 
-        The same result gives the same bytes.
+        Equal results give equal bytes.
 
         Returns:
-            As `paths` does.
+            The paths, as from `paths`.
 
         Raises:
             OSError: If they cannot be written.
@@ -189,7 +191,7 @@ class ExperimentResult:
 
 
 def _write_csv(path: Path, columns: Mapping[str, npt.ArrayLike]) -> None:
-    """Write numbers with 9 digits, text as it is, and nothing for a NaN."""
+    """Write numbers with 9 digits, text as it is, and NaN as an empty field."""
 
     def show(value: Any) -> str:
         if isinstance(value, float):

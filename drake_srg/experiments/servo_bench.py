@@ -1,7 +1,7 @@
-"""The base joints of an SRG under a servo law, without anything in between.
+"""The base joints of an SRG under a servo law alone.
 
-The palm is fixed and the fingers move horizontally, so that their weight does not
-count. The reference goes into the servo as it is, past the minimum-jerk generator.
+The palm is fixed and the fingers move horizontally, so that their weight has no effect.
+The reference bypasses the minimum-jerk generator.
 """
 
 from __future__ import annotations
@@ -24,19 +24,21 @@ from drake_srg.parsing import configure_parser
 from drake_srg.types import Vector
 
 STEP = 0.001  # of the plant, the log and the tabulated references [s]
-_BASES = np.array([1.0, 1.0, 0.0, 0.0])  # of JOINT_NAMES: these move and are loaded
+_BASES = np.array([1.0, 1.0, 0.0, 0.0])  # moving and loaded joints of JOINT_NAMES
 
 
 @dc.dataclass(frozen=True)
 class Motion:
-    """What the base joints are asked to do; all functions of times (K,) [s].
+    """A motion of the base joints; all functions take times (K,) [s].
 
     Attributes:
-        reference: Angle, speed and acceleration, (K,) each.
-        force_limit: kappa.
-        load: Torque on each base joint [N m], positive closes.
-        duration: How long [s].
-        servo_period: Sample time of the servo [s]; None as shipped.
+        reference: Returns angle [rad], speed [rad/s] and acceleration [rad/s²], (K,)
+            each.
+        force_limit: kappa, a fraction of full PWM.
+        load: Returns the torque on each base joint, positive where it closes, (K,)
+            [N m].
+        duration: Of the motion [s].
+        servo_period: Sample time of the servo [s]; None for that of its config.
     """
 
     reference: Callable[[Vector], tuple[Vector, Vector, Vector]]
@@ -48,7 +50,7 @@ class Motion:
 
 @dc.dataclass(frozen=True)
 class Response:
-    """The left base joint over time, (K,) each, in s, rad, rad/s and full PWM."""
+    """The left base joint over time, (K,) each; in s, rad, rad/s and full PWM."""
 
     time: Vector
     reference: Vector
@@ -64,7 +66,7 @@ class Response:
 
 @dc.dataclass(frozen=True)
 class Joint:
-    """The left base joint of the plant."""
+    """Properties of the plant's left base joint."""
 
     torque_limit: float  # N m, at full PWM
     inertia: float  # kg m², motor and straight finger
@@ -72,7 +74,7 @@ class Joint:
 
 
 def simulate(config: GripperServoConfig, motion: Motion) -> tuple[Response, Joint]:
-    """Let a servo law make a motion."""
+    """Move the base joints under a servo law."""
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlant(
         MultibodyPlantConfig(time_step=STEP, discrete_contact_approximation="lagged"),

@@ -1,4 +1,4 @@
-"""A picture of a state that an experiment has come to."""
+"""A picture of a state that an experiment has reached."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
 
-# To the camera from what it looks at: from the front, from the hand's right and from
-# above, as far away as shows 0.3 m [m].
+# Position of the camera relative to the point it looks at: in front, to the right of
+# the hand and above, at a distance that shows 0.3 m [m].
 _EYE = np.array([0.30, -0.28, 0.17])
 
 
@@ -25,12 +25,12 @@ def take_picture(
 ) -> npt.NDArray[np.uint8]:
     """Return an image of gripper and objects on white, shape (size, size, 3).
 
-    It is what the scenario's `recording.video_camera` would see from nearby.
+    The image comes from the scenario's `recording.video_camera`, moved closer.
 
     Args:
         scenario: Of the station.
         q: Positions of its plant.
-        p_WL: What to look at, in world, shape (3,) [m].
+        p_WL: Point to look at, in world, shape (3,) [m].
         size: Width and height [pixels].
 
     Raises:
@@ -38,7 +38,7 @@ def take_picture(
     """
     name = scenario.recording.video_camera
     if name not in scenario.cameras:
-        raise ScenarioError("recording.video_camera: names no camera for a picture")
+        raise ScenarioError("recording.video_camera: must name a camera")
     camera = copy.deepcopy(scenario.cameras[name])
     camera.width = camera.height = size
     X_WC = _look_at(p_WL + _EYE, p_WL)
@@ -53,7 +53,7 @@ def take_picture(
     sensor = station.GetSubsystemByName(f"rgbd_sensor_{name}")
     sensor_context = sensor.GetMyContextFromRoot(context)
     color = sensor.color_image_output_port().Eval(sensor_context).data[:, :, :3].copy()
-    # A pixel's label is the index of the body that it shows.
+    # The label of a pixel is the index of the body that it shows.
     label = sensor.label_image_output_port().Eval(sensor_context).data[:, :, 0]
     models = map(plant.GetModelInstanceByName, ("gripper", *scenario.objects))
     shown = [int(body) for model in models for body in plant.GetBodyIndices(model)]
@@ -62,7 +62,7 @@ def take_picture(
 
 
 def _look_at(p_WC: Vector, p_WL: Vector) -> RigidTransform:
-    """Pose of a camera (z ahead, y down) that looks at a point, upright."""
+    """Return the pose of an upright camera (z ahead, y down) that looks at a point."""
     z = (p_WL - p_WC) / np.linalg.norm(p_WL - p_WC)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x)

@@ -1,4 +1,4 @@
-"""Cycles that nobody ran, for tests of what experiments make of them."""
+"""Made-up cycles for tests of the experiments that judge cycles."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from drake_srg.simulation.metrics import Metrics
 
 
 def metrics(**changes):
-    """The metrics of a cycle that goes well."""
+    """Return the metrics of a successful cycle."""
     return Metrics(
         **{
             "scenario": "made_up",
@@ -36,7 +36,7 @@ def metrics(**changes):
 
 
 def cycle(p_GO_open=(0.095, 0.0, 0.0), p_GO_held=(0.095, 0.0, 0.0), **changes):
-    """A cycle that goes well, its object in the palm where it shall be [m]."""
+    """Return a successful cycle whose object is exactly at the tip [m]."""
     of_cycle = {"seed": 0, "slip": 2e-4, "turn": 1e-3, "error_G": np.zeros(3)}
     of_cycle |= {key: changes.pop(key) for key in of_cycle if key in changes}
     return Cycle(

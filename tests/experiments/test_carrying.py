@@ -10,10 +10,10 @@ from drake_srg.experiments.carrying import LIMIT, STEPS, Carried, Case, carry, l
 TIME = np.linspace(0.0, 1.0, 201)
 
 
-def test_steps_leave_a_circle_by_half_of_speed_and_angle():
+def test_steps_leave_a_circle_by_half_the_step_times_speed_times_angle():
     angle, radius = np.pi / 2 * TIME, 0.3
     circle = radius * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
-    # The integral of v w over the time is v times the angle.
+    # The integral of speed times angular speed is speed times angle.
     expected = 0.5 * 0.004 * (0.3 * np.pi / 2) * np.pi / 2
     assert leaving(TIME, circle, 0.004)[-1] == pytest.approx(expected, rel=0.01)
 
@@ -23,7 +23,7 @@ def test_steps_do_not_leave_a_line():
     assert leaving(TIME, line, 0.004)[-1] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_body_that_goes_as_the_hand_did_leaves_the_path_by_that_much():
+def test_a_body_on_the_tangent_of_each_step_leaves_the_path_by_that_much():
     step, radius, speed = 0.005, 0.3, np.pi / 2
     time = np.arange(0.0, 1.0, step)
     circle = radius * np.column_stack(
@@ -53,19 +53,19 @@ def made_up(slide_of):
         (lambda h: 0.3 * h + 0.1, False),  # lost
     ],
 )
-def test_what_does_not_vanish_with_the_step_fails(slide_of, passes):
+def test_a_slide_that_does_not_vanish_with_the_step_fails(slide_of, passes):
     rows = carrying.judge(made_up(slide_of))
     assert all(row.passed for row in rows) == passes
 
 
-def test_what_is_carried_slides_by_no_more_than_the_steps():
+def test_a_carried_cylinder_slides_no_farther_than_the_steps_move_it():
     carried = carry(Case("assistive_arm", 0.005))
     assert carried.time[-1] > 1.0
     assert 0.0 < carried.slide.max() < carried.leaving[-1] + LIMIT
 
 
-def test_a_hand_that_carries_nothing_is_told(monkeypatch):
+def test_an_arm_that_carries_nothing_is_reported(monkeypatch):
     log = {"mode": np.zeros(3)}
     monkeypatch.setattr(carrying, "Simulate", lambda *_, **__: SimpleNamespace(log=log))
-    with pytest.raises(ScenarioError, match="nothing is carried"):
+    with pytest.raises(ScenarioError, match="the arm carries nothing"):
         carry(Case("assistive_arm", 0.005))

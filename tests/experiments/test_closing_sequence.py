@@ -6,7 +6,7 @@ import pytest
 from drake_srg.experiments import closing_sequence
 from drake_srg.experiments.closing_sequence import (
     DRIVERS,
-    Sequence,
+    ClosingSequence,
     close,
     judge,
     judge_agreement,
@@ -21,7 +21,7 @@ def ramp(start, speed, end):
 
 
 def made_up(base_arrives=1.0, tip_starts=1.0, **changes):
-    """Bases close, touch the can and stop; then the tips do."""
+    """A sequence in which the bases close, touch the can and stop; then the tips do."""
     base = np.stack(2 * [np.clip(TIME, 0.0, base_arrives)], axis=1)
     tip = np.stack(2 * [ramp(tip_starts, 2.0, 1.2)], axis=1)
     touch = np.stack(
@@ -31,7 +31,7 @@ def made_up(base_arrives=1.0, tip_starts=1.0, **changes):
     proximity = np.stack(
         [0.01 - ramp(t, 1.0, 0.0105) for t in 2 * (0.99,) + 2 * (1.5,)], axis=1
     )
-    sequence = Sequence(
+    sequence = ClosingSequence(
         time=TIME,
         angle=np.concatenate([base, tip], axis=1),
         proximity=proximity,
@@ -47,7 +47,7 @@ def failed(rows):
     return {row.quantity for row in rows if not row.passed}
 
 
-def test_base_first_then_tip_passes():
+def test_closing_the_base_first_and_then_the_tip_passes():
     assert failed(judge("wires", made_up(tip_starts=1.05))) == set()
 
 
@@ -65,12 +65,12 @@ def test_proximity_may_start_the_tip_before_the_touch():
 
 def test_a_hand_that_misses_the_can_fails():
     missed = made_up(touch=np.zeros((len(TIME), 4)))
-    assert "least touch at the end" in failed(judge("wires", missed))
+    assert "smallest touch force at the end" in failed(judge("wires", missed))
     assert "tip touches after the base" in failed(judge("wires", missed))
 
 
-def test_wires_beyond_the_servo_fail():
-    assert "wire force" in failed(judge("wires", made_up(wire_limit=90.0)))
+def test_a_wire_force_beyond_the_servo_fails():
+    assert "largest wire force" in failed(judge("wires", made_up(wire_limit=90.0)))
 
 
 @pytest.mark.parametrize(("off", "passes"), [(0.01, True), (0.05, False)])
@@ -88,7 +88,7 @@ def test_a_hand_closes_around_the_can(name):
     assert failed(rows) == set()
 
 
-def test_it_runs(monkeypatch):
+def test_every_driver_gets_a_table_and_a_column_of_the_figure(monkeypatch):
     monkeypatch.setattr(closing_sequence, "close", lambda driver: made_up())
     result = closing_sequence.run(quiet)
     assert set(result.tables) == {

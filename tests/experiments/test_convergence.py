@@ -23,10 +23,10 @@ def test_the_bench_holds_its_can():
     assert np.all(grip.forces[2:] > 5.0)
 
 
-def test_differences_are_largest_ones():
+def test_the_largest_differences_count():
     other = Grip(True, np.array([1, 1, 0.2, 0.25]), np.array([0, 0, 20.0, 18.0]))
     assert difference(GRIP, other) == pytest.approx((0.05, 0.1))
-    # What touches in one only counts, and nothing at all is no agreement.
+    # Contact in only one grip counts; no contact at all is not agreement.
     other = Grip(True, GRIP.angles, np.array([9.0, 0.0, 18.0, 18.0]))
     assert difference(GRIP, other) == pytest.approx((0.0, 0.5))
     nothing = Grip(False, GRIP.angles, np.zeros(4))

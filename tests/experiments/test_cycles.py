@@ -20,7 +20,7 @@ def scenario():
 
 
 def make_log(scenario, rows):
-    """A log of modes with poses (p_GO, turn about x) in a hand that rests at home."""
+    """Return a log of modes and poses (p_GO, turn about x) in a hand at home."""
     arm = np.zeros((len(rows), 10))
     arm[:, :5] = scenario.arm.home
     poses = [
@@ -55,7 +55,7 @@ def test_motion_in_the_hand_counts_from_the_grip_to_above_the_goal(scenario):
     np.testing.assert_allclose(cycle.p_GO_held, HELD, atol=1e-12)
     assert cycle.slip == pytest.approx(0.002)
     assert cycle.turn == pytest.approx(0.03)
-    # The hand is level at home, its z the world's.
+    # At home the hand is level: its z axis is the world's.
     np.testing.assert_allclose(cycle.error_G, [0.0, 0.0, 1e-3], atol=2e-5)
 
 
@@ -77,7 +77,7 @@ def test_the_last_attempt_counts(scenario):
     assert cycle.error_G is None
 
 
-def test_what_was_never_held_tells_nothing(scenario):
+def test_a_cycle_without_a_grasp_has_no_motion_in_the_hand(scenario):
     log = make_log(scenario, [(Mode.IDLE, TIP, 0.0), (Mode.FAILED, TIP, 0.0)])
     cycle = make_cycle(scenario, metrics(success=False), log)
     parts = (cycle.p_GO_open, cycle.p_GO_held, cycle.slip, cycle.turn, cycle.error_G)

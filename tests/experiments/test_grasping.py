@@ -8,6 +8,7 @@ from pydrake.math import RollPitchYaw
 
 from drake_srg.common.errors import ScenarioError
 from drake_srg.experiments import grasping
+from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.grasping import (
     GraspConfig,
     Support,
@@ -16,7 +17,6 @@ from drake_srg.experiments.grasping import (
     simulate,
     width_between_pads,
 )
-from drake_srg.experiments.objects import household_objects
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Cylinder, Sphere
@@ -50,7 +50,7 @@ def test_a_cylinder_rests_on_its_lowest_point(size, rpy):
 
 
 @given(st.floats(0.001, 0.3), angles)
-def test_a_ball_is_as_wide_as_high(radius, rpy):
+def test_a_ball_is_as_wide_as_it_is_high(radius, rpy):
     ball = ObjectConfig(shape=Sphere(radius))
     grasp = GraspConfig(object=list(np.rad2deg(rpy)))
     R = RollPitchYaw(rpy).ToRotationMatrix()
@@ -68,18 +68,18 @@ def test_a_ball_is_as_wide_as_high(radius, rpy):
         ([0, 90, 90], [0, 0, 0], 0.1),
     ],
 )
-def test_width_is_across_the_pads(hand, thing, width):
+def test_the_width_is_measured_across_the_pads(hand, thing, width):
     box = ObjectConfig(shape=Box([0.1, 0.2, 0.3]))
     grasp = GraspConfig(hand=hand, object=thing)
     assert width_between_pads(box, grasp) == pytest.approx(width)
 
 
-def test_models_stand_and_have_no_known_width():
+def test_models_stand_upright_and_have_no_known_width():
     mug = household_objects()["mug"]
     upright = RollPitchYaw(0.0, 0.0, 1.0).ToRotationMatrix()
     assert rest_height(mug, upright) == 0.0
     assert np.isnan(width_between_pads(mug, GraspConfig()))
-    with pytest.raises(ValueError, match="can stand upright only"):
+    with pytest.raises(ValueError, match="must stand upright"):
         rest_height(mug, RollPitchYaw(0.1, 0.0, 0.0).ToRotationMatrix())
 
 
@@ -105,7 +105,7 @@ WRAPPED = GraspConfig(grip=[0.108, 0.0, 0.0])
 
 
 def hurry(monkeypatch, shake):
-    # A loose wire is wound up and the can pressed on after 1.5 s.
+    # Winding up a loose wire and pressing on the can takes 1.5 s.
     monkeypatch.setattr(grasping, "_ARRIVE", 0.5)
     monkeypatch.setattr(grasping, "_CLOSE", 2.0)
     monkeypatch.setattr(grasping, "SHAKE", shake)
@@ -123,7 +123,7 @@ def test_a_wrapped_can_is_held(monkeypatch):
     assert outcome.wire_force == pytest.approx(WRAPPED.wire_force, rel=0.05)
 
 
-def test_without_friction_it_is_not(monkeypatch):
+def test_a_wrapped_can_without_friction_is_lost(monkeypatch):
     hurry(monkeypatch, shake=0.1)
     can = household_objects()["005_tomato_soup_can"]
     can.friction = 0.0
@@ -132,7 +132,7 @@ def test_without_friction_it_is_not(monkeypatch):
     assert outcome.lifted < 0.01
 
 
-def test_what_the_gripper_cannot_do_is_reported():
+def test_a_grasp_that_the_gripper_cannot_make_is_reported():
     bench = present(household_objects()["056_tennis_ball"], WRAPPED)
     with pytest.raises(ScenarioError, match=r"the servo gives 0 \.\. 309 N"):
         simulate(bench, dc.replace(WRAPPED, wire_force=400.0))

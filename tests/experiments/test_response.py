@@ -32,12 +32,12 @@ def test_a_second_order_lag_overshoots_by_its_damping(damping):
     assert overshoot(q, 0.0, 1.0) == pytest.approx(expected, abs=1e-3)
 
 
-def test_what_never_arrives_has_no_times():
+def test_a_response_that_never_arrives_has_no_times():
     assert np.isnan(rise_time(TIME, 0.08 * TIME, 0.0, 1.0))
     assert np.isnan(settling_time(TIME, np.sin(TIME), 0.1))
 
 
-def test_what_is_there_from_the_start_has_settled_then():
+def test_a_response_that_starts_at_the_end_has_settled_at_once():
     assert settling_time(TIME, 0.0 * TIME, 0.1) == 0.0
     assert rise_time(TIME, 1.0 + 0.0 * TIME, 0.0, 1.0) == 0.0
 

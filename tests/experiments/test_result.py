@@ -34,21 +34,21 @@ def test_bounds_are_inclusive(limit, measured):
 
 
 @given(expected=numbers, share=st.floats(0, 2), inside=st.floats(0, 0.999))
-def test_a_deviation_is_a_share_of_the_expected(expected, share, inside):
+def test_a_relative_deviation_is_a_share_of_the_expected_value(expected, share, inside):
     deviation = share * abs(expected)
     near, far = expected + inside * deviation, expected + 1.01 * deviation + 1e-6
     assert Row.within("", "", expected, near, "", relative=share, absolute=1e-9).passed
     assert not Row.within("", "", expected, far, "", relative=share).passed
 
 
-def test_the_larger_deviation_counts():
+def test_the_larger_of_two_deviations_counts():
     for measured, passed in ((2.4, True), (2.6, False)):
         row = Row.within("", "", 2.0, measured, "", relative=0.1, absolute=0.5)
         assert row.passed == passed
 
 
 @pytest.mark.parametrize("measured", [math.nan, math.inf, -math.inf])
-def test_what_is_not_finite_fails_and_is_null(measured):
+def test_values_that_are_not_finite_fail_and_become_null(measured):
     rows = [
         Row.at_most("", "", 1.0, measured, ""),
         Row.at_least("", "", 1.0, measured, ""),
@@ -60,13 +60,13 @@ def test_what_is_not_finite_fails_and_is_null(measured):
         assert row.as_dict()["measured"] is None
 
 
-def test_criteria_can_be_read():
+def test_criteria_are_readable():
     assert Row.at_most("", "", 3.0, 1.0, "").expected == "<= 3"
     assert Row.at_least("", "", 0.145, 1.0, "").expected == ">= 0.145"
     assert Row.within("", "", 2.0, 1.0, "", relative=0.03).expected == "2 +- 0.06"
 
 
-def test_files_hold_what_was_measured(tmp_path):
+def test_files_contain_the_rows_the_table_and_the_figure(tmp_path):
     result = make_result(**{"time [s]": [0.0, 0.1], "word": ["a", "b, c"]})
     paths = result.write("fake", tmp_path / "out")
     names = ["result.json", "motion.csv", "fake.png"]
@@ -92,7 +92,7 @@ def test_files_hold_what_was_measured(tmp_path):
     assert cv2.imread(str(paths[2])).shape == (220, 330, 3)
 
 
-def test_other_files_are_written_along(tmp_path):
+def test_other_files_are_written_too(tmp_path):
     result = dc.replace(make_result(), files={"frame.dmd.yaml": "directives: []\n"})
     paths = result.write("thing", tmp_path)
     assert [path.name for path in paths] == [
@@ -104,7 +104,7 @@ def test_other_files_are_written_along(tmp_path):
     assert (tmp_path / "frame.dmd.yaml").read_text() == "directives: []\n"
 
 
-def test_numbers_survive_the_csv(tmp_path):
+def test_numbers_keep_nine_digits_in_the_csv(tmp_path):
     values = np.random.default_rng(0).normal(size=20)
     values[3] = np.nan
     path = make_result(x=values).write("fake", tmp_path)[1]
@@ -118,9 +118,9 @@ def test_equal_results_give_equal_bytes(tmp_path):
         assert a.read_bytes() == b.read_bytes()
 
 
-def test_what_cannot_be_written_whole_is_not_written(tmp_path):
+def test_a_result_that_cannot_be_written_completely_is_not_written(tmp_path):
     result = make_result()
-    result.figure.savefig = None  # drawing comes last, and fails
+    result.figure.savefig = None  # drawing comes last and fails
     with pytest.raises(TypeError):
         result.write("fake", tmp_path)
     assert list(tmp_path.iterdir()) == []
@@ -139,11 +139,11 @@ def test_one_failing_row_fails_the_experiment():
 @pytest.mark.parametrize(
     "columns", [{"a": [1, 2], "b": [1]}, {"a": [[1], [2]]}, {"a": 1.0}]
 )
-def test_a_table_has_one_value_a_row_in_every_column(columns):
-    with pytest.raises(ValueError, match="'motion': columns must match"):
+def test_columns_of_a_table_must_be_equally_long(columns):
+    with pytest.raises(ValueError, match="'motion': columns must have the same length"):
         make_result(**columns)
 
 
-def test_an_experiment_without_rows_shows_nothing():
-    with pytest.raises(ValueError, match="without rows"):
+def test_an_experiment_needs_rows():
+    with pytest.raises(ValueError, match="rows: must not be empty"):
         ExperimentResult([], {}, make_figure(3, 2))

@@ -6,7 +6,8 @@ import pytest
 from drake_srg.experiments import servo_laws
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.servo_bench import Motion, simulate
-from drake_srg.experiments.servo_laws import LAWS, MOTIONS, SHIPPED
+from drake_srg.experiments.servo_laws import LAWS
+from drake_srg.experiments.servo_motions import MOTIONS, SHIPPED
 
 
 def at_rest(time):
@@ -30,16 +31,16 @@ def result():
         yield result, servo_laws.judge(swapped, joint)
 
 
-def test_the_laws_do_what_theory_says(result):
+def test_the_laws_behave_as_theory_predicts(result):
     assert result[0].passed, result[0].table()
 
 
-def test_each_law_fails_what_is_expected_of_the_other(result):
+def test_each_law_fails_the_criteria_of_the_other(result):
     failed = {row.name for row in result[1] if not row.passed}
     assert failed == {"pid", "printed"}
 
 
-def test_there_is_a_table_for_each_motion(result):
+def test_every_motion_has_a_table(result):
     assert set(result[0].tables) == set(MOTIONS)
     step = result[0].tables["step"]
     assert set(step) == {
@@ -71,7 +72,7 @@ def test_without_a_servo_a_load_accelerates_the_joint(torque):
     motion = Motion(at_rest, 1.0, load=lambda t: 0.0 * t + torque, duration=0.05)
     response, joint = simulate(nothing, motion)
     expected = 0.5 + 0.5 * torque / joint.inertia * response.time**2
-    # The joint's friction takes c v / torque, at most 13 %; a loose tip adds to it.
+    # The joint's friction takes c v / torque, at most 13 %; a loose tip adds to that.
     allowed = 0.2 * np.abs(expected[-1] - 0.5) + 1e-9
     assert np.max(np.abs(response.q - expected)) < allowed
     assert np.all(response.pwm == 0.0)

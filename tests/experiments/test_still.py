@@ -13,7 +13,7 @@ from drake_srg.types import Sphere
 BALL = ObjectConfig(shape=Sphere(0.04), color=[1.0, 0.0, 0.0])
 
 
-def test_what_is_looked_at_is_in_the_middle():
+def test_the_point_looked_at_is_in_the_middle():
     bench = bench_scenario(BALL)
     rig = Rig(bench)
     q = rig.plant.GetPositions(rig.plant_context)
@@ -26,5 +26,5 @@ def test_what_is_looked_at_is_in_the_middle():
 
 def test_a_picture_needs_a_camera():
     bench = dc.replace(bench_scenario(BALL), recording=RecordingConfig())
-    with pytest.raises(ScenarioError, match=r"recording\.video_camera: names no"):
+    with pytest.raises(ScenarioError, match=r"recording\.video_camera: must name"):
         take_picture(bench, np.zeros(0), np.zeros(3), 8)

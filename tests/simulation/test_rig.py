@@ -6,7 +6,7 @@ import pytest
 from pydrake.math import RollPitchYaw
 
 from drake_srg.common.errors import ScenarioError
-from drake_srg.experiments.objects import household_objects
+from drake_srg.experiments.data import household_objects
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.simulation import rig as rig_module
 from drake_srg.simulation.rig import Rig, bench_scenario

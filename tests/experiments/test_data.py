@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drake_srg.experiments.objects import household_objects
+from drake_srg.experiments.data import household_objects
 from drake_srg.objects.models import simple_shape
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Cylinder
@@ -9,7 +9,7 @@ from drake_srg.types import Box, Cylinder
 NOT_CONVEX = {"mug", "bowl", "squeeze_bottle", "wrench"}
 
 
-def test_they_are_the_ycb_table_s_and_ours():
+def test_the_household_objects_are_from_the_ycb_table_and_our_models():
     assert set(household_objects()) == NOT_CONVEX | {
         "005_tomato_soup_can",
         "004_sugar_box",
@@ -21,29 +21,29 @@ def test_they_are_the_ycb_table_s_and_ours():
     }
 
 
-def test_shapes_and_masses_are_those_of_the_table():
+def test_shapes_and_masses_match_the_table():
     objects = household_objects()
     assert objects["004_sugar_box"].shape == Box([0.0867, 0.1703, 0.0391])
     assert objects["004_sugar_box"].mass == 0.514
     assert objects["pencil"].shape == Cylinder(0.0036, 0.18)
 
 
-def test_only_the_ones_that_are_not_convex_have_several_pieces():
+def test_only_objects_that_are_not_convex_have_several_pieces():
     for name, config in household_objects().items():
         assert (simple_shape(name, config) is None) == (name in NOT_CONVEX)
 
 
-def test_each_call_returns_objects_of_its_own():
+def test_each_call_returns_new_objects():
     household_objects()["mug"].mass = 9.0
     assert household_objects()["mug"].mass is None
 
 
 @pytest.mark.parametrize("name", household_objects())
-def test_they_stand_still(name):
+def test_household_objects_stand_still(name):
     rig = Rig(bench_scenario(household_objects()[name]))
     rig.advance(0.3)
     log = rig.log()["object_pose.thing"]
     moved = np.linalg.norm(log[-1, :3] - log[0, :3])
-    # The ball stands on a facet, within 1 % of its radius.
+    # The ball stands on a facet, which is within 1 % of its radius.
     assert moved < (4e-4 if "ball" in name else 1e-4)
     assert set(rig.contact_forces()) == {"support"}
