@@ -1,4 +1,4 @@
-"""Optional packages, and the commands that install what is missing."""
+"""Optional packages, and the commands that install missing ones."""
 
 import importlib
 import shlex
@@ -8,15 +8,15 @@ from types import ModuleType
 
 
 def require(module: str, extra: str, who: str) -> ModuleType:
-    """Import a module of an extra of this package.
+    """Import a module that belongs to one of this package's extras.
 
     Args:
-        module: Its name.
-        extra: Of which it is.
-        who: Needs it, for the message: `Recording needs`.
+        module: Name of the module.
+        extra: Name of the extra.
+        who: Start of the message, with a verb: `Recording needs`.
 
     Raises:
-        ImportError: If it is missing; the message says how to install it.
+        ImportError: If the module is missing; the message says how to install it.
     """
     try:
         return importlib.import_module(module)
@@ -29,12 +29,12 @@ def require(module: str, extra: str, who: str) -> ModuleType:
 
 
 def pip_install(*arguments: str) -> str:
-    """Return the command that installs packages for the interpreter that runs."""
+    """Return the command that installs packages for the running interpreter."""
     return shlex.join([sys.executable, "-m", "pip", "install", *arguments])
 
 
 def this_package(extra: str = "") -> list[str]:
-    """Return pip's arguments for this package: a checkout of it, or a release."""
+    """Return pip's arguments for this package, a checkout or a release."""
     suffix = f"[{extra}]" if extra else ""
     checkout = Path(__file__).resolve().parents[2]
     if (checkout / "pyproject.toml").is_file():

@@ -1,1 +1,1 @@
-"""Recorders: video, rosbag, log and timeline."""
+"""Records runs as video, rosbag, log and timeline."""

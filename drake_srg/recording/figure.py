@@ -1,4 +1,4 @@
-"""The style that all our figures have, and PNG files of them."""
+"""The style of all our figures, and their PNG files."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ from typing import Any
 
 from drake_srg.recording.output import OutputFile, require
 
-# Told apart by colour-blind people, too (M. Okabe, K. Ito, Color Universal Design).
+# Distinct for colour-blind readers, too (M. Okabe, K. Ito, Color Universal Design).
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
 
 
 def make_figure(width: float, height: float, title: str = "") -> Any:
-    """Return an empty matplotlib Figure of a size in inches; no display is needed.
+    """Return an empty matplotlib Figure; it needs no display.
+
+    Args:
+        width: [inch].
+        height: [inch].
+        title: Text above the axes, on the left.
 
     Raises:
         ImportError: If matplotlib is missing.
@@ -27,7 +32,7 @@ def make_figure(width: float, height: float, title: str = "") -> Any:
 
 
 def style_axes(axes: Any, *, xlabel: str = "", ylabel: str = "") -> None:
-    """Give axes our style and labels; call it before drawing legends."""
+    """Give axes our style and labels; call this before plotting and drawing legends."""
     axes.set_prop_cycle(color=COLORS)
     axes.set_xlabel(xlabel, fontsize=9)
     axes.set_ylabel(ylabel, fontsize=9)
@@ -37,12 +42,12 @@ def style_axes(axes: Any, *, xlabel: str = "", ylabel: str = "") -> None:
 
 
 def save_png(figure: Any, path: Path | str) -> Path:
-    """Write a figure, whole or not at all; equal figures give equal bytes.
+    """Write a figure, completely or not at all; equal figures give equal bytes.
 
     Raises:
         OSError: If the file cannot be written.
     """
     output = OutputFile(path)
-    # Without the version of matplotlib in it the file tells nothing but the data.
+    # matplotlib would write its version into the file.
     figure.savefig(output.path, format="png", metadata={"Software": None})
     return output.commit()

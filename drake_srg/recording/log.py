@@ -1,4 +1,4 @@
-"""Numbers over time in one .npz file, the same bytes for the same arrays."""
+"""Logs: arrays in one .npz file, the same bytes for the same arrays."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy.typing as npt
 
 from drake_srg.recording.output import OutputFile
 
-# The oldest date that a zip file can state, so that none of ours tells the time.
+# The oldest date that a zip file can hold: equal logs must not differ by their date.
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def write_log(path: Path | str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
-    """Write arrays as `numpy.load` and `read_log` read them.
+    """Write arrays so that `numpy.load` and `read_log` can read them.
 
-    The file is replaced at once, never half written. Names are stored in their
-    alphabetical order and without the time, so equal arrays give equal files.
+    The file is replaced in one step, never half written. Names are stored in
+    alphabetical order and with a fixed date, so equal arrays give equal files.
 
     Args:
         path: The .npz file.
-        arrays: Name to array of numbers or strings.
+        arrays: Arrays of numbers or strings, by name.
 
     Returns:
         The path.
@@ -39,8 +39,8 @@ def write_log(path: Path | str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
             array = np.asarray(arrays[name])
             if array.dtype.hasobject:
                 raise ValueError(
-                    f"Log array {name!r} has dtype {array.dtype}; allowed are numbers "
-                    "and strings"
+                    f"log array {name!r} must hold numbers or strings, got dtype "
+                    f"{array.dtype}"
                 )
             entry = zipfile.ZipInfo(f"{name}.npy", _DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
@@ -50,10 +50,10 @@ def write_log(path: Path | str, arrays: Mapping[str, npt.ArrayLike]) -> Path:
 
 
 def read_log(path: Path | str) -> dict[str, npt.NDArray[Any]]:
-    """The arrays of a log, by name.
+    """Return the arrays of a log, by name.
 
     Raises:
-        OSError: If there is no such file.
+        OSError: If the file cannot be read.
         ValueError: If it is not a log.
     """
     with np.load(path, allow_pickle=False) as archive:

@@ -1,4 +1,4 @@
-"""What the recorders share: files that appear whole, and the optional packages."""
+"""What recorders share: files that appear when complete, and optional packages."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ def require(module: str) -> ModuleType:
 
 @contextlib.contextmanager
 def output_folder(out: Path | None) -> Iterator[None]:
-    """Make a folder for results; one that is made for nothing does not stay.
+    """Make a folder for results; remove it again if nothing is written into it.
 
     Args:
-        out: The folder; None makes none.
+        out: The folder; None: no folder.
 
     Raises:
-        OSError: At the start, if nothing can be written there.
+        OSError: On entry, if nothing can be written there.
     """
     made: list[Path] = []
     try:
@@ -43,7 +43,7 @@ def output_folder(out: Path | None) -> Iterator[None]:
         yield
     except BaseException:
         for path in made:
-            with contextlib.suppress(OSError):  # of a folder with something in it
+            with contextlib.suppress(OSError):  # the folder is not empty
                 path.rmdir()
         raise
 
@@ -51,15 +51,15 @@ def output_folder(out: Path | None) -> Iterator[None]:
 class OutputFile:
     """A file that appears under its name only when it is complete.
 
-    It is written as `path`, in a hidden folder beside its place, so that putting it
-    there is a rename. The folder disappears with the object, complete or not.
+    It is written as `path`, in a hidden folder beside `target`, so that `commit` is a
+    rename. The folder disappears with the object, whether the file is complete or not.
 
     Attributes:
-        target: The final place.
-        path: Where to write until `commit`.
+        target: The final path.
+        path: The path to write to until `commit`.
 
     Raises:
-        OSError: If nothing can be written beside `target`; the message says why.
+        OSError: If nothing can be written beside `target`; it names the folder.
     """
 
     def __init__(self, target: Path | str):
@@ -70,44 +70,42 @@ class OutputFile:
                 prefix=f".{self.target.name}.", dir=self.target.parent
             )
         except OSError as error:
-            raise OSError(
-                f"Cannot write {self.target}: {error.strerror} ({error.filename}). "
-                "Choose a folder that exists, or can be made, and is writable."
-            ) from error
+            folder = str(self.target.parent)
+            raise OSError(error.errno, error.strerror, folder) from error
         self.path = Path(self._folder.name) / self.target.name
 
     def commit(self) -> Path:
-        """Put what was written in its place, over what was there; returns `target`."""
+        """Move the file to `target`, replacing what was there; returns `target`."""
         self.path.replace(self.target)
         self.discard()
         return self.target
 
     def discard(self) -> None:
-        """Forget what was written."""
+        """Delete what was written."""
         self._folder.cleanup()
 
 
 class Recorder(LeafSystem):
-    """A system that writes a file until it is closed, as a context manager.
+    """A system that writes a file until it is closed; use it as a context manager.
 
-    What was recorded before an error, or before the user interrupts, is kept: a whole
-    file that ends there, as it shows what led to it.
+    An error or the user's interrupt ends the recording, which is kept as a complete
+    file, because it shows what led there.
     """
 
     _output: OutputFile
     _closed = False
-    _failed = False  # an error ended what was to be recorded
+    _failed = False  # an error ended the recording
 
     @property
     def path(self) -> Path:
-        """Where the file is after `close()`."""
+        """The file's path after `close()`."""
         return self._output.target
 
     def close(self) -> None:
-        """Finish the file and put it in its place, if it is one with what was recorded.
+        """Complete the file and move it to `path`, unless there is nothing to keep.
 
         Raises:
-            OSError: If it cannot be finished; what was there before stays.
+            OSError: If the file cannot be completed; an earlier one stays in place.
         """
         if self._closed:
             return
@@ -119,7 +117,7 @@ class Recorder(LeafSystem):
             self._output.discard()
 
     def _finish(self) -> bool:
-        """Complete the file, and say whether it is worth keeping."""
+        """Complete the file, and return whether it is worth keeping."""
         raise NotImplementedError
 
     def __enter__(self: _Self) -> _Self:
@@ -137,4 +135,4 @@ class Recorder(LeafSystem):
         except Exception:
             if kind is None:
                 raise
-            # Else the error that came first is told: a full disk has both.
+            # Otherwise the first error is raised: a full disk causes both.

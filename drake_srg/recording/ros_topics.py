@@ -1,7 +1,7 @@
-"""What goes into a rosbag: topics made from port values.
+"""ROS topics, made from the values of ports.
 
-Port names are those of a station or cell, so that connecting a recorder is a loop over
-its ports. Every function returns a `Topic`; write your own the same way.
+Port names are those of a station or cell, so that a loop over its ports connects a
+recorder. The functions here return a `Topic`; write your own the same way.
 """
 
 from __future__ import annotations
@@ -16,26 +16,28 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageRgba8U
 
-# Makes a message: (type name such as "std_msgs/msg/String", its fields) -> message. The
-# fields are named or, where ROS 1 and 2 name them differently, in their order.
+# Makes a message: (type name such as "std_msgs/msg/String", fields) -> message. Fields
+# are given by name or, where ROS 1 and 2 name them differently, in order.
 MakeMessage = Callable[..., Any]
-# (make, time [s], one value a port, None where an optional port is open) -> message
+# (make, time [s], one value per port, None for an unconnected optional port) -> message
 Convert = Callable[..., Any]
 
 
 @dc.dataclass(frozen=True)
 class Topic:
-    """One topic of a recording.
+    """A ROS topic whose messages are made from port values.
 
     Attributes:
-        name: ROS topic.
-        type: ROS 2 message type, as in "std_msgs/msg/String".
-        ports: Input port to its model, a size for vectors; topics may share a port.
-        convert: Called as `convert(make, time, *values)`; None for no message.
-        period: Time between messages [s]; None for the recorder's.
-        optional: Those of the ports that may stay open.
-        sensor: Whether it is one that ROS 2 gives its QoS for sensors: rather the next
-            message than the lost one again.
+        name: Its name, with the slash.
+        type: Its ROS 2 message type, such as "std_msgs/msg/String".
+        ports: Input port name to its model value, or to its size if it is a vector;
+            topics may share a port.
+        convert: Called as `convert(make, time, *values)`; returns a message, or None
+            for no message.
+        period: Time between messages [s]; None: the recorder's.
+        optional: The ports that may stay unconnected.
+        sensor: Whether ROS 2 publishes it with its QoS for sensors, which never sends
+            a lost message again.
     """
 
     name: str
@@ -48,24 +50,24 @@ class Topic:
 
 
 def stamp(make: MakeMessage, time: float) -> Any:
-    """Simulated time [s] as builtin_interfaces/msg/Time."""
+    """Return simulated time [s] as a builtin_interfaces/msg/Time."""
     sec, nanosec = divmod(round(time * 1e9), 10**9)
     return make("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
 
 
 def header(make: MakeMessage, time: float, frame_id: str = "") -> Any:
-    """A std_msgs/msg/Header."""
+    """Return a std_msgs/msg/Header."""
     return make("std_msgs/msg/Header", stamp=stamp(make, time), frame_id=frame_id)
 
 
 def clock() -> Topic:
-    """Simulated time on /clock."""
+    """Return /clock: simulated time as rosgraph_msgs/msg/Clock."""
     kind = "rosgraph_msgs/msg/Clock"
     return Topic("/clock", kind, {}, lambda make, t: make(kind, clock=stamp(make, t)))
 
 
 def float64(name: str, port: str) -> Topic:
-    """A vector port of size 1 as std_msgs/msg/Float64."""
+    """Return a topic of a vector port of size 1, as std_msgs/msg/Float64."""
     kind = "std_msgs/msg/Float64"
     return Topic(
         name, kind, {port: 1}, lambda make, t, value: make(kind, data=float(value[0]))
@@ -73,7 +75,7 @@ def float64(name: str, port: str) -> Topic:
 
 
 def float64_array(name: str, port: str, size: int) -> Topic:
-    """A vector port as std_msgs/msg/Float64MultiArray."""
+    """Return a topic of a vector port, as std_msgs/msg/Float64MultiArray."""
     kind = "std_msgs/msg/Float64MultiArray"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
@@ -84,10 +86,10 @@ def float64_array(name: str, port: str, size: int) -> Topic:
 
 
 def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
-    """A string, or an enum by its value, as std_msgs/msg/String.
+    """Return a topic of a string or an enum's value, as std_msgs/msg/String.
 
-    The port holds Python objects unless `model`, as AbstractValue.Make(""), says that
-    it holds Drake's strings.
+    The port holds Python objects; `model=AbstractValue.Make("")` makes it hold Drake's
+    strings.
     """
     kind = "std_msgs/msg/String"
 
@@ -99,7 +101,14 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
 
 
 def image(name: str, port: str, frame_id: str, period: float) -> Topic:
-    """An ImageRgba8U port as sensor_msgs/msg/Image, rgb8, every `period` [s]."""
+    """Return a topic of an ImageRgba8U port, as sensor_msgs/msg/Image in rgb8.
+
+    Args:
+        name: The topic's.
+        port: The input port's.
+        frame_id: The camera's frame.
+        period: Time between messages [s].
+    """
 
     def convert(make: MakeMessage, time: float, value: ImageRgba8U) -> Any:
         rgb = cv2.cvtColor(value.data, cv2.COLOR_RGBA2RGB)  # faster than a slice's copy
@@ -112,7 +121,7 @@ def image(name: str, port: str, frame_id: str, period: float) -> Topic:
 def image_message(
     make: MakeMessage, time: float, frame_id: str, encoding: str, pixels: Any
 ) -> Any:
-    """Pixels, shape (height, width, channels), as a sensor_msgs/msg/Image."""
+    """Return pixels, shape (height, width, channels), as a sensor_msgs/msg/Image."""
     pixels = np.ascontiguousarray(pixels)
     height, width = pixels.shape[:2]
     return make(
@@ -128,12 +137,12 @@ def image_message(
 
 
 def joint_states(joints: Mapping[str, Sequence[str]]) -> Topic:
-    """The joints of several instances as one sensor_msgs/msg/JointState.
+    """Return /joint_states: all instances' joints in one sensor_msgs/msg/JointState.
 
     Args:
         joints: Instance name to its joint names. Instance I has the ports
             `I.state_measured` ([q; v], rad and rad/s) and, optionally,
-            `I.torque_measured` (N m); efforts not measured are NaN.
+            `I.torque_measured` (N m); efforts that are not measured are NaN.
     """
     kind = "sensor_msgs/msg/JointState"
     names = [name for group in joints.values() for name in group]
@@ -167,12 +176,12 @@ def cell_topics(
     sensors: int,
     cameras: Mapping[str, float] | None = None,
 ) -> list[Topic]:
-    """The topics of a cell.
+    """Return the topics of a cell.
 
     Args:
-        arm_joints: Names of the arm's joints; none: there is no arm.
-        gripper_joints: Names of the gripper's actuated joints; none: no gripper.
-        sensors: How many finger sensors there are.
+        arm_joints: Names of the arm's joints; empty: no arm.
+        gripper_joints: Names of the gripper's actuated joints; empty: no gripper.
+        sensors: Number of finger sensors.
         cameras: Camera name to the time between its images [s].
     """
     size = len(arm_joints)

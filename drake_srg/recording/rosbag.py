@@ -1,4 +1,4 @@
-"""Records port values as ROS 2 messages."""
+"""Records ROS topics in a rosbag."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from drake_srg.recording.ros_topics import Topic
 
 
 class RosbagRecorder(Recorder):
-    """Writes topics into one rosbag2 file of the MCAP format.
+    """Writes topics into one rosbag2 file in MCAP format.
 
     .. pydrake_system::
 
@@ -22,22 +22,22 @@ class RosbagRecorder(Recorder):
         input_ports:
         - (the ports of all topics)
 
-    A topic is recorded at every multiple of its period but 0, stamped with simulated
-    time. The file can be opened alone, by `rosbags.rosbag2.Reader`, `ros2 bag info` and
-    Foxglove; its messages carry their definitions. It appears under its name on
-    `close()`, complete; use the recorder as a context manager around the simulation,
-    which closes it on an error, too.
+    A topic is recorded at every multiple of its period except 0, stamped with simulated
+    time. The file contains the definitions of its messages, so
+    `rosbags.rosbag2.Reader`, `ros2 bag info` and Foxglove open it without any other
+    file. It appears under its name on `close()`. Use the recorder as a context manager
+    around the simulation, which closes it also after an error.
 
     Args:
         path: The .mcap file.
-        topics: What to record; see `drake_srg.recording.ros_topics`.
-        period: Time between messages of the topics that have no period [s].
+        topics: The topics; see `drake_srg.recording.ros_topics`.
+        period: Time between messages of topics without a period of their own [s].
 
     Raises:
         ImportError: If rosbags is missing.
         OSError: If the file cannot be written.
-        ValueError: If a topic appears twice, a period is not positive, the file is not
-            named .mcap, or two topics want different types of one port.
+        ValueError: If there are no topics, one appears twice, a period is not positive,
+            the file is not named .mcap, or two topics disagree on the type of a port.
     """
 
     def __init__(
@@ -47,13 +47,19 @@ class RosbagRecorder(Recorder):
         path = Path(path)
         names = [topic.name for topic in topics]
         if not names or len(set(names)) < len(names):
-            raise ValueError(f"RosbagRecorder needs unique topic names, got {names}")
+            raise ValueError(
+                f"RosbagRecorder: topics must have unique names, got {names}"
+            )
         if path.suffix != ".mcap":
-            raise ValueError(f"RosbagRecorder writes .mcap files, not {path.name!r}")
+            raise ValueError(
+                f"RosbagRecorder: path must end in .mcap, got {path.name!r}"
+            )
         for topic in topics:
             every = period if topic.period is None else topic.period
             if every <= 0:
-                raise ValueError(f"{topic.name} has period={every}; allowed are > 0")
+                raise ValueError(
+                    f"{topic.name}: period must be greater than 0, got {every}"
+                )
 
         rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
         self._store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
@@ -69,7 +75,7 @@ class RosbagRecorder(Recorder):
         self._writer.open()
         self._messages = 0
 
-        record = weak(self._record)  # a closure over self would keep it alive
+        record = weak(self._record)  # a closure over self would keep the recorder alive
         sizes: dict[str, object] = {}
         for topic in topics:
             self._declare_ports(topic, sizes)
@@ -86,10 +92,10 @@ class RosbagRecorder(Recorder):
     def _finish(self) -> bool:
         try:
             self._writer.close()
-        except OSError as error:  # the disk is full, say
+        except OSError as error:  # such as a full disk
             raise OSError(error.errno, error.strerror, str(self.path)) from error
         (self._bag / self._output.path.name).replace(self._output.path)
-        # Stopped before its first message, it is a bag; failed before, a leftover.
+        # An empty bag is kept if nothing failed.
         return self._messages > 0 or not self._failed
 
     def _declare_ports(self, topic: Topic, declared: dict[str, object]) -> None:
@@ -97,8 +103,8 @@ class RosbagRecorder(Recorder):
             kind = model if isinstance(model, int) else type(model)
             if declared.setdefault(port, kind) != kind:
                 raise ValueError(
-                    f"{topic.name} wants port {port!r} as {kind}, another topic as "
-                    f"{declared[port]}"
+                    f"{topic.name}: port {port!r} is {kind} here and "
+                    f"{declared[port]} in another topic"
                 )
             if self.HasInputPort(port):
                 continue
@@ -109,7 +115,7 @@ class RosbagRecorder(Recorder):
 
     def _record(self, context: Context, topic: Topic, connection: Any) -> None:
         if self._closed:
-            raise RuntimeError(f"The recording {self.path} is closed; make a new one")
+            raise RuntimeError(f"{self.path}: the recorder is closed; make a new one")
         values = []
         for name in topic.ports:
             port = self.GetInputPort(name)
@@ -119,7 +125,7 @@ class RosbagRecorder(Recorder):
                 values.append(None)
             else:
                 raise RuntimeError(
-                    f"RosbagRecorder's input port {name!r} ({topic.name}) is not "
+                    f"RosbagRecorder: input port {name!r} ({topic.name}) is not "
                     "connected"
                 )
         message = topic.convert(self._make, context.get_time(), *values)

@@ -1,4 +1,4 @@
-"""A picture of a run: modes, gripper, arm and object over time."""
+"""Draws a run over time: modes, gripper, arm and object."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _BANDS = ("#eef2f6", "#dbe4ed")
 
 @dc.dataclass(frozen=True)
 class Timeline:
-    """What `draw_timeline` shows; panels without values are left out.
+    """The data of a timeline; a series that is None has no panel.
 
     Attributes:
-        time: K samples [s], shape (K,).
+        time: Sample times [s], shape (K,).
         mode: Name of the planner's mode at each sample, length K.
-        gripper_position: Joint angles [rad], shape (K, n).
-        gripper_joints: Their n names.
+        gripper_position: Gripper joint angles [rad], shape (K, n).
+        gripper_joints: Names of the n joints.
         closure: Commanded closure, 0 open .. 1 closed, shape (K,).
-        proximity: Finger sensors' distances [m], shape (K, m); inf sees nothing.
-        sensors: Their m names.
-        arm_velocity: Joint speeds [rad/s], shape (K, N).
-        arm_slides: Whether these joints are prismatic, their speeds in m/s.
+        proximity: Finger sensors' distances [m], shape (K, m); inf: nothing in range.
+        sensors: Names of the m sensors.
+        arm_velocity: Arm joint velocities [rad/s], shape (K, N).
+        arm_slides: Whether the arm's joints are prismatic, with velocities in m/s.
         object_height: Height of the picked object's centre [m], shape (K,).
-        title: Written above.
+        title: Text above the panels.
     """
 
     time: Vector
@@ -49,7 +49,7 @@ class Timeline:
 
 
 def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
-    """Draw a timeline into a PNG file; no display is needed.
+    """Draw a timeline into a PNG file; this needs no display.
 
     Returns:
         The path.
@@ -57,7 +57,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     Raises:
         ImportError: If matplotlib is missing.
         OSError: If the file cannot be written.
-        ValueError: If a series has another length than `time`, or there is none.
+        ValueError: If a series and `time` differ in length, or there are no series.
     """
     panels = _panels(timeline)
     figure = make_figure(11, 0.9 + 1.55 * len(panels), timeline.title)
@@ -73,38 +73,38 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
 
 
 def _panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
-    """Label, values (K, n) and names of each panel."""
+    """Return label, values (K, n) and names of the lines for each panel."""
     arm = timeline.arm_velocity
     arm_names = [f"{i + 1}" for i in range(0 if arm is None else np.shape(arm)[1])]
-    series: list[tuple[str, Vector | None, float, Sequence[str]]] = [
-        (
-            "fingers [deg]",
-            timeline.gripper_position,
-            180 / np.pi,
-            timeline.gripper_joints,
-        ),
-        ("closure\ncommanded", timeline.closure, 1.0, ()),
-        ("proximity [mm]", timeline.proximity, 1e3, timeline.sensors),
-        ("arm speed\n[mm/s]", arm, 1e3, arm_names)
+    degrees = 180 / np.pi
+    # Field, label, factor from SI, names of the lines.
+    series: list[tuple[str, str, float, Sequence[str]]] = [
+        ("gripper_position", "finger joints\n[deg]", degrees, timeline.gripper_joints),
+        ("closure", "commanded\nclosure", 1.0, ()),
+        ("proximity", "proximity\n[mm]", 1e3, timeline.sensors),
+        ("arm_velocity", "arm velocity\n[mm/s]", 1e3, arm_names)
         if timeline.arm_slides
-        else ("arm speed\n[deg/s]", arm, 180 / np.pi, arm_names),
-        ("object height\n[mm]", timeline.object_height, 1e3, ()),
+        else ("arm_velocity", "arm velocity\n[deg/s]", degrees, arm_names),
+        ("object_height", "object height\n[mm]", 1e3, ()),
     ]
     count = len(timeline.time)
     panels = []
-    for label, given, unit, names in series:
+    for field, label, unit, names in series:
+        given = getattr(timeline, field)
         if given is None:
             continue
         values = unit * np.asarray(given, dtype=float).reshape(len(given), -1)
         if len(values) != count:
             raise ValueError(
-                f"Timeline: {label.split()[0]} has {len(values)} samples, time {count}"
+                f"Timeline: {field} needs {count} samples like time, got {len(values)}"
             )
         panels.append((label, values, names))
     if timeline.mode and len(timeline.mode) != count:
-        raise ValueError(f"Timeline: mode has {len(timeline.mode)}, time {count}")
+        raise ValueError(
+            f"Timeline: mode needs {count} samples like time, got {len(timeline.mode)}"
+        )
     if not panels:
-        raise ValueError("Timeline: there is nothing to draw besides time and mode")
+        raise ValueError("Timeline: needs at least one series besides time and mode")
     return panels
 
 
@@ -132,12 +132,12 @@ def _draw_panel(
 
 
 def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -> None:
-    """Shades the background by mode and names the modes above the first panel."""
+    """Shade the background by mode, and name the modes above the first panel."""
     if not len(mode):
         return
     changes = [i for i in range(1, len(mode)) if mode[i] != mode[i - 1]]
     edges = [0, *changes, len(mode) - 1]
-    gap = 0.018 * (time[-1] - time[0])  # between labels of modes that pass quickly
+    gap = 0.022 * (time[-1] - time[0])  # keeps the labels of short modes apart
     place = time[0] - gap
     for k, (first, last) in enumerate(itertools.pairwise(edges)):
         for axes in all_axes:

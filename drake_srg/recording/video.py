@@ -1,4 +1,4 @@
-"""Records a camera as H.264 video."""
+"""Records a camera as an H.264 video."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from drake_srg.recording.output import OutputFile, Recorder, require
 
 
 class VideoRecorder(Recorder):
-    """Writes the images of a camera into an MP4 file that plays in any browser.
+    """Writes a camera's images into an MP4 file that plays in any browser.
 
     .. pydrake_system::
 
@@ -27,25 +27,25 @@ class VideoRecorder(Recorder):
         - color_image
         - caption (optional)
 
-    `color_image` is an ImageRgba8U, sampled every 1 / `frame_rate` of simulated time
-    and for the first time after one such period; video time is simulated time less
-    that period. Where `caption` is connected, its value is written on every frame,
-    behind the time: a string, or an enum such as `Mode`, shown by its value.
+    `color_image` is an ImageRgba8U. It is sampled every 1 / `frame_rate` of simulated
+    time, first after one such period, so video time is simulated time minus one period.
+    If `caption` is connected, every frame shows the time and its value: a string, or an
+    enum such as `Mode`, shown by its value.
 
-    The video appears under its name on `close()`, complete; use the recorder as a
-    context manager around the simulation, which closes it on an error, too. The encoder
-    is outside of the Context, like everything a publish event does: a context that is
-    simulated twice is recorded twice. Equal images give equal bytes, except below 128
-    pixels, where x264's lookahead reads memory that it has not written.
+    The video appears under its name on `close()`. Use the recorder as a context manager
+    around the simulation, which closes it also after an error. The encoder is outside
+    the Context, like everything that a publish event does: simulating a context twice
+    records it twice. Equal images give equal bytes, except below 128 pixels, where
+    x264's lookahead reads memory that it has not written.
 
     Args:
         path: The .mp4 file.
-        width: Of the images [pixels]; an odd last column is left out.
-        height: Of the images [pixels]; an odd last row is left out.
+        width: Width of the images [pixels]; an odd last column is left out.
+        height: Height of the images [pixels]; an odd last row is left out.
         frame_rate: Images per simulated second [Hz].
         quality: Constant rate factor of x264, 0 (lossless) .. 51; 23 is its default.
-        caption_model: The type of `caption`; AbstractValue.Make("") for ports that
-            hold Drake's strings, the default for those that hold Python objects.
+        caption_model: The model value of `caption`: AbstractValue.Make("") for a port
+            that holds Drake's strings; default: a port that holds Python objects.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -66,9 +66,9 @@ class VideoRecorder(Recorder):
         super().__init__()
         if width < 2 or height < 2 or frame_rate <= 0 or not 0 <= quality <= 51:
             raise ValueError(
-                f"VideoRecorder has width={width}, height={height}, frame_rate="
-                f"{frame_rate}, quality={quality}; allowed are sizes of 2 or more "
-                "pixels, a positive frame_rate and a quality of 0 .. 51"
+                "VideoRecorder: width and height must be at least 2 pixels, frame_rate "
+                f"greater than 0 and quality 0 .. 51, got width={width}, "
+                f"height={height}, frame_rate={frame_rate}, quality={quality}"
             )
         self._av = require("av")
         self._size = (width, height)
@@ -82,7 +82,7 @@ class VideoRecorder(Recorder):
         self._stream.width, self._stream.height = width // 2 * 2, height // 2 * 2
         self._stream.pix_fmt = "yuv420p"
         self._stream.options = {"crf": str(quality), "preset": "veryfast"}
-        # The number of threads changes the bytes; the same video on every machine.
+        # The number of threads changes the bytes; one gives the same on every machine.
         self._stream.codec_context.thread_count = 1
         self._frames = 0
 
@@ -97,7 +97,7 @@ class VideoRecorder(Recorder):
 
     @property
     def frames(self) -> int:
-        """How many images have been recorded."""
+        """Number of images recorded so far."""
         return self._frames
 
     def _finish(self) -> bool:
@@ -108,13 +108,13 @@ class VideoRecorder(Recorder):
 
     def _record(self, context: Context) -> None:
         if self._closed:
-            raise RuntimeError(f"The video {self.path} is closed; make a new one")
+            raise RuntimeError(f"{self.path}: the recorder is closed; make a new one")
         image = self._image.Eval(context).data
         width, height = self._size
         if image.shape[:2] != (height, width):
             raise ValueError(
-                f"VideoRecorder.color_image is {image.shape[1]}x{image.shape[0]} "
-                f"pixels; the video {self.path.name} is {width}x{height}"
+                f"VideoRecorder: color_image must be {width}x{height} pixels like "
+                f"{self.path.name}, got {image.shape[1]}x{image.shape[0]}"
             )
         even = image[: height // 2 * 2, : width // 2 * 2]
         rgb = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)  # faster than a slice's copy
@@ -128,11 +128,11 @@ class VideoRecorder(Recorder):
 
 
 def caption(image: npt.NDArray[np.uint8], time: float, text: Any) -> None:
-    """Write time and text on the lower edge of an image.
+    """Write time and text along the lower edge of an image.
 
     Args:
-        image: RGB, shape (height, width, 3); is changed.
-        time: [s].
+        image: RGB, shape (height, width, 3); changed in place.
+        time: Simulated time [s].
         text: A string or an enum.
     """
     if isinstance(text, enum.Enum):
@@ -140,7 +140,7 @@ def caption(image: npt.NDArray[np.uint8], time: float, text: Any) -> None:
     line = f"{time:6.2f} s  {text}"
     height = image.shape[0]
     strip = image[-max(1, height // 15) :]
-    strip[:] = strip // 3  # keeps the text legible before any background
+    strip[:] = strip // 3  # keeps the text legible on any background
     cv2.putText(
         image,
         line,

@@ -1,4 +1,4 @@
-"""Sources to record from, and the marks of a leak."""
+"""Sources to record from, and a check for leaks."""
 
 import gc
 import weakref
@@ -18,7 +18,7 @@ def image(color, width=64, height=48):
 
 
 class Sweep(LeafSystem):
-    """An image that is red on the left of a line moving to the right, 10 pixels/s."""
+    """An image that is red left of a line, which moves to the right at 10 pixels/s."""
 
     def __init__(self, width=64, height=48):
         super().__init__()
@@ -37,7 +37,7 @@ class Sweep(LeafSystem):
 
 
 def is_freed(make):
-    """Whether what `make` returns, a diagram, goes with all of its systems."""
+    """Whether the diagram that `make` returns is freed with all of its systems."""
     diagram = make()
     watches = [weakref.ref(diagram), *map(weakref.ref, diagram.GetSystems())]
     del diagram

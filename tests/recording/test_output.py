@@ -3,10 +3,10 @@ import sys
 
 import pytest
 
-from drake_srg.recording.output import OutputFile, Recorder, require
+from drake_srg.recording.output import OutputFile, Recorder, output_folder, require
 
 
-def test_a_file_appears_when_it_is_complete(tmp_path):
+def test_a_file_appears_once_it_is_complete(tmp_path):
     target = tmp_path / "new" / "folder" / "file.txt"
     output = OutputFile(target)
     output.path.write_text("half")
@@ -17,7 +17,7 @@ def test_a_file_appears_when_it_is_complete(tmp_path):
     assert list(target.parent.iterdir()) == [target]
 
 
-def test_what_was_there_stays_until_then(tmp_path):
+def test_an_existing_file_stays_until_then(tmp_path):
     target = tmp_path / "file.txt"
     target.write_text("old")
     output = OutputFile(target)
@@ -27,7 +27,7 @@ def test_what_was_there_stays_until_then(tmp_path):
     assert target.read_text() == "new"
 
 
-def test_a_discarded_or_forgotten_file_leaves_nothing(tmp_path):
+def test_a_discarded_or_forgotten_file_leaves_nothing_behind(tmp_path):
     output = OutputFile(tmp_path / "a.txt")
     output.path.write_text("half")
     output.discard()
@@ -39,13 +39,39 @@ def test_a_discarded_or_forgotten_file_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_impossible_folder_is_named(tmp_path):
+def test_an_error_names_the_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(OSError, match=r"Cannot write .*video\.mp4.*Choose a folder"):
+    with pytest.raises(FileExistsError) as caught:
         OutputFile(tmp_path / "file" / "video.mp4")
+    assert caught.value.filename == str(tmp_path / "file")
 
 
-def test_a_missing_package_is_named_with_its_cure(monkeypatch):
+def test_a_folder_made_for_results_stays_if_there_are_any(tmp_path):
+    with output_folder(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "b" / "result").touch()
+    assert (tmp_path / "a" / "b" / "result").exists()
+    with output_folder(None):
+        pass
+
+
+def test_a_folder_made_for_nothing_is_removed_after_an_error(tmp_path):
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(ZeroDivisionError), output_folder(tmp_path / "mine/a/b"):
+        raise ZeroDivisionError
+    assert list(tmp_path.rglob("*")) == [tmp_path / "mine"]
+    with pytest.raises(ZeroDivisionError), output_folder(tmp_path / "mine/a/b"):
+        (tmp_path / "mine/a/log").touch()
+        raise ZeroDivisionError
+    assert sorted(p.name for p in (tmp_path / "mine").rglob("*")) == ["a", "log"]
+
+
+def test_an_unwritable_folder_fails_before_anything_runs(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(NotADirectoryError), output_folder(tmp_path / "file" / "out"):
+        pytest.fail("ran")
+
+
+def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
     with pytest.raises(
         ImportError, match=r"'rosbags'.* -m pip install .*\[recording\]"
@@ -54,7 +80,7 @@ def test_a_missing_package_is_named_with_its_cure(monkeypatch):
 
 
 class Pages(Recorder):
-    """Writes a file that some error does not let be finished."""
+    """Writes a file, or raises an error when it is about to complete it."""
 
     def __init__(self, path, error=None):
         super().__init__()
@@ -68,7 +94,7 @@ class Pages(Recorder):
         return True
 
 
-def test_a_recording_that_cannot_be_finished_leaves_what_was_there(tmp_path):
+def test_a_recording_that_cannot_be_completed_leaves_the_old_file(tmp_path):
     path = tmp_path / "pages"
     path.write_text("old")
     with pytest.raises(OSError, match="full"), Pages(path, OSError("full")):
@@ -79,13 +105,13 @@ def test_a_recording_that_cannot_be_finished_leaves_what_was_there(tmp_path):
     assert path.read_text() == "old"
 
 
-def test_the_first_error_is_the_one_that_is_told(tmp_path):
+def test_the_first_error_is_the_one_raised(tmp_path):
     with pytest.raises(ZeroDivisionError), Pages(tmp_path / "pages", OSError("full")):
         raise ZeroDivisionError
     assert not list(tmp_path.iterdir())
 
 
-def test_a_recorder_is_finished_once(tmp_path):
+def test_closing_a_recorder_twice_completes_its_file_once(tmp_path):
     recorder = Pages(tmp_path / "pages")
     recorder.close()
     recorder.error = AssertionError("again")

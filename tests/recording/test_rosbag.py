@@ -25,7 +25,7 @@ TOPICS = cell_topics(ARM, GRIPPER, 2, {"top": 0.25})
 
 
 def make(path, torque=True):
-    """A diagram that records what a cell would offer."""
+    """A diagram that records the ports of a cell."""
     ramp = PiecewisePolynomial.FirstOrderHold([0.0, 10.0], [[0.0, 10.0]])
     sources = {
         "arm.state_measured": ConstantVectorSource([1.0, 2.0, 3.0, 4.0]),
@@ -56,7 +56,7 @@ def run(path, until=1.0, torque=True):
 
 
 def read(path):
-    """Topic to (type, stamps [ns], messages)."""
+    """Return topic to (type, stamps [ns], messages)."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     topics = {}
     with Reader(path) as reader:
@@ -79,7 +79,7 @@ def bag(tmp_path_factory):
     return read(path)
 
 
-def test_topics_have_their_types(bag):
+def test_topics_have_their_message_types(bag):
     assert {name: kind for name, (kind, _, _) in bag.items()} == {
         "/clock": "rosgraph_msgs/msg/Clock",
         "/joint_states": "sensor_msgs/msg/JointState",
@@ -92,7 +92,7 @@ def test_topics_have_their_types(bag):
     }
 
 
-def test_stamps_are_simulated_time_from_one_period_on(bag):
+def test_stamps_are_simulated_time_and_start_after_one_period(bag):
     for name, (_, times, _) in bag.items():
         step = 250_000_000 if "camera" in name else 100_000_000
         assert times == [step * k for k in range(1, len(times) + 1)]
@@ -105,7 +105,7 @@ def test_stamps_are_simulated_time_from_one_period_on(bag):
         assert [ns(s.sec, s.nanosec) for s in stamps] == times
 
 
-def test_joint_states_hold_arm_and_gripper(bag):
+def test_joint_states_contain_arm_and_gripper(bag):
     message = bag["/joint_states"][2][0]
     assert message.name == ARM + GRIPPER
     assert message.position.tolist() == [1.0, 2.0, 0.1, 0.2]
@@ -113,7 +113,7 @@ def test_joint_states_hold_arm_and_gripper(bag):
     np.testing.assert_array_equal(message.effort, [7.0, 8.0, np.nan, np.nan])
 
 
-def test_numbers_and_words_are_those_of_the_ports(bag):
+def test_numbers_and_words_are_the_values_of_the_ports(bag):
     assert bag["/arm/position_commanded"][2][-1].data.tolist() == [5.0, 6.0]
     assert bag["/gripper/proximity"][2][-1].data.tolist() == [0.01, np.inf]
     assert bag["/gripper/contact_force"][2][-1].data.tolist() == [0.0, 3.0]
@@ -138,7 +138,7 @@ def test_equal_runs_give_equal_bytes(tmp_path):
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_torque_may_stay_open(tmp_path):
+def test_the_torque_port_is_optional(tmp_path):
     run(tmp_path / "r.mcap", 0.1, torque=False)
     assert np.isnan(read(tmp_path / "r.mcap")["/joint_states"][2][0].effort).all()
 
@@ -151,7 +151,7 @@ def test_an_unconnected_port_is_named(tmp_path):
         Simulator(recorder).AdvanceTo(0.05)
 
 
-def test_users_can_add_topics_and_leave_messages_out(tmp_path):
+def test_users_can_add_topics_and_skip_messages(tmp_path):
     def convert(make, time, value):
         if value[0] < 2.0:
             return None
@@ -167,7 +167,7 @@ def test_users_can_add_topics_and_leave_messages_out(tmp_path):
     assert read(tmp_path / "r.mcap")["/heavy"][1] == [1_500_000_000, 2_000_000_000]
 
 
-def test_topics_share_ports(tmp_path):
+def test_topics_can_share_a_port(tmp_path):
     topics = [ros_topics.float64(name, "x") for name in ("/a", "/b")]
     with RosbagRecorder(tmp_path / "r.mcap", topics) as recorder:
         assert recorder.num_input_ports() == 1
@@ -176,28 +176,36 @@ def test_topics_share_ports(tmp_path):
 @pytest.mark.parametrize(
     ("topics", "arguments", "message"),
     [
-        ([], {}, "unique topic names"),
-        ([ros_topics.clock()] * 2, {}, "unique topic names.*'/clock', '/clock'"),
-        ([ros_topics.clock()], {"period": 0.0}, r"/clock has period=0\.0"),
-        ([ros_topics.clock()], {"path": "bag.db3"}, r"not 'bag\.db3'"),
+        ([], {}, "unique names, got"),
+        ([ros_topics.clock()] * 2, {}, "unique names, got .*'/clock', '/clock'"),
+        (
+            [ros_topics.clock()],
+            {"period": 0.0},
+            r"/clock: period must be greater than 0, got 0\.0",
+        ),
+        (
+            [ros_topics.clock()],
+            {"path": "bag.db3"},
+            r"must end in .mcap, got 'bag\.db3'",
+        ),
         (
             [ros_topics.float64("/a", "x"), ros_topics.float64_array("/b", "x", 3)],
             {},
-            "/b wants port 'x' as 3",
+            "/b: port 'x' is 3 here and 1 in another topic",
         ),
     ],
 )
-def test_bad_arguments_are_named(tmp_path, topics, arguments, message):
+def test_errors_name_the_bad_argument(tmp_path, topics, arguments, message):
     path = tmp_path / arguments.pop("path", "r.mcap")
     with pytest.raises(ValueError, match=message):
         RosbagRecorder(path, topics, **arguments)
 
 
-def test_a_closed_recording_says_so_and_closing_twice_is_fine(tmp_path):
+def test_a_closed_recorder_says_so_and_closing_twice_is_fine(tmp_path):
     diagram, recorder = make(tmp_path / "r.mcap")
     recorder.close()
     recorder.close()
-    with pytest.raises(RuntimeError, match=r"r\.mcap is closed"):
+    with pytest.raises(RuntimeError, match=r"r\.mcap: the recorder is closed"):
         Simulator(diagram).AdvanceTo(0.1)
 
 
@@ -206,7 +214,7 @@ def test_a_recorded_diagram_is_freed(tmp_path):
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
-def test_what_led_to_an_error_is_kept(tmp_path, error):
+def test_a_recording_up_to_an_error_is_kept(tmp_path, error):
     diagram, recorder = make(tmp_path / "r.mcap")
     with pytest.raises(error), recorder:
         Simulator(diagram).AdvanceTo(0.2)
@@ -218,7 +226,7 @@ def test_what_led_to_an_error_is_kept(tmp_path, error):
 
 
 @pytest.mark.parametrize("error", [None, KeyboardInterrupt])
-def test_what_is_stopped_before_its_first_message_is_a_bag(tmp_path, error):
+def test_a_recording_stopped_before_its_first_message_is_an_empty_bag(tmp_path, error):
     with (
         contextlib.suppress(KeyboardInterrupt),
         RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),
@@ -229,7 +237,7 @@ def test_what_is_stopped_before_its_first_message_is_a_bag(tmp_path, error):
         assert reader.message_count == 0
 
 
-def test_what_fails_before_its_first_message_leaves_nothing(tmp_path):
+def test_an_error_before_the_first_message_leaves_nothing(tmp_path):
     with (
         pytest.raises(ZeroDivisionError),
         RosbagRecorder(tmp_path / "r.mcap", [ros_topics.clock()]),

@@ -29,7 +29,7 @@ def test_a_full_timeline_has_five_panels(tmp_path):
 
 
 @pytest.mark.parametrize("field", ["mode", "closure", "arm_velocity", "proximity"])
-def test_every_series_is_in_the_picture(tmp_path, field):
+def test_every_series_is_drawn(tmp_path, field):
     full = draw(tmp_path / "full.png", **FULL)
     changed = {**FULL, field: np.roll(FULL[field], 17, axis=0)}
     if field == "mode":
@@ -38,7 +38,7 @@ def test_every_series_is_in_the_picture(tmp_path, field):
     assert full.shape != other.shape or not np.array_equal(full, other)
 
 
-def test_an_arm_that_slides_has_another_unit(tmp_path):
+def test_an_arm_of_prismatic_joints_has_another_unit(tmp_path):
     turns, slides = (
         draw(tmp_path / f"{i}.png", **FULL, arm_slides=bool(i)) for i in (0, 1)
     )
@@ -51,7 +51,7 @@ def test_equal_values_give_equal_bytes(tmp_path):
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
-def test_global_state_of_pyplot_stays_untouched(tmp_path):
+def test_pyplot_has_no_new_figures_afterwards(tmp_path):
     from matplotlib import pyplot
 
     before = pyplot.get_fignums()
@@ -62,11 +62,11 @@ def test_global_state_of_pyplot_stays_untouched(tmp_path):
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"closure": TIME[:-1]}, "closure has 80 samples, time 81"),
-        ({"closure": TIME, "mode": ["idle"]}, "mode has 1, time 81"),
-        ({"mode": FULL["mode"]}, "nothing to draw"),
+        ({"closure": TIME[:-1]}, "closure needs 81 samples like time, got 80"),
+        ({"closure": TIME, "mode": ["idle"]}, "mode needs 81 samples like time, got 1"),
+        ({"mode": FULL["mode"]}, "needs at least one series"),
     ],
 )
-def test_bad_series_are_named(tmp_path, fields, message):
+def test_errors_name_the_bad_series(tmp_path, fields, message):
     with pytest.raises(ValueError, match=message):
         draw(tmp_path / "a.png", **fields)

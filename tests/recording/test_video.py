@@ -42,7 +42,7 @@ def test_ports(tmp_path):
     recorder.close()
 
 
-def test_a_browser_can_play_what_the_camera_saw(tmp_path):
+def test_a_video_shows_what_the_camera_saw_in_a_format_for_browsers(tmp_path):
     path = tmp_path / "video.mp4"
     diagram, recorder, source = make(path, frame_rate=10.0)
     with recorder:
@@ -78,7 +78,7 @@ def test_odd_sizes_lose_their_last_row_and_column(tmp_path):
     assert decode(tmp_path / "video.mp4")[1].shape[1:] == (48, 64, 3)
 
 
-def test_the_caption_is_on_the_lower_edge_of_the_frames(tmp_path):
+def test_the_caption_is_along_the_lower_edge(tmp_path):
     frames = {}
     for text in (None, Mode.CLOSE):
         diagram, recorder, _ = make(tmp_path / "v.mp4", 320, 240, text, quality=10)
@@ -90,7 +90,7 @@ def test_the_caption_is_on_the_lower_edge_of_the_frames(tmp_path):
     assert difference[:215].max() < 20
 
 
-def test_captions_tell_enums_and_strings_alike():
+def test_captions_show_enums_and_strings_alike():
     pictures = [np.full((240, 320, 3), 90, np.uint8) for _ in range(3)]
     for picture, text in zip(pictures, (Mode.LIFT, "lift", "place"), strict=True):
         caption(picture, 1.5, text)
@@ -98,7 +98,7 @@ def test_captions_tell_enums_and_strings_alike():
     assert not np.array_equal(pictures[1], pictures[2])
 
 
-def test_drakes_strings_can_be_captions(tmp_path):
+def test_captions_can_be_drakes_strings(tmp_path):
     diagram, recorder, _ = make(
         tmp_path / "v.mp4", text="words", caption_model=AbstractValue.Make("")
     )
@@ -107,7 +107,7 @@ def test_drakes_strings_can_be_captions(tmp_path):
     assert recorder.frames == 2
 
 
-def test_no_frames_no_file_and_closing_twice_is_fine(tmp_path):
+def test_no_frames_leave_no_file_and_closing_twice_is_fine(tmp_path):
     diagram, recorder, _ = make(tmp_path / "video.mp4")
     Simulator(diagram).AdvanceTo(0.01)
     recorder.close()
@@ -115,27 +115,31 @@ def test_no_frames_no_file_and_closing_twice_is_fine(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_closed_video_says_so(tmp_path):
+def test_a_closed_recorder_says_so(tmp_path):
     diagram, recorder, _ = make(tmp_path / "video.mp4")
     recorder.close()
-    with pytest.raises(RuntimeError, match=r"video\.mp4 is closed"):
+    with pytest.raises(RuntimeError, match=r"video\.mp4: the recorder is closed"):
         Simulator(diagram).AdvanceTo(0.1)
 
 
-def test_an_image_of_another_size_is_named(tmp_path):
+def test_an_image_of_another_size_is_an_error_with_both_sizes(tmp_path):
     with VideoRecorder(tmp_path / "video.mp4", 64, 48) as recorder:
         context = recorder.CreateDefaultContext()
         recorder.GetInputPort("color_image").FixValue(context, image((0, 0, 0, 0), 32))
-        with pytest.raises(ValueError, match=r"32x48 pixels; .*video\.mp4 is 64x48"):
+        with pytest.raises(
+            ValueError, match=r"64x48 pixels like video\.mp4, got 32x48"
+        ):
             Simulator(recorder, context).AdvanceTo(0.1)
 
 
 @pytest.mark.parametrize(
     "wrong", [{"width": 1}, {"frame_rate": 0.0}, {"quality": 60}], ids=str
 )
-def test_bad_arguments_are_named(tmp_path, wrong):
+def test_errors_name_the_bad_argument(tmp_path, wrong):
     [(name, value)] = wrong.items()
-    with pytest.raises(ValueError, match=f"{name}={value}.*allowed"):
+    with pytest.raises(
+        ValueError, match=f"VideoRecorder: .* must .* got .*{name}={value}"
+    ):
         VideoRecorder(**{"path": tmp_path / "v.mp4", "width": 64, "height": 48} | wrong)
     assert list(tmp_path.iterdir()) == []
 
@@ -151,7 +155,7 @@ def test_a_recorded_diagram_is_freed(tmp_path):
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
-def test_what_led_to_an_error_is_kept(tmp_path, error):
+def test_a_recording_up_to_an_error_is_kept(tmp_path, error):
     diagram, recorder, _ = make(tmp_path / "video.mp4")
     with pytest.raises(error), recorder:
         Simulator(diagram).AdvanceTo(0.2)
