@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import enum
+import math
 from collections.abc import Mapping
 from typing import TypeAlias
 
@@ -30,6 +31,25 @@ class Cylinder:
         """Extent along the object's z [m]."""
         return self.length
 
+    @property
+    def bounding_size(self) -> Vector:
+        """Extents along the object's x, y, z [m], shape (3,)."""
+        return np.array([2 * self.radius, 2 * self.radius, self.length])
+
+    @property
+    def upright_radius(self) -> float:
+        """Radius of the narrowest cylinder along the object's z that holds it [m]."""
+        return float(self.radius)
+
+    def half_extent(self, direction: Vector) -> float:
+        """Return the distance from the centre to the farthest point along a direction.
+
+        Args:
+            direction: Unit vector in the object's frame, shape (3,).
+        """
+        across = math.hypot(direction[0], direction[1])
+        return self.radius * across + 0.5 * self.length * abs(float(direction[2]))
+
     def scaled(self, factor: float) -> "Cylinder":
         """Return the shape, scaled by `factor`."""
         return Cylinder(factor * self.radius, factor * self.length)
@@ -49,6 +69,24 @@ class Box:
         """Extent along the object's z [m]."""
         return self.size[2]
 
+    @property
+    def bounding_size(self) -> Vector:
+        """Extents along the object's x, y, z [m], shape (3,)."""
+        return np.array(self.size, dtype=float)
+
+    @property
+    def upright_radius(self) -> float:
+        """Radius of the narrowest cylinder along the object's z that holds it [m]."""
+        return 0.5 * float(np.linalg.norm(self.size[:2]))
+
+    def half_extent(self, direction: Vector) -> float:
+        """Return the distance from the centre to the farthest point along a direction.
+
+        Args:
+            direction: Unit vector in the object's frame, shape (3,).
+        """
+        return 0.5 * float(np.abs(direction) @ np.array(self.size))
+
     def scaled(self, factor: float) -> "Box":
         """Return the shape, scaled by `factor`."""
         return Box([factor * side for side in self.size])
@@ -64,6 +102,24 @@ class Sphere:
     def height(self) -> float:
         """Extent along the object's z [m]."""
         return 2.0 * self.radius
+
+    @property
+    def bounding_size(self) -> Vector:
+        """Extents along the object's x, y, z [m], shape (3,)."""
+        return np.full(3, 2 * self.radius)
+
+    @property
+    def upright_radius(self) -> float:
+        """Radius of the narrowest cylinder along the object's z that holds it [m]."""
+        return float(self.radius)
+
+    def half_extent(self, direction: Vector) -> float:
+        """Return the distance from the centre to the farthest point along a direction.
+
+        Args:
+            direction: Unit vector in the object's frame, shape (3,).
+        """
+        return self.radius * float(np.linalg.norm(direction))
 
     def scaled(self, factor: float) -> "Sphere":
         """Return the shape, scaled by `factor`."""

@@ -1,10 +1,11 @@
 import dataclasses as dc
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.types import Blob, BlobFlag
+from drake_srg.types import Blob, BlobFlag, Box, Cylinder, Sphere
 
 PLAIN = Blob("can", "eye", (1.0, 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.9)
 HIDDEN = frozenset({BlobFlag.OCCLUDED})
@@ -43,3 +44,56 @@ def test_more_misfit_means_less_trust(one, more):
 def test_a_difference_in_misfit_within_noise_does_not_decide():
     assert blob(misfit=0.008).trust > blob(misfit=0.004, quality=0.8).trust
     assert blob(misfit=0.008).trust > blob(misfit=0.004, flags=HIDDEN).trust
+
+
+# Shapes.
+
+lengths = st.floats(0.001, 1.0)
+shapes = st.one_of(
+    st.builds(Cylinder, lengths, lengths),
+    st.builds(Box, st.lists(lengths, min_size=3, max_size=3)),
+    st.builds(Sphere, lengths),
+)
+directions = (
+    st.lists(st.floats(-1.0, 1.0), min_size=3, max_size=3)
+    .map(np.array)
+    .filter(lambda v: np.linalg.norm(v) > 0.1)
+    .map(lambda v: v / np.linalg.norm(v))
+)
+
+
+def farthest_point(shape, u):
+    """The point of a shape that lies farthest along u, found without half_extent."""
+    match shape:
+        case Sphere(radius):
+            return radius * u
+        case Box(size):
+            return 0.5 * np.array(size) * np.sign(u)
+        case Cylinder(radius, length):
+            across = np.linalg.norm(u[:2])
+            rim = radius * u[:2] / across if across > 0.0 else np.zeros(2)
+            return np.array([*rim, 0.5 * length * np.sign(u[2])])
+
+
+@given(shapes, directions)
+def test_half_extent_reaches_the_farthest_point(shape, u):
+    assert shape.half_extent(u) == pytest.approx(farthest_point(shape, u) @ u)
+
+
+@given(shapes)
+def test_extents_agree(shape):
+    along_axes = [2.0 * shape.half_extent(axis) for axis in np.eye(3)]
+    assert shape.bounding_size == pytest.approx(along_axes)
+    assert shape.height == pytest.approx(along_axes[2])
+
+
+@given(shapes, directions)
+def test_the_upright_radius_holds_the_shape(shape, u):
+    assert np.linalg.norm(farthest_point(shape, u)[:2]) <= shape.upright_radius + 1e-12
+
+
+@given(shapes, st.floats(0.1, 10.0), directions)
+def test_a_scaled_shape_has_scaled_extents(shape, factor, u):
+    scaled = shape.scaled(factor)
+    assert scaled.half_extent(u) == pytest.approx(factor * shape.half_extent(u))
+    assert type(scaled) is type(shape)

@@ -14,7 +14,7 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
-from drake_srg.types import Box, Cylinder, Sphere, Vector
+from drake_srg.types import Box, Vector
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # origin of the gantry's joint positions [m]
 # Times [s]. The hand arrives. The fingers close (up to 2.5 s with a loose wire) and the
@@ -116,15 +116,8 @@ def _reach(thing: ObjectConfig, u_O: Vector) -> float:
 
     NaN for a model that is not a single shape.
     """
-    match simple_shape("thing", thing):
-        case Box(size):
-            return float(0.5 * np.abs(u_O) @ np.asarray(size))
-        case Cylinder(radius, length):
-            across = np.hypot(u_O[0], u_O[1])
-            return float(radius * across + 0.5 * length * np.abs(u_O[2]))
-        case Sphere(radius):
-            return float(radius)
-    return np.nan
+    shape = simple_shape("thing", thing)
+    return np.nan if shape is None else shape.half_extent(u_O)
 
 
 def rest_height(thing: ObjectConfig, R_WO: RotationMatrix) -> float:

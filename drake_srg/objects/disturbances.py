@@ -264,7 +264,7 @@ def _topple(
     push_W = np.array([*topple.direction, 0.0]) / np.linalg.norm(topple.direction)
     push_O = R_WO.T @ push_W
     push_O[2] = 0.0
-    half_width = _half_extent(target.shape, push_O / max(np.linalg.norm(push_O), 1e-9))
+    half_width = target.shape.half_extent(push_O / max(np.linalg.norm(push_O), 1e-9))
     half_height = 0.5 * target.shape.height
     # Once its centre is beyond the edge that it turns about, it falls by itself.
     tilt = math.acos(min(abs(R_WO[2, 2]), 1.0))
@@ -303,13 +303,3 @@ def _push(
     force = target.inertia.get_mass() * acceleration[3:]
     course = dc.replace(course, X_WO_begin=X_WO_begin, error=error)
     return course, (force, torque, p_OC)
-
-
-def _half_extent(shape: Cylinder | Box, direction_O: Vector) -> float:
-    """How far a shape reaches from its middle along a unit vector in its frame [m]."""
-    match shape:
-        case Cylinder(radius, length):
-            across = math.hypot(direction_O[0], direction_O[1])
-            return radius * across + 0.5 * length * abs(float(direction_O[2]))
-        case Box(size):
-            return 0.5 * float(np.abs(direction_O) @ np.array(size))

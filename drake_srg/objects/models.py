@@ -7,13 +7,15 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
+from pydrake import geometry
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     DeformableBody,
     ModelInstanceIndex,
+    SpatialInertia,
     UnitInertia,
 )
 
@@ -21,7 +23,7 @@ from drake_srg.common.errors import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.soft import AddSoftObject
 from drake_srg.parsing import configure_parser
-from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.types import Box, Cylinder, Shape, Sphere
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
 # shape: stiff beside the fingers' rubber (2 MPa), so that the pads deform, as they do
@@ -35,28 +37,6 @@ _RESOLUTION = 0.3
 # Drake cuts a cylinder along the points farthest from its surface, and gives up on the
 # slivers where its length comes this near to its diameter [m] (1.51.1). Equal is fine.
 _NEARLY_AS_LONG = 1e-4
-
-_TEMPLATE = """<?xml version="1.0"?>
-<sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="object">
-<link name="object">
-  <inertial><mass>1</mass><inertia>
-    <ixx>{ixx}</ixx><iyy>{iyy}</iyy><izz>{izz}</izz>
-    <ixy>0</ixy><ixz>0</ixz><iyz>0</iyz>
-  </inertia></inertial>
-  <visual name="visual"><geometry>{geometry}</geometry>
-    <material><diffuse>{color} 1</diffuse></material></visual>
-  <collision name="collision"><geometry>{touched}</geometry>
-    <drake:proximity_properties>
-      <drake:compliant_hydroelastic/>
-      <drake:hydroelastic_modulus>{modulus}</drake:hydroelastic_modulus>
-      <drake:hunt_crossley_dissipation>{dissipation}</drake:hunt_crossley_dissipation>
-      <drake:mesh_resolution_hint>{resolution}</drake:mesh_resolution_hint>
-      <drake:mu_dynamic>1</drake:mu_dynamic><drake:mu_static>1</drake:mu_static>
-    </drake:proximity_properties></collision>
-</link></model></sdf>
-"""
-
-_CYLINDER = "<cylinder><radius>{radius}</radius><length>{length}</length></cylinder>"
 
 
 def object_shape(name: str, config: ObjectConfig) -> Shape:
@@ -151,9 +131,9 @@ def AddObject(
     """
     if config.soft is not None:
         return AddSoftObject(plant, name, config)
-    root = (
-        _shape_tree(config) if config.shape is not None else _model_tree(name, config)
-    )
+    if config.shape is not None:
+        return _AddShape(plant, name, config)
+    root = _model_tree(name, config)
     if (links := len(root.findall("model/link"))) != 1:
         raise ScenarioError(
             f"objects.{name}.model: {config.model} must have one link, has {links}"
@@ -222,35 +202,66 @@ def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
     return root
 
 
-def _shape_tree(config: ObjectConfig) -> ET.Element:
-    touched = None  # where it is not the geometry that is seen
-    match config.shape:
+def _AddShape(
+    plant: MultibodyPlant, name: str, config: ObjectConfig
+) -> ModelInstanceIndex:
+    """Add an object that is one solid shape of uniform density."""
+    assert config.shape is not None
+    if config.mass is None or config.friction is None:
+        raise ValueError("An object with a shape needs mass and friction.")
+    solid = touched = to_drake(config.shape)
+    if isinstance(config.shape, Cylinder):
+        diameter = 2.0 * config.shape.radius
+        if abs(config.shape.length - diameter) < _NEARLY_AS_LONG:
+            touched = geometry.Cylinder(config.shape.radius, diameter)
+    model = plant.AddModelInstance(name)
+    I_OOo = config.mass * _unit_inertia(config.shape)
+    inertia = SpatialInertia.MakeFromCentralInertia(config.mass, np.zeros(3), I_OOo)
+    body = plant.AddRigidBody("object", model, inertia)
+    X_BG = RigidTransform()
+    color = np.array([*config.color, 1.0])
+    plant.RegisterVisualGeometry(body, X_BG, solid, "visual", color)
+    if plant.geometry_source_is_registered():
+        properties = _contact_properties(config.shape, config, config.friction)
+        plant.RegisterCollisionGeometry(body, X_BG, touched, "collision", properties)
+    return model
+
+
+def _unit_inertia(shape: Shape) -> UnitInertia:
+    match shape:
         case Cylinder(radius, length):
-            geometry = _CYLINDER.format(radius=radius, length=length)
-            if abs(length - 2.0 * radius) < _NEARLY_AS_LONG:
-                touched = _CYLINDER.format(radius=radius, length=2.0 * radius)
-            inertia = UnitInertia.SolidCylinder(radius, length, [0.0, 0.0, 1.0])
+            return UnitInertia.SolidCylinder(radius, length, [0.0, 0.0, 1.0])
         case Box(size):
-            geometry = f"<box><size>{' '.join(map(str, size))}</size></box>"
-            inertia = UnitInertia.SolidBox(*size)
+            return UnitInertia.SolidBox(*size)
         case Sphere(radius):
-            geometry = f"<sphere><radius>{radius}</radius></sphere>"
-            inertia = UnitInertia.SolidSphere(radius)
-        case _:
-            raise ValueError("The object has no shape.")
-    moments: Vector = np.asarray(inertia.get_moments())
-    ET.register_namespace("drake", "http://drake.mit.edu")
-    return ET.fromstring(
-        _TEMPLATE.format(
-            ixx=moments[0],
-            iyy=moments[1],
-            izz=moments[2],
-            geometry=geometry,
-            touched=touched or geometry,
-            color=" ".join(map(str, config.color)),
-            modulus=_MODULUS,
-            dissipation=_DISSIPATION,
-            # Drake cuts a box the same at any resolution.
-            resolution=_RESOLUTION * getattr(config.shape, "radius", 1.0),
-        )
+            return UnitInertia.SolidSphere(radius)
+
+
+def _contact_properties(
+    shape: Shape, config: ObjectConfig, friction: float
+) -> geometry.ProximityProperties:
+    # Drake cuts a box the same way at any resolution.
+    resolution = config.resolution or _RESOLUTION * getattr(shape, "radius", 1.0)
+    properties = geometry.ProximityProperties()
+    geometry.AddContactMaterial(
+        dissipation=_DISSIPATION,
+        friction=CoulombFriction(friction, friction),
+        properties=properties,
     )
+    geometry.AddCompliantHydroelasticProperties(
+        resolution_hint=resolution,
+        hydroelastic_modulus=config.modulus or _MODULUS,
+        properties=properties,
+    )
+    return properties
+
+
+def to_drake(shape: Shape) -> geometry.Shape:
+    """Return the shape as Drake's geometry."""
+    match shape:
+        case Cylinder(radius, length):
+            return geometry.Cylinder(radius, length)
+        case Box(size):
+            return geometry.Box(*size)
+        case Sphere(radius):
+            return geometry.Sphere(radius)

@@ -10,7 +10,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_srg.common.errors import ScenarioError
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
-from drake_srg.types import Box, Vector
+from drake_srg.types import Vector
 
 # From the camera to the card, over the distance to the object: so near that an arm on
 # the table does not reach it.
@@ -70,6 +70,4 @@ def _half_width(scenario: Scenario, name: str) -> float:
     shape = simple_shape(name, scenario.objects[name])
     if shape is None:
         raise ScenarioError(f"objects.{name}.occlusion: needs one simple shape")
-    if isinstance(shape, Box):
-        return 0.5 * float(np.linalg.norm(shape.size[:2]))
-    return float(shape.radius)
+    return shape.upright_radius

@@ -13,7 +13,6 @@ from drake_srg.planning.task.task_motions import Obstacles
 from drake_srg.types import (
     Blob,
     Box,
-    Cylinder,
     Obstacle,
     Shape,
     Sphere,
@@ -135,8 +134,6 @@ def lean(axis_1: Vector, axis_2: Vector) -> float:
 
 def standing_at(X_WO: RigidTransform, shape: Shape) -> RigidTransform:
     """Where an object stands upright, on the same level, that is now at X_WO [m]."""
-    p_WO, z = X_WO.translation(), X_WO.rotation().col(2)
-    below = 0.5 * shape.height
-    if isinstance(shape, Cylinder):
-        below = below * abs(z[2]) + shape.radius * float(np.hypot(z[0], z[1]))
+    p_WO, up_O = X_WO.translation(), X_WO.rotation().matrix()[2]
+    below = shape.half_extent(up_O)
     return RigidTransform([*p_WO[:2], p_WO[2] - below + 0.5 * shape.height])
