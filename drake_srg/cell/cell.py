@@ -32,7 +32,7 @@ def MakeCell(
         name: Cell
         output_ports:
         - (all of the station's)
-        - localizer.blobs
+        - localizer.blobs (without a script)
         - planner.mode
         - planner.status
         - arm.position_commanded

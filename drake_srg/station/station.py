@@ -30,31 +30,31 @@ def MakeStation(scenario: Scenario) -> Diagram:
 
         name: Station
         input_ports:
-        - arm.position_commanded
-        - gripper.closure_commanded
+        - arm.position_commanded (with an arm)
+        - gripper.closure_commanded (with a gripper)
         - gripper.joint_position_commanded (optional; not SrgTendonDriver)
-        - gripper.hold (optional)
-        - gripper.force_limit (optional)
+        - gripper.hold (optional; with a gripper)
+        - gripper.force_limit (optional; with a gripper)
         - gripper.motor_position_commanded (optional; SrgTendonDriver)
         - gripper.motor_torque_commanded (optional; SrgTendonDriver)
         - object_forces_cheat (optional)
         output_ports:
-        - arm.state_measured
-        - arm.torque_measured
+        - arm.state_measured (with an arm)
+        - arm.torque_measured (with an arm)
         - arm.external_torque (with planner.max_external_torque)
-        - gripper.state_measured
-        - gripper.pwm
-        - gripper.proximity
-        - gripper.contact_force
-        - gripper.contact_wrench
-        - gripper.grasped
+        - gripper.state_measured (with a gripper)
+        - gripper.pwm (with a gripper)
+        - gripper.proximity (with a gripper)
+        - gripper.contact_force (with a gripper)
+        - gripper.contact_wrench (with a gripper)
+        - gripper.grasped (with a gripper)
         - gripper.motor_state (SrgTendonDriver)
         - gripper.wire_force (SrgTendonDriver)
         - gripper.motor_temperature (SrgTendonDriver)
-        - camera_NAME.color_image
-        - camera_NAME.depth_image
-        - camera_NAME.body_pose_in_world
-        - arm.state_cheat
+        - camera_NAME.color_image (with cameras)
+        - camera_NAME.depth_image (with cameras)
+        - camera_NAME.body_pose_in_world (with cameras)
+        - arm.state_cheat (with an arm)
         - object_poses_cheat
         - contact_results_cheat
 

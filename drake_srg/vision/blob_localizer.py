@@ -57,9 +57,9 @@ class BlobLocalizer(LeafSystem):
 
         name: BlobLocalizer
         input_ports:
-        - camera.color_image
-        - camera.depth_image
-        - camera.body_pose_in_world
+        - CAMERA.color_image
+        - CAMERA.depth_image
+        - CAMERA.body_pose_in_world
         output_ports:
         - blobs
 

@@ -45,8 +45,8 @@ class ObstacleFinder(LeafSystem):
 
         name: ObstacleFinder
         input_ports:
-        - camera.depth_image
-        - camera.body_pose_in_world
+        - CAMERA.depth_image
+        - CAMERA.body_pose_in_world
         - blobs (optional)
         output_ports:
         - obstacles

@@ -1,0 +1,213 @@
+"""Every `pydrake_system` block is held against the ports of real systems."""
+
+import ast
+import dataclasses as dc
+import importlib
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from drake_srg.bridges.served_station import MakeServedStation
+from drake_srg.cell import MakeCell
+from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.experiments.fingertips import SightingError
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.simulation.recorders import AddRecorders
+from drake_srg.station import MakeStation
+from drake_srg.station.cameras import MakeRemoteCameras
+
+PACKAGE = Path(__file__).parents[1] / "drake_srg"
+# Together, these have at least one instance of every documented system.
+CELLS = {
+    "kitchen": ["disturbances=[!Push {}]"],
+    "kitchen_tendon": [],
+    "kitchen_varied": [],
+    "kitchen_varied_accurate": [],
+    "assistive_arm": [],
+    "assistive_arm_varied": [],
+    "thesis_kitchen": [],
+}
+SPONGE = (
+    "objects={sponge: {shape: !Box {size: [0.1, 0.06, 0.04]}, soft: {}, mass: 0.01,"
+    " friction: 1, position: [0, 0]}}"
+)
+SOFT = ["plant_config.discrete_contact_approximation=sap", "task.pick=sponge", SPONGE]
+
+
+@dc.dataclass
+class Block:
+    """A `pydrake_system` block, and the class or function that it documents."""
+
+    module: str
+    owner: str
+    is_class: bool
+    name: str
+    input_ports: list[str]
+    output_ports: list[str]
+
+
+def find_blocks():
+    for path in sorted(PACKAGE.rglob("*.py")):
+        module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+                text = ast.get_docstring(node) or ""
+                if ".. pydrake_system::" in text:
+                    is_class = isinstance(node, ast.ClassDef)
+                    yield Block(module, node.name, is_class, **parse(text))
+
+
+def parse(docstring):
+    """The content of a docstring's block."""
+    text = docstring.split(".. pydrake_system::\n", 1)[1].lstrip("\n")
+    body = re.match(r"(?: +[^\n]*\n?)+", text)
+    return {"input_ports": [], "output_ports": [], **yaml.safe_load(body[0])}
+
+
+BLOCKS = list(find_blocks())
+
+
+@dc.dataclass
+class Port:
+    """A documented port: `NAME (remark)`; words in capitals stand for any name."""
+
+    pattern: str
+    remark: str
+
+    @classmethod
+    def of(cls, text):
+        name, _, remark = text.partition("(")
+        return cls(name.strip(), remark.rstrip(")").strip())
+
+    @property
+    def conditional(self):
+        """Whether some systems lack the port. Optional ports exist, unconnected."""
+        return self.remark not in ("", "optional")
+
+    def matches(self, name):
+        pattern = re.sub(r"[A-Z]{2,}", "[a-z0-9_]+", re.escape(self.pattern))
+        return re.fullmatch(pattern, name) is not None
+
+
+def documented(ports):
+    """The documented ports; `(all of the station's ...)` stands for the station's."""
+    found = []
+    for text in ports:
+        if text.startswith("("):
+            station = next(block for block in BLOCKS if block.name == "Station")
+            both = [*station.input_ports, *station.output_ports]
+            found += [Port(Port.of(p).pattern, "of the station") for p in both]
+        else:
+            found.append(Port.of(text))
+    return found
+
+
+def subsystems(system):
+    yield system
+    if isinstance(system, Diagram):
+        for child in system.GetSystems():
+            yield from subsystems(child)
+
+
+@pytest.fixture(scope="module")
+def systems(tmp_path_factory):
+    """Real systems by the names of the blocks that document them."""
+    found = {}
+
+    def add(name, system):
+        found.setdefault(name, []).append(system)
+
+    alive = []  # diagrams own their systems
+    for name, overrides in CELLS.items():
+        scenario = load_scenario(name, overrides=overrides)
+        builder = DiagramBuilder()
+        cell = builder.AddNamedSystem("cell", MakeCell(scenario))
+        recorders = AddRecorders(
+            builder, cell, scenario, tmp_path_factory.mktemp("recorded")
+        )
+        alive.append(builder.Build())
+        for recorder in recorders.values():
+            add(type(recorder).__name__, recorder)
+        add("Cell", cell)
+        station = cell.GetSubsystemByName("station")
+        add("Station", station)
+        driver = station.GetSubsystemByName("gripper_driver")
+        add(type(scenario.gripper).__name__, driver)
+        add("ArmPositionDriver", station.GetSubsystemByName("arm_driver"))
+        for system in subsystems(cell):
+            add(type(system).__name__, system)
+    kitchen = load_scenario("kitchen")
+    add("ServedStation", MakeServedStation(kitchen))
+    add("RemoteCameras", MakeRemoteCameras(kitchen))
+    armed = MakeStation(dc.replace(kitchen, gripper=None, cameras={}))
+    add("Station", armed)
+    add("ArmPositionDriver", armed.GetSubsystemByName("arm_driver"))
+    add("Station", MakeStation(Scenario()))
+    soft = MakeStation(load_scenario("gripper_bench", overrides=SOFT))
+    add("ObjectPoses", soft.GetSubsystemByName("object_poses"))
+    add("SightingError", SightingError(np.zeros(3)))
+    yield found
+    for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:
+        recorder.__exit__(None, None, None)
+
+
+def instances(systems, block):
+    """Systems of a block: by its class, or, of a function, by its diagram's name."""
+    of_class = [
+        system
+        for system in systems.get(block.owner, []) or systems.get(block.name, [])
+        if not block.is_class or "drake_srg" in type(system).__module__
+    ]
+    return of_class or [s for name in systems for s in systems[name] if is_a(s, block)]
+
+
+def is_a(system, block):
+    """Whether a system's class was made by the template that a block documents."""
+    return type(system).__name__.partition("_𝓣")[0] == block.name
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.name)
+def test_a_block_names_the_real_ports(systems, block):
+    made = instances(systems, block)
+    assert made, f"add a {block.name} to the systems of this test"
+    for list_ports, texts in (
+        (input_ports, block.input_ports),
+        (output_ports, block.output_ports),
+    ):
+        if block.name == "RosbagRecorder":
+            continue  # its ports are its topics': tests/recording/test_rosbag.py
+        ports = documented(texts)
+        everywhere = [set(list_ports(system)) for system in made]
+        for names in everywhere:
+            undocumented = {n for n in names if not any(p.matches(n) for p in ports)}
+            assert undocumented == set()
+        for port in ports:
+            exists = [any(port.matches(n) for n in names) for names in everywhere]
+            if port.conditional:
+                assert any(exists) or port.remark == "of the station", port
+            else:
+                assert all(exists), port
+
+
+@pytest.mark.parametrize("block", BLOCKS, ids=lambda block: block.name)
+def test_a_block_documents_something_of_its_module(block):
+    module = importlib.import_module(block.module)
+    owner = block.owner if block.owner != "Impl" else f"{block.name}_"
+    assert hasattr(module, owner)
+
+
+def test_there_are_blocks():
+    assert len(BLOCKS) >= 35
+
+
+def test_a_missing_and_an_unknown_port_are_found():
+    assert Port.of("camera_NAME.color_image").matches("camera_ceiling.color_image")
+    assert not Port.of("camera_NAME.color_image").matches("camera_ceiling.depth_image")
+    assert not Port.of("pwm").matches("pwms")
+    assert not Port.of("hold (optional)").conditional
+    assert Port.of("wire_force (SrgTendonDriver)").conditional
+    assert Port.of("force (optional; SrgTendonDriver)").conditional
