@@ -1,14 +1,14 @@
 #!/usr/bin/python3
 """The SRG thesis's kitchen demonstration, as a ROS 1 client of robot or simulation.
 
-Run a roscore, `drake-srg serve thesis_kitchen --ros1`, and this, with the Python that
-has rospy (on Debian: apt install python3-rospy python3-std-msgs):
+Start a roscore and `drake-srg serve thesis_kitchen --ros1`, then run this script with
+the Python that has rospy (on Debian: apt install python3-rospy python3-std-msgs):
 
     /usr/bin/python3 examples/ros1_kitchen_client.py
 
-It sends the thesis's messages, one after the other, whatever comes of them: nothing
-here knows of Drake. Its clock is the one on the wall, as the thesis's was. Where the
-simulation is slower than real time, let it follow simulated time instead:
+It sends the thesis's messages one after the other without feedback, and does not use
+Drake. Like the thesis, it keeps real time. If the simulation is slower than that, let
+the script follow simulated time:
 
     rosparam set use_sim_time true
 """
@@ -18,8 +18,8 @@ import contextlib
 import math
 import time
 
-# What is sent: `count` messages of the seven joints' positions [degrees] on /kuka, or
-# on /grasp floor(i / 10) percent closed, for every i from the first to the last.
+# The messages. "kuka": positions of the seven joints [degrees], sent `count` times on
+# /kuka. "grasp": percent closed on /grasp, floor(i / 10) for i from first to last.
 ROUTINES = {
     "startpos": [{"kuka": [0, 0, 0, 0, 0, 0, 0], "count": 500}],
     "movetocup": [
@@ -53,7 +53,7 @@ SEQUENCE = [
 
 
 def messages(routine):
-    """Yield the topic and the data of each message of a routine."""
+    """Yield topic and data of each message of a routine."""
     for part in ROUTINES[routine]:
         if "kuka" in part:
             for _ in range(part["count"]):
@@ -77,7 +77,7 @@ def main():
     from std_msgs.msg import Float64MultiArray, Int32
 
     rospy.init_node("kitchen_client")
-    # No message is lost to a delay of this machine.
+    # Long queues, so that a delay of this machine loses no message.
     publishers = {
         "/kuka": rospy.Publisher("/kuka", Float64MultiArray, queue_size=1000),
         "/grasp": rospy.Publisher("/grasp", Int32, queue_size=1000),

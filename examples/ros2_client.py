@@ -1,7 +1,7 @@
-"""Closes and opens the gripper of `drake-srg serve kitchen --ros2`; tells its joints.
+"""Close and open the gripper of `drake-srg serve kitchen --ros2`, and print its joints.
 
-It speaks ROS 2 by DDS alone: all it needs is `pip install cyclonedds`. The same with
-ROS 2 itself, after `export ROS_LOCALHOST_ONLY=1`:
+The script talks to ROS 2 through DDS and needs only `pip install cyclonedds`. The same
+with ROS 2 itself, after `export ROS_LOCALHOST_ONLY=1`:
 
     ros2 topic pub --once /grasp std_msgs/msg/Int32 '{data: 100}'
     ros2 topic echo /joint_states
@@ -18,20 +18,20 @@ from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-# The server is to be found on this machine alone, unless it is told otherwise.
+# By default, the server is reachable from this machine only.
 LOOPBACK = '<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces>'
 
 
 @dataclass
 class Int32(IdlStruct, typename="std_msgs::msg::dds_::Int32_"):
-    """Of std_msgs."""
+    """std_msgs/msg/Int32."""
 
     data: int32
 
 
 @dataclass
 class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
-    """Of builtin_interfaces."""
+    """builtin_interfaces/msg/Time."""
 
     sec: int32
     nanosec: uint32
@@ -39,7 +39,7 @@ class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
 
 @dataclass
 class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
-    """Of std_msgs."""
+    """std_msgs/msg/Header."""
 
     stamp: Time
     frame_id: str
@@ -47,7 +47,7 @@ class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
 
 @dataclass
 class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
-    """Of sensor_msgs; rad, rad/s, N m."""
+    """sensor_msgs/msg/JointState [rad, rad/s, N m]."""
 
     header: Header
     name: sequence[str]
@@ -57,7 +57,7 @@ class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
 
 
 def main() -> None:
-    """Close and open, a second and a half each."""
+    """Close and open the gripper, 1.5 s each."""
     domain_id = int(os.environ.get("ROS_DOMAIN_ID") or 0)
     domain = Domain(domain_id, f"<General>{LOOPBACK}</General>")  # noqa: F841
     participant = DomainParticipant(domain_id)

@@ -1,1 +1,1 @@
-"""What drives a station from outside, by the messages of the real robot."""
+"""Let external clients command a station with the messages of the real robot."""

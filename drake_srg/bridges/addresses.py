@@ -1,4 +1,4 @@
-"""Addresses of this machine, and of others by their names."""
+"""Find addresses of this machine, and of other hosts by name."""
 
 from __future__ import annotations
 
@@ -10,18 +10,19 @@ import struct
 import threading
 from concurrent.futures import Future
 
-# ioctl that tells an interface's IPv4 address. Source: linux/sockios.h.
+# ioctl that returns an interface's IPv4 address. Source: linux/sockios.h.
 _SIOCGIFADDR = 0x8915
 
 
 def own_address(host: str) -> str:
-    """Return the IPv4 address of this machine that somebody means.
+    """Return the IPv4 address of this machine that `host` stands for.
 
     Args:
-        host: Such an address, a name that has one, or a network interface.
+        host: An address, a host name, or the name of a network interface.
 
     Raises:
-        ValueError: If this machine has no such address, or it is that of all.
+        ValueError: If `host` is none of these on this machine, or stands for all
+            addresses.
     """
     interfaces = [name for _, name in socket.if_nameindex()]
     try:
@@ -32,12 +33,12 @@ def own_address(host: str) -> str:
         good = not (
             address.is_unspecified or address.is_multicast or address.is_reserved
         )
-    except (OSError, ValueError):  # ValueError: of a name that cannot be one
+    except (OSError, ValueError):  # ValueError: an invalid name
         good = False
     if not good:
         raise ValueError(
-            f"host is {host!r}; allowed is one IPv4 address of this machine that peers "
-            f"reach, or an interface that has one: {', '.join(interfaces)}"
+            "host: must be an IPv4 address of this machine that peers can reach, or an "
+            f"interface that has one ({', '.join(interfaces)}), got {host!r}"
         )
     return str(address)
 
@@ -46,18 +47,18 @@ def _interface_address(name: str) -> str:
     with socket.socket() as any_socket:
         request = struct.pack("256s", name.encode())
         answer = fcntl.ioctl(any_socket.fileno(), _SIOCGIFADDR, request)
-    return socket.inet_ntoa(answer[20:24])  # behind the name's 16 bytes, in a sockaddr
+    return socket.inet_ntoa(answer[20:24])  # in a sockaddr behind the name's 16 bytes
 
 
 class Resolver:
-    """Looks up hosts' addresses, with no thread that could keep others waiting.
+    """Looks up addresses of hosts; a slow lookup delays neither others nor exit.
 
-    The system's resolver may take half a minute to give up a name, and cannot be told
-    to stop. (The threads that asyncio has for it are few, and the process waits for
-    them at its end.)
+    The system's resolver may take half a minute to give up on a name and cannot be
+    interrupted. asyncio runs it in a small thread pool, which the process joins when it
+    exits. Here every host gets a daemon thread instead.
 
     Args:
-        limit: Hosts that are looked up at once.
+        limit: Maximum number of concurrent lookups.
     """
 
     def __init__(self, limit: int = 16):
@@ -69,8 +70,8 @@ class Resolver:
         """Return a host's address.
 
         Raises:
-            OSError: If it has none, or too many hosts are being looked up.
-            UnicodeError: If its name cannot be one.
+            OSError: If the host has no address, or too many lookups are pending.
+            UnicodeError: If the name is invalid.
         """
         try:
             return str(ipaddress.ip_address(host))
@@ -81,9 +82,9 @@ class Resolver:
         with self._lock:
             if host not in self._running:
                 if len(self._running) >= self._limit:
-                    raise OSError("too many hosts are being looked up")
+                    raise OSError("too many pending host lookups")
                 future: Future[str] = Future()
-                future.set_running_or_notify_cancel()  # who waits cannot cancel it
+                future.set_running_or_notify_cancel()  # no waiter can cancel it
                 self._running[host] = future
                 threading.Thread(
                     target=self._run, args=(host, future), name="resolver", daemon=True
@@ -92,10 +93,10 @@ class Resolver:
 
     def _run(self, host: str, future: Future[str]) -> None:
         try:
-            # IPv4, as ROS 1 unless it is told otherwise.
+            # IPv4, the default of ROS 1.
             found = socket.getaddrinfo(host, None, socket.AF_INET, socket.SOCK_STREAM)
             address = str(found[0][4][0])
-        except Exception as error:  # whatever it is, somebody else waits for it
+        except Exception as error:  # the waiting coroutine gets it, whatever it is
             self._end(host)
             future.set_exception(error)
         else:

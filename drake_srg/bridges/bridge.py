@@ -1,4 +1,4 @@
-"""What all bridges offer to the loop that serves a station."""
+"""The interface between a bridge and the loop that serves a station."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from drake_srg.types import Vector
 
 
 class Bridge:
-    """Carries commands from clients, and to them what the station tells.
+    """Carries commands from clients to a station, and its messages to clients.
 
-    Made with the `CommandInbox` into which it puts what clients command. All methods
-    are quick, wait for no client, and may be called by any thread. This one has no
-    clients.
+    A bridge puts commands into the `CommandInbox` with which it is constructed. All
+    methods return quickly, never wait for a client, and may be called by any thread.
+    This base class has no clients.
 
     Attributes:
-        ports: Names of the station's output ports that it wants in `update`.
+        ports: Names of the station's output ports whose values `update` needs.
     """
 
     ports: Collection[str] = ()
 
     @property
     def status(self) -> str:
-        """Where it is reached, for people, as in "ROS 1 at http://localhost:11311"."""
+        """Where clients reach it, such as "ROS 1 at http://localhost:11311"."""
         return ""
 
     @property
     def closed(self) -> bool:
-        """Whether it has ended by itself, and nobody can reach it any more."""
+        """Whether it has closed, so that no client can reach it any more."""
         return False
 
     def has_subscribers(self, topic: str) -> bool:
-        """Whether somebody listens to a topic."""
+        """Return whether a topic has a subscriber."""
         return False
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send what `topic.convert` makes of its ports' values at a time [s]."""
+        """Send the message that `topic.convert` makes of values at a time [s]."""
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
-        """Take the values of `ports` at a time [s], every control period."""
+        """Receive the values of `ports` at a time [s]; called every control period."""
 
     def close(self) -> None:
-        """Say goodbye to all clients; the second time, this does nothing."""
+        """Disconnect all clients. A second call does nothing."""

@@ -1,4 +1,4 @@
-"""What a bridge takes in: commands by topic, checked, the last good one kept."""
+"""Commands from clients: checked by topic, the last good one kept."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ PortValues = Mapping[str, Vector]
 
 
 class CommandError(ValueError):
-    """A command that is not taken.
+    """A command is refused.
 
     Attributes:
-        kind: Of fault, as in "length"; people are warned of each kind once.
+        kind: Kind of fault, such as "length"; each kind is reported once.
     """
 
     def __init__(self, kind: str, message: str):
@@ -35,12 +35,10 @@ class CommandTopic:
 
     Attributes:
         name: ROS topic.
-        type: Message type as ROS 2 writes it, as in "std_msgs/msg/Int32"; it has one
-            field that matters here, `data`.
-        convert: From `data` to values of the station's input ports.
-
-    Raises:
-        CommandError: By `convert`, if the command is not one to obey.
+        type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32". Only its
+            field `data` is read.
+        convert: Returns values of the station's input ports for `data`; raises a
+            CommandError if the command is invalid.
     """
 
     name: str
@@ -49,7 +47,7 @@ class CommandTopic:
 
 
 class Warnings:
-    """Tells people of each kind of trouble once. Any thread may call."""
+    """Reports each kind of trouble to the user once. Any thread may call."""
 
     def __init__(self, tell: Callable[[str], None]):
         self._tell = tell
@@ -57,7 +55,7 @@ class Warnings:
         self._lock = threading.Lock()
 
     def warn(self, kind: str, message: str) -> None:
-        """Tell `message`, unless there was one of this kind before."""
+        """Report `message`, unless this kind has been reported before."""
         with self._lock:
             if kind in self._told:
                 return
@@ -65,32 +63,35 @@ class Warnings:
         self._tell(message)
 
     def forget(self, kind: str) -> None:
-        """Tell of this kind again: it is over, and what comes next is news."""
+        """Report this kind again next time, because the trouble is over."""
         with self._lock:
             self._told.discard(kind)
 
 
 class CommandInbox:
-    """The commands that came since they were last taken, from any thread.
+    """Collects commands from any thread until the station takes them.
 
-    Every command is of its topic's last message that was no fault; what several sources
-    say of one port goes by the order in which they came.
+    Each topic counts with its last good message. Where several sources command the same
+    port, the most recent one wins.
 
     Args:
-        topics: What is obeyed.
-        warnings: Hears of commands that are refused.
+        topics: The topics to obey.
+        warnings: Where refused commands are reported.
+
+    Attributes:
+        received: Number of messages so far, good and bad.
     """
 
     def __init__(self, topics: Iterable[CommandTopic], warnings: Warnings):
         self.topics = {topic.name: topic for topic in topics}
         self.warnings = warnings
-        self.received = 0  # messages, good and bad
+        self.received = 0
         self._lock = threading.Lock()
         self._values: dict[str, Vector] = {}
-        self._sources: dict[str, str] = {}  # of what holds at each port
+        self._sources: dict[str, str] = {}  # last source of each port
 
     def receive(self, topic: str, data: Any) -> None:
-        """Check a message's `data` and keep what it commands, or warn of it."""
+        """Check a message's `data`, and keep its command or report what is wrong."""
         try:
             values = self.topics[topic].convert(data)
         except CommandError as error:
@@ -100,18 +101,18 @@ class CommandInbox:
         self.count()
 
     def put(self, values: PortValues, source: str) -> None:
-        """Keep what a source commands that has checked it."""
+        """Keep a command that its source has checked."""
         with self._lock:
             self._put(values, source)
 
     def amend(self, values: PortValues, source: str) -> None:
-        """As `put`, unless another source has commanded one of the ports since."""
+        """Do as `put`, unless another source has commanded one of the ports since."""
         with self._lock:
             if all(self._sources.get(port) == source for port in values):
                 self._put(values, source)
 
     def source(self, port: str) -> str | None:
-        """Return who commanded a port last."""
+        """Return the source that commanded a port last."""
         with self._lock:
             return self._sources.get(port)
 
@@ -125,14 +126,14 @@ class CommandInbox:
             self.received += messages
 
     def refuse(self, topic: str, kind: str, reason: str) -> None:
-        """Count a message that is not obeyed, and warn of it."""
+        """Count a message that is not obeyed, and report why."""
         self.count()
         self.warnings.warn(
             f"{topic} {kind}", f"{topic}: {reason}; the last good command holds"
         )
 
     def take(self) -> dict[str, Vector]:
-        """Return what was commanded since the last time, by input port."""
+        """Return the commands since the last call, by input port."""
         with self._lock:
             values, self._values = self._values, {}
         return values
@@ -141,7 +142,7 @@ class CommandInbox:
 _CLOSURE = "gripper.closure_commanded"
 _SINGLE_JOINTS = "gripper.joint_position_commanded"
 _ARM = "arm.position_desired"
-# What commands a gripper; closure counts where none of these says otherwise.
+# Ports that override the closure, or limit its force, while their values are finite.
 _GRIPPER_PORTS = (
     _SINGLE_JOINTS,
     "gripper.motor_position_commanded",
@@ -153,14 +154,14 @@ _GRIPPER_PORTS = (
 def gripper_command(
     inputs: Iterable[str], values: PortValues, joints: int = 1
 ) -> dict[str, Vector]:
-    """Return a command of the whole gripper, so that its source alone is in force.
+    """Return a command of the whole gripper, which overrides every other source.
 
-    What other sources said at ports that `values` does not name is given up: NaN.
+    Commands of other sources at ports that `values` does not name are cancelled by NaN.
 
     Args:
         inputs: Names of the station's input ports.
-        values: What is commanded, by input port.
-        joints: Number of the gripper's joints that can be commanded.
+        values: The command, by input port.
+        joints: Number of the gripper's commanded joints.
     """
     return {
         port: np.full(joints if port == _SINGLE_JOINTS else 1, np.nan)
@@ -172,17 +173,18 @@ def gripper_command(
 def station_topics(
     plant: MultibodyPlant, inputs: Iterable[str], gripper_joints: Iterable[str] = ()
 ) -> list[CommandTopic]:
-    """The SRG thesis's topics that a station can obey.
+    """Return the SRG thesis's topics that a station can obey.
 
     `/grasp` (Int32, 0 open .. 100 closed), `/position_grasp` (Float64MultiArray, rad,
-    one a finger joint), `/startgrasp` (Bool, false holds the gripper where it is),
-    `/kuka` (Float64MultiArray, rad, one a joint of the arm). Of the first two,
-    and of what the gripper's servo is told, the last counts, see `gripper_command`.
+    one number per finger joint), `/startgrasp` (Bool, false holds the gripper where it
+    is), `/kuka` (Float64MultiArray, rad, one number per joint of the arm). The most
+    recent of `/grasp`, `/position_grasp` and servo commands wins, see
+    `gripper_command`.
 
     Args:
-        plant: With the model instances `arm` and `gripper`, where there are such.
-        inputs: Names of the station's input ports, and `arm.position_desired` for
-            what /kuka asks.
+        plant: Has the model instances `arm` and `gripper`, if the station has them.
+        inputs: Names of the station's input ports; `/kuka` needs
+            `arm.position_desired`.
         gripper_joints: Names of the gripper's commanded joints, in their order.
     """
     inputs, joints = set(inputs), list(gripper_joints)
@@ -198,7 +200,7 @@ def station_topics(
         percent = int(data)
         if not 0 <= percent <= 100:
             raise CommandError(
-                "range", f"is {percent}; allowed are 0 (open) to 100 (closed)"
+                "range", f"must be 0 (open) to 100 (closed), got {percent}"
             )
         return gripper(_CLOSURE, np.array([percent / 100.0]))
 
@@ -224,7 +226,7 @@ def station_topics(
 def _limits(
     plant: MultibodyPlant, instance: str, joints: list[str] | None = None
 ) -> tuple[Vector, Vector]:
-    """Lower and upper position limits of a model's joints [rad or m]."""
+    """Return the lower and upper position limits of a model's joints [rad or m]."""
     model = plant.GetModelInstanceByName(instance)
     if joints is None:
         found = [plant.get_joint(i) for i in plant.GetJointIndices(model)]
@@ -244,26 +246,26 @@ def _positions(
     *,
     obeyed: bool,
 ) -> Callable[[Any], PortValues]:
-    """What checks the positions of a model's joints [rad or m], and commands them."""
+    """Return a `convert` that checks joint positions [rad or m] and commands them."""
     lower, upper = limits
 
     def convert(data: Any) -> PortValues:
         if not obeyed:
             raise CommandError(
-                "port", "this gripper's one motor moves all joints at once"
+                "port", "this gripper has one motor, which moves all joints at once"
             )
         values = np.array(data, dtype=np.float64)
         if values.shape != lower.shape:
             raise CommandError(
-                "length", f"has {values.size} numbers; needs {lower.size}"
+                "length", f"needs {lower.size} numbers, got {values.size}"
             )
         if not np.isfinite(values).all():
-            raise CommandError("finite", "has numbers that are not finite")
+            raise CommandError("finite", "needs finite numbers, got NaN or infinity")
         for i in np.flatnonzero((values < lower) | (values > upper)):
             raise CommandError(
                 "range",
-                f"number {i + 1} is {values[i]:g}; "
-                f"allowed are {lower[i]:g} to {upper[i]:g}",
+                f"number {i + 1} must be {lower[i]:g} to {upper[i]:g}, "
+                f"got {values[i]:g}",
             )
         return command(values)
 

@@ -1,4 +1,4 @@
-"""Which bridges there are, and how they are made."""
+"""Construct the bridges that a user asks for."""
 
 from __future__ import annotations
 
@@ -17,24 +17,34 @@ from drake_srg.scenario import Scenario
 
 @dc.dataclass(frozen=True)
 class BridgeOptions:
-    """What somebody asks for who wants to command a station from outside."""
+    """The bridges of a station and their addresses.
+
+    Attributes:
+        ros1: Whether to be a node of ROS 1.
+        master: URI of the ROS 1 master; None takes it from the environment.
+        ros2: Whether to be a node of ROS 2.
+        domain: ROS 2 domain; None takes it from the environment.
+        servo: tcp:PORT, tcp:HOST:PORT or pty; None for no servo.
+        host: Address of this machine that peers reach.
+        name: Name of the nodes.
+    """
 
     ros1: bool = False
-    master: str | None = None  # URI; None: as ROS 1 finds it
+    master: str | None = None
     ros2: bool = False
-    domain: int | None = None  # None: as ROS 2 finds it
-    servo: str | None = None  # tcp:PORT, tcp:HOST:PORT or pty; None: no servo
-    host: str = "127.0.0.1"  # address of this machine that peers reach
-    name: str = "drake_srg"  # of the node
+    domain: int | None = None
+    servo: str | None = None
+    host: str = "127.0.0.1"
+    name: str = "drake_srg"
 
     def connect(
         self, scenario: Scenario, inbox: CommandInbox, topics: Sequence[Topic]
     ) -> Sequence[Bridge]:
-        """Make the bridges to a scenario's station.
+        """Return the bridges to a scenario's station.
 
         Raises:
-            ScenarioError: If an option's value is none, or the gripper has no servo.
-            OSError: If an address is taken.
+            ScenarioError: If an option is invalid, or the gripper has no servo.
+            OSError: If an address is in use.
             ImportError: If a package is missing.
         """
         bridges: list[Bridge] = []
@@ -44,12 +54,12 @@ class BridgeOptions:
                 stack.callback(bridge.close)
                 bridges.append(bridge)
 
-            # Imported where they are made: their packages are optional.
+            # Imported here because their packages are optional.
             try:
                 if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", self.name):
                     raise ValueError(
-                        f"--name {self.name}: must be letters, digits and underscores, "
-                        "a letter first"
+                        "--name: must be a letter, then letters, digits and "
+                        f"underscores, got {self.name!r}"
                     )
                 if self.ros1:
                     from drake_srg.bridges.ros1.bridge import Ros1Bridge
@@ -80,8 +90,8 @@ class BridgeOptions:
 
                     if not isinstance(scenario.gripper, SrgTendonDriver):
                         raise ValueError(
-                            "--servo: needs a gripper with a motor of its own, "
-                            "!SrgTendonDriver, as kitchen_tendon has"
+                            "--servo: needs a gripper with a motor (!SrgTendonDriver, "
+                            "as in kitchen_tendon)"
                         )
                     add(ServoBridge(inbox, self.servo, scenario.gripper))
             except ValueError as error:

@@ -1,4 +1,4 @@
-"""A thread of its own for the sockets of a bridge."""
+"""A thread with an event loop for the sockets of a bridge."""
 
 from __future__ import annotations
 
@@ -9,14 +9,17 @@ from concurrent import futures
 from typing import Any, TypeVar
 
 _T = TypeVar("_T")
-_PATIENCE = 5.0  # with a task that does not end when it is cancelled [s]
+_PATIENCE = 5.0  # how long to wait for cancelled tasks to end [s]
 
 
 class IoThread:
     """An asyncio event loop that runs in a thread until it is stopped.
 
     Args:
-        name: Of the thread, for people who debug.
+        name: The thread's name, for debugging.
+
+    Attributes:
+        loop: The event loop.
     """
 
     def __init__(self, name: str):
@@ -25,24 +28,24 @@ class IoThread:
         self._thread.start()
 
     def call(self, coroutine: Coroutine[Any, Any, _T], timeout: float = 5.0) -> _T:
-        """Run a coroutine there and return its result, waiting `timeout` [s] at most.
+        """Run a coroutine in the thread and return its result.
 
         Raises:
-            TimeoutError: If it takes longer; it is cancelled then.
+            TimeoutError: If it takes longer than `timeout` [s]; it is cancelled.
         """
         future = asyncio.run_coroutine_threadsafe(coroutine, self.loop)
         try:
             return future.result(timeout)
-        except futures.TimeoutError:  # up to Python 3.10 not the one of builtins
+        except futures.TimeoutError:  # a class of its own up to Python 3.10
             future.cancel()
             raise TimeoutError(f"not done within {timeout:g} s") from None
 
     def post(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Call a function there soon, without waiting for it."""
+        """Call a function in the thread soon, without waiting for it."""
         self.loop.call_soon_threadsafe(function, *arguments)
 
     def stop(self) -> None:
-        """Cancel what still runs there and end the thread, if it lets itself."""
+        """Cancel all tasks and end the thread, or give up after `_PATIENCE`."""
         if self._thread.is_alive():
             self.loop.call_soon_threadsafe(self.loop.stop)
             self._thread.join(_PATIENCE)

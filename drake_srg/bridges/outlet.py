@@ -1,4 +1,4 @@
-"""What goes from a station to the bridges that serve it."""
+"""Distribute what a station publishes to its bridges."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ from drake_srg.recording.ros_topics import Topic
 
 
 class Outlet:
-    """Sends to those bridges that have somebody who listens. Any thread may call.
+    """Publishes through every bridge that has subscribers. Any thread may call.
 
-    A bridge that fails is warned of; neither the station nor the others stop for it.
+    A failing bridge is reported; the station and the other bridges go on.
+
+    Args:
+        bridges: The bridges to publish through.
+        warnings: Where failures are reported.
     """
 
     def __init__(self, bridges: Sequence[Bridge], warnings: Warnings):
@@ -22,22 +26,22 @@ class Outlet:
 
     @property
     def status(self) -> str:
-        """Where the bridges are reached, for people."""
+        """Where clients reach the bridges, as text for the status line."""
         return ", ".join(bridge.status for bridge in self.bridges if bridge.status)
 
     def has_subscribers(self, topic: str) -> bool:
-        """Whether somebody listens to a topic, anywhere."""
+        """Return whether any bridge has a subscriber to a topic."""
         return any(bridge.has_subscribers(topic) for bridge in self.bridges)
 
     def send(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Publish what `topic.convert` makes of the values at a time [s]."""
+        """Publish the message that `topic.convert` makes of values at a time [s]."""
         for bridge in self.bridges:
             with self._warned(bridge, topic.name):
                 if bridge.has_subscribers(topic.name):
                     bridge.publish(topic, time, values)
 
     def update(self, time: float, values: Mapping[str, Any]) -> None:
-        """Give each bridge the values of its ports at a time [s]."""
+        """Pass each bridge the values of its ports at a time [s]."""
         for bridge in self.bridges:
             with self._warned(bridge, "update"):
                 bridge.update(time, {name: values[name] for name in bridge.ports})

@@ -1,4 +1,4 @@
-"""Simulated time beside the clock on the wall."""
+"""Keep simulated time in step with real time."""
 
 from __future__ import annotations
 
@@ -8,20 +8,24 @@ import time as wall
 from collections import deque
 from collections.abc import Callable
 
-# Too slow is what does less than this share of its rate in two windows of this length
-# [s, real] one after the other: a stall is not.
+# A run is too slow if it keeps less than this share of its rate in two consecutive
+# windows of this length [s, real]. A single stall does not count.
 _KEPT, _WINDOW = 0.97, 5.0
 
 
 class Pacer:
-    """Lets simulated time pass at a multiple of real time, or as fast as it can.
+    """Lets simulated time pass at a multiple of real time, or as fast as possible.
 
     Args:
-        rate: Simulated seconds in a real one; infinite: never wait.
+        rate: Simulated seconds per real second; infinite means never wait.
         stop: Ends a wait when it is set.
-        patience: What simulated time lags behind up to this [s, real] is made up for;
-            what it lags more is given up, so that it never rushes for long.
-        clock: Real time [s].
+        patience: Lags up to this length [s, real] are caught up with. Time lost beyond
+            that is given up, so that the simulation never rushes for long.
+        clock: Returns real time [s].
+
+    Attributes:
+        lost: Real time given up so far [s].
+        too_slow: Simulated over real time while the run is too slow, otherwise None.
     """
 
     def __init__(
@@ -34,15 +38,15 @@ class Pacer:
     ):
         self._rate, self._stop = rate, stop
         self._patience, self._clock = patience, clock
-        self.lost = 0.0  # real time given up [s]
-        self.too_slow: float | None = None  # simulated over real time, where it is
-        self._start = clock()  # when simulated time was 0, or would have been
-        # (real, simulated) times of the last second or so.
+        self.lost = 0.0
+        self.too_slow: float | None = None
+        self._start = clock()  # real time at which simulated time is (taken as) 0
+        # (real, simulated) times of about the last second.
         self._recent: deque[tuple[float, float]] = deque([(self._start, 0.0)])
         self._window, self._slow_windows = (self._start, 0.0), 0
 
     def wait(self, time: float) -> None:
-        """Wait until it is time for the simulated `time` [s]."""
+        """Wait until real time has caught up with the simulated `time` [s]."""
         now = self._clock()
         if math.isfinite(self._rate):
             ahead = self._start + time / self._rate - now
@@ -57,7 +61,7 @@ class Pacer:
             self._recent.popleft()
 
     def _judge(self, now: float, time: float) -> None:
-        """See, at the end of a window, whether it is too slow."""
+        """Decide at the end of each window whether the run is too slow."""
         real, simulated = self._window
         if now - real >= _WINDOW:
             factor = (time - simulated) / (now - real)
@@ -68,6 +72,6 @@ class Pacer:
 
     @property
     def factor(self) -> float:
-        """Simulated over real time, of the last second."""
+        """Simulated over real time during the last second."""
         (real_0, time_0), (real_1, time_1) = self._recent[0], self._recent[-1]
         return (time_1 - time_0) / max(real_1 - real_0, 1e-9)

@@ -1,4 +1,4 @@
-"""What a served station's camera and localizer see."""
+"""Publish pictures and blobs of a served station."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 
-# Time between pictures [s, simulated]; rendering decides how many there really are.
-_PERIOD = 0.1
+_PERIOD = 0.1  # shortest time between pictures [s, simulated]
 
 
 def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
-    """Return name and intrinsics of the camera that clients see through, if any.
+    """Return the name and intrinsics of the camera that clients can subscribe to.
 
-    It is the localizer's first, or else the scenario's.
+    It is the localizer's first camera, or else the scenario's first. Returns None if
+    there is no camera or if an object is soft.
     """
     if any(config.soft for config in scenario.objects.values()):
         return None
@@ -33,12 +33,16 @@ def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
 
 
 class Pictures:
-    """Sends the topics of the camera and of the localizer.
+    """Publishes the topics of the camera and of the localizer.
 
-    They are rendered in a `CameraProcess`, which begins when somebody first listens.
+    A `CameraProcess` renders them; it starts with the first subscription.
+
+    Args:
+        scenario: The scenario that is served.
+        warnings: Where failures are reported.
 
     Attributes:
-        topics: What there may be to listen to, by name.
+        topics: The topics that can be subscribed to, by name.
     """
 
     def __init__(self, scenario: Scenario, warnings: Warnings):
@@ -54,7 +58,7 @@ class Pictures:
     def look(
         self, time: float, plant_state: Callable[[], Vector], outlet: Outlet
     ) -> None:
-        """Look at a state of the plant, if it is time and somebody wants to see it."""
+        """Render the plant's state if a picture is due and has a subscriber."""
         if time < self._next or not (self._process is None or self._process.idle):
             return
         wanted = [name for name in self.topics if outlet.has_subscribers(name)]
@@ -73,6 +77,6 @@ class Pictures:
             self._next = time + _PERIOD
 
     def close(self) -> None:
-        """End the process."""
+        """End the camera process."""
         if self._process is not None:
             self._process.close()

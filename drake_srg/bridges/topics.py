@@ -1,4 +1,4 @@
-"""What a served station tells: the topics of its cameras."""
+"""The camera and localizer topics that a served station publishes."""
 
 from __future__ import annotations
 
@@ -23,14 +23,18 @@ CAMERA_INFO, BLOBS = "/camera/color/camera_info", "/blobs"
 
 
 def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
-    """The topics of a camera and of the localizer, by name.
+    """Return the topics of a camera and of the localizer, by name.
 
-    Their `convert` takes, after the time: the colour image's pixels (h, w, 3, uint8),
-    the depth image's (h, w, float32, Drake's [m]), nothing, the list of blobs.
+    After the time, their `convert` takes:
+
+    - COLOR: pixels, shape (h, w, 3), uint8
+    - DEPTH: Drake's depths [m], shape (h, w), float32
+    - CAMERA_INFO: nothing
+    - BLOBS: list of `Blob`
 
     Args:
-        camera: Its name in the scenario.
-        intrinsics: Of both of its images.
+        camera: The camera's name in the scenario.
+        intrinsics: Intrinsics of both images.
     """
     frame_id = f"camera_{camera}"
 
@@ -38,7 +42,7 @@ def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
         return image_message(make, time, frame_id, "rgb8", pixels)
 
     def depth(make: MakeMessage, time: float, pixels: Any) -> Any:
-        # Drake's 0 is too close; REP 118 writes that as -inf, and too far as Drake.
+        # Drake writes 0 for "too close", REP 118 -inf; both write inf for "too far".
         pixels = np.where(pixels == 0.0, np.float32(-np.inf), pixels)
         return image_message(make, time, frame_id, "32FC1", pixels)
 
@@ -60,8 +64,8 @@ def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
 def _camera_info(
     make: MakeMessage, time: float, frame_id: str, intrinsics: CameraInfo
 ) -> Any:
-    # ROS counts pixels from the middle of the first one, Drake's renderers from where
-    # they sample it.
+    # ROS counts pixels from the centre of the first one, Drake's renderers from the
+    # point where they sample it.
     cx = intrinsics.center_x() - DRAKE_PIXEL_CENTER
     cy = intrinsics.center_y() - DRAKE_PIXEL_CENTER
     fx, fy = intrinsics.focal_x(), intrinsics.focal_y()
@@ -90,7 +94,7 @@ def _camera_info(
 
 
 def _blobs(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
-    """Blobs as JSON: no standard message has names, flags and positions of objects."""
+    """Return blobs as JSON: no standard message has an object's name and flags."""
     rows = [
         {
             "object_name": blob.object_name,

@@ -16,38 +16,38 @@ from drake_srg.common.errors import ScenarioError
 
 
 def add_arguments(serve: argparse.ArgumentParser) -> None:
-    """Add what the command takes, besides the scenario."""
-    serve.add_argument("--ros1", action="store_true", help="be a node of ROS 1")
+    """Add the command's arguments, except the scenario."""
+    serve.add_argument("--ros1", action="store_true", help="run a ROS 1 node")
     serve.add_argument(
-        "--master", metavar="URI", help="of ROS 1 (default: $ROS_MASTER_URI)"
+        "--master", metavar="URI", help="ROS 1 master (default: $ROS_MASTER_URI)"
     )
-    serve.add_argument("--ros2", action="store_true", help="be a node of ROS 2")
+    serve.add_argument("--ros2", action="store_true", help="run a ROS 2 node")
     serve.add_argument(
-        "--domain", type=int, metavar="N", help="of ROS 2 (default: $ROS_DOMAIN_ID)"
+        "--domain", type=int, metavar="N", help="ROS 2 domain (default: $ROS_DOMAIN_ID)"
     )
     serve.add_argument(
         "--servo",
         metavar="tcp:PORT|pty",
-        help="be the gripper's servo, for the real one's driver (HOST: tcp:HOST:PORT)",
+        help="run the gripper's servo for the real driver (or tcp:HOST:PORT)",
     )
     serve.add_argument(
         "--host",
         default="127.0.0.1",
         metavar="ADDRESS",
-        help="this machine's address to be reached at (default: %(default)s)",
+        help="this machine's address for clients (default: %(default)s)",
     )
     serve.add_argument(
         "--name",
         default="drake_srg",
         metavar="NODE",
-        help="of the node, for several beside each other (default: %(default)s)",
+        help="node name, to run several stations (default: %(default)s)",
     )
     serve.add_argument(
         "--rate",
         type=_rate,
         default=1.0,
         metavar="FACTOR",
-        help="simulated seconds in a real one; 0: as fast as it can (default: 1)",
+        help="simulated seconds per real second; 0: as fast as possible (default: 1)",
     )
     serve.add_argument(
         "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
@@ -63,19 +63,20 @@ def _rate(text: str) -> float:
     except ValueError:
         rate = math.nan
     if not 0.0 <= rate < math.inf:
-        raise argparse.ArgumentTypeError(f"{text}: must be a number from 0 on")
+        raise argparse.ArgumentTypeError(f"must be a number of at least 0, got {text}")
     return rate
 
 
 def serve(options: argparse.Namespace) -> int:
-    """Serve a station until somebody asks it to stop; returns the exit code.
+    """Serve a station until the user stops it; return the exit code.
 
     Raises:
-        ScenarioError: For bad input, and where an address or a folder cannot be used.
+        ScenarioError: If the input is bad, or an address or folder cannot be used.
     """
     status = StatusLine(sys.stdout)
     with _stop_on_signals() as stop, contextlib.closing(status):
-        # Only now: what is asked to stop while it imports Drake shall not be torn.
+        # Imported here, under the signal handlers, so that a signal during the import
+        # of Drake ends the command cleanly.
         from drake_srg.bridges.connecting import BridgeOptions
         from drake_srg.bridges.serve import Serve
         from drake_srg.scenario import load_scenario
@@ -109,7 +110,7 @@ def serve(options: argparse.Namespace) -> int:
                 tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
                 report=status.show,
             )
-        except BrokenPipeError:  # the reader of the status line has gone
+        except BrokenPipeError:  # nobody reads the status line any more
             raise
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
@@ -125,9 +126,9 @@ def serve(options: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def _stop_on_signals() -> Iterator[threading.Event]:
-    """Set an event where the user asks for an end; asking again does what it did.
+    """Yield an event that Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set.
 
-    That is Ctrl-C, SIGTERM, and SIGHUP of a terminal that is closed.
+    A second signal of the same kind has its usual effect.
     """
     stop = threading.Event()
     before: dict[int, Any] = {}

@@ -1,4 +1,4 @@
-"""One line that says how something goes that goes on for long."""
+"""The status line of a long-running command."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from typing import TextIO
 
 
 class StatusLine:
-    """A line that a terminal shows anew each time; anything else gets it once.
+    """A status line: updated in place on a terminal, printed once anywhere else.
 
     Any thread may call.
+
+    Args:
+        stream: Where to write it.
     """
 
     def __init__(self, stream: TextIO):
@@ -21,7 +24,7 @@ class StatusLine:
         self._lock = threading.Lock()
 
     def show(self, text: str) -> None:
-        """Show what is new."""
+        """Show a new status."""
         with self._lock:
             if self._terminal:
                 self._write(f"\r{_fitting(text)}\x1b[K")
@@ -30,7 +33,7 @@ class StatusLine:
             self._text = text
 
     def interrupt(self, text: str) -> None:
-        """Say something else, on standard error, in a line of its own."""
+        """Print a message on standard error, on a line of its own."""
         with self._lock:
             if self._terminal and self._text:
                 self._write("\r\x1b[K")
@@ -39,7 +42,7 @@ class StatusLine:
                 self._write(_fitting(self._text))
 
     def close(self) -> None:
-        """Leave the line as it is."""
+        """Leave the line as it is and move on to the next one."""
         with self._lock:
             if self._terminal and self._text:
                 self._write("\n")
@@ -51,5 +54,5 @@ class StatusLine:
 
 
 def _fitting(text: str) -> str:
-    """What of a text fits in one line, whose last place stays free."""
+    """Return as much of a text as fits on a line, leaving the last column free."""
     return text[: shutil.get_terminal_size().columns - 1]

@@ -4,17 +4,21 @@ from drake_srg.bridges.bridge import Bridge
 
 
 class FakeBridge(Bridge):
-    """Keeps what is published and told, (time, values) each, in lists.
+    """Keeps published messages and updates; calls `act(bridge)` every control period.
 
-    `act(bridge)` is called every control period, in the loop.
+    Attributes:
+        messages: List of (time, values) by topic name.
+        updates: List of (time, values).
+        time: Time of the last update [s].
+        is_closed: Whether the station has closed it.
     """
 
     status = "fake"
 
     def __init__(self, *, wanted=lambda name: True, ports=(), act=lambda bridge: None):
         self.ports = ports
-        self.messages = {}  # topic name to list of (time, values)
-        self.updates = []  # (time, values)
+        self.messages = {}
+        self.updates = []
         self.is_closed = False
         self.time = 0.0
         self._wanted, self._act = wanted, act

@@ -1,12 +1,13 @@
+import multiprocessing as mp
 import os
 import signal
 import threading
-import time
 
 import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
+from bridges.waiting import wait_until
 from drake_srg.bridges.camera_process import CameraProcess
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, COLOR
@@ -17,24 +18,15 @@ SCENARIO = load_scenario("kitchen", overrides=["object.position=[0.6, 0.1]"])
 
 
 class Shown:
-    """What comes from the process, as it comes."""
+    """Collects the pictures from the process."""
 
     def __init__(self):
         self.pictures = []
-        self.came = threading.Event()
-        self.told = []
+        self.arrived = threading.Event()
 
     def show(self, time, topic, values):
         self.pictures.append((time, topic, values))
-        self.came.set()
-
-
-def wait_until(condition):
-    for _ in range(600):
-        if condition():
-            return
-        time.sleep(0.1)
-    raise TimeoutError
+        self.arrived.set()
 
 
 @pytest.fixture(scope="module")
@@ -48,16 +40,27 @@ def shown():
 
 
 @pytest.fixture
-def cameras(plant, shown):
-    state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
-    warnings = Warnings(shown.told.append)
-    process = CameraProcess(SCENARIO, "ceiling", state, shown.show, warnings)
-    wait_until(lambda: process.idle)
-    yield process
-    process.close()
+def state(plant):
+    return plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
 
 
-def test_it_shows_the_state_that_it_is_told(plant, shown, cameras):
+@pytest.fixture
+def cameras(state, shown, told):
+    warnings = Warnings(told.append)
+    cameras = CameraProcess(SCENARIO, "ceiling", state, shown.show, warnings)
+    assert wait_until(lambda: cameras.idle, 60.0)
+    yield cameras
+    cameras.close()
+
+
+@pytest.fixture
+def process(cameras):
+    """The process that renders."""
+    (process,) = mp.active_children()
+    return process
+
+
+def test_a_picture_shows_the_given_state(plant, shown, cameras):
     context = plant.CreateDefaultContext()
     (body,) = plant.GetBodyIndices(plant.GetModelInstanceByName("soup_can"))
     body = plant.get_body(body)
@@ -65,42 +68,44 @@ def test_it_shows_the_state_that_it_is_told(plant, shown, cameras):
     X_WO.set_translation(np.array([0.7, 0.1, X_WO.translation()[2]]))
     plant.SetFreeBodyPose(context, body, X_WO)
     cameras.look(2.5, plant.GetPositionsAndVelocities(context), [BLOBS])
-    assert shown.came.wait(60.0)
+    assert shown.arrived.wait(60.0)
     ((seen_at, topic, (blobs,)),) = shown.pictures
     assert (seen_at, topic) == (2.5, BLOBS)
     (blob,) = blobs
     np.testing.assert_allclose(blob.position[:2], [0.7, 0.1], atol=0.001)
 
 
-def test_who_asks_for_nothing_leaves_it_idle(plant, cameras):
+def test_the_process_stays_idle_when_no_topic_is_wanted(cameras):
     cameras.look(0.0, np.zeros(0), [])
     assert cameras.idle
 
 
-def test_its_end_is_told_and_looking_goes_on_without(plant, shown, cameras):
-    cameras._process.kill()  # as somebody short of memory would
-    wait_until(lambda: shown.told)
-    assert "process has ended" in shown.told[0]
+def test_a_dead_process_is_reported_once_and_look_does_nothing(
+    state, cameras, process, told
+):
+    process.kill()  # as the system does when memory runs out
+    assert wait_until(lambda: told, 60.0)
     assert not cameras.idle
-    state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
-    cameras.look(1.0, state, [COLOR])  # does nothing, and does not raise
-    cameras.close()
-    assert len(shown.told) == 1
-
-
-def test_a_process_that_does_not_react_is_ended_all_the_same(cameras):
-    os.kill(cameras._process.pid, signal.SIGSTOP)
-    cameras.close()
-    assert not cameras._process.is_alive()
-
-
-def test_its_end_on_request_is_no_news(shown, cameras):
-    cameras.close()
-    assert shown.told == []
-
-
-def test_ctrl_c_in_the_terminal_is_not_for_it(plant, shown, cameras):
-    os.kill(cameras._process.pid, signal.SIGINT)
-    state = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
     cameras.look(1.0, state, [COLOR])
-    assert shown.came.wait(60.0)
+    cameras.close()
+    (text,) = told
+    assert "the camera process has ended" in text
+
+
+def test_close_ends_a_process_that_does_not_react(cameras, process):
+    os.kill(process.pid, signal.SIGSTOP)
+    cameras.close()
+    assert process not in mp.active_children()
+
+
+def test_close_is_not_reported_as_a_failure(cameras, told):
+    cameras.close()
+    assert told == []
+
+
+def test_ctrl_c_in_the_terminal_does_not_end_the_process(
+    state, shown, cameras, process
+):
+    os.kill(process.pid, signal.SIGINT)
+    cameras.look(1.0, state, [COLOR])
+    assert shown.arrived.wait(60.0)

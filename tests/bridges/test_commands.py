@@ -23,7 +23,7 @@ INPUTS = (
 )
 SCENARIO = load_scenario("kitchen")
 JOINT_NAMES = SCENARIO.gripper.joint_names
-# The iiwa 14's, data sheet [degrees].
+# Joint limits of the iiwa 14 (data sheet) [rad].
 IIWA_LIMITS = np.deg2rad([170, 120, 170, 120, 170, 120, 175])
 
 
@@ -34,17 +34,12 @@ def kitchen():
 
 
 @pytest.fixture
-def told():
-    return []
-
-
-@pytest.fixture
 def inbox(kitchen, told):
     topics = station_topics(kitchen, INPUTS, JOINT_NAMES)
     return CommandInbox(topics, Warnings(told.append))
 
 
-def test_the_topics_are_the_thesis_s(inbox):
+def test_a_full_station_has_the_topics_of_the_thesis(inbox):
     assert {topic.name: topic.type for topic in inbox.topics.values()} == {
         "/grasp": "std_msgs/msg/Int32",
         "/position_grasp": "std_msgs/msg/Float64MultiArray",
@@ -53,7 +48,7 @@ def test_the_topics_are_the_thesis_s(inbox):
     }
 
 
-def test_a_station_without_arm_or_gripper_obeys_what_it_can(kitchen):
+def test_a_station_without_arm_or_gripper_lacks_their_topics(kitchen):
     def names(*inputs):
         return {topic.name for topic in station_topics(kitchen, inputs)}
 
@@ -66,7 +61,7 @@ def test_a_station_without_arm_or_gripper_obeys_what_it_can(kitchen):
 
 
 @given(percent=st.integers(0, 100))
-def test_grasp_counts_in_percent_closed(kitchen, percent):
+def test_grasp_takes_percent_closed(kitchen, percent):
     (topic,) = station_topics(kitchen, ["gripper.closure_commanded"])
     assert topic.convert(percent) == {"gripper.closure_commanded": [percent / 100]}
 
@@ -78,7 +73,7 @@ def test_startgrasp_false_holds_and_true_releases(inbox):
     assert inbox.take() == {"gripper.hold": [0.0]}
 
 
-def test_of_grasp_and_position_grasp_the_last_counts(inbox):
+def test_the_last_of_grasp_and_position_grasp_wins(inbox):
     inbox.receive("/position_grasp", [0.1, 0.2, 0.3, 0.4])
     assert inbox.take()[SINGLE].tolist() == [0.1, 0.2, 0.3, 0.4]
     inbox.receive("/grasp", 50)
@@ -92,9 +87,7 @@ def test_of_grasp_and_position_grasp_the_last_counts(inbox):
         ("/position_grasp", [0.1] * 4, SINGLE),
     ],
 )
-def test_who_commands_the_gripper_gives_up_all_that_others_said(
-    kitchen, topic, data, port
-):
+def test_a_gripper_command_cancels_those_of_other_sources(kitchen, topic, data, port):
     others = {
         "gripper.force_limit": 1,
         "gripper.motor_position_commanded": 1,
@@ -112,7 +105,7 @@ def test_who_commands_the_gripper_gives_up_all_that_others_said(
     assert all(np.isnan(value).all() for value in values.values())
 
 
-def test_a_source_goes_on_until_another_commands(inbox):
+def test_a_source_amends_its_command_until_another_source_commands(inbox):
     port = "gripper.closure_commanded"
     inbox.amend({port: np.array([0.1])}, "servo")
     assert inbox.take() == {}
@@ -136,17 +129,21 @@ def test_kuka_takes_seven_angles_within_the_limits(inbox, told):
 @pytest.mark.parametrize(
     "topic, data, words",
     [
-        ("/kuka", [0.0] * 6, "has 6 numbers; needs 7"),
-        ("/kuka", [0.0] * 6 + [np.nan], "not finite"),
-        ("/kuka", [0.0] * 6 + [np.inf], "not finite"),
-        ("/kuka", [0.0, 0.0, 3.5, 0.0, 0.0, 0.0, 0.0], "number 3 is 3.5; allowed"),
-        ("/grasp", 101, "is 101; allowed are 0"),
-        ("/grasp", -1, "is -1; allowed are 0"),
-        ("/position_grasp", [0.0] * 3, "has 3 numbers; needs 4"),
-        ("/position_grasp", [0.0, 0.0, 0.0, 2.5], "number 4 is 2.5; allowed"),
+        ("/kuka", [0.0] * 6, "needs 7 numbers, got 6"),
+        ("/kuka", [0.0] * 6 + [np.nan], "needs finite numbers"),
+        ("/kuka", [0.0] * 6 + [np.inf], "needs finite numbers"),
+        (
+            "/kuka",
+            [0.0, 0.0, 3.5, 0.0, 0.0, 0.0, 0.0],
+            "number 3 must be -2.96706 to 2.96706, got 3.5",
+        ),
+        ("/grasp", 101, "must be 0 (open) to 100 (closed), got 101"),
+        ("/grasp", -1, "must be 0 (open) to 100 (closed), got -1"),
+        ("/position_grasp", [0.0] * 3, "needs 4 numbers, got 3"),
+        ("/position_grasp", [0.0, 0.0, 0.0, 2.5], "number 4 must be"),
     ],
 )
-def test_what_is_refused_is_said_once_and_the_last_good_command_holds(
+def test_an_invalid_command_is_refused_with_one_warning(
     inbox, told, topic, data, words
 ):
     for _ in range(3):
@@ -157,14 +154,14 @@ def test_what_is_refused_is_said_once_and_the_last_good_command_holds(
     assert inbox.received == 3
 
 
-def test_every_kind_is_told_of(inbox, told):
+def test_every_kind_of_fault_is_reported(inbox, told):
     inbox.receive("/kuka", [0.0] * 6)
     inbox.receive("/kuka", [9.0] * 7)
     inbox.receive("/position_grasp", [0.0] * 6)
     assert len(told) == 3
 
 
-def test_a_gripper_of_one_motor_says_that_it_has_no_single_joints(kitchen, told):
+def test_a_gripper_with_one_motor_refuses_single_joints(kitchen, told):
     topics = station_topics(kitchen, ["gripper.closure_commanded"], JOINT_NAMES)
     inbox = CommandInbox(topics, Warnings(told.append))
     inbox.receive("/position_grasp", [0.0] * 4)
@@ -185,13 +182,12 @@ def test_the_last_good_command_is_never_lost(kitchen, percents):
     assert inbox.take() == {}
 
 
-def test_threads_may_command_at_once():
+def test_threads_may_command_at_once(told):
     def convert(data):
         if data < 0:
             raise CommandError("negative", "is negative")
         return {f"port_{data % 4}": np.array([data])}
 
-    told = []
     topic = CommandTopic("/topic", "std_msgs/msg/Int32", convert)
     inbox = CommandInbox([topic], Warnings(told.append))
 
@@ -210,7 +206,7 @@ def test_threads_may_command_at_once():
     assert inbox.take() == {f"port_{k}": [k + 4 * 999] for k in range(4)}
 
 
-def test_trouble_that_was_over_is_told_again(told):
+def test_forgotten_trouble_is_reported_again(told):
     warnings = Warnings(told.append)
     for _ in range(2):
         warnings.warn("master", "gone")

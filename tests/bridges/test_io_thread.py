@@ -17,23 +17,23 @@ async def _name():
     return threading.current_thread().name
 
 
-def test_coroutines_run_in_a_thread_of_that_name(io):
+def test_coroutines_run_in_the_named_thread(io):
     assert io.call(_name()) == "test"
 
 
-def test_what_is_posted_runs_soon(io):
+def test_a_posted_function_runs(io):
     done = threading.Event()
     io.post(done.set)
     assert done.wait(5.0)
 
 
-def test_a_call_ends_at_its_timeout(io):
+def test_a_call_that_times_out_leaves_the_thread_running(io):
     with pytest.raises(TimeoutError):
         io.call(asyncio.sleep(3600.0), timeout=0.05)
-    assert io.call(_name()) == "test"  # and the thread goes on
+    assert io.call(_name()) == "test"
 
 
-def test_it_stops_with_tasks_that_still_run_and_stops_twice(io):
+def test_stop_cancels_running_tasks_and_may_be_repeated(io):
     started, ended = threading.Event(), threading.Event()
 
     async def forever():

@@ -7,7 +7,7 @@ from drake_srg.bridges.pacing import Pacer
 
 
 class Wall:
-    """A clock that passes when somebody waits, works or stalls."""
+    """A fake clock, and the stop event whose waits advance it."""
 
     def __init__(self):
         self.time = 100.0
@@ -21,7 +21,7 @@ class Wall:
 
 
 def run(wall, rate, steps, work, period=0.005):
-    """Pace steps that take `work` of real time each, a number or one a step."""
+    """Pace steps that take `work` [s] each, a number or a function of the step."""
     pacer = Pacer(rate, wall, clock=wall)
     for step in range(1, steps + 1):
         wall.time += work(step) if callable(work) else work
@@ -38,14 +38,14 @@ def test_simulated_time_passes_at_the_rate(rate):
     assert pacer.lost == 0.0
 
 
-def test_without_a_rate_nothing_waits():
+def test_an_infinite_rate_never_waits():
     wall = Wall()
     pacer = run(wall, math.inf, 2000, work=0.0005)
     assert wall.time - 100.0 == pytest.approx(1.0)
     assert pacer.factor == pytest.approx(10.0, rel=0.01)
 
 
-def test_a_short_stall_is_made_up_for():
+def test_a_short_stall_is_caught_up_with():
     wall = Wall()
     pacer = run(wall, 1.0, 2000, work=lambda step: 0.4 if step == 500 else 0.001)
     assert wall.time - 100.0 == pytest.approx(10.0)
@@ -60,13 +60,13 @@ def test_a_long_stall_is_given_up():
     assert wall.time - 100.0 == pytest.approx(10.0 + pacer.lost)
 
 
-def test_what_is_too_slow_says_how_slow():
+def test_a_run_that_is_too_slow_tells_its_rate():
     pacer = run(Wall(), 1.0, 2000, work=0.010)
     assert pacer.factor == pytest.approx(0.5, rel=0.01)
     assert pacer.too_slow == pytest.approx(0.5, rel=0.01)
 
 
-def test_what_is_slow_at_its_start_only_is_not_too_slow():
+def test_a_run_that_is_slow_only_at_its_start_is_not_too_slow():
     pacer = run(Wall(), 1.0, 4000, work=lambda step: 0.010 if step < 500 else 0.001)
     assert pacer.too_slow is None
 
@@ -74,5 +74,5 @@ def test_what_is_slow_at_its_start_only_is_not_too_slow():
 def test_a_stop_ends_a_wait():
     stop = threading.Event()
     threading.Timer(0.05, stop.set).start()
-    Pacer(1.0, stop).wait(3600.0)  # or this test would never end
+    Pacer(1.0, stop).wait(3600.0)  # returns only because of the stop
     assert stop.is_set()

@@ -2,11 +2,11 @@ import threading
 
 import numpy as np
 import pytest
+from pydrake.systems.analysis import Simulator
 from rosbags.rosbag2 import Reader
 
 from bridges.fake_bridge import FakeBridge
 from drake_srg.bridges import pacing
-from drake_srg.bridges.pictures import served_camera
 from drake_srg.bridges.serve import Serve
 from drake_srg.common.errors import ScenarioError
 from drake_srg.scenario import load_scenario
@@ -29,7 +29,7 @@ COMMANDS = ("gripper.closure_commanded", "arm.position_commanded")
 
 
 def serve(act, until, *, name="kitchen", overrides=(), **options):
-    """Serve as fast as it goes until a simulated time, `act(bridge)` every step."""
+    """Serve as fast as possible until a simulated time; `act(bridge)` every step."""
     stop = threading.Event()
 
     def step(bridge):
@@ -47,13 +47,13 @@ def serve(act, until, *, name="kitchen", overrides=(), **options):
     return bridge, Serve(scenario, bridge.connect, **options)
 
 
-def nothing(bridge):
+def do_nothing(bridge):
     pass
 
 
 @pytest.fixture(scope="module")
 def commanded():
-    """A run that commands everything, from 0.1 s on."""
+    """A run whose client commands arm and gripper at 0.1 s."""
 
     def act(bridge):
         if abs(bridge.time - 0.102) < 1e-6:
@@ -70,11 +70,11 @@ def series(bridge, port):
     )
 
 
-def test_it_tells_the_topics_every_control_period(commanded):
+def test_topics_are_published_every_control_period(commanded):
     bridge, served = commanded
     assert set(bridge.messages) == STATE
     times = [time for time, _ in bridge.messages["/joint_states"]]
-    # After the first step of 2 ms of each.
+    # After the first step of each period, 2 ms.
     np.testing.assert_allclose(times, 0.005 * np.arange(len(times)) + 0.002)
     assert len(times) == pytest.approx(300, abs=1)
     assert served.sim_time == pytest.approx(1.5, abs=0.006)
@@ -82,7 +82,7 @@ def test_it_tells_the_topics_every_control_period(commanded):
     assert bridge.is_closed
 
 
-def test_a_command_is_in_effect_one_control_period_later(commanded):
+def test_a_command_takes_effect_within_one_control_period(commanded):
     bridge, _ = commanded
     time, closure = series(bridge, "gripper.closure_commanded")
     np.testing.assert_array_equal(closure[:, 0], np.where(time > 0.1045, 0.4, 0.0))
@@ -91,7 +91,7 @@ def test_a_command_is_in_effect_one_control_period_later(commanded):
     assert moved <= 0.102 + 0.005 + 1e-9
 
 
-def test_an_arm_target_is_reached_within_the_limits(commanded):
+def test_the_arm_reaches_its_target_within_its_limits(commanded):
     bridge, _ = commanded
     time, arm = series(bridge, "arm.position_commanded")
     rates = [arm]
@@ -99,7 +99,7 @@ def test_an_arm_target_is_reached_within_the_limits(commanded):
         rates.append(np.diff(rates[-1], axis=0) / 0.005)
     for rate, limit in zip(rates[1:], np.deg2rad([110.0, 40.0, 80.0]), strict=True):
         assert np.abs(rate).max() <= limit * (1 + 1e-6)
-    # From rest to rest, 0.1 rad at 80 degrees/s3: 4 (d / 2 j)^(1/3).
+    # From rest to rest with jerk j alone, d = 0.1 rad takes 4 (d / 2 j)^(1/3).
     duration = 4.0 * (0.1 / (2.0 * np.deg2rad(80.0))) ** (1 / 3)
     there = arm[time > 0.105 + duration + 0.005]
     np.testing.assert_allclose(there[:, 0], 0.1, atol=1e-9)
@@ -108,11 +108,11 @@ def test_an_arm_target_is_reached_within_the_limits(commanded):
 def test_the_gripper_moves(commanded):
     bridge, _ = commanded
     _, (_, _, gripper, _) = bridge.messages["/joint_states"][-1]
-    # Closure 0.4 of 3 rad, all of it at the bases.
+    # Closure 0.4 of 3 rad, all of it in the base joints.
     np.testing.assert_allclose(gripper[:4], [1.2, 1.2, 0.0, 0.0], atol=0.02)
 
 
-def test_bad_commands_are_warned_of_and_change_nothing():
+def test_invalid_commands_are_reported_and_change_nothing():
     told = []
 
     def act(bridge):
@@ -126,7 +126,7 @@ def test_bad_commands_are_warned_of_and_change_nothing():
 
 
 @pytest.mark.parametrize("name", ["kitchen_tendon", "kitchen_fast", "assistive_arm"])
-def test_other_cells_are_served_too(name):
+def test_other_scenarios_are_served_too(name):
     def act(bridge):
         bridge.inbox.receive("/grasp", 20)
 
@@ -135,26 +135,26 @@ def test_other_cells_are_served_too(name):
     assert series(bridge, "gripper.closure_commanded")[1][-1] == 0.2
 
 
-def test_a_station_without_arm_and_gripper_has_a_clock():
+def test_a_station_without_arm_and_gripper_publishes_a_clock():
     overrides = ["arm=null", "gripper=null", "directives=[]", "script=[]"]
     overrides += ["cameras={}", "recording.video_camera=''"]
     overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]", "objects={}"]
     overrides += ["task={}"]
-    bridge, _ = serve(nothing, until=0.02, overrides=overrides, ports=())
+    bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=())
     assert set(bridge.messages) == {"/clock"}
 
 
-def test_a_gripper_alone_has_joint_states():
+def test_a_gripper_without_an_arm_publishes_joint_states():
     overrides = ["arm=null", "cameras={}", "recording.video_camera=''"]
     overrides += ["localizer.cameras=[]", "recording.bag_cameras=[]"]
     overrides += ["directives=[{add_model: {name: gripper, file: "]
     overrides[-1] += "'package://drake_srg/sdf/srg.sdf'}}]"
-    bridge, _ = serve(nothing, until=0.02, overrides=overrides, ports=COMMANDS[:1])
+    bridge, _ = serve(do_nothing, until=0.02, overrides=overrides, ports=COMMANDS[:1])
     _, (state, _) = bridge.messages["/joint_states"][-1]
     assert len(state) == 8
 
 
-def test_the_recording_is_complete(tmp_path):
+def test_the_recording_has_every_topic(tmp_path):
     def act(bridge):
         bridge.inbox.receive("/grasp", 30)
 
@@ -166,15 +166,15 @@ def test_the_recording_is_complete(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]
 
 
-def test_pictures_come_from_a_process_of_their_own():
-    def until_all_are_there(bridge):
+def test_pictures_and_blobs_arrive_from_the_camera_process():
+    def stop_when_all_are_there(bridge):
         if set(bridge.messages) >= PICTURES:
             stop.set()
 
     stop = threading.Event()
-    timer = threading.Timer(60.0, stop.set)  # an end in any case
+    timer = threading.Timer(60.0, stop.set)  # as a guard
     timer.start()
-    bridge = FakeBridge(ports=COMMANDS, act=until_all_are_there)
+    bridge = FakeBridge(ports=COMMANDS, act=stop_when_all_are_there)
     Serve(load_scenario("kitchen"), bridge.connect, rate=1.0, stop=stop)
     timer.cancel()
     _, (color,) = bridge.messages["/camera/color/image_raw"][0]
@@ -185,17 +185,7 @@ def test_pictures_come_from_a_process_of_their_own():
     assert [blob.object_name for blob in blobs] == ["soup_can"]
 
 
-def test_the_camera_is_the_localizer_s():
-    name, intrinsics = served_camera(load_scenario("kitchen"))
-    assert (name, intrinsics.width()) == ("ceiling", 640)
-    assert served_camera(load_scenario("gripper_bench"))[0] == "overview"
-    without = ["cameras={}", "recording.video_camera=''"]
-    assert served_camera(load_scenario("gripper_bench", overrides=without)) is None
-
-
-def test_drake_giving_up_is_reported_and_the_recording_kept(tmp_path, monkeypatch):
-    from pydrake.systems.analysis import Simulator
-
+def test_a_failure_of_drake_is_reported_and_keeps_the_recording(tmp_path, monkeypatch):
     advance = Simulator.AdvanceTo
 
     def give_up(self, time, **options):
@@ -205,34 +195,34 @@ def test_drake_giving_up_is_reported_and_the_recording_kept(tmp_path, monkeypatc
 
     monkeypatch.setattr(Simulator, "AdvanceTo", give_up)
     with pytest.raises(ScenarioError, match=r"kitchen: .* at t = 0.300 s: the solver"):
-        serve(nothing, until=1.0, out=tmp_path)
+        serve(do_nothing, until=1.0, out=tmp_path)
     with Reader(tmp_path / "recording.mcap") as reader:
         assert reader.duration == pytest.approx(0.28e9, rel=0.1)
 
 
-def test_ports_that_are_not_there_are_named():
+def test_ports_that_the_station_lacks_are_named():
     with pytest.raises(ScenarioError, match="kitchen: the station has no grip"):
-        serve(nothing, until=0.01, ports=["gripper.speed"])
+        serve(do_nothing, until=0.01, ports=["gripper.speed"])
 
 
-def test_an_unwritable_folder_is_told_at_once(tmp_path):
+def test_an_unwritable_folder_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError):
-        serve(nothing, until=0.01, out=tmp_path / "file" / "x")
+        serve(do_nothing, until=0.01, out=tmp_path / "file" / "x")
 
 
-def test_what_is_too_slow_says_so_once(monkeypatch):
+def test_a_rate_out_of_reach_is_reported_once(monkeypatch):
     monkeypatch.setattr(pacing, "_WINDOW", 0.2)  # s
     told = []
-    serve(nothing, until=3.0, rate=100.0, tell=told.append)
+    serve(do_nothing, until=3.0, rate=1e6, tell=told.append)
     (text,) = told
-    assert "cannot keep 100 x real time with kitchen" in text
+    assert "cannot keep 1e+06 x real time with kitchen" in text
 
 
-def test_a_bridge_that_fails_is_warned_of_once_and_nothing_stops():
+def test_a_failing_bridge_is_reported_once_and_stops_no_other():
     class Failing(FakeBridge):
         def publish(self, topic, time, values):
-            raise KeyError("nobody thought of this")
+            raise KeyError("unforeseen")
 
     told, stop = [], threading.Event()
     good = FakeBridge(
@@ -252,10 +242,10 @@ def test_a_bridge_that_fails_is_warned_of_once_and_nothing_stops():
     )
     assert len(good.messages["/clock"]) > 10
     (text,) = told
-    assert text.startswith("Failing /clock: ") and "nobody thought" in text
+    assert text.startswith("Failing /clock: ") and "unforeseen" in text
 
 
-def test_when_the_last_bridge_has_ended_so_does_the_station():
+def test_the_station_ends_with_its_last_bridge():
     class Ending(FakeBridge):
         @property
         def closed(self):
@@ -266,8 +256,8 @@ def test_when_the_last_bridge_has_ended_so_does_the_station():
     assert served.sim_time == pytest.approx(0.06)
 
 
-def test_a_start_that_fails_leaves_the_last_recording(tmp_path):
+def test_a_failed_start_keeps_the_recording_of_the_last_run(tmp_path):
     (tmp_path / "recording.mcap").write_text("of the last run")
     with pytest.raises(ScenarioError):
-        serve(nothing, until=0.01, ports=["gripper.speed"], out=tmp_path)
+        serve(do_nothing, until=0.01, ports=["gripper.speed"], out=tmp_path)
     assert (tmp_path / "recording.mcap").read_text() == "of the last run"

@@ -14,7 +14,7 @@ TOPICS = camera_topics("ceiling", INFO)
 
 @pytest.fixture(params=[Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE])
 def send(request):
-    """Sends values on a topic to itself, by the wire format of ROS 1 or 2."""
+    """Convert values to a message, through the wire format of ROS 1 or ROS 2."""
     store = get_typestore(request.param)
     ros1 = request.param == Stores.ROS1_NOETIC
 
@@ -35,7 +35,7 @@ def send(request):
     return send
 
 
-def test_a_colour_image_arrives_as_it_was(send):
+def test_a_colour_image_arrives_unchanged(send):
     pixels = np.random.default_rng(0).integers(0, 256, (48, 64, 3), dtype=np.uint8)
     message = send(COLOR, pixels)
     assert (message.height, message.width, message.step) == (48, 64, 192)
@@ -46,7 +46,7 @@ def test_a_colour_image_arrives_as_it_was(send):
     np.testing.assert_array_equal(message.data.reshape(48, 64, 3), pixels)
 
 
-def test_a_depth_image_has_metres_and_rep_118_s_infinities(send):
+def test_a_depth_image_is_in_metres_with_the_infinities_of_rep_118(send):
     pixels = np.array([[0.0, 1.5], [np.inf, 2.25]], dtype=np.float32)
     message = send(DEPTH, pixels)
     assert (message.encoding, message.step) == ("32FC1", 8)
@@ -54,7 +54,7 @@ def test_a_depth_image_has_metres_and_rep_118_s_infinities(send):
     np.testing.assert_array_equal(seen, [[-np.inf, 1.5], [np.inf, 2.25]])
 
 
-def test_camera_info_counts_pixels_from_the_middle_of_the_first(send):
+def test_camera_info_counts_pixels_from_the_centre_of_the_first(send):
     message = send(CAMERA_INFO)
     K = message.K if hasattr(message, "K") else message.k  # ROS 1, ROS 2
     np.testing.assert_allclose(
@@ -63,7 +63,7 @@ def test_camera_info_counts_pixels_from_the_middle_of_the_first(send):
     assert (message.width, message.height) == (640, 480)
 
 
-def test_blobs_are_json_with_everything_that_a_blob_has(send):
+def test_blobs_are_json_with_every_field(send):
     blob = Blob(
         "can",
         "ceiling",

@@ -1,4 +1,4 @@
-"""`drake-srg serve`, as somebody types it."""
+"""`drake-srg serve` as a command."""
 
 import re
 import signal
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from bridges.conftest import wait_until
+from bridges.waiting import wait_until
 from rosbags.rosbag2 import Reader
 
 from drake_srg.cli import main as cli
@@ -21,17 +21,17 @@ COMMAND = (sys.executable, "-m", "drake_srg", "serve")
     [
         (["kitchen"], "needs at least one of --ros1, --ros2 and --servo"),
         (["kitten", "--ros2"], "scenario 'kitten' is unknown"),
-        (["kitchen", "--ros2", "--rate", "-1"], "--rate: -1: must be a number from 0"),
-        (["kitchen", "--ros2", "--rate", "fast"], "--rate: fast: must be a number"),
-        (["kitchen", "--ros2", "--domain", "233"], "233"),
-        (["kitchen", "--ros1", "--master", "roscore"], "roscore"),
+        (["kitchen", "--ros2", "--rate", "-1"], "--rate: must be a number of at least"),
+        (["kitchen", "--ros2", "--rate", "fast"], "at least 0, got fast"),
+        (["kitchen", "--ros2", "--domain", "233"], "must be 0 to 232, got 233"),
+        (["kitchen", "--ros1", "--master", "roscore"], "got 'roscore'"),
         (["kitchen", "--servo", "tcp:0"], "!SrgTendonDriver"),
-        (["gripper_bench", "--servo", "rs485"], "rs485"),
-        (["kitchen", "--ros2", "--name", "my node"], "--name my node: must be letters"),
-        (["gripper_bench", "--servo", "tcp:99999"], "99999"),
+        (["gripper_bench", "--servo", "rs485"], "got 'rs485'"),
+        (["kitchen", "--ros2", "--name", "my node"], "--name: must be a letter"),
+        (["gripper_bench", "--servo", "tcp:99999"], "got 'tcp:99999'"),
     ],
 )
-def test_bad_input_is_one_line_that_helps(arguments, words, capsys):
+def test_bad_input_is_reported_on_one_line(arguments, words, capsys):
     try:
         code = cli.main(["serve", *arguments, "--no-record"])
     except SystemExit as end:
@@ -43,7 +43,7 @@ def test_bad_input_is_one_line_that_helps(arguments, words, capsys):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_it_stops_cleanly_with_its_recording_complete(tmp_path, number):
+def test_a_signal_stops_it_with_a_complete_recording(tmp_path, number):
     process = subprocess.Popen(
         [*COMMAND, "gripper_bench", "--servo", "tcp:0", "--out", str(tmp_path)],
         stdout=subprocess.PIPE,
@@ -64,7 +64,7 @@ def test_it_stops_cleanly_with_its_recording_complete(tmp_path, number):
     assert [p.name for p in tmp_path.iterdir()] == ["recording.mcap"]
 
 
-def test_a_port_that_is_taken_is_named(tmp_path):
+def test_a_port_in_use_is_an_error_of_one_line(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
         arguments = ["gripper_bench", "--servo", f"tcp:{port}", "--out", str(tmp_path)]
@@ -85,7 +85,7 @@ def has_loaded_drake(process):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.3, 1.0])
-def test_asked_to_stop_while_it_starts_it_does_so_quietly(delay):
+def test_a_signal_during_the_start_stops_it_quietly(delay):
     arguments = ["gripper_bench", "--servo", "tcp:0", "--no-record"]
     process = subprocess.Popen(
         [*COMMAND, *arguments],
@@ -93,7 +93,7 @@ def test_asked_to_stop_while_it_starts_it_does_so_quietly(delay):
         stderr=subprocess.PIPE,
         text=True,
     )
-    # Until then it is Python that starts, and has words of its own.
+    # Before that, Python itself handles the signal, with a traceback.
     assert wait_until(lambda: has_loaded_drake(process))
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(delay)

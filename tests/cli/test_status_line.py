@@ -8,7 +8,7 @@ class Terminal(io.StringIO):
         return True
 
 
-def test_a_terminal_shows_the_line_anew():
+def test_a_terminal_updates_the_line_in_place():
     stream = Terminal()
     line = StatusLine(stream)
     line.show("1 s")
@@ -17,7 +17,7 @@ def test_a_terminal_shows_the_line_anew():
     assert stream.getvalue() == "\r1 s\x1b[K\r2 s\x1b[K\n"
 
 
-def test_anything_else_gets_it_once():
+def test_anything_else_gets_the_line_once():
     stream = io.StringIO()
     line = StatusLine(stream)
     line.show("1 s")
@@ -33,10 +33,10 @@ def test_a_line_longer_than_the_terminal_is_cut(monkeypatch):
     assert stream.getvalue() == "\r012345678\x1b[K"
 
 
-def test_a_warning_stands_in_a_line_of_its_own(capsys):
+def test_a_warning_gets_a_line_of_its_own(capsys):
     stream = Terminal()
     line = StatusLine(stream)
     line.show("1 s")
-    line.interrupt("drake-srg: warning: so")
+    line.interrupt("drake-srg: warning: slow")
     assert stream.getvalue() == "\r1 s\x1b[K\r\x1b[K1 s"
-    assert capsys.readouterr().err == "drake-srg: warning: so\n"
+    assert capsys.readouterr().err == "drake-srg: warning: slow\n"

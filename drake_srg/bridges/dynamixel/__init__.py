@@ -1,1 +1,1 @@
-"""The gripper's servo: an emulated Dynamixel MX-64."""
+"""The gripper's Dynamixel servo, for the real gripper's driver."""

@@ -1,7 +1,7 @@
-"""The gripper's own servo, reached over TCP or a pseudo terminal.
+"""The bridge to a driver of the gripper's servo, over TCP or a pseudo terminal.
 
-Clients speak to it as to a Dynamixel MX-64 on a serial line: by a pyserial URL such as
-socket://127.0.0.1:4001, or by the device /dev/pts/N.
+Clients talk to it as to a Dynamixel MX-64 on a serial line, at a pyserial URL such as
+socket://127.0.0.1:4001 or at the device /dev/pts/N.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.types import Vector
 
 _CHUNK = 4096  # bytes read at once
-_PAUSE = 1.0  # until clients are let in again who could not be [s]
+_PAUSE = 1.0  # before the next attempt after a client could not be accepted [s, real]
 _SOURCE = "servo"
 _POSITION = "gripper.motor_position_commanded"
 
 
 class ServoBridge(Bridge):
-    """An MX-64 whose motor is that of `SrgTendonDriver`.
+    """An MX-64 that drives the motor of an `SrgTendonDriver`.
 
-    It replies at once, from what the motor did at the last `update`, whatever the
-    return delay in its registers. Of what it commands and what others do, the last
-    counts, see `gripper_command`.
+    It replies at once, with the motor's state at the last `update`, and ignores the
+    return delay in its registers. The most recent source of gripper commands wins, see
+    `gripper_command`.
 
     Args:
-        inbox: For its commands.
-        where: `tcp:PORT`, `tcp:HOST:PORT` (HOST is this machine unless told otherwise,
-            an IPv6 address stands in brackets, PORT 0 is a free one) or `pty`.
-        gripper: Whose motor it is.
+        inbox: Where its commands go.
+        where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
+            IPv6 address needs brackets, PORT 0 takes a free port.
+        gripper: Configuration of the gripper.
 
     Attributes:
-        address: Where clients find it, "HOST:PORT" or a device.
+        address: Where clients find the servo, "HOST:PORT" or a device.
 
     Raises:
-        ValueError: If `where` is none of these.
-        OSError: If nobody can listen there.
+        ValueError: If `where` is invalid.
+        OSError: If the servo cannot listen there.
     """
 
     ports = ("gripper.motor_state", "gripper.pwm", "gripper.motor_temperature")
@@ -65,19 +65,19 @@ class ServoBridge(Bridge):
         gripper = gripper or SrgTendonDriver()
         self._inbox = inbox
         self._servo = Mx64(gripper.drive, gripper.temperature, self._warn)
-        self._lock = threading.Lock()  # of the servo
+        self._lock = threading.Lock()  # guards the servo
         self._commanded: MotorCommand | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._stack = contextlib.ExitStack()
         self._io = IoThread("servo")
-        self._io.loop.set_exception_handler(self._fault)
+        self._io.loop.set_exception_handler(self._handle_fault)
         self._stack.callback(self._io.stop)
         try:
             if endpoint is None:
                 self.address = self._io.call(self._open_pty())
             else:
                 self.address = self._io.call(self._listen(*endpoint))
-        except (socket.gaierror, UnicodeError):  # UnicodeError: as of "a..b"
+        except (socket.gaierror, UnicodeError):  # UnicodeError: such as "a..b"
             self._stack.close()
             raise OSError(
                 errno.EADDRNOTAVAIL,
@@ -91,35 +91,38 @@ class ServoBridge(Bridge):
 
     @property
     def status(self) -> str:
-        """Where it is reached, as in "servo at tcp:127.0.0.1:4001"."""
+        """Where clients reach it, such as "servo at tcp:127.0.0.1:4001"."""
         return self._status
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
-        """Take what the motor does, every control period."""
+        """Pass the motor's state to the servo; called every control period."""
         motor, pwm, temperature = (values[name] for name in ServoBridge.ports)
         with self._lock:
-            self._yield()
+            self._yield_motor()
             self._servo.sense(time, motor[0], motor[1], pwm[0], temperature[0])
             self._command(self._inbox.amend)
 
     def close(self) -> None:
-        """Hang up."""
+        """Disconnect all clients. A second call does nothing."""
         self._stack.close()
 
     def _warn(self, kind: str, message: str) -> None:
         self._inbox.warnings.warn(f"servo {kind}", f"servo: {message}")
 
-    def _fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Tell of what nobody expected; the loop goes on."""
+    def _handle_fault(
+        self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]
+    ) -> None:
+        """Report an unexpected error; the loop goes on."""
         self._warn("fault", repr(context.get("exception") or context["message"]))
 
-    def _yield(self) -> None:
-        """Leave the motor alone if somebody else has commanded it since."""
+    def _yield_motor(self) -> None:
+        """Release the motor if another source has commanded it since."""
         if self._commanded and self._inbox.source(_POSITION) != _SOURCE:
             self._servo.release()
             self._commanded = None
 
-    def _command(self, tell: Callable[[PortValues, str], None]) -> None:
+    def _command(self, keep: Callable[[PortValues, str], None]) -> None:
+        """Pass the servo's command, if it is new, to a method of the inbox."""
         command = self._servo.command()
         if command is None or command.same(self._commanded):
             return
@@ -129,27 +132,27 @@ class ServoBridge(Bridge):
             "gripper.motor_torque_commanded": np.array([command.torque]),
             "gripper.force_limit": np.array([command.limit]),
         }
-        tell(gripper_command(values, values), _SOURCE)
+        keep(gripper_command(values, values), _SOURCE)
 
     def _answer(self, reader: PacketReader, data: bytes) -> list[bytes]:
-        """Take in what came over a line, and return the packets that go back."""
+        """Take bytes from a client and return the packets for it."""
         dropped, servo = reader.dropped, self._servo
         now = asyncio.get_running_loop().time()
         with self._lock:
-            self._yield()
+            self._yield_motor()
             written = servo.writes
             replies = [servo.answer(packet) for packet in reader.feed(data, now)]
             self._command(self._inbox.put)
             self._inbox.count(servo.writes - written)
         if reader.dropped > dropped:
-            self._warn("noise", "bytes that are no packet, or half of one; ignored")
+            self._warn("noise", "ignored bytes that are not a complete packet")
         return replies
 
     # TCP.
 
     async def _listen(self, host: str, port: int) -> str:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        # (By itself, create_server loses what is wrong with a name.)
+        # create_server alone would not report what is wrong with a name.
         found = socket.getaddrinfo(host, port, family, socket.SOCK_STREAM)
         server = socket.create_server(found[0][4], family=family)
         server.setblocking(False)
@@ -159,7 +162,7 @@ class ServoBridge(Bridge):
 
     def _start(self, coroutine: Coroutine[None, None, None]) -> None:
         task = asyncio.get_running_loop().create_task(coroutine)
-        self._tasks.add(task)  # the loop itself would forget it
+        self._tasks.add(task)  # the loop keeps weak references only
         task.add_done_callback(self._tasks.discard)
 
     async def _accept(self, server: socket.socket) -> None:
@@ -168,16 +171,16 @@ class ServoBridge(Bridge):
             while True:
                 try:
                     connection, _ = await loop.sock_accept(server)
-                except OSError as error:  # as where there are too many open files
-                    self._warn("accept", f"cannot let clients in: {error.strerror}")
+                except OSError as error:  # such as too many open files
+                    self._warn("accept", f"cannot accept clients: {error.strerror}")
                     await asyncio.sleep(_PAUSE)
                     continue
                 self._start(self._serve(connection))
 
     async def _serve(self, connection: socket.socket) -> None:
         loop, reader = asyncio.get_running_loop(), PacketReader()
-        # Of a client that reads no replies, nothing more is read either; one that is
-        # not there any more is found out by the kernel.
+        # While a client does not read its replies, nothing more is read from it. The
+        # kernel's keepalive detects clients that have vanished.
         with connection, contextlib.suppress(OSError):
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -188,17 +191,18 @@ class ServoBridge(Bridge):
     # Pseudo terminal.
 
     async def _open_pty(self) -> str:
-        # The other end stays open here, too: else it hangs up with its first client.
+        # The clients' end stays open here too: otherwise the terminal would hang up
+        # when its first client closes it.
         ours, theirs = os.openpty()
         self._stack.callback(os.close, ours)
         self._stack.callback(os.close, theirs)
         tty.setraw(theirs)
         os.set_blocking(ours, False)
         reader, loop = PacketReader(), asyncio.get_running_loop()
-        tail = b""  # of the packet that is on its way
+        tail = b""  # unsent rest of a packet
 
         def send(packet: bytes) -> bytes:
-            """Return what does not fit in."""
+            """Send as much as the terminal takes and return the rest."""
             try:
                 return packet[os.write(ours, packet) :]
             except BlockingIOError:
@@ -213,7 +217,7 @@ class ServoBridge(Bridge):
             nonlocal tail
             with contextlib.suppress(BlockingIOError):
                 for packet in self._answer(reader, os.read(ours, _CHUNK)):
-                    # What nobody reads is lost, as on a wire; but no half packets.
+                    # Unread packets are lost, as on a wire, but only whole ones.
                     if not tail and (rest := send(packet)) != packet:
                         tail = rest
             if tail:
@@ -230,13 +234,13 @@ class ServoBridge(Bridge):
 
 
 def _parse(where: str) -> tuple[str, int] | None:
-    """Host and port; None for a pseudo terminal."""
+    """Return host and port, or None for a pseudo terminal."""
     kind, _, rest = where.partition(":")
     host, _, port = rest.rpartition(":")
     if where == "pty":
         return None
     if kind != "tcp" or not port.isdecimal() or int(port) > 65535:
         raise ValueError(
-            f"servo: {where!r}; allowed are tcp:PORT, tcp:HOST:PORT and pty"
+            f"servo: must be tcp:PORT, tcp:HOST:PORT or pty, got {where!r}"
         )
     return host.strip("[]") or "127.0.0.1", int(port)

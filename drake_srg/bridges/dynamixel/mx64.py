@@ -1,4 +1,4 @@
-"""What a Dynamixel MX-64 does with its registers, its motor simulated elsewhere."""
+"""The firmware of a Dynamixel MX-64; its motor is simulated elsewhere."""
 
 from __future__ import annotations
 
@@ -6,51 +6,46 @@ import dataclasses as dc
 import math
 from collections.abc import Callable
 
+from drake_srg.bridges.dynamixel.encoder import encoder_position, goal_angle
 from drake_srg.bridges.dynamixel.protocol import (
     BROADCAST,
-    ControlTable,
     Error,
     Instruction,
     Packet,
     RefusedError,
 )
+from drake_srg.bridges.dynamixel.registers import (
+    CLOCKWISE,
+    CURRENT_UNIT,
+    FULL_TORQUE,
+    SPEED_UNIT,
+    VOLTAGE_UNIT,
+    ControlTable,
+    encode_directed,
+)
 from drake_srg.gripper.motor_temperature import MotorTemperatureConfig, motor_load
 from drake_srg.gripper.tendon import TendonDriveConfig
 
-_COUNTS = 4096 / math.tau  # of the encoder, per rad
-# Position with the fingers open and the wires taut: 2500 counts from there, clockwise
-# and so downwards, are the middle of a turn. SAKE's 100 % are 2500 counts, 29.1 mm of
-# wire, about what a finger takes over all of the range of both its joints (28.8 mm
-# here). Calibrated on nothing, the fingers end where their pads meet: after 19.7 mm,
-# and up to 1.7 mm more that the wires stretch under 43 N, which goes back while the
-# zero is read. That is then at 1456 to 1537, the fingers fully open at 70 to 74 %.
-_OPEN = 3298
-# Units, e-manual.
-_SPEED = 0.114 * math.tau / 60  # rad/s
-_CURRENT = 4.5e-3  # A
-_VOLTAGE = 0.1  # V
-_FULL = 1023  # a torque limit or load of 100 %: the stall torque
-_CLOCKWISE = 1024  # bit of speeds, loads and torques
-
-# A servo is overloaded when "persistent load exceeds maximum output" (e-manual): when
-# its output is at the torque limit, and above what ROBOTIS recommends for long, a fifth
-# of the stall torque, for this time. A user saw an MX-64 shut down after 10 s with 4 A,
-# 20 s with 2 A, and not with 1 A (forum.robotis.com, "Moment of dynamixel").
+# The e-manual defines an overload as "persistent load exceeds maximum output". Here:
+# the output is at the torque limit, and above a fifth of the stall torque (what ROBOTIS
+# recommends for continuous load), for this time. A user saw an MX-64 shut down after
+# 10 s at 4 A, after 20 s at 2 A, and not at 1 A (forum.robotis.com, "Moment of
+# dynamixel").
 _OVERLOAD_TIME = 10.0  # s
-_SUSTAINED = _FULL // 5
+_SUSTAINED = FULL_TORQUE // 5
 
 _WRITING = (Instruction.WRITE, Instruction.REG_WRITE, Instruction.SYNC_WRITE)
 
 
 @dc.dataclass(frozen=True)
 class MotorCommand:
-    """What the servo wants of its motor.
+    """The servo's command to its motor.
 
     Attributes:
-        position: Spool angle [rad], NaN where `torque` applies.
-        torque: Fraction of full PWM's torque, positive to wind; NaN where `position`
+        position: Spool angle [rad]; NaN if `torque` applies.
+        torque: Fraction of the torque at full PWM, positive to wind; NaN if `position`
             applies.
-        limit: kappa, fraction of full PWM, 0 .. 1.
+        limit: Force limit kappa, fraction of full PWM, 0 .. 1.
     """
 
     position: float
@@ -58,34 +53,38 @@ class MotorCommand:
     limit: float
 
     def same(self, other: MotorCommand | None) -> bool:
-        """Whether both say the same; NaN is NaN."""
+        """Return whether two commands are equal, where NaN equals NaN."""
         return repr(self) == repr(other)
 
 
 class Mx64:
-    """The servo: answers packets, reads its motor, commands it.
+    """A servo that answers packets, senses its motor and commands it.
 
-    Until something is written that moves the motor (goal position, torque enable,
-    torque control mode) it has no command. From then on, with torque control mode:
-    the goal torque; without, and with torque enabled: the goal position, approached
-    with the moving speed; else no torque at all. The torque limit counts in 1/1023 of
-    the stall torque; beyond `drive.full_scale` it allows no more than that.
+    It commands nothing until a master writes a register that moves the motor (goal
+    position, torque enable, torque control mode). From then on it commands
 
-    The motor may be taken from it, see `release`: then it commands nothing, and does
-    not look at the load, until it is written again that the motor moves.
+    - in torque control mode: the goal torque
+    - otherwise, with torque enabled: the goal position, approached at the moving speed
+    - otherwise: zero torque
 
-    Clockwise, positions fall and the gripper closes. PID gains, punch, goal
-    acceleration, baud rate, return delay and LEDs are kept and do nothing; factory
+    The torque limit is in 1/1023 of the stall torque; values above `drive.full_scale`
+    allow no more than that.
+
+    After `release` it commands nothing and ignores the load, until a master again
+    writes a register that moves the motor.
+
+    Turning clockwise lowers the position and closes the gripper. PID gains, punch, goal
+    acceleration, baud rate, return delay and LEDs are stored without effect. Factory
     reset and endless turning are refused.
 
     Args:
         drive: The motor.
-        heat: Its currents and its supply.
-        warn: Called with a kind and words on what is refused, and of shutdowns.
+        heat: The motor's stall current and supply voltage.
+        warn: Called with a kind and a message for each refusal and each shutdown.
 
     Attributes:
         table: The registers.
-        writes: Packets for it that would write, good and bad, so far.
+        writes: Number of write packets for this servo so far, good and bad.
     """
 
     def __init__(
@@ -95,70 +94,74 @@ class Mx64:
         warn: Callable[[str, str], None],
     ):
         self.table = ControlTable()
-        self.table["present_voltage"] = min(round(heat.supply_voltage / _VOLTAGE), 255)
+        self.table["present_voltage"] = min(
+            round(heat.supply_voltage / VOLTAGE_UNIT), 255
+        )
         self.writes = 0
         self._drive, self._heat = drive, heat
         self._warn = warn
         self._registered: tuple[int, bytes] | None = None
-        self._engaged = False  # whether a master has moved the motor
+        self._engaged = False  # whether a master commands the motor
         self._overload = False
         self._time = self._unloaded_at = 0.0
-        self._target = 0.0  # angle that the profile of the moving speed has reached
+        self._target = 0.0  # angle that the moving-speed profile has reached [rad]
 
-    # The motor.
+    # Motor.
 
     def sense(
         self, time: float, angle: float, speed: float, pwm: float, temperature: float
     ) -> None:
-        """Take what the motor does at a time [s].
+        """Take the motor's state into the registers.
 
         Args:
-            time: Simulated time.
-            angle: Of the spool [rad].
-            speed: Of the spool [rad/s].
+            time: Simulated time [s].
+            angle: Angle of the spool [rad].
+            speed: Speed of the spool [rad/s].
             pwm: Fraction of full scale.
-            temperature: In degrees Celsius.
+            temperature: Temperature of the motor [degrees Celsius].
         """
         table, drive = self.table, self._drive
         step, self._time = max(time - self._time, 0.0), time
         amperes = motor_load(drive, pwm, speed) * self._heat.stall_current
-        table["present_position"] = self._position(angle)
-        table["present_speed"] = _directed(speed / _SPEED)
-        table["present_load"] = load = _directed(drive.full_scale * pwm * _FULL)
+        table["present_position"] = encoder_position(table, angle)
+        table["present_speed"] = encode_directed(speed / SPEED_UNIT)
+        table["present_load"] = load = encode_directed(
+            drive.full_scale * pwm * FULL_TORQUE
+        )
         table["present_temperature"] = min(max(round(temperature), 0), 255)
-        table["current"] = min(max(2048 - round(amperes / _CURRENT), 0), 4095)
+        table["current"] = min(max(2048 - round(amperes / CURRENT_UNIT), 0), 4095)
         table["moving"] = int(table["present_speed"] != 0)
         table["realtime_tick"] = int(time * 1000) % 32768
-        self._protect(load & ~_CLOCKWISE if self._engaged else 0)
+        self._protect(load & ~CLOCKWISE if self._engaged else 0)
         if not (self._positioning and self._engaged):
             self._target = angle
             if not table["torque_enable"]:
                 table["goal_position"] = table["present_position"]
         else:
-            distance = self._goal_angle() - self._target
-            if allowed := table["moving_speed"] * _SPEED:  # 0: as fast as it can
+            distance = goal_angle(table) - self._target
+            if allowed := table["moving_speed"] * SPEED_UNIT:  # 0 means no limit
                 distance = math.copysign(min(abs(distance), allowed * step), distance)
             self._target += distance
 
     def command(self) -> MotorCommand | None:
-        """Return what the motor has to do; None: the servo does not care."""
+        """Return the command to the motor, or None if the servo has none."""
         if not self._engaged:
             return None
         table, full = self.table, self._drive.full_scale
-        limit = min(table["torque_limit"] / _FULL / full, 1.0)
+        limit = min(table["torque_limit"] / FULL_TORQUE / full, 1.0)
         if self._positioning:
-            target = self._target if table["moving_speed"] else self._goal_angle()
+            target = self._target if table["moving_speed"] else goal_angle(table)
             return MotorCommand(target, math.nan, limit)
         torque = 0.0
         if table["torque_control_mode"]:
             goal = table["goal_torque"]
-            sign = 1.0 if goal & _CLOCKWISE else -1.0
-            amperes = (goal & ~_CLOCKWISE) * _CURRENT
+            sign = 1.0 if goal & CLOCKWISE else -1.0
+            amperes = (goal & ~CLOCKWISE) * CURRENT_UNIT
             torque = sign * amperes / self._heat.stall_current / full
         return MotorCommand(math.nan, torque, limit)
 
     def release(self) -> None:
-        """Leave the motor to somebody else."""
+        """Leave the motor to another source of commands."""
         self._engaged = False
 
     @property
@@ -166,25 +169,12 @@ class Mx64:
         table = self.table
         return bool(table["torque_enable"] and not table["torque_control_mode"])
 
-    def _position(self, angle: float) -> int:
-        counts = _OPEN - angle * _COUNTS
-        table = self.table
-        if table.multi_turn:
-            return (
-                round(counts / table["resolution_divider"]) + table["multi_turn_offset"]
-            )
-        return round(counts) % 4096
-
-    def _goal_angle(self) -> float:
-        table, counts = self.table, self.table["goal_position"]
-        if table.multi_turn:
-            counts = (counts - table["multi_turn_offset"]) * table["resolution_divider"]
-        return (_OPEN - counts) / _COUNTS
-
     def _protect(self, load: int) -> None:
-        """Shut down where load or temperature ask for it."""
+        """Shut down if load, temperature or voltage require it."""
         table = self.table
-        available = min(table["torque_limit"], round(self._drive.full_scale * _FULL))
+        available = min(
+            table["torque_limit"], round(self._drive.full_scale * FULL_TORQUE)
+        )
         if load < max(available, _SUSTAINED + 1):
             self._unloaded_at = self._time
         elif self._time - self._unloaded_at > _OVERLOAD_TIME:
@@ -192,12 +182,12 @@ class Mx64:
         if errors := self._errors & table["shutdown"]:
             if table["torque_limit"]:
                 kind = _words(errors)
-                self._warn(kind, f"{kind}; off until a torque limit is written")
+                self._warn(kind, f"{kind}: off until a torque limit is written")
             table["torque_limit"] = table["torque_enable"] = 0
 
     @property
     def _errors(self) -> Error:
-        """What is wrong with the servo itself."""
+        """The errors of the servo itself."""
         table, errors = self.table, Error(0)
         low, high = table["min_voltage_limit"], table["max_voltage_limit"]
         if not low <= table["present_voltage"] <= high:
@@ -209,7 +199,7 @@ class Mx64:
     # Packets.
 
     def answer(self, packet: Packet) -> bytes:
-        """Carry out an instruction; return the status packet, or nothing."""
+        """Carry out an instruction; return the status packet, or no bytes."""
         table = self.table
         own, level = table["id"], table["status_return_level"]
         if packet.id not in (own, BROADCAST):
@@ -218,11 +208,11 @@ class Mx64:
         data, error = b"", Error(0)
         try:
             if not packet.intact:
-                raise RefusedError(Error.CHECKSUM, "a packet with a wrong checksum")
+                raise RefusedError(Error.CHECKSUM, "wrong checksum")
             data = self._execute(packet.code, packet.parameters)
         except RefusedError as refusal:
             error = refusal.error
-            self._warn(_words(error), f"{refusal}; not obeyed")
+            self._warn(_words(error), f"refused a packet: {refusal}")
         if packet.code == Instruction.PING:
             silent = False
         elif packet.code == Instruction.BULK_READ:
@@ -256,7 +246,7 @@ class Mx64:
             case _:
                 raise RefusedError(
                     Error.INSTRUCTION,
-                    f"instruction {code} with {len(parameters)} parameters",
+                    f"invalid instruction {code} with {len(parameters)} parameters",
                 )
         return data
 
@@ -289,9 +279,3 @@ class Mx64:
 def _words(errors: Error) -> str:
     names = (error.name or "" for error in Error if error & errors)
     return ", ".join(names).lower().replace("_", " ")
-
-
-def _directed(value: float) -> int:
-    """A value as size and direction; positive is winding, and so clockwise."""
-    size = min(abs(round(value)), _FULL)
-    return size | _CLOCKWISE if size and value > 0 else size

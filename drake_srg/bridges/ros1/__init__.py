@@ -1,1 +1,1 @@
-"""ROS 1: a node on the wire, without ROS installed."""
+"""ROS 1: a node that speaks the wire protocol, without ROS installed."""

@@ -1,4 +1,4 @@
-"""The bridge to ROS 1: a node of our own, no ROS installed."""
+"""The bridge to ROS 1."""
 
 from __future__ import annotations
 
@@ -16,39 +16,41 @@ from drake_srg.bridges.ros1.node import Ros1Node
 from drake_srg.bridges.ros1.publication import Publication
 from drake_srg.bridges.ros1.subscription import Subscription
 from drake_srg.bridges.ros1.tcpros import MessageType
+from drake_srg.bridges.ros1.timing import Timing
 from drake_srg.common.errors import one_line
 from drake_srg.common.installing import pip_install, this_package
 from drake_srg.recording.ros_topics import Topic
 
 _DEFAULT_MASTER = "http://localhost:11311"
-# To be registered takes some ms; so who makes a bridge sees whether there is a roscore
-# [s, real].
+# How long the constructor waits for the first attempt to register [s, real]. With a
+# roscore that takes some ms; then the first status is right.
 _REGISTRATION_TIMEOUT = 1.0
 
 
 class Ros1Bridge(Bridge):
-    """Subscribes to the topics of an inbox and publishes others, as a ROS 1 node.
+    """A ROS 1 node that subscribes to an inbox's topics and publishes others.
 
-    It does not need a roscore to be made: it waits for one, and registers again when
-    there is a new one. Where it is told to shut down, as by `rosnode kill`, it does,
-    and is `closed`.
+    It can be constructed without a roscore: it waits for one, and registers again when
+    roscore restarts. On a request to shut down, such as `rosnode kill`, it closes.
 
     Args:
-        inbox: Where commands go; every one that arrives is deserialized, which takes
-            1 to 3 us of the 1 ms between those of a client that sends at 1 kHz.
-        topics: What is published. A subscriber that reads too slowly loses the oldest
-            messages.
-        master: Its URI; None: $ROS_MASTER_URI, or http://localhost:11311.
-        host: Address or network interface of this machine. It is listened at, and
-            peers are told its address, which they must be able to reach. $ROS_IP and
-            $ROS_HOSTNAME are not looked at: what is said there for other nodes does
-            not open this one to the network.
-        name: Of the node. Where there was one of this name, the master shuts it down.
+        inbox: Where commands go. Every message is deserialized, which takes 1 to 3 us;
+            a client that sends at 1 kHz leaves 1 ms.
+        topics: The topics to publish. A subscriber that reads too slowly loses the
+            oldest messages.
+        master: The master's URI. None takes $ROS_MASTER_URI, or
+            http://localhost:11311.
+        host: Address or network interface of this machine. The node listens there and
+            gives its address to peers, which must be able to reach it. $ROS_IP and
+            $ROS_HOSTNAME are ignored, so that settings for other nodes do not open this
+            one to the network.
+        name: The node's name. The master shuts down an older node of the same name.
+        timing: Waiting times; None takes the defaults.
 
     Raises:
         ImportError: If rosbags is missing; the message says how to install it.
-        ValueError: If `master` or `host` cannot be.
-        OSError: If nothing can be listened to at `host`.
+        ValueError: If `master` or `host` is invalid.
+        OSError: If the node cannot listen at `host`.
     """
 
     def __init__(
@@ -59,9 +61,10 @@ class Ros1Bridge(Bridge):
         master: str | None = None,
         host: str = "127.0.0.1",
         name: str = "/drake_srg",
+        timing: Timing | None = None,
     ):
-        self._store = _noetic()
-        self._inbox = inbox
+        self._store = _load_noetic_types()
+        self._inbox, self._timing = inbox, timing or Timing()
         self._sequence = {topic.name: 0 for topic in topics}
         self._publications = {
             topic.name: Publication(topic.name, self._type(topic.type))
@@ -77,9 +80,10 @@ class Ros1Bridge(Bridge):
                 for topic in inbox.topics.values()
             ],
             inbox.warnings,
+            self._timing,
         )
         self._io = IoThread("ros1")
-        self._io.loop.set_exception_handler(self._fault)
+        self._io.loop.set_exception_handler(self._handle_fault)
         try:
             self._io.call(self._node.start(_REGISTRATION_TIMEOUT))
         except BaseException:
@@ -88,7 +92,7 @@ class Ros1Bridge(Bridge):
 
     @property
     def status(self) -> str:
-        """Where its master is, and whether it is there."""
+        """The master's URI, and whether the master answers."""
         if self._node.closed:
             return "ROS 1 shut down"
         waiting = "" if self._node.registered else " (waiting for roscore)"
@@ -96,16 +100,16 @@ class Ros1Bridge(Bridge):
 
     @property
     def closed(self) -> bool:
-        """Whether it was told to shut down, or closed."""
+        """Whether it was closed or told to shut down."""
         return self._node.closed
 
     def has_subscribers(self, topic: str) -> bool:
-        """Whether somebody listens to a topic."""
+        """Return whether a topic has a subscriber."""
         publication = self._publications.get(topic)
         return publication is not None and len(publication.connections) > 0
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send what `topic.convert` makes of its ports' values at a time [s]."""
+        """Send the message that `topic.convert` makes of values at a time [s]."""
         if not self.has_subscribers(topic.name):
             return
 
@@ -119,11 +123,11 @@ class Ros1Bridge(Bridge):
             return
         self._sequence[topic.name] += 1
         content = self._store.serialize_ros1(message, topic.type)
-        with contextlib.suppress(RuntimeError):  # closed meanwhile, by another thread
+        with contextlib.suppress(RuntimeError):  # closed by another thread meanwhile
             self._io.post(self._publications[topic.name].send, content)
 
     def close(self) -> None:
-        """Say goodbye to the master and all peers, within about a second."""
+        """Unregister and disconnect all peers, within about a second."""
         if not self._io.loop.is_closed():
             with contextlib.suppress(TimeoutError):
                 self._io.call(self._node.close(), timeout=1.0)
@@ -135,27 +139,31 @@ class Ros1Bridge(Bridge):
         def receive(content: bytes) -> None:
             try:
                 message = self._store.deserialize_ros1(content, type)
-            except Exception as error:  # rosbags' and those that it lets through
-                reason = f"is no {ros1_type.name}: {one_line(error)}"
+            except Exception as error:  # rosbags' own errors, and others it lets pass
+                reason = f"must be a {ros1_type.name}: {one_line(error)}"
                 self._inbox.refuse(topic, "message", reason)
             else:
                 self._inbox.receive(topic, message.data)
 
-        return Subscription(node, topic, ros1_type, receive, self._inbox.warnings)
+        return Subscription(
+            node, topic, ros1_type, receive, self._inbox.warnings, self._timing
+        )
 
     def _type(self, type: str) -> MessageType:
         definition, md5sum = self._store.generate_msgdef(type)
-        self._store.get_msgdef(type)  # compiles what the first message needs
+        self._store.get_msgdef(type)  # compiles now, not at the first message
         return MessageType(type.replace("/msg/", "/"), md5sum, definition)
 
-    def _fault(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
-        """Tell of what nobody expected; the loop goes on."""
+    def _handle_fault(
+        self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]
+    ) -> None:
+        """Report an unexpected error; the loop goes on."""
         reason = context.get("exception") or context["message"]
         self._inbox.warnings.warn("ROS 1 fault", f"ROS 1: {reason!r}")
 
 
-def _noetic() -> Any:
-    """ROS 1's message types."""
+def _load_noetic_types() -> Any:
+    """Return ROS 1's message types."""
     try:
         typesys = importlib.import_module("rosbags.typesys")
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""A ROS 1 node: known to the master, asked by other nodes."""
+"""A ROS 1 node: registers at the master and answers other nodes."""
 
 from __future__ import annotations
 
@@ -14,33 +14,38 @@ from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.ros1.publication import Publication, SubscriberConnection
 from drake_srg.bridges.ros1.slave import SlaveApi
 from drake_srg.bridges.ros1.subscription import Subscription
+from drake_srg.bridges.ros1.timing import Timing
 from drake_srg.bridges.ros1.xmlrpc import XmlRpcError, call, serve
 
-# Between looks whether the master still knows us [s, real].
-_POLL_PERIOD = 1.0
-# For all goodbyes together [s, real].
-_GOODBYE_TIMEOUT = 0.5
-# The master is looked up whatever becomes of the hosts of peers.
+# Separate from the resolver of publishers' hosts, so that hanging lookups of those
+# never keep the node from its master.
 _resolver = Resolver()
 
 
 class Ros1Node:
-    """A node that publishes and subscribes; it lives in an asyncio loop.
+    """A node that publishes and subscribes in an asyncio loop.
 
-    It waits for its master, and registers again when there is a new one.
+    It waits for its master, and registers again when the master has restarted.
 
     Args:
-        name: As in "/drake_srg".
-        master: URI, as in "http://localhost:11311".
-        host: Address or network interface of this machine; it listens there, and
-            peers are told its address.
-        publications: What it publishes.
-        subscriptions: What it subscribes to.
-        warnings: Hears of trouble.
+        name: The node's name, such as "/drake_srg".
+        master: The master's URI, such as "http://localhost:11311".
+        host: Address or network interface of this machine. The node listens there and
+            gives its address to peers.
+        publications: The topics to publish.
+        subscriptions: The topics to subscribe to.
+        warnings: Where trouble is reported.
+        timing: Waiting times.
+
+    Attributes:
+        master: The argument.
+        uri: The node's own URI.
+        registered: Whether the master knows the node.
+        closed: Whether the node has shut down.
 
     Raises:
-        ValueError: If `master` or `host` cannot be.
-        OSError: If nothing can be listened to at `host`.
+        ValueError: If `master` or `host` is invalid.
+        OSError: If the node cannot listen at `host`.
     """
 
     def __init__(
@@ -51,13 +56,14 @@ class Ros1Node:
         publications: Sequence[Publication],
         subscriptions: Sequence[Subscription],
         warnings: Warnings,
+        timing: Timing,
     ):
         _check_uri(master)
         host = own_address(host)
         self.master = master
         self.registered = False
         self.closed = False
-        self._name, self._warnings = name, warnings
+        self._name, self._warnings, self._timing = name, warnings, timing
         self._publications = {p.topic: p for p in publications}
         self._subscriptions = {s.topic: s for s in subscriptions}
         self._connections: set[SubscriberConnection] = set()
@@ -75,15 +81,15 @@ class Ros1Node:
             (host, tcpros),
             self._publications,
             self._subscriptions,
-            self._be_shut_down,
+            self._shut_down,
         )
 
     async def start(self, timeout: float) -> None:
-        """Listen to peers, and look for the master from now on.
+        """Listen to peers, and start to look for the master.
 
         Args:
-            timeout: How long to wait until it is registered for the first time, or the
-                master is not there [s, real].
+            timeout: How long to wait for the first attempt to register, successful or
+                not [s, real].
         """
         slave, tcpros = self._listeners
         loop = asyncio.get_running_loop()
@@ -95,7 +101,7 @@ class Ros1Node:
             await asyncio.wait_for(tried.wait(), timeout)
 
     async def close(self) -> None:
-        """Say goodbye to the master and all peers."""
+        """Unregister at the master and disconnect all peers."""
         if self.closed:
             return
         self.closed, self.registered = True, False
@@ -118,7 +124,7 @@ class Ros1Node:
                     topic,
                     self.uri,
                     resolver=_resolver,
-                    timeout=_GOODBYE_TIMEOUT,
+                    timeout=self._timing.goodbye,
                 )
                 for kind, topics in (
                     ("Publisher", self._publications),
@@ -130,7 +136,10 @@ class Ros1Node:
         )
 
     async def _stay_registered(self, tried: asyncio.Event) -> None:
-        """Register whenever the master does not know us; tell of the first try."""
+        """Register whenever the master does not know the node.
+
+        Sets `tried` after the first attempt.
+        """
         while True:
             try:
                 if self.registered:
@@ -144,10 +153,10 @@ class Ros1Node:
                     self._warnings.forget("ROS 1 master")
             except (XmlRpcError, TypeError) as error:
                 self._warnings.warn(
-                    "ROS 1 master", f"ROS 1: roscore {error}; waiting for it"
+                    "ROS 1 master", f"ROS 1: roscore: {error}; waiting for it"
                 )
             tried.set()
-            await asyncio.sleep(_POLL_PERIOD)
+            await asyncio.sleep(self._timing.poll)
 
     async def _register(self) -> None:
         for topic, publication in self._publications.items():
@@ -157,7 +166,8 @@ class Ros1Node:
         for topic, subscription in self._subscriptions.items():
             updates, type = subscription.updates, subscription.type.name
             peers = await self._call("registerSubscriber", topic, type, self.uri)
-            # Else the master has told of newer ones while its answer was on the way.
+            # Otherwise the master has sent a newer list while its answer was on the
+            # way.
             if subscription.updates == updates:
                 subscription.update(map(str, peers))
 
@@ -168,26 +178,30 @@ class Ros1Node:
 
     def _connect(self) -> SubscriberConnection:
         return SubscriberConnection(
-            self._name, self._publications, self._connections, self._warnings
+            self._name,
+            self._publications,
+            self._connections,
+            self._warnings,
+            self._timing,
         )
 
     def _refuse(self, reason: str) -> None:
-        self._warnings.warn("ROS 1 request", f"ROS 1: a request is refused: {reason}")
+        self._warnings.warn("ROS 1 request", f"ROS 1: refused a request: {reason}")
 
-    def _be_shut_down(self, reason: str) -> None:
+    def _shut_down(self, reason: str) -> None:
         self._warnings.warn("ROS 1 shutdown", f"ROS 1: told to shut down ({reason})")
         self._goodbye = asyncio.create_task(self.close())
 
 
 def _check_uri(uri: str) -> None:
-    """Raise a ValueError unless it is of a master."""
+    """Raise a ValueError unless a URI can be a master's."""
     try:
         address = urlsplit(uri)
         good = address.scheme == "http" and address.hostname and address.port
-    except ValueError:  # of a port that is none
+    except ValueError:  # an invalid port
         good = False
     if not good:
         raise ValueError(
-            f"ROS 1 master is {uri!r}; allowed is http://HOST:PORT, as in "
-            "http://localhost:11311"
+            "ROS 1 master: must be http://HOST:PORT, such as http://localhost:11311, "
+            f"got {uri!r}"
         )

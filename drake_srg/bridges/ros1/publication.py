@@ -11,7 +11,6 @@ from typing import cast
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.ros1.tcpros import (
     ANY,
-    HANDSHAKE_TIMEOUT,
     Connection,
     Frames,
     MessageType,
@@ -21,16 +20,22 @@ from drake_srg.bridges.ros1.tcpros import (
     encode_header,
     frame,
 )
+from drake_srg.bridges.ros1.timing import Timing
 
-# Messages that wait for a subscriber before the oldest is lost; ROS 2's default depth.
+# Messages queued for a slow subscriber before the oldest is lost: ROS 2's default.
 _QUEUE = 10
 
 
 class Publication:
     """A topic that a node publishes.
 
+    Args:
+        topic: Name of the topic.
+        type: Message type of the topic.
+
     Attributes:
-        connections: To its subscribers.
+        topic, type: The arguments.
+        connections: Connections to subscribers.
     """
 
     def __init__(self, topic: str, type: MessageType):
@@ -46,17 +51,21 @@ class Publication:
 
 
 class SubscriberConnection(asyncio.Protocol):
-    """A connection that somebody makes who may want to subscribe.
+    """An incoming connection of a subscriber.
 
-    It belongs to no publication until its header has named one. What the subscriber
-    does not read waits in the system's buffers and then in a queue, whose oldest
-    message is lost where it is full.
+    It belongs to no publication until its header has named one. Messages that the
+    subscriber does not read wait in the system's buffers and then in a queue, which
+    loses its oldest message when it is full.
 
     Args:
-        name: Of our node.
-        publications: By topic.
-        connections: All there are; it adds and removes itself.
-        warnings: Hears who is refused.
+        name: Name of our node.
+        publications: The node's publications, by topic.
+        connections: All open connections; this one adds and removes itself.
+        warnings: Where refused subscribers are reported.
+        timing: Has the time allowed for the header.
+
+    Attributes:
+        info: Statistics.
     """
 
     def __init__(
@@ -65,9 +74,10 @@ class SubscriberConnection(asyncio.Protocol):
         publications: Mapping[str, Publication],
         connections: set[SubscriberConnection],
         warnings: Warnings,
+        timing: Timing,
     ):
         self._name, self._publications, self._warnings = name, publications, warnings
-        self._connections = connections
+        self._connections, self._timing = connections, timing
         self._publication: Publication | None = None
         self._frames = Frames()
         self._queue: deque[bytes] = deque(maxlen=_QUEUE)
@@ -75,7 +85,7 @@ class SubscriberConnection(asyncio.Protocol):
         self.info = Connection("")
 
     def send(self, framed: bytes) -> None:
-        """Send a message, now or later."""
+        """Send a framed message now, or queue it."""
         self._queue.append(framed)
         self._flush()
 
@@ -83,20 +93,20 @@ class SubscriberConnection(asyncio.Protocol):
         """Break the connection."""
         self._transport.abort()
 
-    # What asyncio calls.
+    # Called by asyncio.
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Wait for the subscriber's header."""
         self._transport = cast(asyncio.Transport, transport)
-        self._transport.set_write_buffer_limits(0)  # what waits is in our queue
+        self._transport.set_write_buffer_limits(0)  # messages wait in our own queue
         connection = self._transport.get_extra_info("socket")
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._connections.add(self)
         loop = asyncio.get_running_loop()
-        self._deadline = loop.call_later(HANDSHAKE_TIMEOUT, self.abort)
+        self._deadline = loop.call_later(self._timing.handshake, self.abort)
 
     def data_received(self, data: bytes) -> None:
-        """Read the header. After it subscribers have nothing to say."""
+        """Read the header. Subscribers send nothing after it."""
         if self._publication is not None or self._transport.is_closing():
             return
         try:
@@ -106,17 +116,17 @@ class SubscriberConnection(asyncio.Protocol):
         except TcprosError as error:
             kind = type(error).__name__
             self._warnings.warn(
-                f"ROS 1 subscriber {kind}", f"ROS 1: a subscriber is refused: {error}"
+                f"ROS 1 subscriber {kind}", f"ROS 1: refused a subscriber: {error}"
             )
             self._transport.write(encode_header({"error": str(error)}))
             self._transport.close()
 
     def pause_writing(self) -> None:
-        """Keep what comes in the queue."""
+        """Queue messages from now on."""
         self._paused = True
 
     def resume_writing(self) -> None:
-        """Send what is in the queue."""
+        """Send the queued messages."""
         self._paused = False
         self._flush()
 
@@ -135,21 +145,25 @@ class SubscriberConnection(asyncio.Protocol):
             self._transport.write(framed)
 
     def _accept(self, header: Mapping[str, str]) -> None:
-        """Answer a subscriber's header, or raise a TcprosError."""
+        """Answer a subscriber's header.
+
+        Raises:
+            TcprosError: If the header lacks a field or does not match a publication.
+        """
         try:
             topic, md5sum = header["topic"], header["md5sum"]
             self.info.peer = header["callerid"]
         except KeyError as error:
-            raise TcprosError(f"a header without {error}") from error
+            raise TcprosError(f"invalid header: lacks {error}") from error
         publication = self._publications.get(topic)
         if publication is None:
             topics = ", ".join(sorted(self._publications))
-            raise MismatchError(f"{topic!r:.99} is not published here, but {topics}")
+            raise MismatchError(f"{topic!r:.99} is not published (topics: {topics})")
         type = publication.type
         if md5sum not in (ANY, type.md5sum):
             raise MismatchError(
-                f"{self.info.peer!r:.99} wants {topic} as {header.get('type')!r:.99} "
-                f"with MD5 sum {md5sum!r:.99}; it is {type.name} with {type.md5sum}"
+                f"{self.info.peer!r:.99} expects {topic} as {header.get('type')!r:.99} "
+                f"with MD5 sum {md5sum!r:.99}, but it is {type.name} with {type.md5sum}"
             )
         self._deadline.cancel()
         self._publication = publication

@@ -1,4 +1,4 @@
-"""What other nodes and the master may ask a ROS 1 node."""
+"""The API of a ROS 1 node for the master and for other nodes."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ _XMLRPC_INT_MAX = 2**31 - 1
 
 
 class SlaveApi:
-    """ROS 1's slave API; its public methods are what the protocol names.
+    """ROS 1's slave API; the protocol defines the names of its public methods.
 
-    Each takes the caller's name first and returns [code, message, value], the code 1
-    for success and -1 for a caller's error. Source: wiki.ros.org/ROS/Slave_API.
+    Each method takes the caller's name first and returns [code, message, value]. The
+    code is 1 for success, -1 for an error of the caller and 0 for a failure. Source:
+    wiki.ros.org/ROS/Slave_API.
 
     Args:
-        master: URI.
-        address: Where subscribers connect to.
-        publications: By topic.
-        subscriptions: By topic.
-        shutdown: Called with the reason when the node is told to end.
+        master: The master's URI.
+        address: Host and port to which subscribers connect.
+        publications: The node's publications, by topic.
+        subscriptions: The node's subscriptions, by topic.
+        shutdown: Called with the reason when the node is told to shut down.
     """
 
     def __init__(
@@ -40,18 +41,18 @@ class SlaveApi:
         self._shutdown = shutdown
 
     def answer(self, method: str, arguments: tuple[Any, ...]) -> list[Any]:
-        """Call a method of the protocol.
+        """Call a method of the protocol by name.
 
         Raises:
-            TypeError: If there is none of this name, or it takes other arguments.
+            TypeError: If the method does not exist or takes other arguments.
         """
         function = getattr(self, method, None)
         if method == "answer" or method.startswith("_") or function is None:
-            raise TypeError(f"there is no method {method!r}")
+            raise TypeError(f"unknown method {method!r}")
         return list(function(*arguments))
 
     def getBusStats(self, caller: str) -> list[Any]:
-        """Messages and bytes of each connection."""
+        """Return messages and bytes of each connection."""
         sent = [
             [
                 topic,
@@ -61,14 +62,14 @@ class SlaveApi:
             for topic, publication in self._publications.items()
         ]
         received = [
-            # The third is an estimate of lost messages, which nobody makes.
+            # The third entry would be an estimate of lost messages; -1 is none.
             [topic, [[*_stats(c)[:2], -1, True] for c in subscription.connections]]
             for topic, subscription in self._subscriptions.items()
         ]
         return [1, "bus stats", [sent, received, []]]
 
     def getBusInfo(self, caller: str) -> list[Any]:
-        """Who is connected."""
+        """Return the connected peers."""
         info = [
             [c.info.id, c.info.peer, "o", "TCPROS", topic, True, "TCPROS connection"]
             for topic, publication in self._publications.items()
@@ -82,28 +83,28 @@ class SlaveApi:
         return [1, "bus info", info]
 
     def getMasterUri(self, caller: str) -> list[Any]:
-        """Whose node this is."""
+        """Return the master's URI."""
         return [1, "", self._master]
 
     def shutdown(self, caller: str, reason: str = "") -> list[Any]:
-        """End the node."""
+        """Shut the node down."""
         self._shutdown(f"{caller!r:.99}: {reason!r:.99}")
         return [1, "shutdown", 0]
 
     def getPid(self, caller: str) -> list[Any]:
-        """Process id."""
+        """Return the process id."""
         return [1, "", os.getpid()]
 
     def getSubscriptions(self, caller: str) -> list[Any]:
-        """Topics and types."""
+        """Return topics and types of the subscriptions."""
         return [1, "subscriptions", _types(self._subscriptions)]
 
     def getPublications(self, caller: str) -> list[Any]:
-        """Topics and types."""
+        """Return topics and types of the publications."""
         return [1, "publications", _types(self._publications)]
 
     def paramUpdate(self, caller: str, key: str, value: Any) -> list[Any]:
-        """Take notice of a parameter; the node has none."""
+        """Ignore a parameter: the node has none."""
         return [1, "", 0]
 
     def publisherUpdate(
@@ -111,16 +112,16 @@ class SlaveApi:
     ) -> list[Any]:
         """Take the master's list of publishers of a topic."""
         if topic not in self._subscriptions:
-            return [-1, f"{topic} is not subscribed to", 0]
+            return [-1, f"no subscription to {topic}", 0]
         self._subscriptions[topic].update(map(str, publishers))
         return [1, "", 0]
 
     def requestTopic(self, caller: str, topic: str, protocols: list[Any]) -> list[Any]:
-        """Say where to connect for a topic."""
+        """Return the address to connect to for a topic."""
         if topic not in self._publications:
             return [-1, f"{topic} is not published", 0]
         if not any(protocol[:1] == ["TCPROS"] for protocol in protocols):
-            return [0, "only TCPROS is spoken here", 0]
+            return [0, "only TCPROS is supported", 0]
         return [1, "", ["TCPROS", *self._address]]
 
 

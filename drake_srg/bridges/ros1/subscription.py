@@ -18,14 +18,14 @@ from drake_srg.bridges.ros1.tcpros import (
     decode_header,
     encode_header,
 )
+from drake_srg.bridges.ros1.timing import Timing
 from drake_srg.bridges.ros1.xmlrpc import TIMEOUT, call
 from drake_srg.common.errors import one_line
 
-# Until a publisher is tried again [s, real]; doubles up to the maximum while it fails.
-_RETRY, _RETRY_MAX = 0.5, 4.0
-# Read at once at most [bytes]; other connections have their turn in between.
+# Bytes read at once; other connections get their turn in between.
 _CHUNK = 2**16
-# Names of publishers' machines that are not found are the commonest fault of ROS 1.
+# Unknown names of publishers' machines are the most common fault of ROS 1. They have a
+# resolver of their own, so that they do not use up the master's lookups.
 _resolver = Resolver()
 
 
@@ -38,18 +38,20 @@ class _Publisher:
 class Subscription:
     """A topic that a node subscribes to.
 
-    A publisher that the master lists is connected to, again and again. One that works
-    is kept when a new master does not know it.
+    It connects to every publisher that the master lists, and tries again when that
+    fails. A working connection is kept even if a new master does not list it.
 
     Args:
-        name: Of our node.
-        topic: Its name.
-        type: Its type.
+        name: Name of our node.
+        topic: Name of the topic.
+        type: Message type of the topic.
         receive: Called with each message, serialized.
-        warnings: Hears of publishers that do not fit.
+        warnings: Where unsuitable publishers are reported.
+        timing: Has the times between attempts.
 
     Attributes:
-        updates: How many lists of publishers there have been.
+        topic, type: The arguments.
+        updates: Number of publisher lists received so far.
     """
 
     def __init__(
@@ -59,21 +61,23 @@ class Subscription:
         type: MessageType,
         receive: Callable[[bytes], None],
         warnings: Warnings,
+        timing: Timing,
     ):
         self.topic, self.type = topic, type
         self._name, self._receive, self._warnings = name, receive, warnings
+        self._timing = timing
         self._publishers: dict[str, _Publisher] = {}
         self._listed: set[str] = set()
         self.updates = 0
 
     @property
     def connections(self) -> list[Connection]:
-        """Those to publishers that send."""
+        """Connections to publishers whose header has been accepted."""
         publishers = self._publishers.values()
         return [p.connection for p in publishers if p.connection is not None]
 
     def update(self, publishers: Iterable[str]) -> None:
-        """Take the master's list of publishers, by URI."""
+        """Take the master's list of publishers' URIs."""
         self.updates += 1
         self._listed = set(publishers)
         for uri in self._publishers.keys() - self._listed:
@@ -84,7 +88,7 @@ class Subscription:
             publisher.task = asyncio.create_task(self._follow(uri, publisher))
 
     def close(self) -> None:
-        """End all connections."""
+        """Close all connections."""
         self._listed = set()
         for uri in list(self._publishers):
             self._drop(uri)
@@ -95,8 +99,8 @@ class Subscription:
             task.cancel()
 
     async def _follow(self, uri: str, publisher: _Publisher) -> None:
-        """Receive from a publisher while it is listed, or sends."""
-        retry, worked = _RETRY, False
+        """Receive from a publisher while it is listed or sends."""
+        retry, worked = self._timing.retry, False
         while uri in self._listed:
             try:
                 await self._read(uri, publisher)
@@ -104,17 +108,20 @@ class Subscription:
                 kind = type(error).__name__
                 self._warn(kind, f"{uri}: {error}; connection closed")
             except (TimeoutError, OSError, ValueError) as error:
-                # Who has just left may be listed for a moment still.
+                # A publisher that has just left may still be listed for a moment.
                 if publisher.connection is None and not worked:
                     text = one_line(error) or "no answer"
                     self._warn("unreachable", f"{uri} cannot be reached: {text}")
             worked, publisher.connection = publisher.connection is not None, None
-            retry = _RETRY if worked else min(2.0 * retry, _RETRY_MAX)
+            if worked:
+                retry = self._timing.retry
+            else:
+                retry = min(2.0 * retry, self._timing.retry_max)
             await asyncio.sleep(retry)
         self._publishers.pop(uri, None)
 
     async def _read(self, uri: str, publisher: _Publisher) -> None:
-        """Connect to a publisher and receive until one of both is closed."""
+        """Connect to a publisher and receive until either side closes."""
         protocols = [["TCPROS"]]
         answer = await call(
             uri, "requestTopic", self._name, self.topic, protocols, resolver=_resolver
@@ -123,7 +130,7 @@ class Subscription:
             case ["TCPROS", str(host), int(port)] if 0 < port < 2**16:
                 connecting = _connect(host, port)
             case _:
-                raise TcprosError(f"it answers {answer!r:.100} when asked for TCPROS")
+                raise TcprosError(f"invalid answer to requestTopic: {answer!r:.100}")
         reader, writer = await asyncio.wait_for(connecting, TIMEOUT)
         try:
             writer.write(
@@ -148,19 +155,19 @@ class Subscription:
                         publisher.connection.count(len(content))
                         self._receive(content)
             if frames.pending:
-                raise TcprosError("it ended in the middle of a message")
+                raise TcprosError("the connection ended in the middle of a message")
         finally:
             writer.close()
 
     def _check(self, header: dict[str, str]) -> None:
-        """Raise a MismatchError unless a publisher's header fits."""
+        """Raise a MismatchError unless a publisher's header matches the topic."""
         if "error" in header:
-            raise MismatchError(f"it refuses us: {header['error']!r:.200}")
+            raise MismatchError(f"the publisher refuses: {header['error']!r:.200}")
         md5sum = header.get("md5sum")
         if md5sum not in (ANY, self.type.md5sum):
             raise MismatchError(
-                f"it sends {header.get('type')!r:.99} with MD5 sum {md5sum!r:.99}; "
-                f"allowed is {self.type.name} with {self.type.md5sum}"
+                f"must be {self.type.name} with MD5 sum {self.type.md5sum}, "
+                f"got {header.get('type')!r:.99} with {md5sum!r:.99}"
             )
 
     def _warn(self, kind: str, message: str) -> None:

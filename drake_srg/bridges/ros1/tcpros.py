@@ -1,9 +1,9 @@
-"""TCPROS, how ROS 1 sends messages: frames of a byte stream, and their header.
+"""TCPROS, the stream protocol of ROS 1's messages: frames and connection headers.
 
-Everything goes in frames, a little-endian length of four bytes and as many bytes. The
-first one each way is the connection's header, of fields name=value framed likewise;
-each of the others is a message. Source: wiki.ros.org/ROS/TCPROS and
-wiki.ros.org/ROS/Connection Header.
+Everything is sent in frames: a little-endian length of four bytes, then the content.
+The first frame in each direction is the connection header, whose fields name=value are
+framed in the same way. Every later frame is a message. Sources: wiki.ros.org/ROS/TCPROS
+and wiki.ros.org/ROS/Connection Header.
 """
 
 from __future__ import annotations
@@ -14,11 +14,10 @@ import itertools
 import struct
 from collections.abc import Iterator, Mapping
 
-# Allowed of what peers send [bytes]: headers and commands are a thousand times smaller.
+# Largest frame that peers may send [bytes]; headers and commands are a thousand times
+# smaller.
 FRAME_LIMIT = 2**20
-# A peer says who it is within this [s, real].
-HANDSHAKE_TIMEOUT = 5.0
-# Stands for any type, or any MD5 sum.
+# Wildcard for a type or an MD5 sum.
 ANY = "*"
 
 _LENGTH = struct.Struct("<I")
@@ -26,25 +25,25 @@ _ids = itertools.count(1)
 
 
 class TcprosError(ValueError):
-    """Bytes that no ROS 1 node sends."""
+    """A peer violates the protocol."""
 
 
 class MismatchError(TcprosError):
-    """A ROS 1 node whose topic or type is not ours."""
+    """A peer's topic or type does not match ours."""
 
 
 @dc.dataclass(frozen=True)
 class MessageType:
-    """A message type as ROS 1 tells it peers."""
+    """A message type as ROS 1 describes it in connection headers."""
 
-    name: str  # as in "std_msgs/Int32"
+    name: str  # such as "std_msgs/Int32"
     md5sum: str
     definition: str
 
 
 @dc.dataclass
 class Connection:
-    """What people may ask about a connection, as by `rosnode info`."""
+    """Statistics of a connection, as `rosnode info` shows them."""
 
     peer: str  # subscriber's name, or publisher's URI
     messages: int = 0
@@ -52,52 +51,52 @@ class Connection:
     id: int = dc.field(default_factory=lambda: next(_ids))
 
     def count(self, size: int) -> None:
-        """Count a message of a size [bytes]."""
+        """Count a message of `size` bytes."""
         self.messages += 1
         self.bytes += size
 
 
 def frame(content: bytes | memoryview) -> bytes:
-    """Return content as it is sent, behind its length."""
+    """Return content with its length in front."""
     return b"".join((_LENGTH.pack(len(content)), content))
 
 
 def encode_header(fields: Mapping[str, str]) -> bytes:
-    """Return a connection's header as it is sent, framed."""
+    """Return a connection header as a frame."""
     return frame(b"".join(frame(f"{k}={v}".encode()) for k, v in fields.items()))
 
 
 def decode_header(content: bytes) -> dict[str, str]:
-    """Return the fields of a connection's header, whose own frame is off already.
+    """Return the fields of a connection header, given the content of its frame.
 
     Raises:
-        TcprosError: If it is none.
+        TcprosError: If the content is not a header.
     """
     frames, fields = Frames(), []
-    with contextlib.suppress(TcprosError):  # of a length; bytes are left over then
+    with contextlib.suppress(TcprosError):  # a wrong length leaves bytes pending
         for field in frames.feed(content):
             fields.append(field.decode(errors="replace").partition("="))
     if frames.pending or not all(name and equals for name, equals, _ in fields):
-        raise TcprosError("a header that is not of fields name=value")
+        raise TcprosError("invalid header: must consist of fields name=value")
     return {name: value for name, _, value in fields}
 
 
 class Frames:
-    """Finds the frames in a stream of bytes that arrives in any pieces."""
+    """Finds the frames in a stream of bytes, whatever pieces it arrives in."""
 
     def __init__(self) -> None:
         self._bytes = bytearray()
 
     @property
     def pending(self) -> int:
-        """How many bytes there are of a frame that is not complete."""
+        """Number of bytes of the incomplete frame."""
         return len(self._bytes)
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Take bytes; yield the contents of all frames that are complete now.
+        """Take bytes; yield the contents of all frames that are now complete.
 
         Raises:
-            TcprosError: If a frame says that it is longer than allowed.
+            TcprosError: If a frame's length exceeds the limit.
         """
         self._bytes += data
         start = 0
@@ -106,7 +105,8 @@ class Frames:
                 (size,) = _LENGTH.unpack_from(self._bytes, start)
                 if size > FRAME_LIMIT:
                     raise TcprosError(
-                        f"a length of {size} bytes; allowed are up to {FRAME_LIMIT}"
+                        f"invalid frame: must have at most {FRAME_LIMIT} bytes, "
+                        f"got {size}"
                     )
                 end = start + _LENGTH.size + size
                 if len(self._bytes) < end:

@@ -1,7 +1,7 @@
-"""XML-RPC, how ROS 1's master and nodes ask each other, in an asyncio loop.
+"""XML-RPC, by which ROS 1's master and nodes call each other, in an asyncio loop.
 
-The messages are the standard library's. Its client and server are not: they wait for
-peers that dawdle, and take in whatever comes, without end.
+The standard library encodes and decodes the messages. Its client and server are not
+used, because they wait for slow peers and read messages of any size.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from urllib.parse import urlsplit
 from drake_srg.bridges.addresses import Resolver
 from drake_srg.common.errors import one_line
 
-# Allowed of a request or an answer [bytes]: as of TCPROS frames.
+# Largest request or answer [bytes], as for TCPROS frames.
 _LIMIT = 2**20
-# The peer is on this machine or near, and answers without thinking [s, real].
+# Time for a call [s, real]: peers are on this machine or near, and answer at once.
 TIMEOUT = 2.0
 
-# Answers a call of a method with its arguments, or raises a TypeError if it cannot.
+# Returns the result of a method for its arguments; raises a TypeError if it cannot.
 Answer = Callable[[str, tuple[Any, ...]], Any]
 
 
 class XmlRpcError(ConnectionError):
-    """A peer that does not answer, or not as ROS says."""
+    """A peer does not answer, or its answer violates the protocol."""
 
 
 async def call(
@@ -37,17 +37,17 @@ async def call(
     resolver: Resolver,
     timeout: float = TIMEOUT,
 ) -> Any:
-    """Call a method of ROS's master or node API; return the value of its answer.
+    """Call a method of ROS's master or slave API and return the answer's value.
 
     Args:
-        uri: Of the peer, as in "http://localhost:11311".
-        method: As in "requestTopic".
-        arguments: Of the method, the caller's name first.
-        resolver: Looks up the peer.
-        timeout: For everything [s, real].
+        uri: The peer's URI, such as "http://localhost:11311".
+        method: The method's name, such as "requestTopic".
+        arguments: The method's arguments, the caller's name first.
+        resolver: Looks up the peer's address.
+        timeout: Time for the whole call [s, real].
 
     Raises:
-        XmlRpcError: If it fails for whatever reason.
+        XmlRpcError: If the call fails, for any reason.
     """
     request = xmlrpc.client.dumps(arguments, method).encode()
     try:
@@ -58,22 +58,22 @@ async def call(
         raise XmlRpcError(f"{uri}: host not found") from error
     except (TimeoutError, OSError) as error:
         raise XmlRpcError(f"{uri} does not answer") from error
-    except Exception as error:  # there is no end of what can be wrong with a text
-        raise XmlRpcError(f"{uri} does not answer as ROS: {one_line(error)}") from error
+    except Exception as error:  # parsing arbitrary text can fail in any way
+        raise XmlRpcError(f"{uri}: invalid answer: {one_line(error)}") from error
     if code != 1:
-        raise XmlRpcError(f"{uri} answers {status!r:.200}")
+        raise XmlRpcError(f"{uri} reports an error: {status!r:.200}")
     return value
 
 
 async def serve(
     listener: socket.socket, answer: Answer, refuse: Callable[[str], None]
 ) -> asyncio.Server:
-    """Answer calls at a socket until the server that is returned is closed.
+    """Answer calls at a socket until the returned server is closed.
 
     Args:
-        listener: Bound, taken over.
-        answer: What answers.
-        refuse: Told what is wrong with requests that are none.
+        listener: A bound socket, which the server takes over.
+        answer: Returns the result of each call.
+        refuse: Called with the reason when a request is invalid.
     """
 
     async def handle(
@@ -85,8 +85,8 @@ async def serve(
             writer.write(_message(b"HTTP/1.0 200 OK", body))
             await asyncio.wait_for(writer.drain(), TIMEOUT)
         except TimeoutError:
-            refuse("half a request")
-        except Exception as error:  # as in call()
+            refuse("incomplete request")
+        except Exception as error:  # parsing arbitrary text can fail in any way
             refuse(one_line(error))
         finally:
             writer.close()
@@ -126,5 +126,5 @@ async def _read(reader: asyncio.StreamReader) -> bytes:
     head = await reader.readuntil(b"\r\n\r\n")
     length = re.search(rb"\r\ncontent-length: *(\d{1,9})\r", head, re.IGNORECASE)
     if length is None or int(length[1]) > _LIMIT:
-        raise ValueError(f"no HTTP message of up to {_LIMIT} bytes")
+        raise ValueError(f"must be an HTTP message of at most {_LIMIT} bytes")
     return await reader.readexactly(int(length[1]))

@@ -1,1 +1,1 @@
-"""ROS 2: a participant on DDS, without ROS installed."""
+"""ROS 2: a DDS participant, without ROS installed."""

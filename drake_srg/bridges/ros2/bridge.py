@@ -1,4 +1,4 @@
-"""ROS 2 on the wire, by DDS and without ROS."""
+"""The bridge to ROS 2."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from drake_srg.bridges.commands import CommandInbox
 from drake_srg.bridges.ros2.commands import COMMAND_LIMIT, CommandReader
 from drake_srg.bridges.ros2.dds_domain import domain_id, open_participant
 from drake_srg.bridges.ros2.dds_types import payload_type
-from drake_srg.recording.ros_topics import Topic
+from drake_srg.recording.ros_topics import MakeMessage, Topic
 
-# rmw_qos_profile_default and rmw_qos_profile_sensor_data of ROS 2; but to wait for slow
-# readers is nothing for a simulation in real time.
+# ROS 2's rmw_qos_profile_default and rmw_qos_profile_sensor_data, except that a
+# simulation in real time never waits for slow readers.
 _DEFAULT = (
     Policy.Reliability.Reliable(max_blocking_time=0),
     Policy.History.KeepLast(10),
@@ -38,38 +38,41 @@ _SENSOR = (Policy.Reliability.BestEffort, Policy.History.KeepLast(5))
 
 
 class Ros2Bridge(Bridge):
-    """A node of ROS 2 that obeys commands and publishes topics.
+    """A ROS 2 node that obeys commands and publishes topics.
 
-    On DDS a topic is `rt/NAME`, its type is named as by ROS 2, its data is XCDR1, and
-    its user data tell the type's hash, as since Iron. Topics have ROS 2's default QoS
-    (reliable), the sensors' that for sensors (best effort); commands may have any.
+    On DDS, a topic is `rt/NAME` with ROS 2's type name, XCDR1 data, and the type's hash
+    in its user data, as since Iron. Topics have ROS 2's default QoS (reliable), camera
+    topics that for sensors (best effort). Commands may have either.
 
-    On the loopback interface, Fast DDS finds it as it is; Cyclone DDS does with
-    ROS_LOCALHOST_ONLY=1. Images of 640 x 480 overflow the 208 KiB that Linux has for
-    what a socket receives: Fast DDS may lose half of them unless it is given 4 MiB
-    (`sysctl net.core.rmem_default`, or its own settings); Cyclone DDS asks for more.
+    On the loopback interface, Fast DDS finds the node with default settings, Cyclone
+    DDS with ROS_LOCALHOST_ONLY=1. Images of 640 x 480 exceed Linux's default receive
+    buffer of 208 KiB: Fast DDS may lose half of them unless it gets 4 MiB (`sysctl
+    net.core.rmem_default`, or its own settings). Cyclone DDS asks for a larger buffer.
 
-    A command may have 1 MiB; larger ones are dropped. So are pictures of more than four
-    bytes for each pixel that a topic of CameraInfo tells of.
+    Commands may have up to 1 MiB, pictures up to four bytes for each pixel of the
+    largest CameraInfo. Larger messages are dropped.
 
-    Nothing is told on `ros_discovery_info`: Humble writes it in another way than Jazzy,
-    and each throws on what the other writes. So `ros2 topic` finds all topics, and
-    `ros2 node list` no node. Packets that are no DDS are dropped by Cyclone DDS, which
-    writes a line on each to stderr.
+    The node does not publish `ros_discovery_info`, because Humble and Jazzy encode it
+    differently and each throws on the other's. So `ros2 topic` finds all topics, but
+    `ros2 node list` does not show the node. Cyclone DDS drops packets that are not DDS
+    and writes a line on each to stderr.
 
     Args:
         inbox: Where commands go; its topics are subscribed to.
-        topics: What is published.
-        domain: 0 to 232; None: the environment's ROS_DOMAIN_ID, or else 0.
-        interface: IPv4 address or name of the network interface to use. Where the
-            environment has a CYCLONEDDS_URI, that decides alone. Sockets are bound to
-            all interfaces in any case; others are neither told of them nor answered.
-        name: Of the DDS participant.
+        topics: The topics to publish.
+        domain: 0 to 232; None takes ROS_DOMAIN_ID from the environment, or 0.
+        interface: IPv4 address or name of the network interface to use. A
+            CYCLONEDDS_URI in the environment replaces it. Sockets are bound to all
+            interfaces in any case, but only this one is announced and answered.
+        name: Name of the DDS participant.
+
+    Attributes:
+        domain: The domain's number.
 
     Raises:
-        ValueError: If the domain or the interface is none, or the domain is open
-            already in this process.
-        OSError: If Cyclone DDS does not open the domain.
+        ValueError: If the domain or the interface is invalid, or the domain is already
+            open in this process.
+        OSError: If Cyclone DDS cannot open the domain.
     """
 
     def __init__(
@@ -83,9 +86,10 @@ class Ros2Bridge(Bridge):
     ):
         self._store = get_typestore(Stores.ROS2_HUMBLE)
         self.domain = domain_id(domain)
+        limit = largest_message(topics, self._make)
         with contextlib.ExitStack() as stack:
             self._participant = stack.enter_context(
-                open_participant(self.domain, interface, name, self._max_size(topics))
+                open_participant(self.domain, interface, name, limit)
             )
             kinds = {topic.name: topic.type for topic in inbox.topics.values()}
             subscribed = {topic: self._topic(topic, kinds[topic]) for topic in kinds}
@@ -108,46 +112,36 @@ class Ros2Bridge(Bridge):
 
     @property
     def status(self) -> str:
-        """The domain, for people."""
+        """The domain, as text for the status line."""
         return f"ROS 2 in domain {self.domain}"
 
     def has_subscribers(self, topic: str) -> bool:
-        """Whether somebody listens to a topic."""
+        """Return whether a topic has a subscriber."""
         with contextlib.suppress(DDSException):  # closed
-            # Not get_matched_subscriptions: it counts, then lists, and fails if
-            # somebody joins in between.
-            writer: Any = self._writers[topic]  # a status's getter has no annotations
+            # Not get_matched_subscriptions: it counts, then lists, and fails if a
+            # reader joins in between.
+            writer: Any = self._writers[topic]  # the status getter is not annotated
             return bool(writer.get_publication_matched_status().current_count)
         return False
 
     def publish(self, topic: Topic, time: float, values: Sequence[Any]) -> None:
-        """Send what `topic.convert` makes of its ports' values at a time [s]."""
+        """Send the message that `topic.convert` makes of values at a time [s]."""
         message = topic.convert(self._make, time, *values)
         if message is None:
             return
         writer = self._writers[topic.name]
         sample = writer.data_type(bytes(self._store.serialize_cdr(message, topic.type)))
-        # It is closed, or all that its readers have not confirmed is too much to keep;
-        # then this message is lost for some.
+        # Raised if the bridge is closed, or if its readers have too many unconfirmed
+        # messages; then some readers lose this one.
         with contextlib.suppress(DDSException):
             writer.write(sample)
 
     def close(self) -> None:
-        """Leave the domain; the second time, this does nothing."""
+        """Leave the domain. A second call does nothing."""
         self._stack.close()
 
     def _make(self, kind: str, *values: Any, **fields: Any) -> Any:
         return self._store.types[kind](*values, **fields)
-
-    def _max_size(self, topics: Sequence[Topic]) -> int:
-        """Largest message [bytes]: a command, or a picture with what is around it."""
-        infos = (
-            topic.convert(self._make, 0.0)
-            for topic in topics
-            if topic.type == "sensor_msgs/msg/CameraInfo"
-        )
-        pixels = max((info.height * info.width for info in infos), default=0)
-        return COMMAND_LIMIT + 4 * pixels
 
     def _topic(self, name: str, kind: str) -> DdsTopic[Any]:
         return DdsTopic(self._participant, f"rt{name}", payload_type(self._store, kind))
@@ -160,3 +154,19 @@ class Ros2Bridge(Bridge):
             ),
             Policy.Userdata(f"typehash={self._store.hash_rihs01(kind)};".encode()),
         )
+
+
+def largest_message(topics: Sequence[Topic], make: MakeMessage) -> int:
+    """Return the size limit of a domain [bytes]: room for a picture and a command.
+
+    Args:
+        topics: The topics to publish; their CameraInfo tells how large pictures are.
+        make: Makes a message, as for `Topic.convert`.
+    """
+    infos = (
+        topic.convert(make, 0.0)
+        for topic in topics
+        if topic.type == "sensor_msgs/msg/CameraInfo"
+    )
+    pixels = max((info.height * info.width for info in infos), default=0)
+    return COMMAND_LIMIT + 4 * pixels

@@ -1,4 +1,4 @@
-"""Takes in commands from DDS."""
+"""Receive commands over DDS."""
 
 from __future__ import annotations
 
@@ -30,32 +30,33 @@ _RELIABILITIES = {
     "reliable": Policy.Reliability.Reliable(max_blocking_time=0),
     "best effort": Policy.Reliability.BestEffort,
 }
-# Allowed of a message [bytes]: as of TCPROS frames. Commands are a thousandth of it.
+# Largest command [bytes], as for TCPROS frames; commands are a thousand times smaller.
 COMMAND_LIMIT = 2**20
-# What may wait to be taken, of each topic: 1 kHz for a tenth of a second, should this
-# thread not get to run. Of more, the last are kept. (Whatever their size is, which
-# nobody but the domain limits: hence no more.)
+# Samples that may wait per topic, in case this thread does not get to run: 0.1 s at
+# 1 kHz. Beyond that the oldest are lost. Not more, because only the domain's limit
+# bounds their size.
 _DEPTH = 100
-# Samples that are taken out at once, all of them in memory.
+# Samples taken at once, all of which are then in memory.
 _BATCH = 10
-# Writers that are remembered; of more, the oldest are asked for again.
+# Writers whose reliability is remembered. Beyond that, the oldest are looked up again.
 _MAX_WRITERS = 1000
-# For the thread's end, and between tries after a fault [s, real].
+# How long to wait for the thread's end, and before the next attempt after a fault
+# [s, real].
 _PATIENCE, _RETRY = 2.0, 0.1
 _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 
-# Makes a reader of a topic with policies of one's choice.
+# Returns a reader of a topic with the given policies.
 MakeReader = Callable[..., "DataReader[Any]"]
 
 
 class CommandReader:
-    """Puts commands into an inbox, in a thread of its own, until it is closed.
+    """Receives commands in a thread of its own until it is closed.
 
     Args:
-        participant: Where to read.
+        participant: The DDS participant that reads.
         inbox: Where commands go; its topics are subscribed to.
         store: Has the messages' definitions.
-        make_reader: Called as `make_reader(topic, *policies)`.
+        make_reader: Returns a reader; called as `make_reader(topic, *policies)`.
     """
 
     def __init__(
@@ -66,8 +67,9 @@ class CommandReader:
         make_reader: MakeReader,
     ):
         self._inbox, self._store = inbox, store
-        # A reliable reader hears nobody who publishes as best effort; a best-effort one
-        # hears all, but may miss something. Of each writer one of the two is heard.
+        # A reliable reader does not match best-effort writers. A best-effort reader
+        # matches all writers but may miss samples. So each topic has both, and each
+        # writer counts at one of them.
         self._readers = [
             (name, kind, make_reader(name, policy, Policy.History.KeepLast(_DEPTH)))
             for name in inbox.topics
@@ -96,23 +98,23 @@ class CommandReader:
                 self._waitset.wait(duration(seconds=1))
                 self._take()
                 self._check_types()
-            except Exception as error:  # nothing ends commands but close()
+            except Exception as error:  # only close() may end this loop
                 if not self._closed.wait(_RETRY):
-                    text = f"ROS 2: reading commands fails: {error!r}"
+                    text = f"ROS 2: cannot read commands: {error!r}"
                     self._inbox.warnings.warn("ROS 2 fault", text)
 
     def _take(self) -> None:
-        # While one reader is looked at, others get older messages: once more, then.
+        # While one reader is read, older messages may reach another: read again.
         samples = found = list(self._waiting())
         while found and len(samples) < _DEPTH:
             found = list(self._waiting())
             samples = samples + found
-        # Of several topics that command the same, the last message counts.
+        # Where several topics command the same port, the last message wins.
         for _, name, cdr in sorted(samples, key=itemgetter(0)):
             self._receive(name, cdr)
 
     def _waiting(self) -> Iterator[tuple[int, str, bytes]]:
-        """Time of sending [ns], topic and data of what waits in the readers."""
+        """Yield source time [ns], topic and data of each sample in the readers."""
         for name, kind, reader in self._readers:
             for sample in reader.take(_BATCH):
                 info = sample.sample_info
@@ -121,8 +123,8 @@ class CommandReader:
                 ):
                     continue
                 if len(sample.cdr) > COMMAND_LIMIT:
-                    reason = f"has {len(sample.cdr)} bytes; allowed are {COMMAND_LIMIT}"
-                    self._inbox.refuse(name, "size", reason)
+                    reason = f"must have at most {COMMAND_LIMIT} bytes, got "
+                    self._inbox.refuse(name, "size", f"{reason}{len(sample.cdr)}")
                 else:
                     yield info.source_timestamp, name, sample.cdr
 
@@ -131,18 +133,18 @@ class CommandReader:
         try:
             message: Any = self._store.deserialize_cdr(cdr, kind)
         except SerdeError:
-            self._inbox.refuse(topic, "malformed", f"is no {kind}")
+            self._inbox.refuse(topic, "malformed", f"must be a {kind}")
         else:
             self._inbox.receive(topic, message.data)
 
     def _offers_best_effort(self, reader: DataReader[Any], info: Any) -> bool:
-        """Whether a sample's writer is one whom the reliable reader does not hear."""
+        """Return whether a sample's writer does not match the reliable reader."""
         handle = info.publication_handle
         if handle not in self._is_best_effort:
             if len(self._is_best_effort) >= _MAX_WRITERS:
                 del self._is_best_effort[next(iter(self._is_best_effort))]
             writer = reader.get_matched_publication_data(handle)
-            # A writer that is gone already may have been such.
+            # A writer that has already left may have been best effort.
             self._is_best_effort[handle] = (
                 writer is None
                 or writer.qos[Policy.Reliability] == Policy.Reliability.BestEffort
@@ -150,14 +152,14 @@ class CommandReader:
         return self._is_best_effort[handle]
 
     def _check_types(self) -> None:
-        """Warn of those who publish a command as something else."""
+        """Warn of writers that publish a command with another type."""
         for writer in self._publications.take(10):
-            if writer.topic_name is None:  # of a writer that has left
+            if writer.topic_name is None:  # the writer has left
                 continue
             topic = self._inbox.topics.get(writer.topic_name.removeprefix("rt"))
             if topic is not None and writer.type_name != type_name(topic.type):
                 self._inbox.warnings.warn(
                     f"{topic.name} type",
-                    f"{topic.name}: somebody publishes it as {writer.type_name}; it is "
-                    f"{topic.type}",
+                    f"{topic.name}: must be {topic.type}, but a node publishes it as "
+                    f"{writer.type_name}",
                 )

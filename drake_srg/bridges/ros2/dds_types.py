@@ -1,4 +1,4 @@
-"""ROS 2's message types as Cyclone DDS wants them, their contents left to rosbags."""
+"""ROS 2's message types for Cyclone DDS, with their contents serialised by rosbags."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from cyclonedds import idl
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
-types: Any = idl.types  # generic in a way that mypy does not know
+types: Any = idl.types  # mypy does not understand its generic aliases
 
-# By rosbags' names; byte and char are uint8 on the wire, as rmw_cyclonedds_cpp has it.
+# By rosbags' names. byte and char are uint8 on the wire, as in rmw_cyclonedds_cpp.
 _PRIMITIVES: dict[str, Any] = {
     "bool": bool,
     "byte": types.uint8,
@@ -30,27 +30,27 @@ _PRIMITIVES: dict[str, Any] = {
 
 
 def type_name(message: str) -> str:
-    """Name on the wire of a message such as "std_msgs/msg/Int32".
+    """Return a message type's name on the wire.
 
-    It is "std_msgs::msg::dds_::Int32_".
+    For "std_msgs/msg/Int32" it is "std_msgs::msg::dds_::Int32_".
     """
     package, _, name = message.split("/")
     return f"{package}::msg::dds_::{name}_"
 
 
 def payload_type(store: Typestore, message: str) -> Any:
-    """Return a DDS type for a message whose samples hold it serialised.
+    """Return a DDS type whose samples hold a message in serialised form.
 
-    The type tells DDS what the message looks like; a sample is made of the bytes that
-    rosbags' `serialize_cdr` makes, and has them as its attribute `cdr`. (Cyclone's own
-    serialiser takes tens of ms for an image of 640 x 480, rosbags' 0.2 ms.)
+    The type describes the message's structure to DDS. A sample is constructed from the
+    bytes of rosbags' `serialize_cdr` and keeps them in its attribute `cdr`. (Cyclone's
+    own serialiser takes tens of ms for an image of 640 x 480, rosbags' 0.2 ms.)
 
     Args:
         store: Has the message's definition.
-        message: As in "std_msgs/msg/Int32".
+        message: Message type, such as "std_msgs/msg/Int32".
     """
     cls = _struct(store, message, dataclassify=False)
-    # Not by a base class: members of a base are members of the type on the wire.
+    # Not inherited, because members of a base class would be members on the wire.
     cls.__init__ = _init
     cls.serialize = lambda self, **_: self.cdr
     cls.deserialize = cls.deserialize_key = classmethod(

@@ -1,4 +1,4 @@
-"""A client of the gripper's servo that sends what SAKE's public driver sends."""
+"""A client of the gripper's servo that sends the packets of SAKE's public driver."""
 
 import time
 
@@ -14,12 +14,17 @@ class ServoError(Exception):
 
 
 class ServoClient:
-    """A dual SRG at the end of a serial line; percent as SAKE's: 100 open, 0 closed.
+    """A dual SRG at a serial line, in SAKE's percent: 100 open, 0 closed.
 
     Args:
-        url: For pyserial.
-        sleep: Waits for a time [s] of the gripper's.
-        elapsed: Tells that time [s].
+        url: URL or device for pyserial.
+        sleep: Waits for a duration of the gripper's time [s].
+        elapsed: Returns the gripper's time [s].
+
+    Attributes:
+        line: The serial line.
+        sent: Instructions sent so far, without header and checksum.
+        zero: Position of the closed gripper, found by `calibrate` [counts].
     """
 
     retries = 3
@@ -28,31 +33,31 @@ class ServoClient:
         self._sleep, self._elapsed = sleep, elapsed
         self.zero = 0
         self.sent = []
-        # The timeout is SAKE's; opened, closed and opened, too.
-        self._line = serial.serial_for_url(url, baudrate=57600, timeout=0.2)
-        self._line.close()
-        self._line.open()
+        # SAKE's driver has this timeout, and opens, closes and reopens the line.
+        self.line = serial.serial_for_url(url, baudrate=57600, timeout=0.2)
+        self.line.close()
+        self.line.open()
         self.read(3, 1)
         self.read(5, 1)
         if self.read(22, 1) != b"\x01":
             self.write(22, 1, size=1)
 
     def close(self):
-        self._line.close()
+        self.line.close()
 
     # Packets.
 
     def send(self, instruction, *parameters):
-        """Returns parameters and error of the reply, after retries as SAKE's driver."""
+        """Return the reply's parameters and error; retry like SAKE's driver."""
         body = bytes([1, len(parameters) + 2, instruction, *parameters])
         self.sent.append(body[2:])
         for _ in range(1 + self.retries):
-            self._line.reset_input_buffer()
-            self._line.write(b"\xff\xff" + body + bytes([~sum(body) & 0xFF]))
-            head = self._line.read(5)
+            self.line.reset_input_buffer()
+            self.line.write(b"\xff\xff" + body + bytes([~sum(body) & 0xFF]))
+            head = self.line.read(5)
             if len(head) < 5 or head[:3] != b"\xff\xff\x01":
                 continue
-            rest = self._line.read(head[3] - 1)
+            rest = self.line.read(head[3] - 1)
             intact = ~sum(head[2:] + rest[:-1]) & 0xFF == rest[-1]
             if intact and not head[4] & 16:
                 return rest[:-1], head[4]
@@ -113,7 +118,7 @@ class ServoClient:
         self.write(70, 0, size=1)
 
     def check_overload_and_recover(self):
-        """Returns errors before and after."""
+        """Return the errors before and after."""
         _, before = self.send(2, 34, 2)
         if before & 32:
             self.send(3, 71, 0, 0)

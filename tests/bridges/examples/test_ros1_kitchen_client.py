@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bridges.ros1.ros1_peers import wait_until
+from bridges.ros1.peers import wait_until
 from drake_srg.bridges.commands import CommandInbox, CommandTopic, Warnings
 from drake_srg.bridges.ros1.bridge import Ros1Bridge
 from drake_srg.scenario import load_scenario
@@ -21,7 +21,7 @@ def example():
     return module
 
 
-def test_the_client_sends_what_the_scenario_plays(example):
+def test_the_client_sends_the_messages_of_the_scenario(example):
     played = load_scenario("thesis_kitchen").messages
 
     def entry(message):
@@ -36,7 +36,7 @@ def test_the_client_sends_what_the_scenario_plays(example):
     assert len(sent) == played.number()
 
 
-def test_a_ramp_is_rounded_down(example):
+def test_ramps_are_rounded_down(example):
     grip = list(example.messages("grip"))
     assert grip[:11] == [("/grasp", 0)] * 10 + [("/grasp", 1)]
     assert grip[-2:] == [("/grasp", 99), ("/grasp", 100)]
@@ -46,9 +46,8 @@ def test_a_ramp_is_rounded_down(example):
 
 
 @pytest.mark.ros
-def test_every_message_arrives_in_order(example, roscore_of_its_own, told):
-    roscore = roscore_of_its_own  # nobody whom another test left behind is known there
-    roscore.start()
+def test_every_message_arrives_in_order(example, own_roscore, told):
+    own_roscore.start()  # one that knows no nodes of other tests
     received = []
 
     def keep(topic):
@@ -65,9 +64,9 @@ def test_every_message_arrives_in_order(example, roscore_of_its_own, told):
         ],
         Warnings(told.append),
     )
-    with contextlib.closing(Ros1Bridge(inbox, [], master=roscore.uri)):
-        # A hundred times as fast as the thesis's.
-        printed = roscore.run("/usr/bin/python3", EXAMPLE, "--rate", "2500")
+    with contextlib.closing(Ros1Bridge(inbox, [], master=own_roscore.uri)):
+        # A hundred times as fast as in the thesis.
+        printed = own_roscore.run("/usr/bin/python3", EXAMPLE, "--rate", "2500")
         sent = [m for routine in example.SEQUENCE for m in example.messages(routine)]
         assert wait_until(lambda: inbox.received == len(sent)), printed
     for topic in ("/kuka", "/grasp"):

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges.conftest import wait_until
-from bridges.ros2.ros2_peers import command_topics, free_domain
+from bridges.ros2.peers import command_topics, free_domain
+from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.ros2.bridge import Ros2Bridge
 from drake_srg.recording import ros_topics

@@ -1,4 +1,4 @@
-"""Our node among the real programs of ROS 1."""
+"""Our node together with the real programs of ROS 1."""
 
 import contextlib
 import threading
@@ -8,10 +8,10 @@ import pytest
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
-from bridges.ros1.ros1_peers import COMMANDS, TOPICS, taken, wait_until
-from bridges.ros1.ros1_programs import RospyClient
+from bridges.ros1.peers import taken
+from bridges.ros1.programs import RospyClient
+from bridges.waiting import wait_until
 from drake_srg.bridges import topics as camera
-from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.ros1.bridge import Ros1Bridge
 from drake_srg.recording import ros_topics
 from drake_srg.types import Blob
@@ -22,7 +22,7 @@ PIXELS = (np.arange(480 * 640 * 3) % 251).astype(np.uint8).reshape(480, 640, 3)
 INTRINSICS = CameraInfo(640, 480, 600.0, 601.0, 320.5, 240.5)
 CAMERA = camera.camera_topics("ceiling", INTRINSICS)
 BLOB = Blob("soup_can", "ceiling", (320, 240), np.zeros(3), np.array([0, 0, 1]), 1.0)
-# Everything that is published, and the values of its ports.
+# Every topic that is published, with the values of its ports.
 PUBLISHED = {
     "/clock": (ros_topics.clock(), []),
     "/joint_states": (
@@ -56,7 +56,7 @@ def bridge(roscore, inbox):
 
 @contextlib.contextmanager
 def publishing(bridge, *names):
-    """Publish topics in a thread, time going by."""
+    """Publish topics in a thread while time passes."""
     stop = threading.Event()
 
     def run():
@@ -69,9 +69,11 @@ def publishing(bridge, *names):
 
     thread = threading.Thread(target=run)
     thread.start()
-    yield
-    stop.set()
-    thread.join()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
 
 
 @pytest.mark.parametrize(
@@ -82,12 +84,14 @@ def publishing(bridge, *names):
         ("/kuka", "std_msgs/Float64MultiArray", [1.0, -2.0], "arm", [1.0, -2.0]),
     ],
 )
-def test_rospy_commands(bridge, client, inbox, topic, kind, value, name, commanded):
+def test_rospy_sends_commands(
+    bridge, client, inbox, topic, kind, value, name, commanded
+):
     client.publish(topic, kind, value)
     assert taken(inbox, name) == commanded
 
 
-def test_rospy_sees_everything(bridge, client):
+def test_rospy_receives_every_topic(bridge, client):
     for name, (topic, _) in PUBLISHED.items():
         client.subscribe(name, topic.type.replace("/msg/", "/"))
     with publishing(bridge):
@@ -111,8 +115,8 @@ def test_rospy_sees_everything(bridge, client):
     assert '"soup_can"' in got[camera.BLOBS]["data"]
 
 
-def test_messages_that_come_fast_are_all_heard(bridge, client, inbox):
-    # A publisher of rospy sends us nothing for a moment after it has said hello.
+def test_no_message_of_a_fast_publisher_is_lost(bridge, client, inbox):
+    # For a moment after its handshake, a rospy publisher sends nothing.
     while not inbox.received:
         client.publish("/grasp", "std_msgs/Int32", 0)
         wait_until(lambda: inbox.received, timeout=1.0)
@@ -124,22 +128,22 @@ def test_messages_that_come_fast_are_all_heard(bridge, client, inbox):
     assert inbox.take()["closure"] == [1.0]
 
 
-def test_a_publisher_of_another_type_is_warned_of(bridge, roscore, inbox, told):
+def test_a_publisher_with_another_type_is_reported(bridge, roscore, inbox, told):
     with contextlib.closing(RospyClient(roscore)) as client:
         client.publish("/kuka", "std_msgs/Int32", 1)
         assert wait_until(lambda: told.about("/kuka"))
-    assert "refuses us" in told[0]
+    assert "the publisher refuses" in told[0]
     assert inbox.received == 0
 
 
-def test_the_tools_of_ros(bridge, roscore, inbox):
-    """Rostopic and rosnode, all at once: each takes a second to start."""
+def test_ros_tools_see_the_node(bridge, roscore, inbox):
+    # All at once, because each takes a second to start. (hz runs until it is stopped.)
     tools = {
         ("rostopic", "list"): "/gripper/proximity\n",
         ("rostopic", "type", "/grasp"): "std_msgs/Int32",
         ("rostopic", "info", "/joint_states"): "* /drake_srg (http://127.0.0.1:",
         ("rostopic", "echo", "-n", "1", "/joint_states"): "position: [1.0, 2.0]",
-        ("timeout", "3", "rostopic", "hz", "/clock"): "average rate: ",
+        ("rostopic", "hz", "/clock"): "average rate: ",
         ("rostopic", "pub", "-1", "/grasp", "std_msgs/Int32", "17"): "publishing",
         ("rosnode", "info", "/drake_srg"): "* /camera/color/image_raw [sensor_msgs/Im",
         ("rosnode", "ping", "-c", "1", "/drake_srg"): "xmlrpc reply from",
@@ -147,7 +151,8 @@ def test_the_tools_of_ros(bridge, roscore, inbox):
     printed = {}
 
     def run(command):
-        printed[command] = roscore.run(*command)
+        until = tools[command] if "hz" in command else None
+        printed[command] = roscore.run(*command, until=until)
 
     with publishing(bridge, "/clock", "/joint_states"):
         threads = [threading.Thread(target=run, args=(c,)) for c in tools]
@@ -160,13 +165,13 @@ def test_the_tools_of_ros(bridge, roscore, inbox):
     assert taken(inbox, "closure") == [0.17]
 
 
-def test_rosnode_kill(bridge, roscore):
+def test_rosnode_kill_shuts_the_node_down(bridge, roscore):
     assert "killed" in roscore.run("rosnode", "kill", "/drake_srg")
     assert wait_until(lambda: bridge.status == "ROS 1 shut down")
     assert wait_until(lambda: "/drake_srg" not in roscore.run("rosnode", "list"))
 
 
-def test_a_second_node_of_the_same_name_ends_the_first(bridge, roscore, inbox):
+def test_a_second_node_of_the_same_name_replaces_the_first(bridge, roscore, inbox):
     def other():
         node = Ros1Bridge(inbox, [], master=roscore.uri, name="/other")
         return contextlib.closing(node)
@@ -177,8 +182,8 @@ def test_a_second_node_of_the_same_name_ends_the_first(bridge, roscore, inbox):
     assert not bridge.closed
 
 
-def test_roscpp(bridge, roscore, tmp_path):
-    """Rosbag's recorder is written in C++ and takes any type."""
+def test_roscpp_receives_messages(bridge, roscore, tmp_path):
+    # Rosbag's recorder is a roscpp node that takes any type.
     bag = tmp_path / "out.bag"
     recorder = "/usr/lib/rosbag/record"
     with publishing(bridge, "/joint_states"):
@@ -195,16 +200,14 @@ def test_roscpp(bridge, roscore, tmp_path):
     assert message.velocity.tolist() == [3.0, 4.0]
 
 
-def test_a_roscore_that_is_restarted(roscore_of_its_own, tmp_path):
-    roscore, told = roscore_of_its_own, []
-    inbox = CommandInbox(COMMANDS, Warnings(told.append))
-    with contextlib.closing(Ros1Bridge(inbox, TOPICS, master=roscore.uri)) as bridge:
-        for value in 1.0, 2.0:
-            roscore.start()
-            assert wait_until(lambda: "waiting" not in bridge.status, 3.0)
-            with contextlib.closing(RospyClient(roscore)) as client:
-                client.publish("/kuka", "std_msgs/Float64MultiArray", [value])
-                assert taken(inbox, "arm") == [value]
-            roscore.close()
-            assert wait_until(lambda: "waiting" in bridge.status, 3.0)
-    assert len([text for text in told if "waiting for it" in text]) == 3
+def test_the_node_survives_restarts_of_roscore(new_bridge, inbox, own_roscore, told):
+    bridge = new_bridge(master=own_roscore.uri)
+    for value in 1.0, 2.0:
+        own_roscore.start()
+        assert wait_until(lambda: "waiting" not in bridge.status)
+        with contextlib.closing(RospyClient(own_roscore)) as client:
+            client.publish("/kuka", "std_msgs/Float64MultiArray", [value])
+            assert taken(inbox, "arm") == [value]
+        own_roscore.close()
+        assert wait_until(lambda: "waiting" in bridge.status)
+    assert len(told.about("waiting for it")) == 3

@@ -1,8 +1,8 @@
-"""A peer of the ROS 2 bridge, run as a process of its own: `dds_peer.py DOMAIN`.
+"""A peer of the ROS 2 bridge that runs as a process: `dds_peer.py DOMAIN`.
 
-It knows nothing of the package: its types are written by hand, and Cyclone DDS's own
-code serialises them. Orders come as lines of JSON, [name, argument...]; each is
-answered by a line of JSON.
+It does not use the package: its types are written by hand, and Cyclone DDS serialises
+them. It reads orders as lines of JSON, [name, argument...], and answers each with a
+line of JSON.
 """
 
 import dataclasses as dc
@@ -130,7 +130,7 @@ class CameraInfo(IdlStruct, typename="sensor_msgs::msg::dds_::CameraInfo_"):
 
 MESSAGES = (Int32, Bool, Float64, String, Float64MultiArray, Clock, JointState, Image)
 TYPES = {cls.__name__: cls for cls in (*MESSAGES, CameraInfo)}
-# A lease of a second: whoever looks for this process in vain sees it soon.
+# With a lease of one second, others soon notice when this process has vanished.
 CONFIGURATION = """
 <CycloneDDS><Domain>
   <General><Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>
@@ -184,10 +184,10 @@ class Peer:
         return self.writers[name][0].get_publication_matched_status().current_count
 
     def introduce(self):
-        """Return when all writers are known to who subscribes to /grasp.
+        """Wait until the subscriber of /grasp knows all writers.
 
-        Others learn of writers in their order, so this makes one more and waits until
-        its message, a 0, has been confirmed.
+        Writers are announced in order. So this adds one more and waits until its
+        message, a 0, has been confirmed.
         """
         topic = Topic(self.participant, "rt/grasp", Int32)
         writer = DataWriter(self.participant, topic, qos(True, 10))
@@ -202,7 +202,7 @@ class Peer:
             writer.write(message(kind, value))
 
     def stream(self, rate, count, values):
-        """Publish `count` times, `rate` times a second; {topic: last value, int}."""
+        """Publish `count` times at `rate` [Hz]; `values` are the last, by topic."""
         start = time.monotonic()
         for i in range(count):
             for name, last in values.items():
@@ -211,10 +211,9 @@ class Peer:
                     data = [0.0] * len(last)
                 self.publish(name, data)
             time.sleep(max(0.0, start + (i + 1) / rate - time.monotonic()))
-        return time.monotonic() - start
 
     def user_data(self):
-        """What others tell of themselves: {kind: {topic or "": [type, data]}}."""
+        """Return the announcements of others: {kind: [{topic, type, ...}]}."""
         told = {}
         for kind, builtin in (
             ("participant", BuiltinTopicDcpsParticipant),

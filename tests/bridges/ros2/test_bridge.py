@@ -1,5 +1,6 @@
 import signal
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -7,9 +8,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 from pydrake.systems.sensors import CameraInfo
+from rosbags.typesys import Stores, get_typestore
 
-from bridges.conftest import wait_until
-from bridges.ros2.ros2_peers import (
+from bridges.ros2.peers import (
     COMMANDS,
     CyclonePeer,
     advertise,
@@ -17,8 +18,9 @@ from bridges.ros2.ros2_peers import (
     free_domain,
     received,
 )
+from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros2.bridge import Ros2Bridge
+from drake_srg.bridges.ros2.bridge import Ros2Bridge, largest_message
 from drake_srg.bridges.topics import camera_topics
 from drake_srg.recording import ros_topics
 
@@ -37,28 +39,8 @@ TOPICS = [
 
 
 @pytest.fixture
-def told():
-    return []
-
-
-@pytest.fixture
-def inbox(told):
-    return CommandInbox(command_topics(), Warnings(told.append))
-
-
-@pytest.fixture
-def bridge(inbox, monkeypatch):
-    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
-    bridge = Ros2Bridge(inbox, TOPICS, domain=free_domain())
-    yield bridge
-    bridge.close()
-
-
-@pytest.fixture
-def peer(bridge):
-    peer = CyclonePeer(bridge.domain)
-    yield peer
-    peer.close()
+def topics():
+    return TOPICS
 
 
 def subscribe(peer, bridge, topic, kind, reliable=True):
@@ -112,7 +94,7 @@ def subscribe(peer, bridge, topic, kind, reliable=True):
     ],
     ids=lambda value: value.name if isinstance(value, ros_topics.Topic) else "",
 )
-def test_another_process_reads_what_is_published(bridge, peer, topic, values, expected):
+def test_another_process_receives_the_topics(bridge, peer, topic, values, expected):
     assert not bridge.has_subscribers(topic.name)
     kind = topic.type.rpartition("/")[2]
     subscribe(peer, bridge, topic.name, kind, reliable=not topic.sensor)
@@ -123,16 +105,16 @@ def test_another_process_reads_what_is_published(bridge, peer, topic, values, ex
     assert {name: message[name] for name in expected} == expected
 
 
-def test_others_are_told_what_ros_2_tells(bridge, peer):
-    def told():
+def test_announcements_are_those_of_ros_2(bridge, peer):
+    def announced():
         data = peer.user_data()
         counts = [len(data[kind]) for kind in ("publication", "subscription")]
         return data if counts == [len(TOPICS), 2 * len(COMMANDS)] else None
 
-    data = wait_until(told)
+    data = wait_until(announced)
     assert {entry["user_data"] for entry in data["participant"]} >= {"enclave=/;"}
     offered = {entry["topic"]: entry for entry in data["publication"]}
-    # The hashes are those that `ros2 topic info -v` of Jazzy prints.
+    # Hashes as printed by `ros2 topic info -v` of Jazzy.
     assert offered["rt/joint_states"] == {
         "topic": "rt/joint_states",
         "type": "sensor_msgs::msg::dds_::JointState_",
@@ -162,22 +144,42 @@ def test_others_are_told_what_ros_2_tells(bridge, peer):
     }
 
 
-def test_the_largest_picture_is_not_too_large(bridge):
+def test_the_size_limit_has_room_for_the_largest_picture():
+    store = get_typestore(Stores.ROS2_HUMBLE)
+
+    def make(kind, *values, **fields):
+        return store.types[kind](*values, **fields)
+
     camera = camera_topics(
         "ceiling", CameraInfo(1920, 1080, 900.0, 900.0, 960.0, 540.0)
     )
     depth = np.zeros((1080, 1920), np.float32)
-    message = camera["/camera/depth/image_raw"].convert(bridge._make, 0.0, depth)
-    size = len(bridge._store.serialize_cdr(message, IMAGE.type))
-    assert size < bridge._max_size([*TOPICS, *camera.values()])
+    message = camera["/camera/depth/image_raw"].convert(make, 0.0, depth)
+    size = len(store.serialize_cdr(message, IMAGE.type))
+    assert size < largest_message([*TOPICS, *camera.values()], make)
 
 
-def test_a_reader_that_stands_still_keeps_nobody_waiting(bridge, peer):
-    other = CyclonePeer(bridge.domain)
-    try:
+def test_a_stopped_reader_delays_nobody(bridge, peer):
+    count = 500
+    stamps = []
+
+    def publish():
+        for i in range(count):
+            bridge.publish(JOINT_STATES, i + 1.0, [STATE, None])
+            time.sleep(0.001)
+
+    def all_arrived():
+        messages = other.take("/joint_states")
+        stamps.extend(message["header"]["stamp"]["sec"] for message in messages)
+        return stamps[-1:] == [count]
+
+    with (
+        closing(CyclonePeer(bridge.domain)) as other,
+        ThreadPoolExecutor() as threads,
+    ):
         for each in (peer, other):
             subscribe(each, bridge, "/joint_states", "JointState")
-        # Both are known here when both have a message.
+        # The bridge knows both once both have received a message.
         for each in (peer, other):
             assert wait_until(
                 lambda each=each: (
@@ -187,44 +189,31 @@ def test_a_reader_that_stands_still_keeps_nobody_waiting(bridge, peer):
             )
         other.take("/joint_states")
         peer.signal(signal.SIGSTOP)
-        times = []
-        for i in range(500):
-            start = time.perf_counter()
-            bridge.publish(JOINT_STATES, i + 1.0, [STATE, None])
-            times.append(time.perf_counter() - start)
-            time.sleep(0.001)
-        # Who waits for a reader waits 100 ms, Cyclone's max_blocking_time.
-        assert np.median(times) < 0.05
-        stamps = []
-
-        def all_came():
-            messages = other.take("/joint_states")
-            stamps.extend(message["header"]["stamp"]["sec"] for message in messages)
-            return stamps[-1:] == [500]
-
-        assert wait_until(all_came)
-        assert [stamp for stamp in stamps if stamp] == list(range(1, 501))
-    finally:
-        peer.signal(signal.SIGCONT)
-        other.close()
+        try:
+            # Cyclone's default max_blocking_time of 100 ms would add up to 50 s.
+            threads.submit(publish).result(timeout=25.0)
+            assert wait_until(all_arrived)
+        finally:
+            peer.signal(signal.SIGCONT)
+    assert [stamp for stamp in stamps if stamp] == list(range(1, count + 1))
 
 
-def test_readers_that_come_and_go_while_it_looks_are_no_error(bridge, peer):
+def test_subscribers_may_join_while_they_are_counted(bridge, peer):
     subscribe(peer, bridge, "/joint_states", "JointState")
     other = CyclonePeer(bridge.domain)
 
-    def come_and_go():
+    def join_and_leave():
         for _ in range(100):
             other.subscribe("/joint_states", "JointState")
 
     with closing(other), ThreadPoolExecutor() as threads:
-        coming = threads.submit(come_and_go)
-        while not coming.done():
+        joining = threads.submit(join_and_leave)
+        while not joining.done():
             assert bridge.has_subscribers("/joint_states")
-        coming.result()
+        joining.result()
 
 
-def test_a_peer_that_vanishes_is_forgotten(inbox, bridge, peer):
+def test_a_vanished_peer_is_forgotten(inbox, bridge, peer):
     subscribe(peer, bridge, "/joint_states", "JointState")
     peer.signal(signal.SIGKILL)
     bridge.publish(JOINT_STATES, 0.0, [STATE, None])
@@ -236,12 +225,11 @@ def test_a_peer_that_vanishes_is_forgotten(inbox, bridge, peer):
     other.close()
 
 
-def test_it_closes_at_once_and_twice_and_is_silent_then(bridge, peer):
+def test_a_closed_bridge_is_silent_and_leaves_no_thread(bridge, peer):
     subscribe(peer, bridge, "/joint_states", "JointState")
-    start = time.monotonic()
     bridge.close()
+    assert not [t for t in threading.enumerate() if t.name == "ros2"]
     bridge.close()
-    assert time.monotonic() - start < 1.0
     assert not bridge.has_subscribers("/joint_states")
     bridge.publish(JOINT_STATES, 0.0, [STATE, None])
     assert wait_until(lambda: peer.matched("/joint_states") == 0)
@@ -260,18 +248,18 @@ def test_two_domains_in_one_process_do_not_mix(inbox, bridge, told):
     other.close()
 
 
-def test_a_domain_is_open_once_in_a_process(inbox, bridge):
-    with pytest.raises(ValueError, match=f"domain {bridge.domain} is open already"):
+def test_a_process_opens_a_domain_only_once(inbox, bridge):
+    with pytest.raises(ValueError, match=f"domain {bridge.domain} is already open"):
         Ros2Bridge(inbox, [], domain=bridge.domain)
     bridge.close()
     Ros2Bridge(inbox, [], domain=bridge.domain).close()
 
 
-def test_the_status_tells_the_domain(bridge):
+def test_the_status_names_the_domain(bridge):
     assert bridge.status == f"ROS 2 in domain {bridge.domain}"
 
 
-def test_what_is_missing_is_told_how_to_install(monkeypatch):
+def test_a_missing_package_comes_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
     monkeypatch.delitem(sys.modules, "drake_srg.bridges.ros2.bridge")
     with pytest.raises(ImportError, match=r"pip install .*\[ros2\]"):

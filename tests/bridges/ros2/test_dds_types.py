@@ -14,25 +14,25 @@ STORE = get_typestore(Stores.ROS2_HUMBLE)
         ("rosgraph_msgs/msg/Clock", "rosgraph_msgs::msg::dds_::Clock_"),
     ],
 )
-def test_types_are_named_as_in_ros_2(message, name):
+def test_types_have_ros_2_s_names(message, name):
     assert type_name(message) == name
 
 
 @pytest.mark.parametrize("cls", dds_peer.TYPES.values(), ids=dds_peer.TYPES.keys())
-def test_types_are_those_written_by_hand(cls):
+def test_types_equal_those_written_by_hand(cls):
     package, _, _, name = cls.__idl_typename__.split("::")
     made = payload_type(STORE, f"{package}/msg/{name.rstrip('_')}")
-    # The identifier has a hash of all that is in the type.
+    # The identifier contains a hash of the whole type.
     assert made.__idl__.get_type_id() == cls.__idl__.get_type_id()
 
 
-def test_all_of_ros_2_s_own_types_have_one():
+def test_every_type_of_ros_2_can_be_made():
     for message in STORE.fielddefs:
         made = payload_type(STORE, message)
         made.__idl__.populate()
 
 
-def test_a_sample_is_its_bytes():
+def test_a_sample_serialises_to_its_bytes():
     sample = payload_type(STORE, "std_msgs/msg/Int32")(b"data")
     assert sample.cdr == sample.serialize(use_version_2=False) == b"data"
     assert type(sample).deserialize(b"other").cdr == b"other"

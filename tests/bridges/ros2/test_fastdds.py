@@ -1,14 +1,13 @@
+import contextlib
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import needs_debian
 
-from bridges.conftest import needs_debian, wait_until
-from bridges.ros2.ros2_peers import Peer, command_topics, free_domain
-from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros2.bridge import Ros2Bridge
-from drake_srg.bridges.topics import image_message
+from bridges.ros2.peers import Peer
+from bridges.waiting import wait_until
 from drake_srg.recording import ros_topics
 
 pytestmark = pytest.mark.ros
@@ -18,7 +17,7 @@ IMAGE = ros_topics.Topic(
     "/camera/color/image_raw",
     "sensor_msgs/msg/Image",
     {},
-    lambda make, time, pixels: image_message(make, time, "camera", "rgb8", pixels),
+    lambda make, t, pixels: ros_topics.image_message(make, t, "camera", "rgb8", pixels),
     sensor=True,
 )
 
@@ -35,36 +34,20 @@ def program(tmp_path_factory):
 
 
 @pytest.fixture
-def told():
-    return []
+def topics():
+    return [JOINT_STATES, IMAGE]
 
 
 @pytest.fixture
-def inbox(told):
-    return CommandInbox(command_topics(), Warnings(told.append))
+def peer(program, bridge, topics):
+    with contextlib.closing(Peer(program, str(bridge.domain))) as peer:
+        # Two readers of each command (reliable, best effort), one writer of each topic.
+        assert wait_until(lambda: peer.ask("matched") == "2 2 1 1", timeout=20.0)
+        assert wait_until(lambda: all(bridge.has_subscribers(t.name) for t in topics))
+        yield peer
 
 
-@pytest.fixture
-def bridge(program, inbox, monkeypatch):
-    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
-    bridge = Ros2Bridge(inbox, [JOINT_STATES, IMAGE], domain=free_domain())
-    yield bridge
-    bridge.close()
-
-
-@pytest.fixture
-def peer(program, bridge):
-    peer = Peer(program, str(bridge.domain))
-    # Two readers of each command, one of them reliable; one writer of each topic.
-    assert wait_until(lambda: peer.ask("matched") == "2 2 1 1", timeout=20.0)
-    assert wait_until(
-        lambda: all(map(bridge.has_subscribers, (JOINT_STATES.name, IMAGE.name)))
-    )
-    yield peer
-    peer.close()
-
-
-def test_fast_dds_commands(peer, inbox, told):
+def test_fast_dds_sends_commands(peer, inbox, told):
     peer.ask("grasp 42")
     peer.ask("kuka 0.1 0.2 0.3 0.4 0.5 0.6 0.7")
     assert wait_until(lambda: inbox.received == 2)
@@ -74,18 +57,18 @@ def test_fast_dds_commands(peer, inbox, told):
     assert told == []
 
 
-def test_fast_dds_reads_joint_states(bridge, peer):
+def test_fast_dds_receives_joint_states(bridge, peer):
     bridge.publish(JOINT_STATES, 1.5, [np.array([0.25, 0.5, -1.0, 2.0]), None])
     answer = wait_until(lambda: (got := peer.ask("joint_states")) != "0" and got)
     assert answer == "1 1 500000000 a b 0.25 0.5 -1 2 nan nan"
 
 
-def test_fast_dds_reads_images(bridge, peer):
+def test_fast_dds_receives_images(bridge, peer):
     pixels = np.random.default_rng(0).integers(0, 256, (480, 640, 3), dtype=np.uint8)
 
     def look():
-        # More than once: Fast DDS reads into a buffer of the system's default size,
-        # 208 KiB, which an image of 900 KiB overflows unless it is quick.
+        # Repeatedly: Fast DDS has the system's default receive buffer of 208 KiB, which
+        # an image of 900 KiB overflows unless Fast DDS reads fast enough.
         bridge.publish(IMAGE, 0.0, [pixels])
         return wait_until(lambda: (got := peer.ask("image")) != "0" and got, 0.1)
 
@@ -97,19 +80,19 @@ def test_fast_dds_reads_images(bridge, peer):
 
 def test_malformed_commands_are_refused_with_one_warning(peer, inbox, told):
     for payload in (
-        "00010000",  # nothing: DDS itself drops it
+        "00010000",  # no data: DDS itself drops it
         "000100000500000006000000",  # four bytes too many
-        "0007000005000000",  # XCDR2, which it does not offer
-        "000b00000500000005000000",  # the same, of a mutable type
+        "0007000005000000",  # XCDR2, which the bridge does not support
+        "000b00000500000005000000",  # XCDR2 of a mutable type
     ):
         peer.ask("grasp 1")
         peer.ask(f"raw {payload}")
         peer.ask("grasp 2")
         assert wait_until(lambda: inbox.take().get("/grasp") == [2.0])
-    assert told == ["/grasp: is no std_msgs/msg/Int32; the last good command holds"]
+    assert told == ["/grasp: must be a std_msgs/msg/Int32; the last good command holds"]
 
 
-def test_the_other_byte_order_is_read(peer, inbox):
+def test_big_endian_data_is_read(peer, inbox):
     peer.ask("raw 0000000000000005")
     assert wait_until(lambda: inbox.received == 1)
     assert inbox.take()["/grasp"].tolist() == [5.0]

@@ -1,12 +1,13 @@
-// A peer of the ROS 2 bridge that shares no code with it: eProsima's Fast DDS and Fast
-// CDR, with its defaults and the settings of rmw_fastrtps_cpp. Run as `peer DOMAIN`.
+// A peer of the ROS 2 bridge that shares no code with it: it uses eProsima's Fast DDS
+// and Fast CDR, with their defaults and the settings of rmw_fastrtps_cpp. Run it as
+// `peer DOMAIN`.
 //
-// Orders come as lines, each is answered by one:
-//   grasp INT | kuka NUMBER...  publishes a command
-//   raw HEX                     publishes these bytes on /grasp as they are
-//   joint_states | image        how many came since, and the last one's fields, an
-//                               image's bytes as a sum
-//   matched                     how many readers of commands, writers of topics there are
+// It reads orders as lines and answers each with a line:
+//   grasp INT | kuka NUMBER...  publish a command
+//   raw HEX                     publish these bytes on /grasp unchanged
+//   joint_states | image        number of messages since the last time, and the fields of
+//                               the last one (a checksum for an image's data)
+//   matched                     number of readers of each command, writers of each topic
 
 #include <cstring>
 #include <functional>
@@ -38,7 +39,7 @@ struct Int32 {
   static constexpr const char* name = "std_msgs::msg::dds_::Int32_";
   static constexpr uint32_t size = 256;
   int32_t data = 0;
-  std::string raw;  // sent in place of the data, where there is any
+  std::string raw;  // sent instead of the data unless empty
   void write(Cdr& cdr) const { cdr << data; }
   void read(Cdr& cdr) { cdr >> data; }
 };
@@ -149,7 +150,7 @@ class RosType : public TopicDataType {
   bool getKey(void*, InstanceHandle_t*, bool) override { return false; }
 };
 
-// Without shared memory, which Cyclone DDS does not speak, and which stays behind in
+// Without shared memory: Cyclone DDS does not support it, and it would stay behind in
 // /dev/shm when a test kills this program.
 DomainParticipantQos by_udp() {
   DomainParticipantQos qos = PARTICIPANT_QOS_DEFAULT;

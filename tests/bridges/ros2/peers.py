@@ -1,4 +1,4 @@
-"""Processes that speak DDS with the ROS 2 bridge, and a domain for them alone."""
+"""Processes that talk DDS with the ROS 2 bridge, in a domain of their own."""
 
 import json
 import random
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bridges.ros1.ros1_peers import wait_until
+from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandError, CommandTopic
 
 COMMANDS = {
@@ -22,12 +22,12 @@ COMMANDS = {
 
 
 def free_domain():
-    """A domain that nobody on this machine takes part in."""
-    # Above 100 its ports are among those that the system gives to anybody.
+    """Return a domain without participants on this machine."""
+    # The ports of higher domains are among the system's ephemeral ports.
     for domain in random.SystemRandom().sample(range(1, 101), 100):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
-                # Of the first participant: DDSI's formula.
+                # DDSI's formula for the port of the first participant.
                 probe.bind(("127.0.0.1", 7400 + 250 * domain + 10))
             except OSError:
                 continue
@@ -36,7 +36,7 @@ def free_domain():
 
 
 def command_topics():
-    """The station's topics; what came is told by the topic's name."""
+    """Return topics whose commands are their data, by topic name."""
 
     def topic(name, kind, size=None):
         def convert(data):
@@ -58,7 +58,7 @@ def command_topics():
 
 
 class Peer:
-    """A process that answers every line with a line; see the program."""
+    """A process that answers every line with a line, such as `dds_peer.py`."""
 
     def __init__(self, *command):
         self._process = subprocess.Popen(
@@ -80,14 +80,14 @@ class Peer:
         self._process.send_signal(number)
 
     def close(self):
-        with self._process:  # closes the pipes, which ends the program, and waits
+        with self._process:  # closes the pipes, which ends the program; then waits
             killer = threading.Timer(5.0, self._process.kill)
             killer.start()
         killer.cancel()
 
 
 class CyclonePeer(Peer):
-    """Methods are those of `dds_peer.Peer`."""
+    """A process `dds_peer.py`; it has the methods of `dds_peer.Peer`."""
 
     def __init__(self, domain):
         program = Path(__file__).with_name("dds_peer.py")
@@ -98,8 +98,8 @@ class CyclonePeer(Peer):
 
 
 def advertise(inbox, peer, *topics, reliable=True):
-    """Make publishers that are known to the bridge and know of it."""
-    # Two readers, or that for best effort alone.
+    """Create publishers, and wait until they and the bridge know each other."""
+    # The bridge has two readers per topic; a best-effort writer matches one of them.
     readers = 2 if reliable else 1
     for topic in topics:
         peer.advertise(topic, COMMANDS[topic][0], reliable)

@@ -1,4 +1,4 @@
-"""ROS 1's own programs, as Debian has them."""
+"""ROS 1's own programs, from Debian packages."""
 
 import contextlib
 import json
@@ -9,11 +9,12 @@ import threading
 import xmlrpc.client
 from pathlib import Path
 
-from bridges.ros1.ros1_peers import free_port, wait_until
+from bridges.ros1.peers import free_port
+from bridges.waiting import wait_until
 
 
 class Roscore:
-    """The real master of ROS 1, with its node rosout, on a port of its own."""
+    """ROS 1's real master, with its node rosout, on a port of its own."""
 
     def __init__(self, home):
         self.port = free_port()
@@ -22,7 +23,7 @@ class Roscore:
             **os.environ,
             "ROS_MASTER_URI": self.uri,
             "ROS_IP": "127.0.0.1",
-            "ROS_HOME": str(home),  # where it logs
+            "ROS_HOME": str(home),  # for logs
             "PYTHONUNBUFFERED": "1",
         }
         self._process = None
@@ -46,26 +47,39 @@ class Roscore:
             self._process.terminate()
             self._process.wait(20.0)
 
-    def run(self, *command, timeout=20.0):
-        """Run a program of ROS; return what it printed."""
-        done = subprocess.run(
+    def run(self, *command, until=None, timeout=20.0):
+        """Run a program of ROS and return its output.
+
+        Args:
+            command: The program and its arguments.
+            until: Words that end a program which would run forever.
+            timeout: When to kill the program at the latest [s].
+        """
+        process = subprocess.Popen(
             command,
             env=self.environment,
-            timeout=timeout,
-            check=False,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
         )
-        return done.stdout
+        killer = threading.Timer(timeout, process.kill)
+        killer.start()
+        output = ""
+        with process:
+            for line in process.stdout:
+                output += line
+                if until is not None and until in line:
+                    process.terminate()
+        killer.cancel()
+        return output
 
 
 class RospyClient:
-    """A real rospy node, `ros1_client.py`."""
+    """A real rospy node, `rospy_client.py`."""
 
     def __init__(self, roscore):
         self._process = subprocess.Popen(
-            ["/usr/bin/python3", Path(__file__).with_name("ros1_client.py")],
+            ["/usr/bin/python3", Path(__file__).with_name("rospy_client.py")],
             env=roscore.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -84,7 +98,7 @@ class RospyClient:
         self._send(["publish", topic, kind, values])
 
     def receive(self, topic):
-        """The next message of a topic; others are skipped."""
+        """Return the next message of a topic, skipping others."""
         while True:
             name, message = self._received.get(timeout=10.0)
             if name == topic:

@@ -1,8 +1,8 @@
-"""A real rospy node that does what it is told, for /usr/bin/python3.
+"""A real rospy node under remote control, run by /usr/bin/python3.
 
-Lines of JSON come: ["subscribe", TOPIC, TYPE] and ["publish", TOPIC, TYPE, VALUES],
-which publishes one message a value. Each message received goes out as a line, [TOPIC,
-MESSAGE].
+It reads orders as lines of JSON: ["subscribe", TOPIC, TYPE] and ["publish", TOPIC,
+TYPE, VALUES], which publishes one message per value. It writes each message received
+as a line [TOPIC, MESSAGE].
 """
 
 import json
@@ -34,7 +34,7 @@ printing = threading.Lock()
 
 
 def plain(value):
-    """What JSON can say of a message."""
+    """Convert a message to values that JSON can represent."""
     if hasattr(value, "__slots__"):
         return {name: plain(getattr(value, name)) for name in value.__slots__}
     if isinstance(value, bytes):

@@ -1,23 +1,23 @@
-"""Peers of a ROS 1 node, of plain sockets and the standard library."""
+"""Peers of a ROS 1 node, made of plain sockets and the standard library."""
 
 import socket
 import struct
 import threading
-import time
 import xmlrpc.client
 from xmlrpc.server import SimpleXMLRPCServer
 
 import numpy as np
 
+from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandError, CommandTopic
 from drake_srg.recording import ros_topics
 
-# As `rosmsg md5` prints them.
+# From `rosmsg md5`.
 INT32_MD5 = "da5909fbe378aeaf85e547e830cc1bb7"
 ARRAY_MD5 = "4b7d974086d4060e7db4613a7e6c3ba4"
 CLOCK_MD5 = "a9c97c1d230cfc112e270351a944ee47"
 
-# Headers of publishers.
+# Connection headers of publishers.
 INT32 = {"callerid": "/peer", "md5sum": INT32_MD5, "type": "std_msgs/Int32"}
 ARRAY = {
     "callerid": "/peer",
@@ -32,7 +32,7 @@ def grasp(data):
     return {"closure": np.array([data / 100.0])}
 
 
-# What the bridge under test takes and gives.
+# The topics of the bridge under test.
 COMMANDS = [
     CommandTopic("/grasp", "std_msgs/msg/Int32", grasp),
     CommandTopic("/startgrasp", "std_msgs/msg/Bool", lambda d: {"hold": [not d]}),
@@ -49,22 +49,14 @@ TOPICS = [CLOCK, JOINTS, IMAGE]
 
 
 def int32(value):
-    """A std_msgs/Int32, framed."""
+    """Return a framed std_msgs/Int32."""
     return struct.pack("<Ii", 4, value)
 
 
 def array(*values):
-    """A std_msgs/Float64MultiArray, framed."""
+    """Return a framed std_msgs/Float64MultiArray."""
     content = struct.pack(f"<III{len(values)}d", 0, 0, len(values), *values)
     return struct.pack("<I", len(content)) + content
-
-
-def wait_until(condition, timeout=5.0):
-    """Wait until `condition()` is true; return what it last was."""
-    end = time.monotonic() + timeout
-    while not (value := condition()) and time.monotonic() < end:
-        time.sleep(0.01)
-    return value
 
 
 def free_port():
@@ -73,7 +65,7 @@ def free_port():
 
 
 def taken(inbox, name):
-    """Wait for a command; return its last value."""
+    """Wait for a command and return its last value."""
     values = {}
 
     def arrived():
@@ -85,7 +77,7 @@ def taken(inbox, name):
 
 
 def header(**fields):
-    """A connection's header, written without our code."""
+    """Return a framed connection header, encoded independently of the package."""
     parts = [f"{name}={value}".encode() for name, value in fields.items()]
     body = b"".join(struct.pack("<I", len(part)) + part for part in parts)
     return struct.pack("<I", len(body)) + body
@@ -116,7 +108,7 @@ def receive_header(connection):
 
 
 class Api:
-    """An XML-RPC server of methods, in a thread."""
+    """An XML-RPC server in a thread."""
 
     def __init__(self, port=0, **methods):
         self._server = SimpleXMLRPCServer(("127.0.0.1", port), logRequests=False)
@@ -136,10 +128,10 @@ class Api:
 
 
 class Master(Api):
-    """Remembers what is registered, and who publishes what is subscribed to."""
+    """A master that keeps registrations and lists of publishers."""
 
     def __init__(self, port=0):
-        self.publishers = {}  # topic to URIs that subscribers are told
+        self.publishers = {}  # topic to the publishers' URIs, given to subscribers
         self.registered = {}  # (role, topic) to (node, type, URI)
         super().__init__(
             port,
@@ -165,19 +157,24 @@ class Master(Api):
         return [-1, "unknown node", ""]
 
     @property
-    def node(self):
-        """The slave API of whoever is registered."""
+    def node_uri(self):
+        """URI of the registered node."""
         ((_, _, uri), *_) = self.registered.values()
-        return xmlrpc.client.ServerProxy(uri)
+        return uri
+
+    @property
+    def node(self):
+        """The slave API of the registered node."""
+        return xmlrpc.client.ServerProxy(self.node_uri)
 
     def tell(self, topic, *publishers):
-        """Tell the node who publishes."""
+        """Send the node a list of publishers' URIs."""
         self.publishers[topic] = list(publishers)
         return self.node.publisherUpdate("/master", topic, list(publishers))
 
 
 class Publisher:
-    """A node that publishes one topic; the test says what its sockets send."""
+    """A node that publishes one topic; the test writes to its sockets."""
 
     def __init__(self):
         self._listener = socket.create_server(("127.0.0.1", 0))
@@ -188,7 +185,7 @@ class Publisher:
         self.uri = self._api.uri
 
     def accept(self, **answer):
-        """The next connection; its header is read, and answered if one is given."""
+        """Return the next connection; read its header, and answer with fields."""
         connection, _ = self._listener.accept()
         connection.settimeout(5.0)
         self._connections.append(connection)
@@ -205,8 +202,13 @@ class Publisher:
 
 def subscribe(node, topic, **fields):
     """Connect to a node and send a header; return the socket and its answer."""
-    code, status, protocol = node.requestTopic("/peer", topic, [["TCPROS"]])
-    assert code == 1, status
-    connection = socket.create_connection(tuple(protocol[1:]), timeout=5.0)
+    connection = socket.create_connection(tcpros_address(node, topic), timeout=5.0)
     connection.sendall(header(topic=topic, **{"callerid": "/peer", **fields}))
     return connection, receive_header(connection)
+
+
+def tcpros_address(node, topic):
+    """Return the host and port at which a node publishes a topic."""
+    code, status, protocol = node.requestTopic("/peer", topic, [["TCPROS"]])
+    assert code == 1, status
+    return tuple(protocol[1:])

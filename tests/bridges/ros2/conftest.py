@@ -1,0 +1,34 @@
+"""Fixtures of the ROS 2 tests: a bridge in a domain of its own, and a peer."""
+
+import contextlib
+
+import pytest
+
+from bridges.ros2.peers import CyclonePeer, command_topics, free_domain
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.ros2.bridge import Ros2Bridge
+
+
+@pytest.fixture
+def inbox(told):
+    return CommandInbox(command_topics(), Warnings(told.append))
+
+
+@pytest.fixture
+def topics():
+    """What the bridge publishes; test modules override it."""
+    return []
+
+
+@pytest.fixture
+def bridge(inbox, topics, monkeypatch):
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    bridge = Ros2Bridge(inbox, topics, domain=free_domain())
+    with contextlib.closing(bridge):
+        yield bridge
+
+
+@pytest.fixture
+def peer(bridge):
+    with contextlib.closing(CyclonePeer(bridge.domain)) as peer:
+        yield peer

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from bridges.fake_bridge import FakeBridge
+from drake_srg.bridges import pictures as pictures_module
+from drake_srg.bridges.commands import Warnings
+from drake_srg.bridges.outlet import Outlet
+from drake_srg.bridges.pictures import Pictures, served_camera
+from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
+from drake_srg.scenario import load_scenario
+
+KITCHEN = load_scenario("kitchen")
+
+
+class FakeProcess:
+    """Stands in for `CameraProcess`."""
+
+    def __init__(self, scenario, camera, state, show, warnings):
+        self.camera, self.state, self.show = camera, state, show
+        self.idle, self.is_closed, self.looks = True, False, []
+
+    def look(self, time, state, topics):
+        self.looks.append((time, topics))
+
+    def close(self):
+        self.is_closed = True
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """The processes made so far."""
+    made = []
+
+    def make(*arguments):
+        made.append(FakeProcess(*arguments))
+        return made[-1]
+
+    monkeypatch.setattr(pictures_module, "CameraProcess", make)
+    return made
+
+
+def plant_state():
+    return np.arange(3.0)
+
+
+def look(pictures, time, *wanted):
+    bridge = FakeBridge(wanted=lambda name: name in wanted)
+    pictures.look(time, plant_state, Outlet([bridge], Warnings(print)))
+    return bridge
+
+
+def test_the_served_camera_is_the_localizer_s_first():
+    name, intrinsics = served_camera(KITCHEN)
+    assert (name, intrinsics.width()) == ("ceiling", 640)
+
+
+def test_without_a_localizer_the_scenario_s_first_camera_is_served():
+    assert served_camera(load_scenario("gripper_bench"))[0] == "overview"
+
+
+def test_a_scenario_without_cameras_has_no_topics(made):
+    overrides = ["cameras={}", "recording.video_camera=''"]
+    scenario = load_scenario("gripper_bench", overrides=overrides)
+    assert served_camera(scenario) is None
+    pictures = Pictures(scenario, Warnings(print))
+    assert pictures.topics == {}
+    look(pictures, 0.0, COLOR)
+    pictures.close()
+    assert made == []
+
+
+def test_a_scenario_with_a_soft_object_has_no_topics():
+    soft = "objects.sponge={shape: !Box {}, soft: {}, mass: 0.1, friction: 0.5}"
+    scenario = load_scenario("gripper_bench", overrides=[soft])
+    assert Pictures(scenario, Warnings(print)).topics == {}
+
+
+def test_the_process_starts_with_the_first_subscription(made):
+    pictures = Pictures(KITCHEN, Warnings(print))
+    assert set(pictures.topics) == {COLOR, DEPTH, CAMERA_INFO, BLOBS}
+    look(pictures, 0.0)
+    assert made == []
+    look(pictures, 0.1, COLOR)
+    (process,) = made
+    assert process.camera == "ceiling"
+    np.testing.assert_array_equal(process.state, plant_state())
+    pictures.close()
+    assert process.is_closed
+
+
+def test_pictures_of_subscribed_topics_are_due_every_tenth_of_a_second(made):
+    pictures = Pictures(KITCHEN, Warnings(print))
+    for time in (0.0, 0.05, 0.1, 0.16, 0.2):
+        look(pictures, time, COLOR, BLOBS)
+    look(pictures, 0.3)
+    assert made[0].looks == [(0.05, [COLOR, BLOBS]), (0.16, [COLOR, BLOBS])]
+
+
+def test_a_busy_process_gets_no_work(made):
+    pictures = Pictures(KITCHEN, Warnings(print))
+    look(pictures, 0.0, DEPTH)
+    made[0].idle = False
+    look(pictures, 0.1, DEPTH)
+    assert made[0].looks == []
+
+
+def test_a_picture_goes_to_the_subscribers(made):
+    pictures = Pictures(KITCHEN, Warnings(print))
+    bridge = look(pictures, 0.0, DEPTH)
+    made[0].show(0.1, DEPTH, ("pixels",))
+    made[0].show(0.1, COLOR, ("pixels",))
+    assert bridge.messages == {DEPTH: [(0.1, ("pixels",))]}
