@@ -61,12 +61,6 @@ def test_every_camera_has_three_inputs():
     assert localizer.get_output_port().get_name() == "blobs"
 
 
-def test_the_docstring_shows_the_ports():
-    assert "- camera.body_pose_in_world\n        output_ports:\n        - blobs" in (
-        BlobLocalizer.__doc__ or ""
-    )
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
