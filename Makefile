@@ -3,13 +3,21 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: demo test lint types models clean
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+
+.PHONY: demo test test-fast coverage lint types models clean
 
 demo: .venv/ready  ## run the main job and record it
 	$(BIN)/drake-srg run kitchen --out out/kitchen
 
 test: .venv/ready  ## run the test suite
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(PYTEST)
+
+test-fast: .venv/ready  ## run what takes a minute, on every save
+	$(PYTEST) -m "not slow"
+
+coverage: .venv/ready  ## run the test suite and list the lines it does not reach
+	$(PYTEST) --cov --cov-report=term-missing:skip-covered
 
 lint: .venv/ready
 	$(BIN)/ruff check .
