@@ -17,7 +17,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
 from drake_srg.cell.perception import AddLocalizer
-from drake_srg.common.ports import ExportOutputs
+from drake_srg.common.ports import export_outputs
 from drake_srg.scenario import Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.types import Vector
@@ -135,7 +135,7 @@ class _Viewer:
         builder = DiagramBuilder()
         cameras = builder.AddNamedSystem("cameras", MakeRemoteCameras(scenario))
         builder.ExportInput(cameras.GetInputPort("state"), "state")
-        ExportOutputs(builder, cameras)
+        export_outputs(builder, cameras)
         if scenario.localizer.cameras:
             localizer = AddLocalizer(builder, scenario, cameras)
             builder.ExportOutput(localizer.GetOutputPort("blobs"), "blobs")

@@ -28,7 +28,7 @@ from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
-from drake_srg.simulation.flat import NewRoot
+from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
 from drake_srg.types import Vector
 
@@ -97,7 +97,7 @@ def Serve(
     failure: ScenarioError | None = None
     recording: Path | None = None
     with contextlib.ExitStack() as stack:
-        builder, station = NewRoot(
+        builder, station = MakeRoot(
             "served_station", MakeServedStation, AddServedStation, scenario, name
         )
         with scenario_errors(name):

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from drake_srg.arm.drivers import AddJerkLimits
-from drake_srg.common.ports import ExportOutputs, input_ports
+from drake_srg.common.ports import export_outputs, input_ports
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation
 
@@ -55,7 +55,7 @@ def AddServedStation(
     """
     unseeing = dc.replace(scenario, cameras={})
     station = builder.AddNamedSystem("station", make_station(unseeing))
-    ExportOutputs(builder, station)
+    export_outputs(builder, station)
     inputs = input_ports(station)
     if scenario.arm is not None:
         commanded = inputs.pop("arm.position_commanded")

@@ -8,7 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner
 from drake_srg.common.errors import ScenarioError, scenario_errors
-from drake_srg.common.ports import ExportOutputs
+from drake_srg.common.ports import export_outputs
 from drake_srg.objects.disturbances import Disturber, Target
 from drake_srg.objects.models import object_body, simple_shape
 from drake_srg.scenario.schema import Scenario
@@ -78,7 +78,7 @@ def AddCell(
     if missing:
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
     station = builder.AddNamedSystem("station", make_station(scenario))
-    ExportOutputs(builder, station)
+    export_outputs(builder, station)
     planner: System
     if scenario.script:
         planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))

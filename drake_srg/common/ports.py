@@ -19,7 +19,7 @@ def output_ports(system: System) -> dict[str, OutputPort]:
     return {port.get_name(): port for port in ports}
 
 
-def ExportOutputs(builder: DiagramBuilder, system: System) -> None:
+def export_outputs(builder: DiagramBuilder, system: System) -> None:
     """Export all output ports of a subsystem under their own names."""
     for name, port in output_ports(system).items():
         builder.ExportOutput(port, name)

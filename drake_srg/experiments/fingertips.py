@@ -30,7 +30,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from drake_srg.cell import ConnectPlanner, MakePlanner
 from drake_srg.cell.perception import AddLocalizer
-from drake_srg.common.ports import ExportOutputs
+from drake_srg.common.ports import export_outputs
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
@@ -133,7 +133,7 @@ def cell_maker(offset: Vector) -> Callable[[Scenario], Diagram]:
         planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
         builder.Connect(localizer.get_output_port(), error.get_input_port())
         ConnectPlanner(builder, station, error, planner)
-        ExportOutputs(builder, station)
+        export_outputs(builder, station)
         builder.ExportOutput(localizer.get_output_port(), "localizer.blobs")
         for name in ("mode", "status"):
             builder.ExportOutput(planner.GetOutputPort(name), f"planner.{name}")

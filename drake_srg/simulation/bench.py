@@ -14,7 +14,7 @@ from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.errors import scenario_errors
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario, list_scenarios
-from drake_srg.simulation.flat import NewRoot
+from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.simulate import Simulate, failure_time
 from drake_srg.station.plant import MakePlant
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
@@ -123,7 +123,7 @@ def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
 
 def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:
     """What the plant's inputs were at each of its steps, in a run."""
-    builder, cell = NewRoot("cell", MakeCell, AddCell, scenario, name)
+    builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, name)
     with scenario_errors(name):
         diagram = builder.Build()
         simulator = Simulator(diagram)

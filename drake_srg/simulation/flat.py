@@ -3,7 +3,7 @@
 There, CENIC looks for the plant among the root's own subsystems. So the systems of our
 own cells and stations are added to the root itself, in place of diagrams of their own.
 Newer Drakes take a nested plant. Once 1.58 is the oldest Drake supported, delete this
-file: `NewRoot` is then `builder = DiagramBuilder()` and `builder.AddNamedSystem(...)`.
+file: `MakeRoot` is then `builder = DiagramBuilder()` and `builder.AddNamedSystem(...)`.
 """
 
 import importlib.metadata
@@ -29,7 +29,7 @@ Make = Callable[..., Diagram]
 Add = Callable[..., None]
 
 
-def NewRoot(
+def MakeRoot(
     name: str, make: Make, add: Add | None, scenario: Scenario, origin: str
 ) -> tuple[DiagramBuilder, Diagram]:
     """Begin a root diagram with a cell or a station in it.

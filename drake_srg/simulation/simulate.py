@@ -19,7 +19,7 @@ from drake_srg.lifetime import my_context
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.recording.output import output_folder
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.flat import NewRoot
+from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import (
     MODES,
     Metrics,
@@ -96,7 +96,7 @@ def Simulate(
     built = scenario if whole else _with_eyes_only(scenario, record and out is not None)
     with contextlib.ExitStack() as stack:
         add = AddCell if make_cell is MakeCell else None
-        builder, cell = NewRoot("cell", make_cell, add, built, name)
+        builder, cell = MakeRoot("cell", make_cell, add, built, name)
         with scenario_errors(name):
             # Better now than after the run.
             stack.enter_context(output_folder(out))

@@ -70,11 +70,11 @@ def MakePlant(
     plant.Finalize()
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)
-    IgnoreContacts(scene_graph, scenario.ignored_contacts)
+    filter_contacts(scene_graph, scenario.ignored_contacts)
     return plant, scene_graph
 
 
-def IgnoreContacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> None:
+def filter_contacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> None:
     """Filter the contact between geometry that a scenario names in pairs.
 
     Raises:

@@ -2,7 +2,7 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import Gain
 
-from drake_srg.common.ports import ExportOutputs, input_ports, output_ports
+from drake_srg.common.ports import export_outputs, input_ports, output_ports
 
 
 def gain_diagram():
@@ -25,7 +25,7 @@ def test_all_outputs_are_exported_under_their_own_names():
     builder = DiagramBuilder()
     inner = builder.AddSystem(gain_diagram())
     builder.ExportInput(inner.get_input_port(), "torque")
-    ExportOutputs(builder, inner)
+    export_outputs(builder, inner)
     outer = builder.Build()
     context = outer.CreateDefaultContext()
     outer.GetInputPort("torque").FixValue(context, [3.0])

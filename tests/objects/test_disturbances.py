@@ -15,7 +15,7 @@ from drake_srg.lifetime import my_context
 from drake_srg.objects.disturbances import Disturber, Force, Push, Target, Topple
 from drake_srg.planning.script.scripted import ScriptedPlanner, ScriptStep
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.flat import NewRoot
+from drake_srg.simulation.flat import MakeRoot
 from drake_srg.station import MakeStation
 from drake_srg.types import Cylinder, Sphere
 
@@ -78,7 +78,7 @@ def poses(scenario, duration):
         add_table(builder, scenario)
         return builder.Build()
 
-    builder, table = NewRoot("table", make_table, add_table, scenario, "")
+    builder, table = MakeRoot("table", make_table, add_table, scenario, "")
     simulator = Simulator(builder.Build())
     ApplySimulatorConfig(scenario.simulator_config, simulator)
     port = table.GetOutputPort("poses")
@@ -292,7 +292,7 @@ def test_a_cell_has_a_disturber_where_there_is_something_for_it_to_do():
 @pytest.mark.parametrize("name", ["kitchen", "kitchen_fast"])
 def test_planners_are_disturbed_too(name):
     scenario = load_scenario(name, overrides=["disturbances=[!Push {at: idle}]"])
-    builder, cell = NewRoot("cell", MakeCell, AddCell, scenario, name)
+    builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, name)
     simulator = Simulator(builder.Build())
     ApplySimulatorConfig(scenario.simulator_config, simulator)
     port = cell.GetOutputPort("object_poses_cheat")

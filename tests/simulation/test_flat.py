@@ -7,7 +7,7 @@ from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate, flat
-from drake_srg.simulation.flat import NewRoot, takes_nested_plant
+from drake_srg.simulation.flat import MakeRoot, takes_nested_plant
 
 
 def my_cell(scenario):
@@ -45,13 +45,13 @@ def test_a_cell_of_your_own_runs_on_cenic():
 
 def test_a_discrete_cell_is_nested_on_any_drake(old_drake):
     scenario = load_scenario("kitchen")
-    builder, cell = NewRoot("cell", my_cell, None, scenario, "")
+    builder, cell = MakeRoot("cell", my_cell, None, scenario, "")
     assert builder.Build().GetSubsystemByName("cell") is cell
 
 
 @pytest.fixture
 def flat_cell(old_drake):
-    return NewRoot("cell", MakeCell, AddCell, load_scenario("kitchen_fast"), "")
+    return MakeRoot("cell", MakeCell, AddCell, load_scenario("kitchen_fast"), "")
 
 
 def test_a_flat_cell_has_the_ports_of_a_nested_one(flat_cell):
