@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox
 from drake_srg.common.errors import ScenarioError
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 
@@ -88,12 +87,14 @@ class BridgeOptions:
                 if self.servo is not None:
                     from drake_srg.bridges.dynamixel.bridge import ServoBridge
 
-                    if not isinstance(scenario.gripper, SrgTendonDriver):
+                    gripper = scenario.gripper
+                    motor = None if gripper is None else gripper.wire_motor
+                    if motor is None:
                         raise ValueError(
                             "--servo: needs a gripper with a motor (!SrgTendonDriver, "
                             "as in kitchen_tendon)"
                         )
-                    add(ServoBridge(inbox, self.servo, scenario.gripper))
+                    add(ServoBridge(inbox, self.servo, motor))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()

@@ -7,8 +7,8 @@ from drake_srg.cell.cell import (
     ConnectPlanner,
     MakeCell,
 )
+from drake_srg.cell.hands import MakeHand, register_gripper
 from drake_srg.cell.planners import (
-    MakeHand,
     MakePlanner,
     MakeScriptedPlanner,
     MakeTaskPlanner,
@@ -24,4 +24,5 @@ __all__ = [
     "MakePlanner",
     "MakeScriptedPlanner",
     "MakeTaskPlanner",
+    "register_gripper",
 ]

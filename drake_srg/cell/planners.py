@@ -3,25 +3,20 @@
 import functools
 
 import numpy as np
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import DiagramBuilder, System
 
 from drake_srg.arm.drivers import AddJerkLimits
 from drake_srg.cell.goals import goal_pose
+from drake_srg.cell.hands import MakeHand
 from drake_srg.common.ports import output_ports
-from drake_srg.gripper.drivers import LinkageDriver
 from drake_srg.objects.models import known_shape, object_shape
-from drake_srg.planning.grasps.grasps import Hand
-from drake_srg.planning.grasps.linkage_hand import LinkageHand
-from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.script.scripted import ScriptedPlanner
 from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import Models
-from drake_srg.types import Vector
 
 
 def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
@@ -88,27 +83,4 @@ def _planning_scene(
     models.add_to(builder.plant())
     return PlanningScene(
         builder, margin=margin, hand_margin=hand_margin, payload=payload
-    )
-
-
-def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
-    """Make what the planner knows of a scenario's gripper, a model of `plant`."""
-    config = scenario.planner
-    if not isinstance(scenario.gripper, LinkageDriver):
-        return SrgHand(config.approaches, config.tilts, config.squeeze)
-    gripper = plant.GetModelInstanceByName("gripper")
-
-    def p_GF(name: str) -> Vector:
-        frame = plant.GetFrameByName(name, gripper)
-        X_GF = frame.GetFixedPoseInBodyFrame()
-        return np.array(X_GF.translation())  # the plant may not live on
-
-    def measured(name: str, otherwise: Vector) -> Vector:  # by calibration
-        return p_GF(name) if plant.HasFrameNamed(name, gripper) else otherwise
-
-    p_GT = measured("tip", p_GF("grasp_center"))
-    return LinkageHand(
-        p_GT,
-        measured("released", p_GT) - p_GT,
-        scenario.gripper.master_slave.full_scale,
     )

@@ -18,7 +18,6 @@ from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.touch import TouchConfig
 from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
@@ -91,9 +90,10 @@ def close(driver: str, duration: float = DURATION) -> ClosingSequence:
         log = rig.log()
     gripper, wires = scenario.gripper, None
     limit = np.nan
-    if isinstance(gripper, SrgTendonDriver):
+    if gripper is not None and gripper.wire_motor is not None:
         wires = log["gripper.wire_force"]
-        limit = gripper.servo.force_limit * gripper.drive.full_wire_force
+        full = gripper.wire_motor.drive.full_wire_force
+        limit = gripper.servo.force_limit * full
     p_WO = log["object_pose.thing"][:, :3]
     return ClosingSequence(
         time=log["time"] - START,

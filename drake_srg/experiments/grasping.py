@@ -9,7 +9,6 @@ from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw, RotationMatrix
 
 from drake_srg.common.errors import ScenarioError
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
@@ -181,9 +180,10 @@ def simulate(scenario: Scenario, grasp: GraspConfig, **rig_options: Any) -> Outc
         ScenarioError: If the servo cannot pull the wires that hard, or if the
             scenario's gripper has no wires.
     """
-    if not isinstance(scenario.gripper, SrgTendonDriver):
+    motor = None if scenario.gripper is None else scenario.gripper.wire_motor
+    if motor is None:
         raise ScenarioError("gripper: a grasp experiment needs !SrgTendonDriver")
-    limit = scenario.gripper.drive.force_limit_of(grasp.wire_force)
+    limit = motor.drive.force_limit_of(grasp.wire_force)
     with Rig(scenario, name="grasp", **rig_options) as rig:
         start = rig.commanded("arm.position_commanded")
         there = start - grasp.R_WG @ np.array(grasp.retreat)

@@ -19,7 +19,6 @@ from drake_srg.common.errors import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.objects.config import ObjectConfig
@@ -184,9 +183,10 @@ def hold(load: Load, scenario: str = _BENCH, **changes: Any) -> Held:
             scenario's gripper has no wires.
     """
     bench = payload_scenario(load, scenario, **changes)
-    if not isinstance(bench.gripper, SrgTendonDriver):
+    motor = None if bench.gripper is None else bench.gripper.wire_motor
+    if motor is None:
         raise ScenarioError(f"{scenario}: gripper: a payload needs !SrgTendonDriver")
-    limit = bench.gripper.drive.force_limit_of(load.wire_force)
+    limit = motor.drive.force_limit_of(load.wire_force)
     with Rig(bench, name="payload") as rig:
         rig.advance(_CLOSE, closure=1.0, force_limit=limit)
         home = rig.commanded("arm.position_commanded")

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from pydrake.multibody.tree import DeformableBody
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.moment_arms import base_moment_arm
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.underactuation import JOINT_NAMES
@@ -104,8 +103,8 @@ def grasp(
     if ramp:  # the spool may wind more than closes an empty hand
         overrides.append("gripper.spool.full_scale=5")
     scenario = bench_scenario(thing, home=[0.0, 0.0, HEIGHT], overrides=overrides)
-    assert isinstance(scenario.gripper, SrgTendonDriver)
-    limit = scenario.gripper.drive.force_limit_of(case.wire_force)
+    assert scenario.gripper is not None and scenario.gripper.wire_motor is not None
+    limit = scenario.gripper.wire_motor.drive.force_limit_of(case.wire_force)
     least = np.inf
     with Rig(scenario, name="soft", log_period=_SAMPLE, images=picture) as rig:
         elements = _Elements(rig)

@@ -1,15 +1,11 @@
-"""Gripper drivers: what stands between a closure command and joint torques.
-
-A scenario's tag chooses one; each has a file of its own.
-"""
-
-from typing import get_args
+"""Gripper drivers by their tags in scenario files."""
 
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.errors import ScenarioError
+from drake_srg.gripper.driver import GripperDriver
 from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
 from drake_srg.gripper.srg_position_driver import (
     AddSrgPositionDriver,
@@ -22,6 +18,7 @@ from drake_srg.gripper.srg_tendon_driver import (
 )
 
 __all__ = [
+    "DRIVERS",
     "AddGripperDriver",
     "AddLinkageDriver",
     "AddSrgPositionDriver",
@@ -33,7 +30,13 @@ __all__ = [
     "SrgTendonDriver",
 ]
 
-GripperDriver = SrgPositionDriver | SrgTendonDriver | LinkageDriver
+# The drivers of the package. Its class name is a driver's tag in scenario files. For
+# one of your own, call `drake_srg.cell.register_gripper`.
+DRIVERS: tuple[type[GripperDriver], ...] = (
+    SrgPositionDriver,
+    SrgTendonDriver,
+    LinkageDriver,
+)
 
 
 def AddGripperDriver(
@@ -43,33 +46,27 @@ def AddGripperDriver(
     config: GripperDriver,
     seed: int = 0,
 ) -> Diagram:
-    """Add the driver that a configuration asks for; see the drivers for their ports.
+    """Add the driver of a configuration; see the drivers for their ports.
 
     Args:
         builder: Of the diagram.
         plant: Finalized.
         gripper: Its model instance.
-        config: Of the driver; its class chooses one.
+        config: Of the driver; its class chooses the driver.
         seed: Of the encoders' noise.
 
     Raises:
-        ScenarioError: If the gripper has not the joints that it drives.
+        ScenarioError: If the gripper lacks joints that the driver commands.
     """
-    fitting = [
-        driver.__name__
-        for driver in get_args(GripperDriver)
-        if all(plant.HasJointNamed(name, gripper) for name in driver.layout.joint_names)
-    ]
-    asked = type(config).__name__
-    if asked not in fitting:
-        allowed = ", ".join(f"!{name}" for name in fitting) or "none of ours"
+
+    def fits(driver: type[GripperDriver]) -> bool:
+        names = driver.layout.joint_names
+        return all(plant.HasJointNamed(name, gripper) for name in names)
+
+    if not fits(type(config)):
+        fitting = [f"!{driver.__name__}" for driver in DRIVERS if fits(driver)]
         raise ScenarioError(
-            f"gripper: !{asked} does not fit the model; allowed: {allowed}"
+            f"gripper: !{type(config).__name__} does not fit the model; "
+            f"allowed: {', '.join(fitting) or 'none'}"
         )
-    match config:
-        case SrgPositionDriver():
-            return AddSrgPositionDriver(builder, plant, gripper, config, seed)
-        case SrgTendonDriver():
-            return AddSrgTendonDriver(builder, plant, gripper, config, seed)
-        case LinkageDriver():
-            return AddLinkageDriver(builder, plant, gripper, config, seed)
+    return config.AddDriver(builder, plant, gripper, seed)

@@ -1,4 +1,4 @@
-"""The master-slave linkage gripper: two servos, one a finger."""
+"""The master-slave linkage gripper: two servos, one per finger."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -7,10 +7,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.common.joint_errors import AddLatency
-from drake_srg.gripper.driver_wiring import AddDriver, AddJointServos
+from drake_srg.gripper.driver import GripperControl, GripperDriver
 from drake_srg.gripper.finger_layout import LINKAGE_FINGERS, FingerLayout
-from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
+from drake_srg.gripper.finger_sensing import FingerSensing
+from drake_srg.gripper.joint_servos import AddJointServos
 from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
@@ -18,12 +18,12 @@ from drake_srg.types import positive
 
 
 def _default_servo() -> GripperServoConfig:
-    # A crank turns almost only its servo's inertia, J = 0.0020 kg m², and can be given
-    # tau = 0.52 N m (linkage_gripper.sdf). Stiffness K = J w² with w = 30 rad/s: from
-    # the first contact to the end of the post-contact delay a reference goes on by 0.11
-    # rad, which then presses with K 0.11 rad / 45 mm, 4.5 N a finger. Damping 3 J w, of
-    # which the back-EMF, b = 0.048 N m s/rad, is a part; the first feedforward gain
-    # makes up for that.
+    # A crank turns almost only its servo's inertia, J = 0.0020 kg m², and its torque
+    # limit is tau = 0.52 N m (linkage_gripper.sdf). Stiffness K = J w² with
+    # w = 30 rad/s: from the first contact to the end of the post-contact delay a
+    # reference goes on by 0.11 rad, which then presses with K 0.11 rad / 45 mm, 4.5 N
+    # per finger. The damping is 3 J w. The back-EMF, b = 0.048 N m s/rad, is a part of
+    # it, and the first feedforward gain makes up for that part.
     tau, inertia, back_emf, w = 0.52, 0.0020, 0.048, 30.0
     return GripperServoConfig(
         kp=[inertia * w**2 / tau] * 2,
@@ -35,25 +35,53 @@ def _default_servo() -> GripperServoConfig:
 
 
 @dc.dataclass(kw_only=True)
-class LinkageDriver(FingerSensingConfig):
+class LinkageDriver(GripperDriver):
     """Two position-controlled cranks, as in the arm thesis.
 
-    closure -> MasterSlaveReference -> GripperServo; the PWM times the servo's stall
+    closure -> MasterSlaveReference -> GripperServo. The PWM times the servo's stall
     torque is the torque.
     """
 
     layout: ClassVar[FingerLayout] = LINKAGE_FINGERS
 
-    # A finger that fires 1 mm before it touches does not take a table under a lying
-    # cylinder, 3 mm away, for an object. The table under a standing one, 13 mm, is out
-    # of range, which spares three quarters of the sensors' time.
+    # A finger that fires 1 mm before it touches does not mistake the table under a
+    # lying cylinder, 3 mm away, for an object. The table under a standing one, 13 mm
+    # away, is out of range, which saves three quarters of the sensors' time.
     proximity: ProximityConfig = dc.field(
         default_factory=lambda: ProximityConfig(range=0.01, trigger_distance=0.001)
     )
     master_slave: MasterSlaveConfig = dc.field(default_factory=MasterSlaveConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
-    # Torque at full PWM, over the model's effort limit: supplies sag, motors differ.
+    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
+    # and motors differ.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        sensing: FingerSensing,
+    ) -> GripperControl:
+        """See `GripperDriver`."""
+        reference = inner.AddNamedSystem(
+            "master_slave_reference", MasterSlaveReference(self.master_slave)
+        )
+        inner.Connect(sensing.state_measured, reference.GetInputPort("state_measured"))
+        inner.Connect(sensing.grasped, reference.GetInputPort("grasped"))
+        servos = AddJointServos(
+            inner,
+            plant,
+            gripper,
+            self.joint_names,
+            self.servo,
+            strength=self.motor_strength,
+            state_measured=sensing.state_measured,
+            reference=reference.get_output_port(),
+        )
+        commands = ("closure_commanded", "joint_position_commanded", "hold")
+        inputs = {name: reference.GetInputPort(name) for name in commands}
+        return GripperControl({**inputs, **servos.inputs}, servos.outputs)
 
 
 def AddLinkageDriver(
@@ -63,7 +91,7 @@ def AddLinkageDriver(
     config: LinkageDriver | None = None,
     seed: int = 0,
 ) -> Diagram:
-    """Add the driver of a linkage gripper to a diagram with its (finalized) plant.
+    """Add the driver of a linkage gripper and connect it to the (finalized) plant.
 
     .. pydrake_system::
 
@@ -86,33 +114,14 @@ def AddLinkageDriver(
         - pwm
         - actuation
 
-    The ports are those of `AddSrgPositionDriver`, for both cranks and both fingertips,
+    The ports are those of `AddSrgPositionDriver`, for two cranks and two fingertips,
     the master's first.
+
+    Args:
+        builder: Of the diagram.
+        plant: With the gripper, finalized.
+        gripper: Its model instance.
+        config: Of the driver.
+        seed: Of the encoders' noise.
     """
-    config = config or LinkageDriver()
-    inner = DiagramBuilder()
-    period = config.servo.period
-    sensing = AddFingerSensing(inner, plant, gripper, config, period=period, seed=seed)
-    reference = inner.AddNamedSystem(
-        "master_slave_reference", MasterSlaveReference(config.master_slave)
-    )
-    inner.Connect(sensing.state_measured, reference.GetInputPort("state_measured"))
-    inner.Connect(sensing.grasped, reference.GetInputPort("grasped"))
-    latency = config.errors.latency
-    closure = AddLatency(
-        inner, reference.GetInputPort("closure_commanded"), latency, period
-    )
-    inner.ExportInput(closure, "closure_commanded")
-    for name in ("joint_position_commanded", "hold"):
-        inner.ExportInput(reference.GetInputPort(name), name)
-    AddJointServos(
-        inner,
-        plant,
-        gripper,
-        config.joint_names,
-        config.servo,
-        strength=config.motor_strength,
-        state_measured=sensing.state_measured,
-        reference=reference.get_output_port(),
-    )
-    return AddDriver(builder, plant, gripper, inner)
+    return (config or LinkageDriver()).AddDriver(builder, plant, gripper, seed)

@@ -15,13 +15,14 @@ from pydrake.systems.framework import (
 )
 
 from drake_srg.gripper.finger_layout import FingerLayout
+from drake_srg.gripper.finger_sensor import FingerSensorConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
 
 
 @dc.dataclass(kw_only=True)
-class ProximityConfig:
-    """Range, trigger and rate of the sensors."""
+class ProximityConfig(FingerSensorConfig):
+    """Range, trigger and rate of the distance sensors."""
 
     # Readings saturate here [m]. A longer range costs time: more pairs are near.
     range: float = dc.field(default=0.02, metadata=positive())
@@ -33,6 +34,16 @@ class ProximityConfig:
     # after it comes near something, at most 13 mm at its top speed (3.67 rad/s over
     # 0.1 m).
     period: float = dc.field(default=0.01, metadata=positive())
+
+    def AddSensor(
+        self,
+        builder: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        layout: FingerLayout,
+    ) -> "ProximitySensors":
+        """See `FingerSensorConfig`."""
+        return AddProximitySensors(builder, plant, gripper, layout, self)
 
 
 class ProximitySensors(LeafSystem):

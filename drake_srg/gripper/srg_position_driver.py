@@ -1,4 +1,4 @@
-"""The SRG as the thesis drives it: four position-controlled joints."""
+"""The SRG as its thesis drives it: four position-controlled joints."""
 
 import dataclasses as dc
 from typing import ClassVar
@@ -8,10 +8,10 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.common.joint_errors import AddLatency
-from drake_srg.gripper.driver_wiring import AddDriver, AddJointServos
+from drake_srg.gripper.driver import GripperControl, GripperDriver
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
-from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
+from drake_srg.gripper.finger_sensing import FingerSensing
+from drake_srg.gripper.joint_servos import AddJointServos
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.underactuation import (
@@ -19,17 +19,18 @@ from drake_srg.gripper.underactuation import (
     UnderactuationConfig,
     UnderactuationLogic,
 )
-from drake_srg.types import positive
+from drake_srg.types import Vector, positive
 
 
 def _default_servo() -> GripperServoConfig:
-    # Joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip), the inertia J that
-    # a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
+    # The joint torque limits tau are 2.0 N m (base) and 1.4 N m (tip). The inertia J
+    # that a joint turns is almost only its motor's, 0.0037 and 0.0019 kg m² (srg.sdf).
     # Stiffness K = J w²: the base gets w = 40 rad/s, a thirtieth of the sample rate. A
     # fingertip pinch presses with the middle of its pad, 34 mm beyond the tip hinge
-    # and 85 mm beyond the base hinge, when base and tip torque are as 85 : 34; both
-    # joints have the same error there (Algorithm 1), so K_tip = K_base / 2.5.
-    # K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 the joint's damping
+    # and 85 mm beyond the base hinge, when the base and tip torques are as 85 : 34.
+    # Both joints have the same position error there (Algorithm 1), so
+    # K_tip = K_base / 2.5.
+    # K_P = K / tau; K_D = 2 sqrt(K J) / tau (critical); K_FF1 is the joint's damping
     # over tau; K_FF2 = J / tau.
     base, tip = 0, 1
     tau = np.array([2.0, 1.4])
@@ -37,7 +38,7 @@ def _default_servo() -> GripperServoConfig:
     stiffness = inertia[base] * 40.0**2 * np.array([1.0, 1.0 / 2.5])
     damping = 0.01
 
-    def per_joint(gain: np.ndarray) -> list[float]:
+    def per_joint(gain: Vector) -> list[float]:
         return [float(gain[i]) for i in (base, base, tip, tip)]
 
     return GripperServoConfig(
@@ -50,10 +51,10 @@ def _default_servo() -> GripperServoConfig:
 
 
 @dc.dataclass(kw_only=True)
-class SrgPositionDriver(FingerSensingConfig):
+class SrgPositionDriver(GripperDriver):
     """Four position-controlled joints, as in the SRG thesis's V-REP model.
 
-    closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo; the PWM
+    closure -> UnderactuationLogic -> MinimumJerkReference -> GripperServo. The PWM
     times the joint's torque limit is the torque.
     """
 
@@ -64,8 +65,41 @@ class SrgPositionDriver(FingerSensingConfig):
     )
     minimum_jerk: MinimumJerkConfig = dc.field(default_factory=MinimumJerkConfig)
     servo: GripperServoConfig = dc.field(default_factory=_default_servo)
-    # Torque at full PWM, over the model's effort limit: supplies sag, motors differ.
+    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
+    # and motors differ.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        sensing: FingerSensing,
+    ) -> GripperControl:
+        """See `GripperDriver`."""
+        logic = inner.AddNamedSystem(
+            "underactuation_logic", UnderactuationLogic(self.underactuation)
+        )
+        reference = inner.AddNamedSystem(
+            "minimum_jerk_reference",
+            MinimumJerkReference(np.zeros(len(JOINT_NAMES)), self.minimum_jerk),
+        )
+        inner.Connect(sensing.state_measured, logic.GetInputPort("state_measured"))
+        inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
+        inner.Connect(logic.get_output_port(), reference.get_input_port())
+        servos = AddJointServos(
+            inner,
+            plant,
+            gripper,
+            self.joint_names,
+            self.servo,
+            strength=self.motor_strength,
+            state_measured=sensing.state_measured,
+            reference=reference.get_output_port(),
+        )
+        commands = ("closure_commanded", "joint_position_commanded", "hold")
+        inputs = {name: logic.GetInputPort(name) for name in commands}
+        return GripperControl({**inputs, **servos.inputs}, servos.outputs)
 
 
 def AddSrgPositionDriver(
@@ -98,40 +132,28 @@ def AddSrgPositionDriver(
         - pwm
         - actuation
 
-    `actuation` is the joints' torques [N m] in the order of the gripper's actuators. It
-    and the inputs up to `body_poses` are connected here, but for `query_object`, which
-    is the scene graph's. The others are as in the table of station ports, in the order
-    of `JOINT_NAMES`.
+    `plant_state`, `contact_results`, `body_poses` and `actuation`, the joint torques
+    [N m] in the order of the gripper's actuators, are connected here. The caller
+    connects `query_object` to the scene graph. The other ports:
+
+    * `closure_commanded` (1): 0 open .. 1 closed;
+    * `joint_position_commanded` (4) [rad]: a finite entry overrides what closure asks
+      of that joint, NaN leaves it;
+    * `hold` (1): while nonzero, the fingers keep their positions and their grip;
+    * `force_limit` (1): largest PWM, a fraction 0 .. 1 of full scale;
+    * `state_measured` (8): [q; v] in rad, rad/s;
+    * `proximity` (4) [m], `contact_force` (4) [N], `contact_wrench` (24) [N m, N]: see
+      `ProximitySensors` and `ContactForceSensors`;
+    * `grasped` (1): see `GraspDetector`;
+    * `pwm` (4): fraction of full scale.
+
+    Joints and sensors are in the order of `JOINT_NAMES`.
+
+    Args:
+        builder: Of the diagram.
+        plant: With the gripper, finalized.
+        gripper: Its model instance.
+        config: Of the driver.
+        seed: Of the encoders' noise.
     """
-    config = config or SrgPositionDriver()
-    inner = DiagramBuilder()
-    period = config.servo.period
-    sensing = AddFingerSensing(inner, plant, gripper, config, period=period, seed=seed)
-    logic = inner.AddNamedSystem(
-        "underactuation_logic", UnderactuationLogic(config.underactuation)
-    )
-    reference = inner.AddNamedSystem(
-        "minimum_jerk_reference",
-        MinimumJerkReference(np.zeros(len(JOINT_NAMES)), config.minimum_jerk),
-    )
-    inner.Connect(sensing.state_measured, logic.GetInputPort("state_measured"))
-    inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
-    inner.Connect(logic.get_output_port(), reference.get_input_port())
-    latency = config.errors.latency
-    closure = AddLatency(
-        inner, logic.GetInputPort("closure_commanded"), latency, period
-    )
-    inner.ExportInput(closure, "closure_commanded")
-    for name in ("joint_position_commanded", "hold"):
-        inner.ExportInput(logic.GetInputPort(name), name)
-    AddJointServos(
-        inner,
-        plant,
-        gripper,
-        config.joint_names,
-        config.servo,
-        strength=config.motor_strength,
-        state_measured=sensing.state_measured,
-        reference=reference.get_output_port(),
-    )
-    return AddDriver(builder, plant, gripper, inner)
+    return (config or SrgPositionDriver()).AddDriver(builder, plant, gripper, seed)

@@ -9,14 +9,10 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from drake_srg.common.joint_errors import AddLatency
-from drake_srg.gripper.driver_wiring import (
-    AddDriver,
-    gripper_actuators,
-    joint_to_actuator,
-)
+from drake_srg.gripper.driver import GripperControl, GripperDriver, WireMotor
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
-from drake_srg.gripper.finger_sensing import AddFingerSensing, FingerSensingConfig
+from drake_srg.gripper.finger_sensing import FingerSensing
+from drake_srg.gripper.joint_servos import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
 from drake_srg.gripper.motor_temperature import (
     MotorTemperature,
@@ -29,7 +25,7 @@ from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
 
 def _default_motor_servo() -> GripperServoConfig:
     # As for the joints of SrgPositionDriver: K = J w² with w = 40 rad/s and J the
-    # motor's at the spool, over its full torque. The back-EMF damps more than
+    # motor's inertia at the spool, over its full torque. The back-EMF damps more than
     # critically (0.91 against 2 J w = 0.8 N m s/rad), and the first feedforward gain
     # makes up for it.
     drive = TendonDriveConfig()
@@ -39,13 +35,14 @@ def _default_motor_servo() -> GripperServoConfig:
         kd=[0.0],
         kff1=[drive.motor_damping / drive.full_torque],
         kff2=[drive.reflected_inertia / drive.full_torque],
-        # Stiff as it is, the servo presses with what this allows: 103 N at each wire.
+        # The servo is so stiff that it presses with all that this allows: 103 N at
+        # each wire.
         force_limit=1 / 3,
     )
 
 
 @dc.dataclass(kw_only=True)
-class SrgTendonDriver(FingerSensingConfig):
+class SrgTendonDriver(GripperDriver):
     """One motor that winds a wire per finger, as in the real SRG.
 
     closure -> SpoolCommand -> MinimumJerkReference -> GripperServo on the motor ->
@@ -53,6 +50,9 @@ class SrgTendonDriver(FingerSensingConfig):
     """
 
     layout: ClassVar[FingerLayout] = SRG_FINGERS
+    # The wires are a spring of the fingers' own time scale, updated with the plant. On
+    # an error-controlled plant, what they hold creeps (docs/speed.md).
+    needs_discrete_plant: ClassVar[bool] = True
 
     spool: SpoolCommandConfig = dc.field(default_factory=SpoolCommandConfig)
     # 4.5 rad/s at the spool is 0.87 of the motor's no-load speed at full scale.
@@ -65,6 +65,95 @@ class SrgTendonDriver(FingerSensingConfig):
         default_factory=MotorTemperatureConfig
     )
 
+    @property
+    def num_motors(self) -> int:
+        """One motor moves all joints."""
+        return 1
+
+    @property
+    def wire_motor(self) -> WireMotor | None:
+        """That motor."""
+        return self
+
+    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
+        """See `GripperDriver` and `SetTendonDynamics`."""
+        SetTendonDynamics(plant, gripper, self.drive)
+
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        sensing: FingerSensing,
+    ) -> GripperControl:
+        """See `GripperDriver`.
+
+        Raises:
+            ValueError: If `prepare_plant` was not called, or the plant is continuous.
+        """
+        actuators = gripper_actuators(plant, gripper)
+        if any(actuator.default_rotor_inertia() != 0.0 for actuator in actuators):
+            raise ValueError(
+                "the gripper's joints have rotors of their own: call SetTendonDynamics "
+                "before the plant is finalized"
+            )
+        command = inner.AddNamedSystem(
+            "spool_command", SpoolCommand(self.drive.spool_radius, self.spool)
+        )
+        reference = inner.AddNamedSystem(
+            "minimum_jerk_reference",
+            MinimumJerkReference(np.zeros(1), self.minimum_jerk),
+        )
+        servo = inner.AddNamedSystem("servo", GripperServo(self.servo))
+        step = plant.time_step()
+        if step == 0.0:
+            raise ValueError("wires need a discrete plant, got a continuous one")
+        drive = inner.AddNamedSystem("tendon_drive", TendonDrive(self.drive, step))
+        temperature = inner.AddNamedSystem(
+            "motor_temperature", MotorTemperature(self.drive, self.temperature)
+        )
+        joints = inner.AddNamedSystem(
+            "joints", MatrixGain(joint_to_actuator(plant, gripper, self.joint_names))
+        )
+
+        angle, torque = (
+            command.GetOutputPort(name) for name in ("angle_desired", "torque_desired")
+        )
+        pwm = servo.get_output_port()
+        motor_state = drive.GetOutputPort("motor_state")
+        for source, target in (
+            (motor_state, command.GetInputPort("motor_state")),
+            (sensing.triggered, command.GetInputPort("triggered")),
+            (angle, reference.get_input_port()),
+            (torque, servo.GetInputPort("torque_commanded")),
+            (reference.get_output_port(), servo.GetInputPort("reference")),
+            (motor_state, servo.GetInputPort("state_measured")),
+            (pwm, drive.GetInputPort("pwm")),
+            (sensing.state_measured, drive.GetInputPort("state_measured")),
+            (pwm, temperature.GetInputPort("pwm")),
+            (motor_state, temperature.GetInputPort("motor_state")),
+            (drive.GetOutputPort("joint_torque"), joints.get_input_port()),
+        ):
+            inner.Connect(source, target)
+
+        commands = (
+            *("closure_commanded", "hold"),
+            *("motor_position_commanded", "motor_torque_commanded"),
+        )
+        return GripperControl(
+            inputs={
+                **{name: command.GetInputPort(name) for name in commands},
+                "force_limit": servo.GetInputPort("force_limit"),
+            },
+            outputs={
+                "pwm": pwm,
+                "motor_state": motor_state,
+                "wire_force": drive.GetOutputPort("wire_force"),
+                "motor_temperature": temperature.get_output_port(),
+                "actuation": joints.get_output_port(),
+            },
+        )
+
 
 def SetTendonDynamics(
     plant: MultibodyPlant, gripper: ModelInstanceIndex, config: TendonDriveConfig
@@ -72,8 +161,13 @@ def SetTendonDynamics(
     """Prepare an SRG's joints for `AddSrgTendonDriver`, before the plant is finalized.
 
     The model's joints carry a share of the motor's inertia, friction and torque limit,
-    for drivers without a motor of their own; with wires, the motor is on their other
+    for drivers without a motor of their own. With wires, the motor is on their other
     side.
+
+    Args:
+        plant: With the gripper, not yet finalized.
+        gripper: Its model instance.
+        config: Of the drive.
     """
     for actuator in gripper_actuators(plant, gripper):
         actuator.set_default_rotor_inertia(0.0)
@@ -100,9 +194,9 @@ def AddSrgTendonDriver(
         - body_poses
         - closure_commanded
         - hold (optional)
-        - force_limit (optional)
         - motor_position_commanded (optional)
         - motor_torque_commanded (optional)
+        - force_limit (optional)
         output_ports:
         - state_measured
         - proximity
@@ -115,79 +209,31 @@ def AddSrgTendonDriver(
         - motor_temperature
         - actuation
 
-    As `AddSrgPositionDriver`, but `pwm` (1) is the motor's, so that `force_limit`
-    limits its torque and its speed, and single joints cannot be commanded.
-    `motor_state` and `wire_force` are those of `TendonDrive`, `motor_temperature` that
-    of `MotorTemperature`.
+    The ports are those of `AddSrgPositionDriver`, except that single joints cannot be
+    commanded, and that `pwm` (1) is the motor's, so `force_limit` limits its torque and
+    its speed. See `TendonDrive` for `motor_state` and `wire_force`, and
+    `MotorTemperature` for `motor_temperature`.
 
-    A finite `motor_position_commanded` (1), a spool angle [rad], goes before closure; a
-    finite `motor_torque_commanded` (1), a fraction of the torque at full PWM, before
-    both. `hold` goes before all of them, but not before `force_limit`. A motor without
-    power is one with a torque of 0: the springs turn it back. See `SpoolCommand` and
-    `GripperServo`.
+    Commands, the strongest first:
+
+    * `hold`;
+    * a finite `motor_torque_commanded` (1), a fraction of the torque at full PWM: 0 is
+      a motor without power, which the springs turn back;
+    * a finite `motor_position_commanded` (1), a spool angle [rad];
+    * `closure_commanded`.
+
+    `force_limit` holds for all of them. See `SpoolCommand` and `GripperServo`.
 
     Call `SetTendonDynamics` before the plant is finalized.
 
+    Args:
+        builder: Of the diagram.
+        plant: With the gripper, finalized.
+        gripper: Its model instance.
+        config: Of the driver.
+        seed: Of the encoders' noise.
+
     Raises:
-        ValueError: If that was not done, or the plant is continuous.
+        ValueError: If `SetTendonDynamics` was not called, or the plant is continuous.
     """
-    config = config or SrgTendonDriver()
-    if any(a.default_rotor_inertia() != 0.0 for a in gripper_actuators(plant, gripper)):
-        raise ValueError(
-            "the gripper's joints have rotors of their own: call SetTendonDynamics "
-            "before the plant is finalized"
-        )
-    inner = DiagramBuilder()
-    period = config.servo.period
-    sensing = AddFingerSensing(inner, plant, gripper, config, period=period, seed=seed)
-    command = inner.AddNamedSystem(
-        "spool_command", SpoolCommand(config.drive.spool_radius, config.spool)
-    )
-    reference = inner.AddNamedSystem(
-        "minimum_jerk_reference", MinimumJerkReference(np.zeros(1), config.minimum_jerk)
-    )
-    servo = inner.AddNamedSystem("servo", GripperServo(config.servo))
-    # The wires are a spring of the fingers' own time scale: as often as the plant.
-    step = plant.time_step()
-    if step == 0.0:
-        raise ValueError("wires need a discrete plant, this one is continuous")
-    drive = inner.AddNamedSystem("tendon_drive", TendonDrive(config.drive, step))
-    temperature = inner.AddNamedSystem(
-        "motor_temperature", MotorTemperature(config.drive, config.temperature)
-    )
-    joints = inner.AddNamedSystem(
-        "joints", MatrixGain(joint_to_actuator(plant, gripper, config.joint_names))
-    )
-
-    motor_state = drive.GetOutputPort("motor_state")
-    inner.Connect(motor_state, command.GetInputPort("motor_state"))
-    inner.Connect(motor_state, servo.GetInputPort("state_measured"))
-    inner.Connect(sensing.triggered, command.GetInputPort("triggered"))
-    inner.Connect(sensing.state_measured, drive.GetInputPort("state_measured"))
-    inner.Connect(command.GetOutputPort("angle_desired"), reference.get_input_port())
-    inner.Connect(
-        command.GetOutputPort("torque_desired"), servo.GetInputPort("torque_commanded")
-    )
-    inner.Connect(reference.get_output_port(), servo.GetInputPort("reference"))
-    inner.Connect(servo.get_output_port(), drive.GetInputPort("pwm"))
-    inner.Connect(servo.get_output_port(), temperature.GetInputPort("pwm"))
-    inner.Connect(motor_state, temperature.GetInputPort("motor_state"))
-    inner.Connect(drive.GetOutputPort("joint_torque"), joints.get_input_port())
-
-    latency = config.errors.latency
-    closure = AddLatency(
-        inner, command.GetInputPort("closure_commanded"), latency, period
-    )
-    inner.ExportInput(closure, "closure_commanded")
-    for name in (
-        "hold",
-        *("motor_position_commanded", "motor_torque_commanded"),
-    ):
-        inner.ExportInput(command.GetInputPort(name), name)
-    inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
-    inner.ExportOutput(servo.get_output_port(), "pwm")
-    for name in ("motor_state", "wire_force"):
-        inner.ExportOutput(drive.GetOutputPort(name), name)
-    inner.ExportOutput(temperature.get_output_port(), "motor_temperature")
-    inner.ExportOutput(joints.get_output_port(), "actuation")
-    return AddDriver(builder, plant, gripper, inner)
+    return (config or SrgTendonDriver()).AddDriver(builder, plant, gripper, seed)

@@ -13,17 +13,28 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
 from drake_srg.common.contacts import each_contact
 from drake_srg.gripper.finger_layout import FingerLayout
+from drake_srg.gripper.finger_sensor import FingerSensorConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 
 @dc.dataclass(kw_only=True)
-class TouchConfig:
+class TouchConfig(FingerSensorConfig):
     """When a touch counts."""
 
     # A sensor fires from this force on [N]: thin-film force sensors begin to read at
     # 0.1 to 0.5 N.
     trigger_force: float = dc.field(default=0.5, metadata=positive())
+
+    def AddSensor(
+        self,
+        builder: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        layout: FingerLayout,
+    ) -> "ContactForceSensors":
+        """See `FingerSensorConfig`."""
+        return AddContactForceSensors(builder, plant, gripper, layout, self)
 
 
 class ContactForceSensors(LeafSystem):

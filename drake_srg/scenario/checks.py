@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.common.errors import ScenarioError
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.objects.disturbances import Topple
 from drake_srg.types import Box
 
@@ -42,8 +41,7 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
         require(value > 0.0, f"plant_config.{name}", message)
     _check_steps(scenario, require)
     if scenario.gripper is not None:
-        wires = isinstance(scenario.gripper, SrgTendonDriver)
-        motors = 1 if wires else len(scenario.gripper.joint_names)
+        motors = scenario.gripper.num_motors
         for gain in ("kp", "ki", "kd", "kff1", "kff2"):
             values = getattr(scenario.gripper.servo, gain)
             message = f"must have an entry a motor, {motors}, has {len(values)}"
@@ -134,8 +132,9 @@ def _check_steps(scenario: Scenario, require: Callable[[bool, str, str], None]) 
     fits = step > 0.0 or (step == 0.0 and scheme == _CENIC)
     require(fits, "plant_config.time_step", message)
     # It is updated as often as the plant, and what it holds creeps (docs/speed.md).
-    discrete = isinstance(scenario.gripper, SrgTendonDriver)
-    message = f"!SrgTendonDriver cannot be used with integrator {_CENIC}"
+    driver = scenario.gripper
+    discrete = driver is not None and driver.needs_discrete_plant
+    message = f"!{type(driver).__name__} cannot be used with integrator {_CENIC}"
     require(step > 0.0 or not discrete, "gripper", message)
     if step == 0.0:
         for key, period in _periods(scenario):

@@ -6,6 +6,9 @@ field may be one of Drake's distributions, drawn from `random_seed`.
 """
 
 import dataclasses as dc
+import functools
+import operator
+import typing
 
 from pydrake.geometry import SceneGraphConfig
 from pydrake.multibody.parsing import ModelDirective
@@ -14,7 +17,7 @@ from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
-from drake_srg.gripper.drivers import GripperDriver
+from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig
 from drake_srg.objects.disturbances import Force, Push, Topple
 from drake_srg.planning.script.messages import MessagesConfig
@@ -22,6 +25,11 @@ from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import positive
 from drake_srg.vision.camera_errors import CameraErrorsConfig
+
+if typing.TYPE_CHECKING:
+    _Driver = GripperDriver
+else:  # the classes among which a tag chooses
+    _Driver = functools.reduce(operator.or_, DRIVERS)
 
 
 @dc.dataclass(kw_only=True)
@@ -122,7 +130,7 @@ class Scenario:
     # All models that are not `objects`. The driven ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
     arm: ArmPositionDriver | None = None
-    gripper: GripperDriver | None = None
+    gripper: _Driver | None = None
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # How they differ from ideal ones, by their names; those without an entry do not.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
@@ -142,6 +150,19 @@ class Scenario:
     # What happens to objects besides.
     disturbances: list[Push | Topple | Force] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
+
+
+def accept_driver(driver: type[GripperDriver]) -> None:
+    """Let `gripper` of scenario files be a driver of your own, tagged by its name.
+
+    See `drake_srg.cell.register_gripper`, which calls this.
+    """
+    (field,) = (field for field in dc.fields(Scenario) if field.name == "gripper")
+    known = [*typing.get_args(field.type)[:-1]]  # None is the last
+    known = [other for other in known if other.__name__ != driver.__name__]
+    choice = functools.reduce(operator.or_, [*known, driver, None])
+    # `check_tree` reads the annotation, Drake's YAML functions read the field.
+    field.type = Scenario.__annotations__["gripper"] = choice
 
 
 def is_continuous(scenario: Scenario) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, PortDataType
 from tqdm import tqdm
 
 from drake_srg.cell import AddCell, MakeCell
@@ -44,6 +44,15 @@ _LOGGED = (
     "gripper.pwm",
     "gripper.proximity",
     "gripper.grasped",
+)
+# Other vector ports of a gripper are logged, too, such as those of a finger sensor of
+# your own, except these: a rig's log has them.
+_NOT_LOGGED = (
+    "gripper.contact_force",
+    "gripper.contact_wrench",
+    "gripper.motor_state",
+    "gripper.wire_force",
+    "gripper.motor_temperature",
 )
 
 
@@ -229,7 +238,15 @@ class _Log:
 
     def __init__(self, scenario: Scenario, cell: Diagram) -> None:
         ports = output_ports(cell)
-        self._ports = {name: ports[name] for name in _LOGGED if name in ports}
+        others = [
+            name
+            for name, port in ports.items()
+            if name.startswith("gripper.")
+            and name not in (*_LOGGED, *_NOT_LOGGED)
+            and port.get_data_type() == PortDataType.kVectorValued
+        ]
+        names = [name for name in _LOGGED if name in ports] + others
+        self._ports = {name: ports[name] for name in names}
         self._mode = cell.GetOutputPort("planner.mode")
         self._poses = cell.GetOutputPort("object_poses_cheat")
         self._contacts = cell.GetOutputPort("contact_results_cheat")

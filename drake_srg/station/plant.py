@@ -29,7 +29,6 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.arm.drivers import SetArmGains
 from drake_srg.common.errors import ScenarioError, one_line, scenario_errors
-from drake_srg.gripper.drivers import SetTendonDynamics, SrgTendonDriver
 from drake_srg.objects.models import (
     AddObject,
     SetDefaultObjectPose,
@@ -64,9 +63,9 @@ def MakePlant(
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
         SetArmGains(plant, arm, scenario.arm)
-    if isinstance(scenario.gripper, SrgTendonDriver):
+    if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
-        SetTendonDynamics(plant, gripper, scenario.gripper.drive)
+        scenario.gripper.prepare_plant(plant, gripper)
     plant.Finalize()
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)

@@ -11,6 +11,7 @@ from drake_srg.arm.external_torque import AddExternalTorque
 from drake_srg.common.errors import scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.drivers import AddGripperDriver
+from drake_srg.gripper.finger_sensing import PLANT_INPUTS
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.scenario.schema import Scenario
@@ -18,8 +19,7 @@ from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import MakeModelsPlant, MakePlant
 
 # Ports of a gripper driver that connect to the plant, and are not forwarded.
-_INTERNAL = {"plant_state", "query_object", "contact_results", "body_poses"}
-_INTERNAL |= {"actuation"}
+_INTERNAL = {*PLANT_INPUTS, "actuation"}
 
 
 @scenario_errors()
@@ -60,10 +60,11 @@ def MakeStation(scenario: Scenario) -> Diagram:
 
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
     `AddArmPositionDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
-    `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. Disturbances
-    enter through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). The
-    subsystems are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
-    `rgbd_sensor_NAME` and `object_poses`.
+    `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
+    or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
+    through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). The subsystems
+    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME`
+    and `object_poses`.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.

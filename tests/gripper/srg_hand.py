@@ -7,12 +7,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.drivers import (
-    AddGripperDriver,
-    SetTendonDynamics,
-    SrgPositionDriver,
-    SrgTendonDriver,
-)
+from drake_srg.gripper.drivers import AddGripperDriver, SrgPositionDriver
 from drake_srg.parsing import configure_parser
 
 # A cylinder across the hand, as far from the palm as a wrapped grasp has it.
@@ -44,8 +39,7 @@ class Hand:
             X_WP = RigidTransform([post_at, 0.0, 0.0])
             self.plant.WeldFrames(world, self.plant.GetFrameByName("post"), X_WP)
         config = config or SrgPositionDriver()
-        if isinstance(config, SrgTendonDriver):
-            SetTendonDynamics(self.plant, self.model, config.drive)
+        config.prepare_plant(self.plant, self.model)
         self.plant.Finalize()
         self.driver = AddGripperDriver(builder, self.plant, self.model, config)
         builder.Connect(

@@ -19,7 +19,7 @@ from drake_srg.parsing import configure_parser
         ("srg", LinkageDriver(), "!SrgPositionDriver, !SrgTendonDriver"),
         ("linkage_gripper", SrgPositionDriver(), "!LinkageDriver"),
         ("linkage_gripper", SrgTendonDriver(), "!LinkageDriver"),
-        ("table", LinkageDriver(), "none of ours"),
+        ("table", LinkageDriver(), "none"),
     ],
 )
 def test_a_driver_of_another_gripper_is_refused(model, config, allowed):

@@ -23,6 +23,7 @@ from drake_srg.bridges.commands import CommandInbox, PortValues, gripper_command
 from drake_srg.bridges.dynamixel.mx64 import MotorCommand, Mx64
 from drake_srg.bridges.dynamixel.protocol import PacketReader
 from drake_srg.bridges.io_thread import IoThread
+from drake_srg.gripper.driver import WireMotor
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.types import Vector
 
@@ -43,7 +44,7 @@ class ServoBridge(Bridge):
         inbox: Where its commands go.
         where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
             IPv6 address needs brackets, PORT 0 takes a free port.
-        gripper: Configuration of the gripper.
+        motor: What it drives; None: the motor of a default `SrgTendonDriver`.
 
     Attributes:
         address: Where clients find the servo, "HOST:PORT" or a device.
@@ -59,12 +60,12 @@ class ServoBridge(Bridge):
         self,
         inbox: CommandInbox,
         where: str,
-        gripper: SrgTendonDriver | None = None,
+        motor: WireMotor | None = None,
     ):
         endpoint = _parse(where)
-        gripper = gripper or SrgTendonDriver()
+        motor = motor or SrgTendonDriver()
         self._inbox = inbox
-        self._servo = Mx64(gripper.drive, gripper.temperature, self._warn)
+        self._servo = Mx64(motor.drive, motor.temperature, self._warn)
         self._lock = threading.Lock()  # guards the servo
         self._commanded: MotorCommand | None = None
         self._tasks: set[asyncio.Task[None]] = set()

@@ -191,3 +191,17 @@ def test_an_empty_hand_meets_at_the_published_angle():
 @pytest.mark.parametrize("radius", [0.001, 0.085, 0.3])
 def test_what_does_not_fit_the_hand_has_no_grasp(radius):
     assert grasps_of(Cylinder(radius, 0.1), ["above", "side"], [0.0], SQUEEZE) == []
+
+
+@pytest.mark.parametrize("full_scale", [2.5, 3.5])
+def test_commands_scale_with_the_full_scale_of_the_driver(full_scale):
+    hands = [SrgHand(["above", "side"], [0.0], SQUEEZE, s) for s in (3.0, full_scale)]
+    nominal, scaled = (hand.grasps(CAN, UP) for hand in hands)
+    for grasp, other in zip(nominal, scaled, strict=True):
+        assert other.fingers_open == grasp.fingers_open
+        assert other.fingers_closed == grasp.fingers_closed
+        # The same angles, as fractions of another whole.
+        asked = full_scale * other.closure_open
+        assert asked == pytest.approx(3.0 * grasp.closure_open)
+        asked = full_scale * other.closure_closed
+        assert asked == pytest.approx(min(full_scale, 3.0 * grasp.closure_closed))

@@ -1,4 +1,4 @@
-"""What every gripper driver does with the plant that it drives."""
+"""Servos at a gripper's joints, and the order of its actuators."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.gripper.driver import GripperControl
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.types import Vector
 
@@ -46,10 +47,8 @@ def AddJointServos(
     strength: float,
     state_measured: OutputPort,
     reference: OutputPort,
-) -> None:
-    """Add a servo a joint to a driver: its PWM times the effort limit is the torque.
-
-    Exports the input `force_limit` and the outputs `pwm` and `actuation`.
+) -> GripperControl:
+    """Add one servo per joint to a driver: PWM times the effort limit is the torque.
 
     Args:
         inner: The driver under construction.
@@ -57,9 +56,12 @@ def AddJointServos(
         gripper: Its model instance.
         names: Of the joints, in the order of `state_measured` and `reference`.
         config: Gains.
-        strength: Torque at full PWM, over the effort limit.
+        strength: Torque at full PWM, as a fraction of the effort limit.
         state_measured: Of the joints, [q; v].
-        reference: What they shall follow, [q; v; a].
+        reference: For the joints, [q; v; a].
+
+    Returns:
+        The input `force_limit` and the outputs `pwm` and `actuation`.
     """
     limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
     order = joint_to_actuator(plant, gripper, names)
@@ -69,27 +71,9 @@ def AddJointServos(
     servo = inner.AddNamedSystem("servo", GripperServo(config))
     inner.Connect(state_measured, servo.GetInputPort("state_measured"))
     inner.Connect(reference, servo.GetInputPort("reference"))
-    inner.Connect(servo.get_output_port(), motors.get_input_port())
-    inner.ExportInput(servo.GetInputPort("force_limit"), "force_limit")
-    inner.ExportOutput(servo.get_output_port(), "pwm")
-    inner.ExportOutput(motors.get_output_port(), "actuation")
-
-
-def AddDriver(
-    builder: DiagramBuilder,
-    plant: MultibodyPlant,
-    gripper: ModelInstanceIndex,
-    inner: DiagramBuilder,
-) -> Diagram:
-    """Build a driver, add it to a diagram and connect it to the plant."""
-    driver = builder.AddNamedSystem("gripper_driver", inner.Build())
-    for output, name in (
-        (plant.get_state_output_port(gripper), "plant_state"),
-        (plant.get_contact_results_output_port(), "contact_results"),
-        (plant.get_body_poses_output_port(), "body_poses"),
-    ):
-        builder.Connect(output, driver.GetInputPort(name))
-    builder.Connect(
-        driver.GetOutputPort("actuation"), plant.get_actuation_input_port(gripper)
+    pwm = servo.get_output_port()
+    inner.Connect(pwm, motors.get_input_port())
+    return GripperControl(
+        inputs={"force_limit": servo.GetInputPort("force_limit")},
+        outputs={"pwm": pwm, "actuation": motors.get_output_port()},
     )
-    return driver

@@ -1,0 +1,137 @@
+"""Base of every gripper driver: its configuration, and how the driver is built."""
+
+import abc
+import dataclasses as dc
+from collections.abc import Mapping
+from typing import ClassVar, Protocol
+
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
+
+from drake_srg.common.joint_errors import AddLatency
+from drake_srg.gripper.finger_sensing import (
+    AddFingerSensing,
+    FingerSensing,
+    FingerSensingConfig,
+)
+from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
+from drake_srg.gripper.servo import GripperServoConfig
+from drake_srg.gripper.tendon import TendonDriveConfig
+
+
+@dc.dataclass(frozen=True)
+class GripperControl:
+    """Ports of a driver's control, by the names under which the driver exports them.
+
+    Attributes:
+        inputs: Commands; `closure_commanded` (1) is required.
+        outputs: `actuation`, the joint torques [N m] in the order of the gripper's
+            actuators, is required.
+    """
+
+    inputs: Mapping[str, InputPort]
+    outputs: Mapping[str, OutputPort]
+
+
+class WireMotor(Protocol):
+    """The one motor that winds the wires of a gripper."""
+
+    drive: TendonDriveConfig
+    temperature: MotorTemperatureConfig
+
+
+@dc.dataclass(kw_only=True)
+class GripperDriver(FingerSensingConfig, abc.ABC):
+    """Configuration of a gripper driver, which turns closure into joint torques.
+
+    A driver of your own derives from this class, sets `layout` (the joints and links
+    that it measures) and implements `AddControl`; see docs/extending.md.
+    """
+
+    # Whether the driver is updated with the plant's steps.
+    needs_discrete_plant: ClassVar[bool] = False
+
+    # Gains of the motors' servos, one entry per motor.
+    servo: GripperServoConfig
+
+    @property
+    def num_motors(self) -> int:
+        """Number of motors: one per measured joint unless overridden."""
+        return len(self.joint_names)
+
+    @property
+    def wire_motor(self) -> WireMotor | None:
+        """The motor that winds the gripper's wires; None without wires."""
+        return None
+
+    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
+        """Change what the driver needs changed in a plant that is not yet finalized."""
+
+    @abc.abstractmethod
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        sensing: FingerSensing,
+    ) -> GripperControl:
+        """Add the systems from commands to joint torques, and return their ports.
+
+        Args:
+            inner: The driver under construction.
+            plant: With the gripper, finalized.
+            gripper: Its model instance.
+            sensing: Measurements, already in `inner`.
+        """
+
+    def AddDriver(
+        self,
+        builder: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        seed: int = 0,
+    ) -> Diagram:
+        """Add the driver `gripper_driver` to a diagram and connect it to the plant.
+
+        The caller connects `query_object` to the scene graph, and the commands.
+
+        Args:
+            builder: Of the diagram.
+            plant: With the gripper, finalized.
+            gripper: Its model instance.
+            seed: Of the encoders' noise.
+        """
+        inner = DiagramBuilder()
+        period = self.servo.period
+        sensing = AddFingerSensing(
+            inner, plant, gripper, self, period=period, seed=seed
+        )
+        control = self.AddControl(inner, plant, gripper, sensing)
+        closure = AddLatency(
+            inner, control.inputs["closure_commanded"], self.errors.latency, period
+        )
+        for name, command in {**control.inputs, "closure_commanded": closure}.items():
+            inner.ExportInput(command, name)
+        for name, output in control.outputs.items():
+            inner.ExportOutput(output, name)
+        driver = builder.AddNamedSystem("gripper_driver", inner.Build())
+        for output, name in (
+            (plant.get_state_output_port(gripper), "plant_state"),
+            (plant.get_contact_results_output_port(), "contact_results"),
+            (plant.get_body_poses_output_port(), "body_poses"),
+            (
+                plant.get_body_spatial_velocities_output_port(),
+                "body_spatial_velocities",
+            ),
+            (
+                plant.get_body_spatial_accelerations_output_port(),
+                "body_spatial_accelerations",
+            ),
+        ):
+            if driver.HasInputPort(name):
+                builder.Connect(output, driver.GetInputPort(name))
+        builder.Connect(
+            driver.GetOutputPort("actuation"), plant.get_actuation_input_port(gripper)
+        )
+        return driver
