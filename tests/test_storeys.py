@@ -92,7 +92,7 @@ def test_an_import_that_points_up_or_sideways_is_found(name, text):
 @pytest.mark.parametrize(
     ("name", "text"),
     [
-        ("arm.drivers", "from drake_srg.common.errors import suggest"),
+        ("arm.drivers", "from drake_srg.common.exceptions import suggest"),
         ("arm.drivers", "from drake_srg.arm.lag import Lag"),
         ("cli.main", "from drake_srg import experiments, __version__"),
         ("planning.task.moves", "from drake_srg.planning.motion.rrt import X"),

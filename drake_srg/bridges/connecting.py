@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 

@@ -21,7 +21,7 @@ from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder

@@ -7,7 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import export_outputs
 from drake_srg.objects.disturbances import Disturber, Target
 from drake_srg.objects.models import object_body, simple_shape

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import (
     GripperDriver,
     LinkageDriver,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import known_shape
 from drake_srg.scenario import Scenario

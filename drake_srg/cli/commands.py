@@ -12,7 +12,7 @@ from pathlib import Path
 
 from drake_srg.cli import doctor as machine
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

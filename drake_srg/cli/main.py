@@ -13,7 +13,7 @@ from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
 from drake_srg.cli.process import BAD_INPUT, SUCCESS
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError, one_line
 
 # Exit codes.
 SUCCESS, TASK_FAILED, BAD_INPUT = 0, 1, 2

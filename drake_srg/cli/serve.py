@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_srg.cli.status_line import StatusLine
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 
 
 def add_arguments(serve: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 
 if TYPE_CHECKING:
     from drake_srg.sweeps.engines import Engine

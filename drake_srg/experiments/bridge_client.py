@@ -22,7 +22,7 @@ import numpy as np
 
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox, CommandTopic, PortValues, Warnings
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.ros_topics import MakeMessage, Topic, float64_array
 from drake_srg.types import Vector
 

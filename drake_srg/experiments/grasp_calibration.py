@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario

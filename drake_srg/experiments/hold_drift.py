@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.common.errors import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.data import household_objects, read_yaml
 from drake_srg.experiments.grasping import (

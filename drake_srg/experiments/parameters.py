@@ -10,7 +10,7 @@ import typing
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from drake_srg.common.errors import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError, suggest
 
 
 @dc.dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RollPitchYaw
 from pydrake.multibody.parsing import AddModel, AddWeld, ModelDirective
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row

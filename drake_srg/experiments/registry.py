@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from drake_srg import experiments
-from drake_srg.common.errors import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.experiments.parameters import (
     Parameter,
     parse_values,

@@ -4,7 +4,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.driver import GripperDriver
 from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
 from drake_srg.gripper.srg_position_driver import (

@@ -7,7 +7,7 @@ from pydrake.math import max as max_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,
     tip_moment_arm,

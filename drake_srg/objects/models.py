@@ -19,7 +19,7 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.soft import AddSoftObject
 from drake_srg.parsing import configure_parser

@@ -27,7 +27,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import ModelInstanceIndex
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 from drake_srg.types import Box, Vector

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pydrake.systems.sensors import CameraConfig
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.disturbances import Topple
 from drake_srg.types import Box
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.common.schema import UniformVectorX
 
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.planning.script.messages import message_script
 from drake_srg.scenario.checks import check_scenario
 from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator

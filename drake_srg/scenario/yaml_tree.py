@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.yaml import yaml_dump, yaml_load, yaml_load_typed
 
-from drake_srg.common.errors import ScenarioError, suggest
+from drake_srg.common.exceptions import ScenarioError, suggest
 
 # Where a number is expected, one of these may stand; see `distributions.py`.
 DISTRIBUTION_TAGS = (

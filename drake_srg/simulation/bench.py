@@ -11,7 +11,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.cell import AddCell, MakeCell
-from drake_srg.common.errors import scenario_errors
+from drake_srg.common.exceptions import scenario_errors
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario, list_scenarios
 from drake_srg.simulation.flat import MakeRoot

@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.scenario.schema import Scenario, is_continuous
 from drake_srg.station.station import AddStation

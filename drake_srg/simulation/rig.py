@@ -25,7 +25,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.common.ports import output_ports
 from drake_srg.objects.config import ObjectConfig

@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, Diagram, PortDataType
 from tqdm import tqdm
 
 from drake_srg.cell import AddCell, MakeCell
-from drake_srg.common.errors import ScenarioError, one_line, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.ports import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.objects.contact_reader import ContactReader

@@ -7,7 +7,7 @@ from pydrake.geometry import Box as DrakeBox
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector

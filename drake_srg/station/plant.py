@@ -28,7 +28,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.arm.drivers import SetArmGains
-from drake_srg.common.errors import ScenarioError, one_line, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.objects.models import (
     AddObject,
     SetDefaultObjectPose,

@@ -18,7 +18,7 @@ from pydrake.multibody.parsing import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario, is_continuous
 

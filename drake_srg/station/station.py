@@ -8,7 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from drake_srg.arm.drivers import AddArmPositionDriver, ArmPositionDriver
 from drake_srg.arm.external_torque import AddExternalTorque
-from drake_srg.common.errors import scenario_errors
+from drake_srg.common.exceptions import scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.gripper.finger_sensing import PLANT_INPUTS

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Any
 
-from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.trial import TrialResult
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.files import remove_folder, remove_partial, write_folder
 from drake_srg.sweeps.info import FILE, SweepInfo, difference, read_sweep
 from drake_srg.sweeps.rows import (

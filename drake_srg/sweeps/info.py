@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 from pydrake.common.yaml import yaml_dump, yaml_load
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.sources import sources_hash
 

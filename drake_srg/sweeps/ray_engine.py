@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
-from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.sweeps.engines import THREADS, usable_cores
 from drake_srg.sweeps.info import current_versions, version_difference
 from drake_srg.sweeps.rows import require_sweep

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.installing import require
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.sweeps.files import write_file

@@ -19,7 +19,7 @@ from typing import Any
 from tqdm import tqdm
 
 from drake_srg.cell import MakeCell
-from drake_srg.common.errors import ScenarioError, scenario_errors
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
 from drake_srg.sweeps.dispatch import dispatch

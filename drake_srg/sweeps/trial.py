@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from drake_srg.common.errors import one_line
+from drake_srg.common.exceptions import one_line
 from drake_srg.scenario import draw_scenario
 from drake_srg.simulation import Result, Simulate
 from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns

@@ -5,7 +5,7 @@ import pytest
 from bridges.ros2.peers import free_domain
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.connecting import BridgeOptions
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
 KITCHEN = load_scenario("kitchen")

@@ -8,7 +8,7 @@ from rosbags.rosbag2 import Reader
 from bridges.fake_bridge import FakeBridge
 from drake_srg.bridges import pacing
 from drake_srg.bridges.serve import Serve
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
 PICTURES = {

@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_srg.cell import MakeCell, MakePlanner, MakeScriptedPlanner
 from drake_srg.cell.perception import _targets
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.scenario import load_scenario

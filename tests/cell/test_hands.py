@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_srg.cell import MakeHand, MakeTaskPlanner
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.planning.grasps.linkage_hand import LinkageHand
 from drake_srg.scenario import load_scenario

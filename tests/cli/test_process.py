@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from drake_srg.cli.process import writing
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 
 OUT = Path("out")
 

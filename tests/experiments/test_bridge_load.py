@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import needs_debian
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import bridge_load
 from drake_srg.experiments.bridge_client import Served, ServedProcess
 from drake_srg.experiments.bridge_load import Case, Loaded, draw, load_rows

@@ -3,7 +3,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import carrying
 from drake_srg.experiments.carrying import LIMIT, STEPS, Carried, Case, carry, leaving
 

@@ -8,7 +8,7 @@ from pydrake.multibody.parsing import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import grasp_calibration
 from drake_srg.experiments.grasp_calibration import (
     EXPERIMENTS,

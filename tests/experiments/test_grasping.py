@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RollPitchYaw
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import grasping
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.grasping import (

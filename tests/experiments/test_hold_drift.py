@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import hold_drift
 from drake_srg.experiments.hold_drift import ACCURATE, LIMIT, creep, run, things
 from drake_srg.experiments.registry import quiet

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import household
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.grasping import HELD, Outcome, present

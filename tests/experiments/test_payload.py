@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import payload
 from drake_srg.experiments.payload import HOLD, Held, Load, hold, largest_mass
 from drake_srg.experiments.registry import run_experiment

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import soft, sponge
 from drake_srg.experiments.soft import judge
 from drake_srg.experiments.sponge import CLOSE, FOAM, HOLD, LIFT, SIZE, Case, Grasp

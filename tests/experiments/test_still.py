@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.still import take_picture
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.scenario import RecordingConfig

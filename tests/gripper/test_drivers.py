@@ -3,7 +3,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import (
     AddGripperDriver,
     LinkageDriver,

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.symbolic import Expression
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments import data
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,

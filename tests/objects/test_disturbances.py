@@ -10,7 +10,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.cell import AddCell, AddDisturber, MakeCell
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.lifetime import my_context
 from drake_srg.objects.disturbances import Disturber, Force, Push, Target, Topple
 from drake_srg.planning.script.scripted import ScriptedPlanner, ScriptStep

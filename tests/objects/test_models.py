@@ -9,7 +9,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import (
     AddObject,

@@ -8,7 +8,7 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.objects.models import AddObject, object_shape

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.scenario import load_scenario
 from drake_srg.scenario.checks import check_scenario

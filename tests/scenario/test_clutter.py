@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import draw_scenario, load_scenario, load_tree
 
 BOX = {

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario.draws import draw_distributions, key_generator
 from drake_srg.scenario.yaml_tree import parse_yaml
 

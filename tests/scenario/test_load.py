@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg import scenario as module
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.scenario import Scenario, list_scenarios, load_scenario
 from drake_srg.types import Box, Sphere

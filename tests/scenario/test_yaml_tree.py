@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.common.schema import Transform
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario.draws import draw_distributions
 from drake_srg.scenario.yaml_tree import (
     check_tree,

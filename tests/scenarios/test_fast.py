@@ -5,7 +5,7 @@ import pytest
 from helpers import port_table
 
 from drake_srg.cell import MakeCell
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation

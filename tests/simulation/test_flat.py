@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drake_srg.cell import AddCell, MakeCell
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import load_scenario

@@ -8,7 +8,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.cell import MakeCell
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.simulate import Simulate, _Log

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from pydrake.math import RollPitchYaw
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.data import household_objects
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.simulation import rig as rig_module

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_srg.cell import MakeCell
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 

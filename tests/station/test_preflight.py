@@ -3,7 +3,7 @@ from pydrake.multibody.parsing import AddModel, ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakePlant
 from drake_srg.station.preflight import check_constraints

@@ -6,7 +6,7 @@ from helpers import fix, port_table
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
 

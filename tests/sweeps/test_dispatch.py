@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.dispatch import TRIES, dispatch
 from drake_srg.sweeps.trial import TrialResult, empty_row
 

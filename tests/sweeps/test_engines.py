@@ -14,7 +14,7 @@ import pytest
 from helpers import HEEDING_CTRL_C, needs_module
 
 from drake_srg.cli.main import main
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import sweep
 from drake_srg.sweeps.engines import THREADS, JoblibEngine
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep

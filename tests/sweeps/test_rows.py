@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import rows as rows_module
 from drake_srg.sweeps.info import SweepInfo
 from drake_srg.sweeps.rows import (

@@ -13,7 +13,7 @@ import tqdm.std
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import sweep
 from drake_srg.sweeps.rows import all_rows_path, read_rows, row_path
 

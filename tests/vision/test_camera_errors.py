@@ -6,7 +6,7 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.vision.camera_errors import CameraErrors, CameraErrorsConfig

@@ -17,7 +17,7 @@ from drake_srg.bridges.ros1.publication import Publication
 from drake_srg.bridges.ros1.subscription import Subscription
 from drake_srg.bridges.ros1.tcpros import MessageType
 from drake_srg.bridges.ros1.timing import Timing
-from drake_srg.common.errors import one_line
+from drake_srg.common.exceptions import one_line
 from drake_srg.common.installing import pip_install, this_package
 from drake_srg.recording.ros_topics import Topic
 

@@ -20,7 +20,7 @@ from drake_srg.bridges.ros1.tcpros import (
 )
 from drake_srg.bridges.ros1.timing import Timing
 from drake_srg.bridges.ros1.xmlrpc import TIMEOUT, call
-from drake_srg.common.errors import one_line
+from drake_srg.common.exceptions import one_line
 
 # Bytes read at once; other connections get their turn in between.
 _CHUNK = 2**16

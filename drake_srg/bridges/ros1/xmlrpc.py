@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from drake_srg.bridges.addresses import Resolver
-from drake_srg.common.errors import one_line
+from drake_srg.common.exceptions import one_line
 
 # Largest request or answer [bytes], as for TCPROS frames.
 _LIMIT = 2**20

@@ -9,7 +9,7 @@ import dataclasses as dc
 
 import numpy as np
 
-from drake_srg.common.errors import suggest
+from drake_srg.common.exceptions import suggest
 from drake_srg.planning.script.scripted import SCRIPT_MODES, ScriptStep
 from drake_srg.types import Mode, positive
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset.writer import DatasetWriter

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.common.errors import ScenarioError, one_line
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.recording.output import require
 
 Image = npt.NDArray[np.uint8]

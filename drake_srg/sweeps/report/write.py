@@ -8,7 +8,7 @@ import importlib.resources
 from pathlib import Path
 from xml.etree import ElementTree
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.output import OutputFile
 from drake_srg.sweeps.report import page
 from drake_srg.sweeps.report.causes import effects

@@ -4,7 +4,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.motion.config import TipLimits
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import fix
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.metrics import MODES

@@ -3,7 +3,7 @@
 import pytest
 
 from drake_srg.cli.main import main
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.dataset import files, video
 from drake_srg.sweeps.dataset.make import make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from drake_srg.cli.main import BAD_INPUT, SUCCESS, main
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.report import worst
 from drake_srg.sweeps.report.elements import element, number, percent
 from drake_srg.sweeps.report.plots import histogram, ticks
