@@ -100,18 +100,22 @@ def _draw(dot: str, output: Path) -> None:
 def bench(options: argparse.Namespace) -> int:
     """Print how fast scenarios run, one column each."""
     from drake_srg.scenario import load_scenario
-    from drake_srg.simulation.bench import bench_table, run_bench, scenarios_with_a_twin
+    from drake_srg.simulation.benchmark import (
+        benchmark_table,
+        run_benchmark,
+        scenarios_with_fast_variant,
+    )
 
     # All are loaded before the first one runs, so that a mistake shows at once.
     scenarios = {
         name: load_scenario(name, seed=options.seed, overrides=options.set)
-        for name in options.scenario or scenarios_with_a_twin()
+        for name in options.scenario or scenarios_with_fast_variant()
     }
-    benches = {
-        Path(name).stem: run_bench(scenario, Path(name).stem)
+    benchmarks = {
+        Path(name).stem: run_benchmark(scenario, Path(name).stem)
         for name, scenario in scenarios.items()
     }
-    print(bench_table(benches))
+    print(benchmark_table(benchmarks))
     return SUCCESS
 
 

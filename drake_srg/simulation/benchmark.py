@@ -1,4 +1,4 @@
-"""How fast a scenario runs, beside its bare plant, and where the time goes."""
+"""Benchmarks a scenario: its speed beside the bare plant's, and where time goes."""
 
 import dataclasses as dc
 import time as wall
@@ -29,8 +29,8 @@ _PLANT_INPUTS = (
 
 
 @dc.dataclass(frozen=True)
-class Bench:
-    """Wall-clock times of one run [s], and of the bare plant on the same inputs."""
+class Benchmark:
+    """Wall-clock times of a run and of its bare plant on the same inputs [s]."""
 
     result: str  # success, or the failure's name
     placement_error: list[float] | None  # final position minus goal [m]
@@ -42,11 +42,11 @@ class Bench:
 
     @property
     def other(self) -> float:
-        """What is left: our systems in Python, and logging."""
+        """The rest: our systems in Python, and logging."""
         return self.total - self.plant - self.planning - self.rendering
 
     def rows(self) -> dict[str, str]:
-        """Return the figures as text, by what they are called."""
+        """Return the figures as text, by label."""
         error = self.placement_error
 
         def share(time: float) -> str:
@@ -69,11 +69,11 @@ class Bench:
         }
 
 
-def bench_table(benches: Mapping[str, Bench]) -> str:
+def benchmark_table(benchmarks: Mapping[str, Benchmark]) -> str:
     """Return the figures of several scenarios side by side, as text."""
-    columns = [bench.rows() for bench in benches.values()]
-    width = max(26, *(len(name) + 2 for name in benches))
-    lines = [("", *benches)]
+    columns = [benchmark.rows() for benchmark in benchmarks.values()]
+    width = max(26, *(len(name) + 2 for name in benchmarks))
+    lines = [("", *benchmarks)]
     lines += [(key, *(column[key] for column in columns)) for key in columns[0]]
     return "\n".join(
         f"{key:22}" + "".join(f"{cell:{width}}" for cell in cells).rstrip()
@@ -81,8 +81,8 @@ def bench_table(benches: Mapping[str, Bench]) -> str:
     )
 
 
-def scenarios_with_a_twin() -> list[str]:
-    """Return the package's scenarios with a fast variant, each followed by that."""
+def scenarios_with_fast_variant() -> list[str]:
+    """Return the package's scenarios that have a fast variant, each followed by it."""
     names = list_scenarios()
     return [
         name
@@ -92,25 +92,26 @@ def scenarios_with_a_twin() -> list[str]:
     ]
 
 
-def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
-    """Measure a scenario: a run, the plant alone, and single images.
+def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
+    """Measure a run of a scenario, its plant alone, and single images.
 
-    The bare plant gets the inputs that it got in a run, from trajectories held between
-    its steps, so that it makes the same contacts with none of our systems attached.
+    The bare plant gets the inputs recorded in a run, held constant between its steps.
+    So it makes the same contacts, with none of our systems attached.
 
     Args:
-        scenario: What to measure.
-        name: Its name, for errors.
+        scenario: The scenario to measure.
+        name: Its name, for error messages.
 
     Raises:
-        ScenarioError: As `Simulate` does.
+        ScenarioError: If the models do not fit the scenario, or Drake aborts the run.
+        KeyboardInterrupt: If the user stops the run.
     """
     inputs = _record_inputs(scenario, name)
     result = Simulate(scenario, name=name)
     if result.status.failure is Failure.STOPPED:
         raise KeyboardInterrupt
     times = result.metrics
-    return Bench(
+    return Benchmark(
         result=times.failure or "success",
         placement_error=times.placement_error_m,
         simulated=times.sim_time_s,
@@ -122,7 +123,7 @@ def run_bench(scenario: Scenario, name: str = "scenario") -> Bench:
 
 
 def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:
-    """What the plant's inputs were at each of its steps, in a run."""
+    """Return the plant's inputs at each of its steps in a run, as trajectories."""
     builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, name)
     with scenario_errors(name):
         diagram = builder.Build()
@@ -150,7 +151,7 @@ def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomi
     simulator.set_monitor(monitor)
     with failure_time(name, simulator):
         simulator.AdvanceTo(scenario.task.repeat * scenario.planner.time_budget + 1.0)
-    # Termination steps are shorter than the plant's; keep one sample a time.
+    # The last step can be shorter than the plant's. Keep one sample per time.
     unique = np.unique(np.round(times, 9), return_index=True)[1]
     breaks = np.array(times)[unique]
     return {
@@ -162,7 +163,7 @@ def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomi
 def _replay(
     scenario: Scenario, inputs: dict[int, PiecewisePolynomial], duration: float
 ) -> float:
-    """Wall-clock time of the bare plant on recorded inputs [s]."""
+    """Return the wall-clock time of the bare plant on recorded inputs [s]."""
     builder = DiagramBuilder()
     plant, _ = MakePlant(builder, scenario)
     for i, (*_, name, port) in enumerate(_PLANT_INPUTS):
@@ -176,10 +177,11 @@ def _replay(
 
 
 def _look_time(scenario: Scenario, looks: int) -> float:
-    """Wall-clock time of that many looks at the blobs [s].
+    """Return the wall-clock time of that many looks at the blobs [s].
 
-    The first one costs more: each context has a renderer of its own, which prepares
-    itself. What every first renderer of a process costs, a run has behind it.
+    The first look costs more because each context sets up a renderer of its own. The
+    setup of a process's very first renderer is excluded: a run does it before it starts
+    its clock.
     """
     if looks == 0:
         return 0.0
@@ -189,7 +191,7 @@ def _look_time(scenario: Scenario, looks: int) -> float:
     context = cell.CreateDefaultContext()
     times = []
     for i in range(4):
-        context.SetTime(float(i))  # what was rendered before counts no more
+        context.SetTime(float(i))  # so that the camera renders anew
         times.append(_timed(lambda: port.Eval(context)))
     return times[0] + (looks - 1) * float(np.mean(times[1:]))
 
