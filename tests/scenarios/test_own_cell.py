@@ -1,0 +1,56 @@
+"""A cell of the user's own runs on every scenario with a discrete plant."""
+
+import dataclasses as dc
+
+import pytest
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.cell import MakeCell
+from drake_srg.common.ports import export_outputs
+from drake_srg.planning.script.scripted import ScriptStep
+from drake_srg.scenario import is_continuous, list_scenarios, load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.station import MakeStation
+
+DISCRETE = [
+    name for name in list_scenarios() if not is_continuous(load_scenario(name, seed=0))
+]
+
+
+def own_station(scenario):
+    """A station inside a diagram with a name of the user's own."""
+    station = MakeStation(scenario)
+    station.set_name("my_station")
+    return station
+
+
+def own_cell(scenario):
+    """A cell in a diagram of the user's own."""
+    builder = DiagramBuilder()
+    cell = builder.AddNamedSystem("inner", MakeCell(scenario, make_station=own_station))
+    export_outputs(builder, cell)
+    return builder.Build()
+
+
+def brief(name):
+    """A scenario whose planner or script ends after 0.1 s."""
+    scenario = load_scenario(name, seed=0)
+    if scenario.script:
+        step = ScriptStep(mode="home", duration=0.1)
+        scenario = dc.replace(scenario, script=[step], messages=None)
+    scenario.planner.time_budget = 0.1
+    return scenario
+
+
+@pytest.mark.parametrize("name", DISCRETE)
+def test_a_cell_of_your_own_runs(name):
+    result = Simulate(brief(name), record=False, make_cell=own_cell)
+    assert result.log["time"][-1] > 0.1
+
+
+@pytest.mark.parametrize("name", ["kitchen_tendon", "thesis_kitchen"])
+def test_it_behaves_as_ours_does(name):
+    own, ours = (Simulate(brief(name), make_cell=m).log for m in (own_cell, MakeCell))
+    assert own.keys() == ours.keys()
+    for key in ours:
+        assert own[key].tobytes() == ours[key].tobytes(), key
