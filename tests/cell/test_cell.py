@@ -9,7 +9,6 @@ from drake_srg.cell import MakeCell, MakePlanner, MakeScriptedPlanner
 from drake_srg.cell.perception import _targets
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.script.scripted import ScriptStep
-from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Mode
@@ -66,9 +65,9 @@ def test_the_localizer_sees_the_object(cell, scenario):
 def test_the_goal_is_on_the_table(scenario):
     planner = MakePlanner(scenario)
     # Half the can's height, 101.8 mm, above the table's top.
-    p_WO = planner._replanner.goal(PlannerMemory(q_rest=np.zeros(7))).translation()
+    p_WO = planner.goal.translation()
     assert p_WO == pytest.approx([0.55, -0.42, 0.0509], abs=1e-4)
-    assert planner._replanner._tolerance == scenario.task.place.tolerance
+    assert planner.tolerance == scenario.task.place.tolerance
     assert planner.config is scenario.planner
 
 
@@ -146,7 +145,7 @@ def test_objects_that_nobody_knows_the_shape_of_are_not_looked_for(scenario):
     mug = "objects.mug={model: package://drake_srg/sdf/mug.sdf, position: [0.9, 0.5]}"
     busy = load_scenario("kitchen", seed=1, overrides=[mug])
     assert [target.name for target in _targets(busy)] == ["soup_can"]
-    assert MakePlanner(busy)._replanner._sightings._others == {}
+    assert MakePlanner(busy).obstacles == {}
     with pytest.raises(ScenarioError, match=r"objects\.mug\.model: .* must have one"):
         MakeCell(
             load_scenario("kitchen", overrides=[mug, "task.pick=mug"]),

@@ -98,9 +98,9 @@ class FakeTaskPlanner:
         return motion(q, middle), motion(middle, self.q_home)
 
 
-def make_planner(repeat=1, **config):
+def make_planner(task_planner=None, repeat=1, **config):
     return PickAndPlacePlanner(
-        FakeTaskPlanner(),
+        task_planner or FakeTaskPlanner(),
         "can",
         CAN,
         RigidTransform(GOAL),
@@ -145,18 +145,18 @@ class World:
         if like is None:
             builder = DiagramBuilder()
             self.camera = builder.AddSystem(Camera())
-            self.planner = builder.AddSystem(make_planner(**config))
+            self.task_planner = FakeTaskPlanner()
+            self.planner = builder.AddSystem(make_planner(self.task_planner, **config))
             for name in ("blobs", "obstacles"):
                 builder.Connect(
                     self.camera.GetOutputPort(name), self.planner.GetInputPort(name)
                 )
-            diagram = builder.Build()
+            self.diagram = builder.Build()
         else:
-            diagram, self.camera, self.planner = like.diagram, like.camera, like.planner
-        self.diagram = diagram
-        self.task_planner = self.planner._replanner._task_planner
+            self.diagram, self.camera = like.diagram, like.camera
+            self.planner, self.task_planner = like.planner, like.task_planner
         self.period = self.planner.config.period
-        self._simulator = Simulator(diagram)
+        self._simulator = Simulator(self.diagram)
         self.root = root = self._simulator.get_mutable_context()
         root.SetTime(start)
         self._start = start

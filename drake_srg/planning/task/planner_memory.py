@@ -11,67 +11,25 @@ from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.task.task_motions import Obstacles, TaskMotions
-from drake_srg.planning.task.transitions import Observation
 from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Vector
 
 # Duration of a stop in the middle of a motion [s]: at the iiwa's top speed, 1.5 to 2.4
 # rad/s, that brakes with less than half of its acceleration limits.
 _STOP_TIME = 0.4
-_MESSAGES = {
-    Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
-    Failure.TIME_BUDGET: "the time budget is used up",
-    Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
-    Failure.DROPPED: "the object was in the hand and got lost",
-    Failure.MISPLACED: "the object is not seen on its goal",
-}
 
 
 @dc.dataclass(frozen=True)
-class PlannerMemory:
-    """The planner's state. Never changed, only replaced, so copies share it."""
+class Motion:
+    """The arm's motion under way, or where the arm rests without one."""
 
-    q_rest: Vector  # where the arm is without a motion, shape (N,) [rad]
-    mode: Mode = Mode.IDLE
-    since: float = 0.0  # when the mode began [s]
-    started: float = 0.0  # when the task began [s]
-    next_look: float = 0.0  # when the object is looked for next [s]
-    ready_at: float = np.inf  # when the planned motion may begin [s]
-    attempts: int = 0  # grasps begun
-    attempts_before: int = 0  # those of earlier cycles
-    detours: int = 0  # approaches broken off because the object had moved
-    cycles: int = 0  # times the object has been placed
-    looks: int = 0  # evaluations of `blobs`
-    X_WO: RigidTransform | None = None  # where the object was seen [m]
-    X_WO_return: RigidTransform | None = None  # where every second cycle puts it [m]
-    motions: TaskMotions | None = None
-    moved: bool = False  # the object is not where the motions take it
-    lost: bool = False  # the object was seen elsewhere than in the hand
-    looked: bool = False  # the look that the mode ends with has been taken
-    obstacles: Obstacles = ()  # other objects seen
-    escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
-    trajectory: Trajectory | None = None  # of the mode
-    departed: float = 0.0  # when that motion began [s]
-    due: float = 0.0  # when it is over [s]
+    q_rest: Vector  # where the arm is without a trajectory, shape (N,) [rad]
+    trajectory: Trajectory | None = None
+    departed: float = 0.0  # when the trajectory began [s]
+    due: float = 0.0  # when it is over, waits included [s]
     stopped_at: float | None = None  # time in the trajectory where a stop began [s]
-    # Angles of the gripper's joints with an object, smoothed over time, (n,) [rad].
-    grip: Vector = dc.field(default_factory=lambda: np.zeros(0))
-    unheld_since: float = np.inf  # when the fingers began to sense nothing [s]
-    tried: tuple[str, ...] = ()  # names of grasps that failed in this cycle
-    closure: float = 0.0
-    # Angles of the gripper's joints, open as they were last, by name [rad].
-    fingers: Mapping[str, float] = dc.field(default_factory=dict)
-    touched: str = ""  # what the arm has met, in words
-    failure: Failure | None = None  # what went wrong last
-    localization: Blob | None = None  # the first one that led to a plan
-    localized_at: float = 0.0  # s
-    message: str = ""
-    planning_wall: float = 0.0  # s
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> PlannerMemory:
-        return self
 
     def position(self, time: float) -> Vector:
-        """The commanded position at a time, shape (N,) [rad]."""
+        """Return the commanded position at a time, shape (N,) [rad]."""
         if self.trajectory is None:
             return self.q_rest
         t = time - self.departed
@@ -86,64 +44,125 @@ class PlannerMemory:
         """The position in which the commands end, shape (N,) [rad]."""
         return self.position(np.inf)
 
-    def stopped(self, time: float) -> PlannerMemory:
-        """A motion that is under way comes to rest along its own path."""
+    def stopped(self, time: float) -> Motion:
+        """Return the motion that comes to rest along its own path from `time` on."""
         if self.trajectory is None or self.stopped_at is not None:
             return self
         return dc.replace(self, stopped_at=time - self.departed, due=time + _STOP_TIME)
 
-    def status(self) -> PlannerStatus:
-        """What the planner says of its task."""
-        return PlannerStatus(
-            mode=self.mode,
-            failure=self.failure if self.mode is Mode.FAILED else None,
-            attempts=self.attempts,
-            cycles=self.cycles,
-            looks=self.looks,
-            localization=self.localization,
-            localized_at=self.localized_at,
-            message=self.message,
-            planning_wall=self.planning_wall,
-        )
+    def ended(self, time: float) -> Motion:
+        """Return the rest that follows; a motion that is not yet over is stopped."""
+        under_way = self.trajectory is not None and time < self.due
+        rest = self.stopped(time) if under_way else Motion(self.q_rest)
+        return dc.replace(rest, q_rest=self.position(time))
 
-    def end_attempt(self, mode: Mode, o: Observation, time: float) -> PlannerMemory:
-        """Forget the motions, but not what went wrong; `mode` begins."""
-        memory, previous = self, self.mode
-        failure = o.failure or self.failure
-        looked = previous is Mode.HOME and o.arrived
-        if looked and self.failure in (None, Failure.DROPPED):
-            memory = dc.replace(memory, looks=self.looks + 1)  # for `at_goal`
-            if o.at_goal:
-                failure = None
-                memory = dc.replace(
-                    memory,
-                    cycles=self.cycles + 1,
-                    attempts_before=self.attempts,
-                    started=time,
-                    detours=0,
-                    tried=(),
-                    message="",
-                )
-            elif failure is None:
-                failure = Failure.MISPLACED
-        if failure is not None and previous is not Mode.IDLE:
-            message = self.touched or _MESSAGES.get(failure, self.message)
-            memory = dc.replace(memory, message=message)
-        if self.trajectory is not None and time < self.due:
-            memory = memory.stopped(time)
-        else:
-            memory = dc.replace(memory, trajectory=None, stopped_at=None)
-        return dc.replace(
-            memory,
+    def followed_by(
+        self, trajectory: Trajectory | None, time: float, wait: float = 0.0
+    ) -> Motion:
+        """Return the motion that begins at `time`, with a wait at its end [s]."""
+        due = time + (trajectory.end_time() if trajectory else 0.0)
+        return Motion(self.position(time), trajectory, time, due + wait)
+
+
+@dc.dataclass(frozen=True)
+class Attempt:
+    """One try at picking and placing: its plan, and what was noticed on the way."""
+
+    began: float = 0.0  # when the planner began to look for the object [s]
+    next_look: float = 0.0  # when it looks next [s]
+    ready_at: float = np.inf  # when what has been planned may begin [s]
+    X_WO: RigidTransform | None = None  # where the object was seen [m]
+    motions: TaskMotions | None = None
+    escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
+    trapped: bool = False  # not even an escape could be planned
+    looked: bool = False  # the look that the mode ends with has been taken
+    moved: bool = False  # the object is not where the motions take it
+    lost: bool = False  # the object has left the hand
+    at_goal: bool | None = None  # whether it was seen on its goal; None: not looked
+
+    @property
+    def planned(self) -> TaskMotions:
+        """The motions, in modes that begin only with them."""
+        assert self.motions is not None, "this mode needs planned motions"
+        return self.motions
+
+
+@dc.dataclass(frozen=True)
+class Grip:
+    """What the fingers are told, and what they were like."""
+
+    closure: float = 0.0  # commanded, 0 open .. 1 closed
+    # Angles of the gripper's joints when they were last opened, by name [rad].
+    fingers_open: Mapping[str, float] = dc.field(default_factory=dict)
+    # Angles of the gripper's joints with an object, smoothed over time, (n,) [rad].
+    angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    unheld_since: float = np.inf  # when the fingers began to sense nothing [s]
+
+
+@dc.dataclass(frozen=True)
+class Cycle:
+    """What counts until the object has been placed."""
+
+    started: float = 0.0  # s
+    attempts: int = 0  # grasps begun
+    detours: int = 0  # approaches broken off because something had moved
+    tried: tuple[str, ...] = ()  # names of grasps that failed
+
+
+@dc.dataclass(frozen=True)
+class Totals:
+    """What counts over the whole task."""
+
+    attempts: int = 0  # grasps begun
+    cycles: int = 0  # times the object has been placed
+    looks: int = 0  # evaluations of `blobs`
+    planning_wall: float = 0.0  # wall-clock time spent on planning [s]
+
+
+@dc.dataclass(frozen=True)
+class Seen:
+    """What the planner has seen and does not forget after an attempt."""
+
+    localization: Blob | None = None  # the first one that led to a plan
+    localized_at: float = 0.0  # s
+    X_WO_return: RigidTransform | None = None  # where every second cycle puts it [m]
+    obstacles: Obstacles = ()
+
+
+@dc.dataclass(frozen=True)
+class Trouble:
+    """What went wrong last."""
+
+    failure: Failure | None = None
+    message: str = ""
+    touched: str = ""  # what the arm has met, in words
+
+
+@dc.dataclass(frozen=True)
+class PlannerMemory:
+    """The planner's state. Never changed, only replaced, so copies share it."""
+
+    motion: Motion
+    attempt: Attempt = dc.field(default_factory=Attempt)
+    grip: Grip = dc.field(default_factory=Grip)
+    cycle: Cycle = dc.field(default_factory=Cycle)
+    totals: Totals = dc.field(default_factory=Totals)
+    seen: Seen = dc.field(default_factory=Seen)
+    trouble: Trouble = dc.field(default_factory=Trouble)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> PlannerMemory:
+        return self
+
+    def status(self, mode: Mode) -> PlannerStatus:
+        """Return what the planner says of its task in a mode."""
+        return PlannerStatus(
             mode=mode,
-            since=time,
-            q_rest=self.position(time),
-            failure=failure,
-            motions=None,
-            escape=None,
-            moved=False,
-            lost=False,
-            looked=False,
-            next_look=time,
-            ready_at=np.inf,
+            failure=self.trouble.failure if mode is Mode.FAILED else None,
+            attempts=self.totals.attempts,
+            cycles=self.totals.cycles,
+            looks=self.totals.looks,
+            localization=self.seen.localization,
+            localized_at=self.seen.localized_at,
+            message=self.trouble.message,
+            planning_wall=self.totals.planning_wall,
         )

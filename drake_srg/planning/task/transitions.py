@@ -3,27 +3,28 @@
 import dataclasses as dc
 from collections.abc import Callable
 
+from drake_srg.planning.state_machine import next_mode
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, Mode
 
 
 @dc.dataclass(frozen=True)
 class Observation:
-    """What the next mode depends on."""
+    """What the next mode depends on; each mode fills in what its own needs."""
 
-    ready: bool = False  # motions are planned and the planning latency has passed
-    stuck: bool = False  # there is no plan from here, but a way home
+    ready: bool = False  # motions are planned, and the planning latency has passed
+    stuck: bool = False  # no motions can be planned from here, but a way home can
     moved: bool = False  # the object is not where the motions take it
-    arrived: bool = False  # the mode's motion is over and the arm follows
+    arrived: bool = False  # the mode's motion is over, and the arm has followed it
     still: bool = False  # the fingers have come to rest
     holding: bool = False  # something of the right size is between the fingers
     clear: bool = False  # nothing is near the fingers
     at_goal: bool = False  # the object has been seen on its goal
-    last_cycle: bool = True  # nothing is left to do then
+    last_cycle: bool = True  # no cycle follows this one
     failure: Failure | None = None  # the reason to give up
 
 
-# mode: [(condition on the observation o, the time t in the mode and the planner's
+# mode: [(condition on the observation o, the time t in the mode [s] and the planner's
 #         configuration c; next mode)]. The first condition that holds decides.
 _Condition = Callable[[Observation, float, PlannerConfig], bool]
 TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
@@ -59,6 +60,7 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     ],
     Mode.PLACE: [(lambda o, t, c: o.arrived, Mode.RELEASE)],
     Mode.RELEASE: [
+        (lambda o, t, c: o.failure is not None, Mode.FAILED),
         (
             lambda o, t, c: t >= c.release_wait and o.clear and o.still,
             Mode.RETREAT,
@@ -82,16 +84,14 @@ def transition(
 ) -> Mode:
     """Return the mode that follows, by the table `TRANSITIONS`.
 
+    From every mode, a spent time budget and a stop lead to FAILED.
+
     Args:
         mode: The mode now.
         observation: What is known now.
         t: Time since the mode began [s].
-        config: Its waits and the times of the gripper count here.
+        config: The waits and the times of the gripper count here.
     """
     if observation.failure in (Failure.TIME_BUDGET, Failure.STOPPED):
         return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
-    config = config or PlannerConfig()
-    for condition, following in TRANSITIONS[mode]:
-        if condition(observation, t, config):
-            return following
-    return mode
+    return next_mode(TRANSITIONS, mode, observation, t, config or PlannerConfig())

@@ -41,7 +41,7 @@ def test_a_moving_arm_that_meets_something_stops_where_it_is(mode):
 def test_torques_below_one_newton_metre_are_told_as_they_are():
     world = feeling(World(max_external_torque=[0.4, 0.5]), [0.45, 0.0], [Mode.TRANSFER])
     message = world.run().message
-    assert "joint 1 feels 0.45 N m from outside, 0.4 are allowed" in message
+    assert "joint 1 feels 0.45 N m from outside (allowed: 0.4 N m)" in message
 
 
 def test_an_arm_at_rest_may_feel_what_its_fingers_do():
@@ -60,7 +60,7 @@ def test_without_limits_nothing_is_looked_at():
 
 
 def test_limits_are_one_a_joint():
-    with pytest.raises(ValueError, match="3 entries, the arm has 2 joints"):
+    with pytest.raises(ValueError, match=r"one entry per joint \(2\), got 3"):
         make_planner(max_external_torque=[1.0] * 3)
 
 
@@ -68,7 +68,7 @@ def test_the_number_of_limits_in_a_scenario_is_checked():
     scenario = load_scenario(
         "kitchen_fast", overrides=["planner.max_external_torque=[30, 30]"]
     )
-    with pytest.raises(ScenarioError, match="max_external_torque: has 2 entries"):
+    with pytest.raises(ScenarioError, match=r"max_external_torque: .* \(7\), got 2"):
         Simulate(scenario)
 
 

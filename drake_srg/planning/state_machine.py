@@ -1,0 +1,244 @@
+"""A state machine as a system: modes, a transition function and entry actions.
+
+Nothing here knows of grippers. Fill a `StateMachine` with modes of your own; see
+`PickAndPlacePlanner` for a large example, tests/planning/test_state_machine.py for a
+traffic light.
+"""
+
+from __future__ import annotations
+
+import abc
+import copy
+import dataclasses as dc
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    Context,
+    DependencyTicket,
+    EventStatus,
+    State,
+)
+
+from drake_srg.lifetime import LeafSystem
+
+ModeT = TypeVar("ModeT", bound=Hashable)
+MemoryT = TypeVar("MemoryT")
+SensesT = TypeVar("SensesT")
+ObservationT = TypeVar("ObservationT")
+
+
+def next_mode(
+    table: Mapping[ModeT, Sequence[tuple[Callable[..., bool], ModeT]]],
+    mode: ModeT,
+    *arguments: Any,
+) -> ModeT:
+    """Return the mode that follows by a transition table.
+
+    Args:
+        table: For each mode, conditions and the mode that each leads to. The first
+            condition that holds decides; if none does, the mode stays.
+        mode: The mode now.
+        arguments: What the conditions are called with.
+    """
+    for condition, following in table[mode]:
+        if condition(*arguments):
+            return following
+    return mode
+
+
+@dc.dataclass(frozen=True)
+class Moment(Generic[SensesT]):
+    """What a mode may know of the world."""
+
+    time: float  # s
+    senses: SensesT
+
+
+@dc.dataclass(frozen=True)
+class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
+    """The moment when a mode begins."""
+
+    # The mode before, and the observation that ended it; None for the initial mode.
+    previous: ModeT | None = None
+    observation: ObservationT | None = None
+
+
+class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
+    """What a state machine does in one mode; it holds no state of its own.
+
+    Never change memory in place: return another one, such as `dc.replace(memory, ...)`
+    of a frozen dataclass.
+    """
+
+    def enter(
+        self, memory: MemoryT, entry: Entry[SensesT, ModeT, ObservationT]
+    ) -> MemoryT:
+        """Return the memory that the mode begins with, commands included."""
+        return memory
+
+    def observe_entry(self, memory: MemoryT) -> ObservationT | None:
+        """Return what the entry action found, if that may end the mode at once.
+
+        The transition is then evaluated with it, at time 0 in the mode. None waits for
+        the next update.
+        """
+        return None
+
+    def update(self, memory: MemoryT, now: Moment[SensesT]) -> MemoryT:
+        """Return the next memory."""
+        return memory
+
+    @abc.abstractmethod
+    def observe(self, memory: MemoryT, now: Moment[SensesT]) -> ObservationT:
+        """Return what the transition depends on."""
+
+
+@dc.dataclass(frozen=True)
+class MachineState(Generic[ModeT, MemoryT]):
+    """The abstract state of a machine."""
+
+    mode: ModeT
+    memory: MemoryT
+    since: float = math.nan  # when the mode began [s]; NaN before initialization
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> MachineState[ModeT, MemoryT]:
+        return dc.replace(self, memory=copy.deepcopy(self.memory, memo))
+
+
+class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):
+    """Runs modes that follow one another by a transition function.
+
+    .. pydrake_system::
+
+        name: StateMachine
+        output_ports:
+        - mode
+
+    Output: `mode`, the mode under way (abstract; of whatever type the modes have).
+
+    The initial mode begins at initialization, at whatever time that is: its `enter`
+    gives the first memory. A context that is under way already goes on where it was.
+    Then, at time 0 and every `period`,
+
+    1. `sense` reads the inputs,
+    2. the mode's `update` returns the next memory,
+    3. its `observe` returns an observation,
+    4. `transition` says which mode follows, and
+    5. if that is another one, its `enter` returns the memory that it begins with.
+
+    All state is in the context, as one abstract value. A machine without ports of its
+    own can be used as it is. For inputs and outputs, derive from it: declare the ports
+    after calling `__init__`, override `sense`, and calculate outputs from `state`, with
+    `{self.state_ticket}` as prerequisites.
+
+    Args:
+        modes: What to do in each mode.
+        initial: The mode to begin with.
+        memory: The memory that the initial mode is entered with.
+        transition: Returns the mode that follows from (mode, observation, time in the
+            mode [s]). Keep it a pure function, so that it can be tested alone;
+            `next_mode` makes one of a table.
+        period: Time between updates [s].
+
+    Raises:
+        ValueError: If `initial` is not among `modes`.
+    """
+
+    def __init__(
+        self,
+        modes: Mapping[ModeT, ModeActions[ModeT, MemoryT, SensesT, ObservationT]],
+        *,
+        initial: ModeT,
+        memory: MemoryT,
+        transition: Callable[[ModeT, ObservationT, float], ModeT],
+        period: float,
+    ) -> None:
+        super().__init__()
+        self._modes = dict(modes)
+        self._transition = transition
+        self._actions(initial)
+        self._state = self.DeclareAbstractState(
+            AbstractValue.Make(MachineState(initial, memory))
+        )
+        self.DeclareAbstractOutputPort(
+            name="mode",
+            alloc=lambda: AbstractValue.Make(initial),
+            calc=self._calc_mode,
+            prerequisites_of_calc={self.state_ticket},
+        )
+        self.DeclareInitializationUnrestrictedUpdateEvent(self._initialize)
+        self.DeclarePeriodicUnrestrictedUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    @property
+    def state_ticket(self) -> DependencyTicket:
+        """The prerequisite of outputs that depend on `state`."""
+        return self.abstract_state_ticket(self._state)
+
+    def state(self, context: Context) -> MachineState[ModeT, MemoryT]:
+        """Return the mode, the memory and when the mode began."""
+        return context.get_abstract_state(int(self._state)).get_value()
+
+    def sense(self, context: Context) -> SensesT:
+        """Return what the modes may know of the inputs; override it to read them."""
+        return None  # type: ignore[return-value]  # without inputs there is nothing
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.state(context).mode)
+
+    def _actions(
+        self, mode: ModeT
+    ) -> ModeActions[ModeT, MemoryT, SensesT, ObservationT]:
+        if mode not in self._modes:
+            allowed = ", ".join(map(str, self._modes))
+            raise ValueError(f"no actions for mode {mode} (allowed: {allowed})")
+        return self._modes[mode]
+
+    def _initialize(self, context: Context, state: State) -> EventStatus:
+        machine = self.state(context)
+        if math.isnan(machine.since):
+            entry = Entry[SensesT, ModeT, ObservationT](
+                context.get_time(), self.sense(context)
+            )
+            self._SetState(state, self._entered(machine.mode, machine.memory, entry))
+        return EventStatus.Succeeded()
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        now = Moment(context.get_time(), self.sense(context))
+        machine = self.state(context)
+        actions = self._actions(machine.mode)
+        memory = actions.update(machine.memory, now)
+        observation = actions.observe(memory, now)
+        mode = self._transition(machine.mode, observation, now.time - machine.since)
+        if mode != machine.mode:
+            entry = Entry(now.time, now.senses, machine.mode, observation)
+            self._SetState(state, self._entered(mode, memory, entry))
+        elif memory is not machine.memory:
+            self._SetState(state, dc.replace(machine, memory=memory))
+        return EventStatus.Succeeded()
+
+    def _entered(
+        self, mode: ModeT, memory: MemoryT, entry: Entry[SensesT, ModeT, ObservationT]
+    ) -> MachineState[ModeT, MemoryT]:
+        """Return the state once a mode has begun, or one that it leads to at once."""
+        for _ in self._modes:
+            actions = self._actions(mode)
+            memory = actions.enter(memory, entry)
+            observation = actions.observe_entry(memory)
+            if observation is None:
+                break
+            following = self._transition(mode, observation, 0.0)
+            if following == mode:
+                break
+            entry = dc.replace(entry, previous=mode, observation=observation)
+            mode = following
+        else:
+            raise RuntimeError(f"entry actions lead in a circle, on to mode {mode}")
+        return MachineState(mode, memory, entry.time)
+
+    def _SetState(self, state: State, machine: MachineState[ModeT, MemoryT]) -> None:
+        state.get_mutable_abstract_state(int(self._state)).set_value(machine)
