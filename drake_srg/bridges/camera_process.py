@@ -32,8 +32,8 @@ class CameraProcess:
     """Renders a camera's pictures and runs the localizer for a given plant state.
 
     Args:
-        scenario: The plant's scenario. It must not have soft objects, because
-            `plant.state` does not contain their shape.
+        scenario: The plant's scenario. It must not have soft objects, whose shape
+            is not part of the state vector.
         camera: Name of the camera to render.
         state: Initial state of the plant, with which the renderers warm up.
         show: Called with each picture, in a thread of this object. Must not raise.

@@ -1,4 +1,4 @@
-"""A served station in a process of its own, and a client that times it."""
+"""A served station in a separate process, and a client that commands and times it."""
 
 from __future__ import annotations
 
@@ -26,23 +26,21 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.ros_topics import MakeMessage, Topic, float64_array
 from drake_srg.types import Vector
 
-_PATIENCE = 60.0  # for something to begin or to end, then it is broken [s]
+_PATIENCE = 60.0  # how long to wait for a start or an end [s]
+WIRES = ("ROS 1", "ROS 2")
 
-# Makes the client's side of a wire: what it hears comes into the inbox, what it says
-# are the topics.
+# Makes one side of a wire: it receives into the inbox and publishes the topics.
 MakeBridge = Callable[[CommandInbox, Sequence[Topic]], Bridge]
 
 
-WIRES = ("ROS 1", "ROS 2")
-
-
 @dc.dataclass(frozen=True)
-class MeetingPlace:
-    """Where a station and a client meet each other, and nobody else.
+class Wire:
+    """An open wire between one station and one client.
 
     Attributes:
-        arguments: Of `drake-srg serve`.
-        make_station, make_client: Make their sides, one a process.
+        arguments: Arguments of `drake-srg serve` for the station's side.
+        make_station: Makes the station's side; at most one per process.
+        make_client: Makes the client's side; at most one per process.
     """
 
     arguments: Sequence[str]
@@ -51,38 +49,50 @@ class MeetingPlace:
 
 
 @dc.dataclass(frozen=True)
-class Served:
-    """What a served station says at its end, and what the clock on the wall says."""
+class ServeReport:
+    """The output of a served station, and the time that it ran.
 
-    sim_time: float  # s
-    wall_time: float  # by the station's own clock [s]
-    seen_time: float  # from its first words to the request to end [s]
+    Attributes:
+        sim_time: Simulated time [s].
+        wall_time: Real time by the station's clock [s].
+        seen_time: Real time by our clock, from the first output to the request to end
+            [s].
+        commands: Messages received, good and bad.
+        warnings: Standard error.
+    """
+
+    sim_time: float
+    wall_time: float
+    seen_time: float
     commands: int
-    warnings: str  # what it wrote on standard error
+    warnings: str
 
 
 def wait_for(connected: Callable[[], bool]) -> None:
-    """Wait until client and station know each other.
+    """Wait until client and station are connected.
 
     Raises:
-        ScenarioError: If they do not within a minute.
+        ScenarioError: If they do not connect within a minute.
     """
     end = wall.monotonic() + _PATIENCE
     while not connected():
         if wall.monotonic() > end:
-            raise ScenarioError("client and station do not connect")
+            raise ScenarioError("client and station failed to connect")
         wall.sleep(0.05)
 
 
 class ServedProcess:
-    """`drake-srg serve` with arguments, in a process of its own.
+    """A process that runs `drake-srg serve`.
+
+    Args:
+        arguments: Arguments of the command.
 
     Raises:
-        ScenarioError: If it does not begin to serve; the message is its own.
+        ScenarioError: If it does not start to serve; the message is the process's.
     """
 
     def __init__(self, *arguments: str):
-        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 (it stays open)
+        self._errors = tempfile.TemporaryFile("w+")  # noqa: SIM115 (stays open)
         self._process = subprocess.Popen(
             [sys.executable, "-m", "drake_srg", "serve", *arguments],
             stdout=subprocess.PIPE,
@@ -92,37 +102,48 @@ class ServedProcess:
         assert self._process.stdout is not None
         if not self._process.stdout.readline():
             self._process.wait()
-            raise ScenarioError(f"serve {' '.join(arguments)}: {self._said()}")
+            raise ScenarioError(f"serve {' '.join(arguments)}: {self._read_errors()}")
         self._start = wall.monotonic()
 
-    def stop(self) -> Served:
-        """End it as somebody would who asks it politely."""
+    def stop(self) -> ServeReport:
+        """Stop the process by SIGTERM and return its report.
+
+        Raises:
+            ScenarioError: If it ended without a report.
+        """
         seen_time = wall.monotonic() - self._start
         self._process.terminate()
         output, _ = self._process.communicate(timeout=_PATIENCE)
         found = re.search(r"served ([\d.]+) s in ([\d.]+) s, (\d+) commands", output)
         if not found:
-            raise ScenarioError(f"serve: {self._said()}")
+            raise ScenarioError(f"serve: {self._read_errors()}")
         sim_time, wall_time, commands = found.groups()
-        return Served(
-            float(sim_time), float(wall_time), seen_time, int(commands), self._said()
+        return ServeReport(
+            float(sim_time),
+            float(wall_time),
+            seen_time,
+            int(commands),
+            self._read_errors(),
         )
 
-    def _said(self) -> str:
+    def _read_errors(self) -> str:
         self._errors.seek(0)
         return self._errors.read().strip()
 
 
 @contextlib.contextmanager
-def ros1_master() -> Iterator[str]:
-    """Run a roscore on a free port; gives its URI.
+def run_roscore(experiment: str) -> Iterator[str]:
+    """Run a roscore on a free port and yield its URI.
+
+    Args:
+        experiment: Name of the experiment that needs it, for the error.
 
     Raises:
-        ScenarioError: If this machine has none.
+        ScenarioError: If this machine has no roscore.
     """
     if shutil.which("roscore") is None:
         raise ScenarioError(
-            "bridge_load: needs a roscore: sudo apt-get install -y ros-core"
+            f"{experiment}: needs a roscore: sudo apt-get install -y ros-core"
         )
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
@@ -140,18 +161,22 @@ def ros1_master() -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def meeting_place(wire: str) -> Iterator[MeetingPlace]:
-    """Return where to meet on one of `WIRES`; goes with the context.
+def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
+    """Open a wire that nobody else uses, for the duration of the context.
+
+    Args:
+        wire: One of `WIRES`.
+        experiment: Name of the experiment that needs it, for errors.
 
     Raises:
-        ScenarioError: If this machine has no roscore.
+        ScenarioError: If the wire is ROS 1 and this machine has no roscore.
         ImportError: If a package is missing.
     """
     if wire == "ROS 1":
         from drake_srg.bridges.ros1.bridge import Ros1Bridge
 
-        with ros1_master() as uri:
-            yield MeetingPlace(
+        with run_roscore(experiment) as uri:
+            yield Wire(
                 ("--ros1", "--master", uri),
                 functools.partial(Ros1Bridge, master=uri),
                 functools.partial(Ros1Bridge, master=uri, name="/client"),
@@ -161,15 +186,21 @@ def meeting_place(wire: str) -> Iterator[MeetingPlace]:
 
         domain = os.getpid() % 233
         make = functools.partial(Ros2Bridge, domain=domain)
-        yield MeetingPlace(("--ros2", "--domain", str(domain)), make, make)
+        yield Wire(("--ros2", "--domain", str(domain)), make, make)
 
 
 class Client:
-    """Commands a served kitchen, and hears what it is commanded to do.
+    """Commands a served kitchen, and records what its drivers are told.
+
+    Args:
+        make_bridge: Makes the client's side of the wire.
 
     Attributes:
-        arm: What /arm/position_commanded said: (real time [s], positions), newest last.
-        closure: The same of /gripper/closure_commanded.
+        arm: Messages on /arm/position_commanded as (real time [s], positions [rad]).
+        closure: Messages on /gripper/closure_commanded as (real time [s], closure).
+
+    Raises:
+        ScenarioError: If the station does not connect within a minute.
     """
 
     def __init__(self, make_bridge: MakeBridge):
@@ -177,17 +208,17 @@ class Client:
         self.closure: list[tuple[float, Vector]] = []
         array = "std_msgs/msg/Float64MultiArray"
         self._topics = {
-            "/grasp": _number("/grasp", "std_msgs/msg/Int32", int),
-            "/startgrasp": _number("/startgrasp", "std_msgs/msg/Bool", bool),
+            "/grasp": _scalar("/grasp", "std_msgs/msg/Int32", int),
+            "/startgrasp": _scalar("/startgrasp", "std_msgs/msg/Bool", bool),
             "/position_grasp": float64_array("/position_grasp", "", 4),
             "/kuka": float64_array("/kuka", "", 7),
         }
         heard = [
-            CommandTopic("/arm/position_commanded", array, _into(self.arm)),
+            CommandTopic("/arm/position_commanded", array, _append_to(self.arm)),
             CommandTopic(
                 "/gripper/closure_commanded",
                 "std_msgs/msg/Float64",
-                _into(self.closure),
+                _append_to(self.closure),
             ),
         ]
         inbox = CommandInbox(heard, Warnings(lambda text: None))
@@ -199,12 +230,12 @@ class Client:
             raise
 
     def send(self, values: Mapping[str, Any]) -> None:
-        """Publish on topics, by their names."""
+        """Publish values by topic."""
         for name, value in values.items():
             self._bridge.publish(self._topics[name], 0.0, [value])
 
     def close(self) -> None:
-        """Say goodbye."""
+        """Disconnect."""
         self._bridge.close()
 
     def _is_heard(self) -> bool:
@@ -212,8 +243,8 @@ class Client:
 
 
 @contextlib.contextmanager
-def watcher(make_bridge: MakeBridge, topic: str, type: str) -> Iterator[None]:
-    """Let a process of its own listen to a topic."""
+def watch(make_bridge: MakeBridge, topic: str, type: str) -> Iterator[None]:
+    """Subscribe to a topic in a separate process, for the duration of the context."""
     process = mp.get_context("spawn").Process(
         target=_watch, args=(make_bridge, topic, type), daemon=True
     )
@@ -229,19 +260,19 @@ def _watch(make_bridge: MakeBridge, topic: str, type: str) -> None:
     heard = CommandTopic(topic, type, lambda data: {})
     bridge = make_bridge(CommandInbox([heard], Warnings(lambda text: None)), [])
     with contextlib.closing(bridge):
-        threading.Event().wait()  # until it is terminated
+        threading.Event().wait()  # until the process is terminated
 
 
-def _number(name: str, type: str, convert: Callable[[Any], Any]) -> Topic:
+def _scalar(name: str, type: str, convert: Callable[[Any], Any]) -> Topic:
     def message(make: MakeMessage, time: float, value: Any) -> Any:
         return make(type, data=convert(value))
 
     return Topic(name, type, {}, message)
 
 
-def _into(heard: list[tuple[float, Vector]]) -> Callable[[Any], PortValues]:
+def _append_to(messages: list[tuple[float, Vector]]) -> Callable[[Any], PortValues]:
     def convert(data: Any) -> PortValues:
-        heard.append((wall.monotonic(), np.atleast_1d(data).copy()))
+        messages.append((wall.monotonic(), np.atleast_1d(data).copy()))
         return {}
 
     return convert

@@ -1,8 +1,8 @@
 """The SRG thesis's demonstration, commanded by messages over ROS 1 and ROS 2.
 
-A client in a process of its own sends the thesis's 5752 messages, at the thesis's pace,
-to a station that is served in real time. A witness, who sees the truth and commands
-nothing, tells what becomes of the can.
+A client in a separate process sends the thesis's 5752 messages at the thesis's pace to
+a station that is served in real time. A witness, which reads the ground truth and
+commands nothing, records the motion of the can.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox
 from drake_srg.bridges.serve import Serve, Served
-from drake_srg.experiments.bridge_client import Client, MakeBridge, meeting_place
+from drake_srg.experiments.bridge_client import Client, MakeBridge, open_wire
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import make_figure, style_axes
@@ -28,26 +28,26 @@ from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.types import Vector
 
-# Driver and wire go together: both are the same to each other.
+# One wire per driver is enough, because drivers and wires do not affect each other.
 CASES = {"thesis_kitchen": "ROS 1", "thesis_kitchen_tendon": "ROS 2"}
-# The can stands where it stood, upright.
+# The can ends upright at its original place, within these limits.
 PLACEMENT, TILT = 0.003, 5.0  # m, degrees
-# Flange of the iiwa 14 above its base with the arm straight up: 360, 420, 400 and 126
-# mm. A can in the hand is higher.
+# Height of the iiwa 14's flange above its base with the arm straight up: 360 + 420 +
+# 400 + 126 mm. A can in the hand is higher.
 STRAIGHT_UP = 1.306  # m
-PACE_TOLERANCE = 0.01
+PACE_TOLERANCE = 0.01  # relative
 
 
 @dc.dataclass(frozen=True)
 class Witnessed:
-    """What became of the can.
+    """The motion of the can during a demonstration.
 
     Attributes:
-        sent: Messages.
-        served: What the station says.
+        sent: Number of messages sent.
+        served: Result of serving the station.
         time: Shape (K,) [s].
-        position: Of the can's centre in world, shape (K, 3) [m].
-        tilt: Of the can's axis against the vertical, shape (K,) [degrees].
+        position: Position of the can's centre in world, shape (K, 3) [m].
+        tilt: Angle of the can's axis to the vertical, shape (K,) [degrees].
     """
 
     sent: int
@@ -58,7 +58,14 @@ class Witnessed:
 
 
 class Witness(Bridge):
-    """Sees where an object is, ten times a second."""
+    """Records the pose of an object ten times per second.
+
+    Args:
+        object_name: Name of the object.
+
+    Attributes:
+        rows: List of (time [s], X_WO).
+    """
 
     ports: Collection[str] = ("object_poses_cheat",)
 
@@ -68,14 +75,14 @@ class Witness(Bridge):
         self._next = 0.0
 
     def update(self, time: float, values: Mapping[str, Any]) -> None:
-        """Remember where it is now."""
+        """Record the pose if it is due."""
         if time >= self._next:
             self._next = time + 0.1
             self.rows.append((time, values["object_poses_cheat"][self._object]))
 
 
 def run(track: Track) -> ExperimentResult:
-    """Serve both scenarios to a client."""
+    """Serve each scenario to a client in real time."""
     witnessed = {
         scenario: demonstrate(scenario, CASES[scenario]) for scenario in track([*CASES])
     }
@@ -92,18 +99,18 @@ def run(track: Track) -> ExperimentResult:
 
 
 def rows_of(scenario: str, one: Witnessed) -> list[Row]:
-    """Judge a demonstration."""
+    """Return the result rows of a demonstration."""
     name = f"{scenario}, {CASES[scenario]}"
     moved = 1e3 * (one.position[-1] - one.position[0])
     highest = float(one.position[:, 2].max())
     pace = one.served.sim_time / one.served.wall_time
     return [
-        Row.within(name, "messages that came", one.sent, one.served.commands, ""),
+        Row.within(name, "messages received", one.sent, one.served.commands, ""),
         Row.within(name, "pace", 1.0, pace, "", absolute=PACE_TOLERANCE),
-        Row.at_least(name, "highest", STRAIGHT_UP, highest, "m"),
+        Row.at_least(name, "largest height", STRAIGHT_UP, highest, "m"),
         Row.at_most(
             name,
-            "put back, beside where it stood",
+            "distance from its original place",
             1e3 * PLACEMENT,
             float(np.linalg.norm(moved)),
             "mm",
@@ -113,22 +120,31 @@ def rows_of(scenario: str, one: Witnessed) -> list[Row]:
 
 
 def demonstrate(name: str, wire: str, overrides: Sequence[str] = ()) -> Witnessed:
-    """Serve a scenario to a client that sends its messages, in real time."""
+    """Serve a scenario in real time to a client that sends the scenario's messages.
+
+    Args:
+        name: Name of the scenario.
+        wire: One of `bridge_client.WIRES`.
+        overrides: Overrides of the scenario, `KEY=VALUE` each.
+
+    Raises:
+        ScenarioError: If an override is invalid or roscore is missing.
+    """
     scenario = load_scenario(name, overrides=overrides)
     witness = Witness(scenario.task.pick)
     stop = threading.Event()
-    with meeting_place(wire) as place:
+    with open_wire(wire, "thesis_messages") as opened:
         client = mp.get_context("spawn").Process(
-            target=_send, args=(name, list(overrides), place.make_client), daemon=True
+            target=_send, args=(name, list(overrides), opened.make_client), daemon=True
         )
 
         def connect(inbox: CommandInbox, topics: Sequence[Topic]) -> list[Bridge]:
-            bridges = [place.make_station(inbox, topics), witness]
+            bridges = [opened.make_station(inbox, topics), witness]
             client.start()
-            threading.Thread(target=end, daemon=True).start()
+            threading.Thread(target=stop_after_client, daemon=True).start()
             return bridges
 
-        def end() -> None:
+        def stop_after_client() -> None:
             client.join()
             stop.set()
 
@@ -145,7 +161,7 @@ def demonstrate(name: str, wire: str, overrides: Sequence[str] = ()) -> Witnesse
 
 
 def messages(scenario: Scenario) -> Iterator[dict[str, Any]]:
-    """The messages of a scenario, one after the other: topic to data."""
+    """Yield the messages of a scenario in order, as data by topic."""
     assert scenario.messages is not None
     for step in scenario.script:
         for _ in range(round(step.duration * scenario.messages.rate)):
@@ -156,7 +172,7 @@ def messages(scenario: Scenario) -> Iterator[dict[str, Any]]:
 
 
 def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
-    """Run as the client."""
+    """Run the client's process: send all messages at their rate."""
     scenario = load_scenario(name, overrides=overrides)
     assert scenario.messages is not None
     client = Client(make_bridge)
@@ -169,14 +185,14 @@ def _send(name: str, overrides: Sequence[str], make_bridge: MakeBridge) -> None:
 
 
 def draw(witnessed: Mapping[str, Witnessed]) -> Any:
-    """Draw the can's height, and how far it is beside where it stood."""
+    """Plot the can's height and its horizontal distance from its original place."""
     figure = make_figure(9.0, 3.6)
     axes = figure.subplots(1, len(witnessed), sharey=True, squeeze=False)[0]
     for ax, (name, one) in zip(axes, witnessed.items(), strict=True):
         style_axes(ax, xlabel="time [s]", ylabel="[m]")
         ax.plot(one.time, one.position[:, 2], label="height")
-        beside = np.linalg.norm((one.position - one.position[0])[:, :2], axis=1)
-        ax.plot(one.time, beside, label="beside its place")
+        distance = np.linalg.norm((one.position - one.position[0])[:, :2], axis=1)
+        ax.plot(one.time, distance, label="distance from its place")
         ax.set_title(f"{name}, {CASES[name]}", loc="left", fontsize=9)
         ax.legend(fontsize=8)
     return figure

@@ -35,21 +35,21 @@ def test_a_can_that_is_carried_and_put_back_passes():
 @pytest.mark.parametrize(
     "fault, quantity",
     [
-        ({"sent": 5753}, "messages that came"),
+        ({"sent": 5753}, "messages received"),
         ({"served": Served(200.0, 240.0, 5752, None)}, "pace"),
-        ({"position": WELL.position * [1.0, 1.0, 0.9]}, "highest"),
+        ({"position": WELL.position * [1.0, 1.0, 0.9]}, "largest height"),
         (
             {"position": np.add(WELL.position, [[0.0], [0.0], [0.004]])},
-            "put back, beside where it stood",
+            "distance from its original place",
         ),
         ({"tilt": np.array([0.0, 90.0, 90.0])}, "tilt at the end"),
     ],
 )
-def test_what_goes_wrong_is_found(fault, quantity):
+def test_each_fault_fails_its_row(fault, quantity):
     assert quantity in failed(dc.replace(WELL, **fault))
 
 
-def test_the_messages_are_the_thesis_s():
+def test_the_messages_are_those_of_the_thesis():
     sent = list(messages(load_scenario(NAME)))
     assert len(sent) == 5752
     topics = [next(iter(message)) for message in sent]
@@ -61,12 +61,12 @@ def test_the_messages_are_the_thesis_s():
     )
 
 
-def test_a_short_demonstration_over_the_wire():
+def test_a_short_demonstration_leaves_the_can_in_place():
     overrides = ["messages.rate=500", "messages.rest=0.3"]
     overrides += ["messages.sequence=[{routine: closehalf, mode: close}]"]
     one = demonstrate(NAME, "ROS 2", overrides)
     assert one.sent == one.served.commands == 501
-    assert 1.3 < one.served.sim_time < 20.0
+    assert one.time[0] < one.time[-1] <= one.served.sim_time
     np.testing.assert_allclose(one.position[-1], one.position[0], atol=1e-3)
     assert one.tilt.max() < 1.0
 
