@@ -15,6 +15,7 @@ from drake_srg.bridges.served_station import MakeServedStation
 from drake_srg.cell import MakeCell
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.experiments.fingertips import SightingError
+from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
@@ -113,6 +114,22 @@ def subsystems(system):
             yield from subsystems(child)
 
 
+class Waiting(ModeActions):
+    def observe(self, memory, now):
+        return None
+
+
+def make_machine():
+    """A state machine that stays in its only mode."""
+    return StateMachine(
+        {"waiting": Waiting()},
+        initial="waiting",
+        memory=None,
+        transition=lambda mode, observation, t: mode,
+        period=1.0,
+    )
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -150,6 +167,7 @@ def systems(tmp_path_factory):
     soft = MakeStation(load_scenario("gripper_bench", overrides=SOFT))
     add("ObjectPoses", soft.GetSubsystemByName("object_poses"))
     add("SightingError", SightingError(np.zeros(3)))
+    add("StateMachine", make_machine())
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:
         recorder.__exit__(None, None, None)
