@@ -67,7 +67,7 @@ def sweep(options: argparse.Namespace) -> int:
     out: Path = options.out or Path("out") / "sweeps" / Path(options.scenario).stem
     if options.trials < 1:
         raise ScenarioError(f"--trials {options.trials}: must be at least 1")
-    engine = _engine(options)
+    engine = make_engine(options)
     from drake_srg.sweeps.rows import all_rows_path
     from drake_srg.sweeps.summary import summary
     from drake_srg.sweeps.sweep import run_sweep
@@ -181,7 +181,13 @@ def dataset(options: argparse.Namespace) -> int:
     return SUCCESS
 
 
-def _engine(options: argparse.Namespace) -> "Engine":
+def make_engine(options: argparse.Namespace) -> "Engine":
+    """Return the engine that the options ask for.
+
+    Raises:
+        ScenarioError: If options exclude each other or a number is out of range.
+        ImportError: If a package is missing.
+    """
     if options.engine == "ray":
         if options.jobs is not None:
             raise ScenarioError(

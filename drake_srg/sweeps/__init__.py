@@ -1,1 +1,1 @@
-"""Many trials of a scenario: run them, report on them, make data sets of them."""
+"""Runs many trials of a scenario, reports on them and makes data sets of them."""

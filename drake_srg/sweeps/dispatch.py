@@ -1,4 +1,4 @@
-"""Gives trials to an engine, and gives them out again where a worker dies."""
+"""Gives trials to an engine, again if their worker dies."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.trial import TrialResult
 
-# How often a trial is given out before it is blamed for the deaths of its workers.
+# After so many dead workers, the trial is to blame.
 TRIES = 3
-# So many deaths on each slot without a result between them are no trial's fault.
+# After so many deaths per slot without a single result, no trial is to blame.
 _DEATHS = 5
 
 
@@ -23,21 +23,22 @@ def dispatch(
     submit: Callable[[int], Future[TrialResult]],
     lost: Callable[[int, str], TrialResult],
 ) -> Iterator[TrialResult]:
-    """Run trials and yield what comes of them as it comes, each exactly once.
+    """Run trials and yield their results as they arrive, each exactly once.
 
-    A worker's death may take others with it: those trials run again among the others.
-    What dies a second time waits until all else is done, and runs alone then, so that
-    only the guilty one dies again.
+    A dying worker may take others with it, so its trials simply run again. A trial that
+    dies a second time waits until all others have finished, and then runs alone, so
+    that only the one to blame dies again.
 
     Args:
-        engine: Runs them.
+        engine: Runs the trials.
         trials: Their numbers.
-        submit: Gives one to the engine.
+        submit: Gives a trial to the engine.
         lost: Makes the result of a trial whose workers keep dying, from the reason.
 
     Raises:
-        ScenarioError: If workers die and nothing else happens, or have no files.
-        Exception: What a trial raised.
+        ScenarioError: If workers keep dying without a result, or a trial cannot read
+            or write a file.
+        Exception: Any other exception of a trial.
     """
     waiting = collections.deque(trials)
     suspects: collections.deque[int] = collections.deque()
@@ -65,7 +66,7 @@ def dispatch(
                 reason = one_line(error)
                 if deaths >= _DEATHS * engine.slots():
                     raise ScenarioError(
-                        f"workers keep dying, {deaths} without a result: {reason}"
+                        f"workers keep dying, {deaths} times without a result: {reason}"
                     ) from error
                 if tries[trial] < TRIES:
                     (waiting if tries[trial] == 1 else suspects).append(trial)
@@ -73,26 +74,26 @@ def dispatch(
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             except Exception as error:
                 cause = _cause(error)
-                if isinstance(cause, OSError):  # it is not the caller's own
+                if isinstance(cause, OSError):  # not one of writing the sweep
                     raise ScenarioError(
-                        f"trial {trial}: {_words(cause)}; what is done stays, --resume "
-                        "goes on"
+                        f"trial {trial}: {_words(cause)}; finished trials are kept, "
+                        "--resume continues"
                     ) from error
                 raise cause from error
             deaths = 0
-            fill()  # before the caller takes its time to write
+            fill()  # first, because the caller takes time to write the result
             yield result
         fill()
 
 
 def _words(error: OSError) -> str:
-    """What went wrong in a line, and with which file."""
+    """Return in one line what went wrong, and with which file."""
     if error.strerror is None:
         return one_line(error)
     return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
 
 
 def _cause(error: Exception) -> Exception:
-    """Return what went wrong in a worker, of an error that Ray wraps."""
+    """Return a worker's own exception, which Ray wraps."""
     inner: Any = getattr(error, "cause", None)
     return inner if isinstance(inner, Exception) else error

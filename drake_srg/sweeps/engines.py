@@ -1,7 +1,7 @@
-"""Where trials run: in processes of this machine; for a cluster see `ray_engine`.
+"""Runs trials in processes on this machine; `ray_engine` runs them on a cluster.
 
-An engine works in processes of its own, also where it is only one, so that nothing
-depends on how many there are.
+An engine always uses processes of its own, even if it is a single one, so that nothing
+depends on their number.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
 
-# One thread a worker: software rendering would otherwise take the other workers' cores.
-# 0: no threads besides.
+# One thread per worker, or software rendering would take the other workers' cores.
+# LP_NUM_THREADS counts additional threads: 0 is none.
 THREADS = {
     "LP_NUM_THREADS": "0",
     "OMP_NUM_THREADS": "1",
@@ -32,9 +32,9 @@ THREADS = {
     "MKL_NUM_THREADS": "1",
 }
 
-_WATCH_PERIOD = 1.0  # of a worker, whether its parent is still there [s]
-# For loky's thread to take a function, which it does within milliseconds; longer than
-# this it is gone, and Ctrl-C must still end the sweep [s].
+_WATCH_PERIOD = 1.0  # how often a worker checks that its parent is alive [s]
+# How long loky's thread may take to accept a function [s]. It needs milliseconds; after
+# this it must be dead, and Ctrl-C still has to end the sweep.
 _TAKE_TIMEOUT = 1.0
 
 
@@ -42,10 +42,10 @@ class Engine(Protocol):
     """Runs functions in other processes, from `__enter__` to `__exit__`.
 
     Attributes:
-        name: What `--engine` knows it by.
-        jobs: How many functions run at a time; None: it depends.
-        deaths: The errors of a future whose worker has died.
-        shares_files: Whether what functions write to files can be read here.
+        name: Its name for `--engine`.
+        jobs: How many functions run at a time; None: it varies.
+        deaths: Exceptions of a future whose worker has died.
+        shares_files: Whether this process can read the files that functions write.
     """
 
     name: str
@@ -54,10 +54,10 @@ class Engine(Protocol):
     shares_files: bool
 
     def __enter__(self) -> Engine:
-        """Make ready.
+        """Get ready to run functions.
 
         Raises:
-            ScenarioError: If it cannot be reached.
+            ScenarioError: If the engine cannot be reached.
         """
 
     def __exit__(
@@ -66,19 +66,23 @@ class Engine(Protocol):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Stop all that runs, at once."""
+        """Stop all running functions at once."""
 
     def slots(self) -> int:
         """Return how many functions run at a time."""
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Let a function of a module run; no more than `slots` at a time."""
+        """Run a function of a module; at most `slots` at a time."""
 
 
 class JoblibEngine:
-    """Processes of this machine: the executor of joblib's `loky` backend.
+    """Processes on this machine: the executor of joblib's `loky` backend.
 
-    Used directly, as `joblib.Parallel` runs a single job in the caller's process.
+    It is used directly, because `joblib.Parallel` would run a single job in the
+    caller's process.
+
+    Args:
+        jobs: Number of processes.
     """
 
     name = "joblib"
@@ -90,11 +94,11 @@ class JoblibEngine:
         self._workers = jobs
         self._loky = require_sweep("joblib.externals.loky")
         self._executor: Any = None
-        self._given: Future[Any] | None = None  # the last function
+        self._given: Future[Any] | None = None  # of the last function
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
 
     def __enter__(self) -> JoblibEngine:
-        # For temporary files, which a worker that is killed leaves behind.
+        # For temporary files, which a killed worker leaves behind.
         self._scratch = tempfile.TemporaryDirectory(prefix="drake_srg_sweep_")
         return self
 
@@ -110,14 +114,14 @@ class JoblibEngine:
         return self._workers
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Let a function run; where a worker has died, all of them are new."""
-        with _interrupts_later():  # or the executor would be left torn
+        """Run a function; if a worker has died, in a new set of workers."""
+        with _interrupts_later():  # which would leave the executor in pieces
             if self._executor is not None:
                 try:
                     return self._give(function, *arguments)
                 except BrokenExecutor:
                     self._stop(kill=True)
-            assert self._scratch is not None, "submit to an engine that is not entered"
+            assert self._scratch is not None, "enter the engine before submitting"
             with _interrupts_ignored():
                 self._executor = self._loky.ProcessPoolExecutor(
                     self._workers,
@@ -135,8 +139,8 @@ class JoblibEngine:
     def _stop(self, kill: bool) -> None:
         if self._executor is None:
             return
-        # A kill, as of Ctrl-C, drops functions that loky's thread has yet to take, and
-        # it would fall over what is no longer there, with a traceback.
+        # A kill, such as Ctrl-C's, drops functions that loky's thread has not accepted,
+        # and the thread would then end in a traceback. Wait until it has the last one.
         deadline = time.monotonic() + _TAKE_TIMEOUT
         while self._given and not (self._given.running() or self._given.done()):
             if time.monotonic() > deadline:
@@ -155,7 +159,7 @@ def usable_cores() -> int:
 
 @contextlib.contextmanager
 def _interrupts_later() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait until the end."""
+    """Delay Ctrl-C and SIGTERM until the block has ended."""
     if not _in_main_thread():
         yield
         return
@@ -175,7 +179,7 @@ def _interrupts_later() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _interrupts_ignored() -> Iterator[None]:
-    """Ignore Ctrl-C; processes that are started meanwhile do so for life."""
+    """Ignore Ctrl-C; processes started in the block ignore it for good."""
     if not _in_main_thread():
         yield
         return
@@ -187,14 +191,16 @@ def _interrupts_ignored() -> Iterator[None]:
 
 
 def _in_main_thread() -> bool:
-    """Whether signals can be handled here: Python's own limit."""
+    """Return whether Python can handle signals here."""
     return threading.current_thread() is threading.main_thread()
 
 
 def _begin_worker(parent: int) -> None:
-    """Prepare a worker, which ends once its parent is gone: nobody else tells it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # of one that replaces another
-    # A lock between processes, tqdm's own, would be left behind by a worker's end.
+    """Prepare a worker, and end it when its parent has gone: nothing else would."""
+    signal.signal(
+        signal.SIGINT, signal.SIG_IGN
+    )  # not inherited when replacing a dead one
+    # tqdm's own lock is shared between processes, and would outlive the worker.
     tqdm.set_lock(threading.RLock())
 
     def watch() -> None:

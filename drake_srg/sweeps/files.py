@@ -1,7 +1,7 @@
-"""Files and folders that appear under their names only when they are complete.
+"""Writes files and folders that appear under their names only when complete.
 
-Power may fail at any time: what has its name is on the disk. What has not been
-completed has a name that ends in `.partial`, and is removed by whoever comes next.
+Power may fail at any time: whatever has its name is on the disk. Until then the name
+ends in `.partial`; the next process to use the folder removes what is left of those.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _PARTIAL = ".partial"
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file, over what was there, whole or not at all.
+    """Write a file completely or not at all, replacing an old one.
 
     Raises:
         OSError: If it cannot be written.
@@ -32,11 +32,11 @@ def write_file(path: Path, content: bytes) -> None:
 
 
 def write_folder(path: Path, files: Path | Mapping[str, bytes]) -> None:
-    """Write a folder of files, in place of what was there, whole or not at all.
+    """Write a folder of files completely or not at all, replacing an old one.
 
     Args:
         path: The folder.
-        files: Contents by name; or the folder that they are moved from.
+        files: Contents by name, or a folder whose files are moved.
 
     Raises:
         OSError: If it cannot be written.
@@ -63,7 +63,7 @@ def write_folder(path: Path, files: Path | Mapping[str, bytes]) -> None:
 
 
 def remove_folder(path: Path) -> None:
-    """Remove a folder and what is in it; where there is none, this does nothing.
+    """Remove a folder and its content, if it exists.
 
     Raises:
         OSError: If it cannot be removed.
@@ -73,10 +73,10 @@ def remove_folder(path: Path) -> None:
 
 
 def remove_partial(folder: Path) -> None:
-    """Remove what was not completed in a folder; nobody may be writing there.
+    """Remove incomplete files and folders; nothing may be writing there.
 
     Raises:
-        OSError: If something cannot be removed.
+        OSError: If one cannot be removed.
     """
     for path in folder.glob(f".*{_PARTIAL}"):
         if path.is_dir():
@@ -97,7 +97,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _sync(path: Path) -> None:
-    """Make a file's contents durable, or the names in a folder."""
+    """Force a file's content, or a folder's names, to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

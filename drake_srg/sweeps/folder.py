@@ -1,4 +1,4 @@
-"""The folder of a sweep, which one process at a time writes to."""
+"""The folder of a sweep, which one process at a time may write to."""
 
 from __future__ import annotations
 
@@ -29,9 +29,12 @@ RECORDINGS = "recordings"
 
 
 class SweepFolder:
-    """Where the rows and recordings of a sweep go, locked from `begin` to `close`.
+    """The rows and recordings of a sweep, locked from `begin` to `close`.
 
-    A trial is done when its row is there; what else belongs to it is there before.
+    A trial has finished when its row is there; its recording is written before that.
+
+    Args:
+        path: The folder.
     """
 
     def __init__(self, path: Path):
@@ -39,20 +42,22 @@ class SweepFolder:
         self._lock: IO[str] | None = None
 
     def begin(self, info: SweepInfo, resume: bool, tell: Callable[[str], None]) -> Any:
-        """Prepare the folder for a sweep, or for going on with it.
+        """Prepare the folder for a new sweep, or to continue one.
+
+        A single row whose content is broken is set aside, so that its trial runs again.
 
         Args:
-            info: What the sweep is.
-            resume: Whether it may have been begun.
-            tell: Gets what the user should know, a line each.
+            info: The sweep.
+            resume: Whether the folder may contain trials of it.
+            tell: Receives warnings, one line each.
 
         Returns:
             The rows that are there, a pyarrow.Table.
 
         Raises:
-            ScenarioError: If another sweep writes there, or what is there is of
-                another sweep, or of this one without `resume`; or if rows cannot be
-                read, other than by the fault of a single one's content.
+            ScenarioError: If another process is writing there, the folder contains
+                trials of another sweep, or of this one without `resume`, or rows
+                cannot be read.
             OSError: If the folder cannot be written.
         """
         self.path.mkdir(parents=True, exist_ok=True)
@@ -61,21 +66,20 @@ class SweepFolder:
         if (self.path / FILE).exists() and files:
             if not resume:
                 raise ScenarioError(
-                    f"{self.path}: has trials of a sweep; --resume goes on with it, "
-                    "another --out begins anew"
+                    f"{self.path}: already contains trials of a sweep; continue it "
+                    "with --resume, or choose another --out"
                 )
             begun = read_sweep(self.path)
             different = difference(begun, info)
             info = dc.replace(info, started=begun.started)
             if different:
                 raise ScenarioError(
-                    f"{self.path}: holds another sweep: {different}; begin anew with "
-                    "another --out"
+                    f"{self.path}: contains another sweep: {different}; choose another "
+                    "--out"
                 )
         elif files:
             raise ScenarioError(
-                f"{self.path}: has trials, but no {FILE} that says of what; choose "
-                "another --out"
+                f"{self.path}: contains trials but no {FILE}; choose another --out"
             )
         for folder in (self.path, self.path / "trials", self.path / RECORDINGS):
             remove_partial(folder)
@@ -88,28 +92,28 @@ class SweepFolder:
                 if file == all_rows_path(self.path):
                     raise
                 aside = _set_aside(file)
-                tell(f"{error.problem}; it is {aside.name} now, its trials run again")
+                tell(f"{error.problem}; renamed to {aside.name}, its trial runs again")
         return unique_rows(tables)
 
     def add(self, result: TrialResult) -> None:
-        """Write what came of a trial, the row last.
+        """Write the result of a trial, its row last.
 
         Raises:
-            OSError: If it cannot be written; the trial is not done then.
+            OSError: If it cannot be written; the trial then counts as not run.
         """
         trial = result.row["trial"]
         recording = self.path / RECORDINGS / f"{trial:06}"
         if result.files:
             write_folder(recording, result.files)
         else:
-            remove_folder(recording)  # of a time when the row was lost
+            remove_folder(recording)  # an earlier one, whose row was lost
         write_row(row_path(self.path, trial), result.row)
 
     def finish(self) -> Any:
-        """Put all rows into one file; returns them as a pyarrow.Table.
+        """Collect all rows in one file, and return them as a pyarrow.Table.
 
         Raises:
-            OSError: If it cannot be written; the rows stay where they are then.
+            OSError: If it cannot be written; the single rows then stay.
         """
         info = read_sweep(self.path)
         files = row_paths(self.path)
@@ -126,13 +130,13 @@ class SweepFolder:
         return rows
 
     def close(self) -> None:
-        """Let others write there."""
+        """Release the lock."""
         if self._lock is not None:
             self._lock.close()
             self._lock = None
 
     def _take_lock(self) -> None:
-        """Take the lock, which goes with the process, however that ends."""
+        """Take the lock, which the system releases however this process ends."""
         lock = (self.path / "lock").open("a+", encoding="utf-8")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -141,8 +145,8 @@ class SweepFolder:
             holder = lock.read().strip() or "another process"
             lock.close()
             raise ScenarioError(
-                f"{self.path}: {holder} runs a sweep there; wait for it, or choose "
-                "another --out"
+                f"{self.path}: {holder} is running a sweep there; wait for it to end, "
+                "or choose another --out"
             ) from None
         except BaseException:
             lock.close()
@@ -154,7 +158,7 @@ class SweepFolder:
 
 
 def _set_aside(file: Path) -> Path:
-    """Give a file a name that is free and says that it is broken; returns that."""
+    """Rename a file to a free name that ends in .broken; returns the new path."""
     for number in itertools.count(1):
         suffix = ".broken" if number == 1 else f".broken-{number}"
         aside = file.with_name(file.name + suffix)

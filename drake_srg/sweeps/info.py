@@ -1,4 +1,4 @@
-"""What a sweep is: the contents of its sweep.json."""
+"""Identifies a sweep: the contents of its sweep.json."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import dataclasses as dc
 import importlib.metadata
 import json
 import platform
+import types
+import typing
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,15 +15,15 @@ from typing import Any
 import cv2
 from pydrake.common.yaml import yaml_dump, yaml_load
 
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.sources import sources_hash
 
 SCHEMA_VERSION = 1
 FILE = "sweep.json"
-# What a sweep may keep of its trials: nothing but their rows, or recordings, too.
+# Which trials keep a recording besides their row.
 RECORD = ("none", "failures", "all")
-# Of `current_versions`, those whose difference makes other rows.
+# The entries of `current_versions` that can change rows.
 _DECISIVE = ("drake_srg", "drake_srg_sources", "drake")
 
 
@@ -29,15 +31,15 @@ _DECISIVE = ("drake_srg", "drake_srg_sources", "drake")
 class SweepInfo:
     """The contents of sweep.json."""
 
-    scenario: str  # name or file, as the command got it
+    scenario: str  # name or path, as given to the command
     seed: int  # of trial 0; trial k has `seed` + k
     trials: int
     record: str  # one of RECORD
     overrides: Sequence[str]  # KEY=VALUE each
-    tree: str  # the scenario with its bases and overrides, nothing drawn; YAML
+    tree: str  # YAML of the scenario with bases and overrides, before drawing values
     versions: Mapping[str, str]
     engine: str = ""
-    jobs: int | None = None  # trials at a time; None: the cluster's cores
+    jobs: int | None = None  # trials at a time; None: as many as the cluster has cores
     started: str = ""  # date and time, ISO 8601
     schema_version: int = SCHEMA_VERSION
 
@@ -55,19 +57,21 @@ def read_sweep(folder: Path) -> SweepInfo:
     """Read the sweep.json of a folder.
 
     Raises:
-        ScenarioError: If there is none, or it is not one of ours.
+        ScenarioError: If there is none, or its content is not a sweep's.
     """
     path = folder / FILE
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         if values["schema_version"] != SCHEMA_VERSION:
             raise ScenarioError(
-                f"{path}: has the schema version {values['schema_version']}; "
-                f"allowed: {SCHEMA_VERSION}"
+                f"{path}: schema_version: got {values['schema_version']} "
+                f"(allowed: {SCHEMA_VERSION})"
             )
-        return SweepInfo(**values)
+        return _checked(SweepInfo(**values))
     except FileNotFoundError:
-        raise ScenarioError(f"{folder}: no sweep there ({FILE} is missing)") from None
+        raise ScenarioError(
+            f"{folder}: contains no sweep ({FILE} is missing)"
+        ) from None
     except OSError as error:
         raise ScenarioError(
             f"{path}: cannot be read: {error.strerror or error}"
@@ -75,17 +79,32 @@ def read_sweep(folder: Path) -> SweepInfo:
     except (ValueError, KeyError, TypeError) as error:
         if isinstance(error, ScenarioError):
             raise
-        raise ScenarioError(f"{path}: is not the {FILE} of a sweep") from None
+        raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from None
+
+
+def _checked(info: SweepInfo) -> SweepInfo:
+    """Return the information if its values have the right types.
+
+    Raises:
+        TypeError: If one has not.
+    """
+    for name, hint in typing.get_type_hints(SweepInfo).items():
+        union = isinstance(hint, types.UnionType)
+        kind = hint if union else typing.get_origin(hint) or hint
+        value = getattr(info, name)
+        if not isinstance(value, kind):
+            raise TypeError(f"{name}: must be {kind}, got {value!r}")
+    return info
 
 
 def dump_tree(tree: Mapping[str, Any]) -> str:
-    """Return a tree of `load_tree` as YAML; the same tree gives the same text."""
+    """Return a tree of `load_tree` as YAML; equal trees give equal text."""
     text: str = yaml_dump(tree)
     return text
 
 
 def current_versions() -> dict[str, str]:
-    """Return the versions of what makes a trial what it is."""
+    """Return the versions of everything that a trial's outcome may depend on."""
     return {
         "drake_srg": importlib.metadata.version("drake_srg"),
         "drake_srg_sources": sources_hash(),
@@ -93,13 +112,13 @@ def current_versions() -> dict[str, str]:
         "python": platform.python_version(),
         "platform": platform.platform(),
         "numpy": importlib.metadata.version("numpy"),
-        "opencv": str(cv2.__version__),  # several packages have it
-        "processor": _processor(),  # BLAS has other kernels for others
+        "opencv": str(cv2.__version__),  # several packages provide cv2
+        "processor": _processor(),  # BLAS chooses its kernels by it
     }
 
 
 def _processor() -> str:
-    """The processor's name; of Linux, as Python knows its kind alone."""
+    """Return the processor's name from Linux; Python itself only knows its kind."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -111,14 +130,14 @@ def _processor() -> str:
 def version_difference(
     there: Mapping[str, str], here: Mapping[str, str]
 ) -> tuple[str, str, str] | None:
-    """Return what makes other rows: its name, and which it is there and here.
+    """Return the first version that differs and can change rows.
 
     Args:
-        there: What `current_versions` returned elsewhere, or earlier.
-        here: The same, here and now.
+        there: The result of `current_versions` elsewhere, or earlier.
+        here: Its result here and now.
 
     Returns:
-        The first of several; None: rows are the same.
+        Name, version there and version here; None if no such version differs.
     """
     for name in _DECISIVE:
         if there.get(name) != here.get(name):
@@ -127,14 +146,14 @@ def version_difference(
 
 
 def difference(old: SweepInfo, new: SweepInfo) -> str:
-    """Return why `new` cannot go on with what `old` began, in words; empty: it can.
+    """Return why `new` cannot continue `old`, in words; empty if it can.
 
-    The number of trials may grow; who runs them, and how many at a time, may change.
+    The number of trials may grow, and the engine and the number of jobs may change.
     """
     different = version_difference(old.versions, new.versions)
     if different:
         name, there, here = different
-        return f"{name}: {there} there, {here} now"
+        return f"{name}: was {there}, is {here}"
     pairs = [("record", old.record, new.record), ("seed", old.seed, new.seed)]
     if old.tree != new.tree:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))
@@ -142,14 +161,14 @@ def difference(old: SweepInfo, new: SweepInfo) -> str:
         pairs += [(key, was.get(key), now.get(key)) for key in keys]
     for name, before, after in pairs:
         if before != after:
-            return f"{name}: {_words(before)} there, {_words(after)} now"
+            return f"{name}: was {_words(before)}, is {_words(after)}"
     if new.trials < old.trials:
-        return f"trials: {old.trials} there, {new.trials} now"
+        return f"trials: was {old.trials}, is {new.trials}"
     return ""
 
 
 def _leaves(tree: Any, key: str) -> Iterator[tuple[str, Any]]:
-    """Pairs of dotted key and value."""
+    """Yield the dotted key and the value of every leaf."""
     if not (isinstance(tree, dict | list) and tree):
         yield key, tree
         return
@@ -159,4 +178,4 @@ def _leaves(tree: Any, key: str) -> Iterator[tuple[str, Any]]:
 
 
 def _words(value: object) -> str:
-    return "nothing" if value is None else str(value)
+    return "missing" if value is None else str(value)

@@ -1,6 +1,6 @@
-"""Trials on a cluster, by Ray. The nodes share no files: what comes of a trial is sent.
+"""Runs trials on a Ray cluster, whose nodes send their results and share no files.
 
-drake_srg must be installed on every node, of the same version and files.
+Every node needs the same version and the same files of drake_srg.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
 
-_PATIENCE = 5.0  # with a cluster that does not answer [s]
+_PATIENCE = 5.0  # for a cluster that does not answer [s]
 
 
 class RayEngine:
-    """A Ray cluster, one core a trial.
+    """A Ray cluster, with one core per trial.
 
     Args:
-        address: Of the cluster, as for `ray.init`; None: $RAY_ADDRESS, and without
-            that Ray is started on this machine, and stopped in the end.
+        address: The cluster's address, as for `ray.init`. None: $RAY_ADDRESS; if that
+            is not set, Ray runs on this machine from `__enter__` to `__exit__`.
     """
 
     name = "ray"
@@ -44,7 +44,7 @@ class RayEngine:
             errors.WorkerCrashedError,
             errors.NodeDiedError,
             errors.OutOfMemoryError,
-            errors.ObjectLostError,  # with the node that held the result
+            errors.ObjectLostError,  # when the node that held the result has gone
             errors.LocalRayletDiedError,
         )
         self._ours = False
@@ -58,10 +58,10 @@ class RayEngine:
             stack.callback(self._stop)
             if self._ours:
                 self._connect()
-            # A trial whose worker dies is given out anew by the sweep, which counts.
+            # No retries: the sweep runs such trials again, and counts the deaths.
             self._call = self._ray.remote(
                 num_cpus=1, max_retries=0, runtime_env={"env_vars": THREADS}
-            )(_call)
+            )(call_on_node)
             self._check_versions()
             stack.pop_all()
         return self
@@ -71,8 +71,8 @@ class RayEngine:
 
     def _connect(self) -> None:
         address = self._address or os.environ.get("RAY_ADDRESS")
-        # To a cluster that is asked for, or to one of our own: "local", as without an
-        # address Ray takes whatever cluster runs on this machine.
+        # "local" starts a cluster of our own: without any address, Ray would connect to
+        # whatever cluster runs on this machine.
         options: dict[str, Any] = {"address": address or "local"}
         if not address:
             options |= {"num_cpus": usable_cores(), "include_dashboard": False}
@@ -83,11 +83,12 @@ class RayEngine:
                 self._ray.init(**options, log_to_driver=False, logging_level="ERROR")
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
             raise ScenarioError(
-                f"--address {address or '(none)'}: no Ray there: {one_line(error)}"
+                f"--address {address or '(none)'}: cannot connect to Ray: "
+                f"{one_line(error)}"
             ) from error
 
     def _check_versions(self) -> None:
-        """Say what is wrong before the first trial does."""
+        """Fail before the first trial if it could not run."""
         try:
             self.submit(os.getpid).result()
         except self._ray.exceptions.RayError as error:
@@ -95,8 +96,8 @@ class RayEngine:
             if isinstance(cause, ScenarioError):
                 raise cause from error
             raise ScenarioError(
-                "--engine ray: the cluster cannot run drake_srg; is it installed on "
-                f"all nodes? {str(error).strip().splitlines()[-1]}"
+                "--engine ray: the cluster cannot run drake_srg; install it on all "
+                f"nodes: {str(error).strip().splitlines()[-1]}"
             ) from error
 
     def _stop(self) -> None:
@@ -107,11 +108,11 @@ class RayEngine:
             self._ray.cancel(reference, force=True)
 
     def slots(self) -> int:
-        """Return the number of cores that the cluster has now."""
+        """Return the number of cores that the cluster has at the moment."""
         return max(1, int(self._ray.cluster_resources().get("CPU", 1)))
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Let a function run on some node."""
+        """Run a function on any node."""
         reference = self._call.remote(self._versions, function, *arguments)
         self._running.add(reference)
         future: Future[T] = reference.future()
@@ -120,18 +121,22 @@ class RayEngine:
 
 
 def _reach(address: str) -> None:
-    """Raise an OSError where nobody listens, for whom Ray would wait for long."""
+    """Raise an OSError if nothing listens there; Ray would wait for a long time."""
     _, _, place = address.rpartition("://")
     host, colon, port = place.partition(":")
     if colon and port.isdigit():
         socket.create_connection((host, int(port)), _PATIENCE).close()
 
 
-def _call(versions: dict[str, str], function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function on a node, which may have come later and have other code.
+def call_on_node(
+    versions: dict[str, str], function: Callable[..., T], *arguments: Any
+) -> T:
+    """Call a function on a node, if the node has the same versions as the sweep.
+
+    Every call checks, because nodes may join later.
 
     Raises:
-        ScenarioError: If its versions are others, which would make other rows.
+        ScenarioError: If the versions differ, which could change rows.
     """
     different = version_difference(current_versions(), versions)
     if different:
@@ -145,7 +150,7 @@ def _call(versions: dict[str, str], function: Callable[..., T], *arguments: Any)
 
 @contextlib.contextmanager
 def _own_signals() -> Iterator[None]:
-    """Keep what SIGTERM does here, which Ray would replace."""
+    """Restore the handler of SIGTERM, which Ray replaces."""
     if threading.current_thread() is not threading.main_thread():  # Python's own limit
         yield
         return

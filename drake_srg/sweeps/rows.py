@@ -1,10 +1,10 @@
-"""The rows of a sweep: one a trial, in Parquet, by its own name until all are there.
+"""Reads and writes the rows of a sweep: Parquet, one row per trial.
 
-    DIR/trials/000017.parquet    the row of trial 17, as it ends
-    DIR/trials.parquet           all rows in order of trial, once the sweep is over
+    DIR/trials/000017.parquet    the row of trial 17, written when it ends
+    DIR/trials.parquet           all rows in order of trial, once all have ended
 
-A row has `trial`, `seed`, what came of the trial, and what was drawn for it, by the key
-that `--set` knows it by; these names have a dot, no other one has.
+A row has `trial`, `seed`, the outcome, and every value that was drawn for the trial, by
+its key for `--set`. Only the names of drawn values contain a dot.
 """
 
 from __future__ import annotations
@@ -44,66 +44,74 @@ __all__ = [
     "write_rows",
 ]
 
-# The only columns that differ where the same trial is run again.
+# The only columns that differ when the same trial runs again.
 TIMING_COLUMNS = (
     "planning_wall_s",
     "wall_time_s",
     "real_time_factor",
-    "trial_time_s",  # all of the trial, build included
-    "memory_mb",  # resident in the worker, after the trial
+    "trial_time_s",  # of the whole trial, including building the cell
+    "memory_mb",  # resident memory of the worker, after the trial
     "worker",
 )
 
-# What of metrics.json is no metric of a trial, or stands in the row anyway.
+# Entries of metrics.json that are not metrics, or are in the row already.
 _NO_METRICS = ("schema_version", "scenario", "seed", "artifacts")
 
-# In the metadata of a file's schema: see `_checksum`.
+# A key in the metadata of a file's schema; see `_checksum`.
 _CHECKSUM = b"drake_srg.crc32"
 
 _ROW_FILE = re.compile(r"[0-9]{6,}\.parquet")  # see `row_path`
 
 
 class BrokenRowsError(ScenarioError):
-    """A file whose content is not the rows that it should hold."""
+    """A file that does not contain the rows that it should contain.
+
+    Attributes:
+        problem: The message without advice.
+    """
 
     def __init__(self, path: Path, reason: str):
         self.problem = f"{path}: cannot be read: {reason}"
-        again = "`drake-srg sweep` with --resume runs its trial again"
-        if path == all_rows_path(path.parent):  # too much to be lost unasked
-            again = (
-                "put a copy in its place, or move it away: `drake-srg sweep` with "
-                "--resume runs its trials again then"
+        advice = "`drake-srg sweep` with --resume runs its trial again"
+        if path == all_rows_path(path.parent):  # too much to discard unasked
+            advice = (
+                "replace it with a copy, or move it away so that `drake-srg sweep` "
+                "with --resume runs its trials again"
             )
-        super().__init__(f"{self.problem}; {again}")
+        super().__init__(f"{self.problem}; {advice}")
 
 
 def require_sweep(module: str, extra: str = "sweep") -> ModuleType:
     """Import a module that sweeps need.
 
+    Args:
+        module: Name of the module.
+        extra: The extra of this package that contains it.
+
     Raises:
-        ImportError: If it is missing; the message says how to install it.
+        ImportError: If the module is missing; the message says how to install it.
     """
     return require(module, extra, "Sweeps need")
 
 
 def row_path(folder: Path, trial: int) -> Path:
-    """Return where the row of a trial is until all are there."""
+    """Return the path of a trial's row while the sweep runs."""
     return folder / "trials" / f"{trial:06}.parquet"
 
 
 def all_rows_path(folder: Path) -> Path:
-    """Return where all rows are in the end."""
+    """Return the path of all rows, once all trials have ended."""
     return folder / "trials.parquet"
 
 
 def row_paths(folder: Path) -> list[Path]:
-    """Return the files with rows that are there, that of all rows first.
+    """Return the files that contain rows, the file of all rows first.
 
     Raises:
         ScenarioError: If a folder cannot be read.
     """
-    # Single rows go once all are in one file: looked for first, none is missed.
-    # Copies and the like that others put there are none of ours.
+    # Single rows disappear once all are in one file; looking for them first misses
+    # none. Other files, such as copies that somebody made, do not count.
     single = [n for n in _names(folder / "trials") if _ROW_FILE.fullmatch(n)]
     whole = all_rows_path(folder)
     paths = [folder / "trials" / name for name in sorted(single)]
@@ -111,7 +119,7 @@ def row_paths(folder: Path) -> list[Path]:
 
 
 def _names(folder: Path) -> list[str]:
-    """What is in a folder; `Path.glob` takes one that cannot be read for empty."""
+    """Return the names in a folder; `Path.glob` takes an unreadable one for empty."""
     try:
         return [path.name for path in folder.iterdir()]
     except FileNotFoundError:
@@ -125,28 +133,28 @@ def _unreadable(path: Path, error: OSError) -> ScenarioError:
 
 
 def metric_columns() -> dict[str, Any]:
-    """Return the columns of metrics, and Python's type of each."""
+    """Return the columns of metrics, and the Python type of each."""
     hints = typing.get_type_hints(Metrics)
     return {name: hint for name, hint in hints.items() if name not in _NO_METRICS}
 
 
 def sampled_columns(table: Any) -> list[str]:
-    """Return the names of the columns that hold what was drawn.
+    """Return the names of the columns that contain drawn values.
 
     Args:
-        table: A pyarrow.Table of `read_rows`.
+        table: A pyarrow.Table from `read_rows`.
     """
     return [name for name in table.column_names if "." in name]
 
 
 def read_rows(folder: Path) -> Any:
-    """Return the rows that a sweep has so far, each trial once, in their order.
+    """Return the rows that a sweep has so far, each trial once, in order of trial.
 
     Returns:
-        A pyarrow.Table. Without rows it still has the columns that all sweeps have.
+        A pyarrow.Table. Even without rows it has the columns that all sweeps have.
 
     Raises:
-        ScenarioError: If there is no sweep, a file cannot be read, or what is in it is
+        ScenarioError: If there is no sweep, a file cannot be read, or its content is
             broken (BrokenRowsError).
         ImportError: If pyarrow is missing.
     """
@@ -157,14 +165,16 @@ def read_rows(folder: Path) -> Any:
             return unique_rows([read_file(path, info) for path in paths])
         except ScenarioError:
             before, paths = paths, row_paths(folder)
-            if set(before) <= set(paths):  # else the sweep puts its rows into one file
+            if set(before) <= set(
+                paths
+            ):  # otherwise the sweep has just put its rows into one file
                 raise
 
 
 def unique_rows(tables: Sequence[Any]) -> Any:
-    """Return the rows of pyarrow Tables as one, each trial once, in their order.
+    """Return the rows of pyarrow Tables as one, each trial once, in order of trial.
 
-    A trial that is there twice is the same both times; its first row is taken.
+    Rows of the same trial are equal; the first one is taken.
     """
     pa = require_sweep("pyarrow")
     empty = pa.schema(list(_types().items())).empty_table()
@@ -181,12 +191,12 @@ def read_file(path: Path, info: SweepInfo) -> Any:
     """Return the rows in a file, as a pyarrow.Table.
 
     Raises:
-        BrokenRowsError: If it is not a file of rows of this sweep.
-        ScenarioError: If the operating system does not let it be read.
+        BrokenRowsError: If its content is not rows of this sweep.
+        ScenarioError: If the operating system cannot read it.
     """
     pa, pq = require_sweep("pyarrow"), require_sweep("pyarrow.parquet")
     try:
-        # Not by PyArrow, of whose errors it would be hard to say whose fault they are.
+        # PyArrow's errors would not tell a broken content from an unreadable file.
         content = pa.BufferReader(path.read_bytes())
     except OSError as error:
         raise _unreadable(path, error) from error
@@ -197,20 +207,20 @@ def read_file(path: Path, info: SweepInfo) -> Any:
         seeds = table["seed"].to_pylist()
         checksum = (table.schema.metadata or {}).get(_CHECKSUM)
         if checksum not in (None, _checksum(table)):
-            raise ValueError("its checksum is another")
+            raise ValueError("checksum mismatch")
     except (pa.lib.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
         raise BrokenRowsError(path, one_line(error)) from None
     if path != all_rows_path(path.parent) and trials != [int(path.stem)]:
-        raise BrokenRowsError(path, "it does not hold the row of its trial")
+        raise BrokenRowsError(path, f"contains trials {trials}")
     if seeds != [info.seed + trial for trial in trials]:
         raise BrokenRowsError(
-            path, f"its seeds are not those of a sweep from {info.seed}"
+            path, f"contains seeds that do not belong to a sweep from {info.seed}"
         )
     return table
 
 
 def write_row(path: Path, row: Mapping[str, Any]) -> None:
-    """Write one row, whole or not at all. What is not finite becomes null.
+    """Write one row completely or not at all; numbers that are not finite become null.
 
     Raises:
         OSError: If it cannot be written.
@@ -224,7 +234,7 @@ def write_row(path: Path, row: Mapping[str, Any]) -> None:
 
 
 def write_rows(path: Path, table: Any) -> None:
-    """Write a pyarrow.Table, whole or not at all.
+    """Write a pyarrow.Table completely or not at all.
 
     Raises:
         OSError: If it cannot be written.
@@ -238,21 +248,21 @@ def write_rows(path: Path, table: Any) -> None:
 
 
 def _checksum(table: Any) -> bytes:
-    """Of names, types and values: Parquet has a checksum of its pages alone."""
+    """Return a checksum of names, types and values; Parquet's is of pages only."""
     types = list(map(str, table.schema.types))
     return b"%08x" % zlib.crc32(repr((types, table.to_pydict())).encode())
 
 
 @functools.cache
 def _types() -> dict[str, Any]:
-    """Arrow's type of each column that all sweeps have, in their order."""
+    """Return the Arrow type of each column that all sweeps have, in order."""
     pa = require_sweep("pyarrow")
     arrow = {
         bool: pa.bool_(),
         int: pa.int64(),
         float: pa.float64(),
         str: pa.string(),
-        # The field's name is Parquet's: types are the same once they are read.
+        # Parquet's own name for the field, so that the type is the same when read back.
         list[float]: pa.list_(pa.field("element", pa.float64())),
     }
     hints: dict[str, Any] = {
@@ -271,7 +281,7 @@ def _types() -> dict[str, Any]:
 
 
 def _not_none(hint: Any) -> Any:
-    """`T` of the type `T | None`."""
+    """Return `T` for the type `T | None`."""
     if isinstance(hint, types.UnionType):
         (hint,) = (part for part in typing.get_args(hint) if part is not type(None))
     return hint

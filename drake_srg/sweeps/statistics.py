@@ -1,4 +1,4 @@
-"""The statistics of many trials, with nothing but NumPy."""
+"""Statistics of many trials, in NumPy alone."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ import numpy as np
 
 from drake_srg.types import Vector
 
-# The exact distribution of a rank sum takes (chosen * number)² steps: 0.1 s here.
-_EXACT = 10_000
+# An exact rank-sum distribution takes (chosen * number)² steps; this is the largest
+# product that is worth it.
+LARGEST_EXACT = 10_000
 
 
 def wilson_interval(
     successes: int, trials: int, confidence: float = 0.95
 ) -> tuple[float, float]:
-    """Return the bounds of a success probability, from how often it was seen.
+    """Return the bounds of a success probability, given the observed successes.
 
     E. B. Wilson, J. Am. Stat. Assoc. 22:209, 1927: the probabilities p from which the
-    observed share lies no more than z standard deviations √(p (1 - p) / n) away.
+    observed share is at most z standard deviations √(p (1 - p) / n) away.
 
     Args:
         successes: 0 .. `trials`.
-        trials: With none nothing is known: (0, 1).
-        confidence: That the bounds hold the probability, within 0 and 1.
+        trials: 0 gives (0, 1): nothing is known.
+        confidence: Probability that the bounds contain the true value, between 0 and 1.
 
     Raises:
-        ValueError: If an argument is out of its range.
+        ValueError: If an argument is out of range.
     """
     if not (0 <= successes <= trials and 0.0 < confidence < 1.0):
         raise ValueError(
-            f"wilson_interval of {successes} successes in {trials} trials at "
-            f"confidence {confidence}; allowed are 0 <= successes <= trials and a "
-            "confidence within 0 and 1"
+            "wilson_interval: needs 0 <= successes <= trials and 0 < confidence < 1, "
+            f"got successes={successes}, trials={trials}, confidence={confidence}"
         )
     if trials == 0:
         return 0.0, 1.0
@@ -46,45 +46,44 @@ def wilson_interval(
         / (1.0 + weight)
         * math.sqrt(share * (1.0 - share) / trials + weight / trials / 4.0)
     )
-    # Rounding may leave what was observed just outside.
+    # Rounding may leave the observed share just outside.
     return min(max(0.0, centre - half), share), max(min(1.0, centre + half), share)
 
 
 def midranks(values: Vector) -> Vector:
-    """Return the ranks 1 .. n of values, equal ones sharing their mean; shape (n,)."""
+    """Return the ranks 1 .. n of values, shape (n,); equal values share their mean."""
     _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return (ends - (counts - 1) / 2.0)[inverse]
 
 
 def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
-    """Compare two samples by the test of Mann and Whitney.
+    """Compare two samples with the Mann-Whitney test.
 
-    H. B. Mann, D. R. Whitney, Ann. Math. Stat. 18:50, 1947. For few values in one of
-    the samples the p-value is exact, with ties, too; otherwise it is that of the
-    normal distribution, with the variance that the ties leave and a correction for
-    continuity.
+    H. B. Mann, D. R. Whitney, Ann. Math. Stat. 18:50, 1947. If one of the samples is
+    small, the p-value is exact, even with ties. Otherwise it comes from the normal
+    approximation, with a variance corrected for ties and a continuity correction.
 
     Args:
         first: Shape (m,), m > 0.
         second: Shape (n,), n > 0.
 
     Returns:
-        The probability that a value of `first` is larger than one of `second`, ties
-        counting half (the area under the ROC curve; 0.5: neither is larger); and the
-        two-sided p-value, how likely it would be as far from 0.5 by chance.
+        The probability that a value of `first` is larger than one of `second`, where
+        ties count half (the area under the ROC curve; 0.5: neither is larger); and the
+        two-sided p-value: how likely chance alone puts it as far from 0.5.
 
     Raises:
         ValueError: If a sample is empty.
     """
     m, n = len(first), len(second)
     if m == 0 or n == 0:
-        raise ValueError(f"rank_auc of samples of {m} and {n} values; both need some")
+        raise ValueError(f"rank_auc: samples must not be empty, got {m} and {n} values")
     ranks = midranks(np.concatenate([first, second]))
     doubled = np.rint(2.0 * ranks).astype(int)
     above = float(ranks[:m].sum()) - m * (m + 1) / 2.0
     few = doubled[:m] if m <= n else doubled[m:]
-    if len(few) * (m + n) <= _EXACT:
+    if len(few) * (m + n) <= LARGEST_EXACT:
         chances = _rank_sum_distribution(tuple(sorted(doubled.tolist())), len(few))
         at = int(few.sum())
         tail = min(chances[: at + 1].sum(), chances[at:].sum())
@@ -97,12 +96,12 @@ def rank_auc(first: Vector, second: Vector) -> tuple[float, float]:
     return above / (m * n), p
 
 
-@functools.lru_cache(maxsize=64)  # quantities without ties share theirs
+@functools.lru_cache(maxsize=64)  # quantities without ties share one
 def _rank_sum_distribution(doubled: tuple[int, ...], chosen: int) -> Vector:
-    """P(sum = s) for s = 0, 1, ... of `chosen` of the doubled ranks, drawn at random.
+    """Return P(sum = s), s = 0, 1, ..., for `chosen` doubled ranks drawn at random.
 
-    After each rank, `ways[k, s]` is the number of ways to choose k of those seen so
-    far with the sum s; as all are added, no digits cancel.
+    After each rank, `ways[k, s]` is the number of ways to choose k of the ranks so far
+    with the sum s. All terms are positive, so no digits cancel.
     """
     ways = np.zeros((chosen + 1, sum(doubled[-chosen:]) + 1))
     ways[0, 0] = 1.0
@@ -114,9 +113,9 @@ def _rank_sum_distribution(doubled: tuple[int, ...], chosen: int) -> Vector:
 def spearman(first: Vector, second: Vector) -> tuple[float, float]:
     """Return the rank correlation of two quantities, and its two-sided p-value.
 
-    C. Spearman, Am. J. Psychol. 15:72, 1904. Without a relation its variance is
-    1 / (n - 1); the p-value is that of the normal distribution. (nan, 1) where one of
-    the quantities does not vary.
+    C. Spearman, Am. J. Psychol. 15:72, 1904. Without a relation, the variance of the
+    correlation is 1 / (n - 1); the p-value comes from the normal distribution. If one
+    of the quantities does not vary, the result is (nan, 1).
 
     Args:
         first: Shape (n,).
@@ -132,10 +131,11 @@ def spearman(first: Vector, second: Vector) -> tuple[float, float]:
 
 
 def benjamini_hochberg(p_values: Vector) -> Vector:
-    """Adjust p-values for how many there are; shape (n,) to shape (n,).
+    """Adjust p-values, shape (n,), for their number.
 
-    Calling those at most q significant keeps the expected share of false ones among
-    them at most q (Y. Benjamini, Y. Hochberg, J. R. Stat. Soc. B 57:289, 1995).
+    If results with an adjusted value of at most q are called significant, the expected
+    share of false ones among them is at most q (Y. Benjamini, Y. Hochberg, J. R. Stat.
+    Soc. B 57:289, 1995).
     """
     p = np.asarray(p_values, dtype=float)
     order = np.argsort(p)[::-1]

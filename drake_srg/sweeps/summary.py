@@ -1,4 +1,4 @@
-"""What people want to know first of a sweep, as text."""
+"""Summarizes a sweep as text."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from drake_srg.sweeps.statistics import wilson_interval
 
 
 def summary(rows: Any) -> str:
-    """Return the short table of a sweep.
+    """Return a short table: success rate, failures by reason, median cycle time.
 
     Args:
-        rows: A pyarrow.Table of `rows.read_rows`.
+        rows: A pyarrow.Table from `rows.read_rows`.
     """
     trials = rows.num_rows
     succeeded = sum(rows["success"].to_pylist())
@@ -31,7 +31,7 @@ def summary(rows: Any) -> str:
         ("success", f"{succeeded} of {trials}{share}"),
         ("95 % interval (Wilson)", f"{low:.2%} to {high:.2%}"),
         *((f"failure: {name}", str(n)) for name, n in failures.most_common()),
-        ("said done, but was not", str(wrong)),
+        ("wrongly reported done", str(wrong)),
         ("median cycle", f"{statistics.median(cycles):.3g} s" if cycles else "-"),
     ]
     return "\n".join(f"{name:24} {value}" for name, value in lines)

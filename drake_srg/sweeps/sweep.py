@@ -1,8 +1,8 @@
-"""Runs many trials of a scenario, each once, whatever happens in between.
+"""Runs many trials of a scenario, each exactly once, also across interruptions.
 
-DIR/sweep.json           what the sweep is; see `info`
-DIR/trials.parquet       a row a trial; see `rows`
-DIR/recordings/000017/   recording of a trial: files of `drake-srg run`
+DIR/sweep.json           identifies the sweep; see `info`
+DIR/trials.parquet       one row per trial; see `rows`
+DIR/recordings/000017/   recording of a trial: the files of `drake-srg run`
 """
 
 from __future__ import annotations
@@ -46,30 +46,30 @@ def run_sweep(
     tell: Callable[[str], None] = print,
     trial_function: TrialFunction = run_trial,
 ) -> Any:
-    """Run trials 0 .. `trials` - 1 of a scenario, or those of them that are missing.
+    """Run trials 0 .. `trials` - 1 of a scenario that have not run yet.
 
-    Trial k has the seed `seed` + k and gives the same row on any engine, up to
-    `rows.TIMING_COLUMNS`. A row is written as its trial ends. Where this is
-    interrupted, what is written stays, and `resume` goes on from there.
+    Trial k has the seed `seed` + k and gives the same row on any engine, except for
+    `rows.TIMING_COLUMNS`. Each row is written when its trial ends. After an
+    interruption, `resume` continues with the remaining trials.
 
     Args:
         scenario: Name of a scenario of the package, or path of a YAML file.
-        trials: How many; a sweep that is resumed may get more.
+        trials: Number of trials; resuming a sweep may raise it.
         out: Folder of the sweep.
-        engine: Where they run; it is entered here.
-        seed: Of trial 0; None: the scenario's `random_seed`.
+        engine: Runs the trials; entered here.
+        seed: Seed of trial 0; None: the scenario's `random_seed`.
         overrides: `KEY=VALUE` each; see `load_scenario`.
-        record: Whose recordings are kept: `none`, `failures` or `all`.
-        resume: Whether `out` may have trials of this sweep already.
-        progress: Whether to show a progress bar, on standard error.
-        tell: Gets warnings, a line each.
-        trial_function: In place of `run_trial`; of a module that workers can import.
+        record: Which trials keep a recording: `none`, `failures` or `all`.
+        resume: Whether `out` may already contain trials of this sweep.
+        progress: Whether to show a progress bar on standard error.
+        tell: Receives warnings, one line each.
+        trial_function: Replaces `run_trial`; workers must be able to import it.
 
     Returns:
         All rows, a pyarrow.Table.
 
     Raises:
-        ScenarioError: For bad input, before any trial runs; or if workers keep dying.
+        ScenarioError: For bad input, before any trial runs, or if workers keep dying.
         OSError: If the folder cannot be written.
         ImportError: If a package is missing.
     """
@@ -80,7 +80,7 @@ def run_sweep(
     overrides = list(overrides)
     tree = load_tree(scenario, overrides)
     require_sweep("pyarrow.parquet")
-    seed = _check(tree, scenario, seed, record)
+    seed = check_scenario(tree, scenario, seed, record)
     info = SweepInfo(
         scenario=scenario,
         seed=seed,
@@ -122,10 +122,21 @@ def run_sweep(
         return folder.finish()
 
 
-def _check(
+def check_scenario(
     tree: Mapping[str, Any], scenario: str, seed: int | None, record: str
 ) -> int:
-    """Look for what no trial could do with, and return the seed of trial 0."""
+    """Build the cell of trial 0, and return its seed.
+
+    Args:
+        tree: The scenario, from `load_tree`.
+        scenario: Its name or path.
+        seed: Seed of trial 0; None: the scenario's `random_seed`.
+        record: Which trials keep a recording.
+
+    Raises:
+        ScenarioError: If the cell cannot be built, so that every trial would fail.
+        ImportError: If recording needs a package that is missing.
+    """
     if record != "none":
         for module in ("av", "rosbags.rosbag2", "matplotlib.figure"):
             require(module)
@@ -137,7 +148,7 @@ def _check(
 
 
 class _Bar:
-    """A progress bar: trials, how many succeeded, time left."""
+    """A progress bar: number of trials, share that succeeded, time left."""
 
     def __init__(self, trials: int, done: int, succeeded: int, show: bool):
         self._succeeded = succeeded
@@ -147,7 +158,7 @@ class _Bar:
             initial=done,
             disable=not show,
             file=sys.stderr,
-            smoothing=0.05,  # trials last differently; workers end out of step
+            smoothing=0.05,  # trials differ in length, and workers do not end together
             bar_format="{n_fmt}/{total_fmt} trials |{bar:20}| {desc} "
             "[{elapsed} elapsed, {remaining} left]",
         )
@@ -159,16 +170,16 @@ class _Bar:
         self._bar.close()
 
     def count(self, success: bool) -> None:
-        """Count a trial."""
+        """Count a finished trial."""
         self._succeeded += success
         words = self._description(self._bar.n + 1)
-        self._bar.set_description_str(words, refresh=False)  # which `update` shows
+        self._bar.set_description_str(words, refresh=False)  # `update` shows it
         self._bar.update()
 
     def _description(self, done: int) -> str:
         return f"{self._succeeded / done:.1%} succeeded" if done else ""
 
     def write(self, text: str, tell: Callable[[str], None]) -> None:
-        """Say something beside the bar."""
+        """Print a line without disturbing the bar."""
         with self._bar.external_write_mode(file=sys.stderr):
             tell(text)

@@ -1,4 +1,4 @@
-"""One trial of a sweep: a run of its scenario, the same in any process."""
+"""Runs one trial of a sweep, with the same outcome in any process."""
 
 from __future__ import annotations
 
@@ -20,18 +20,23 @@ from drake_srg.simulation import Result, Simulate
 from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns
 from drake_srg.types import Mode
 
-# `failure` of a trial that came to no end of its own; `message` has the error.
+# `failure` of a trial that raised an error, which is then in `message`.
 ERROR = "error"
 
 
 @dc.dataclass(frozen=True)
 class TrialResult:
-    """What came of a trial, ready to be sent and written."""
+    """The result of a trial, ready to be sent and written.
 
-    row: dict[str, Any]  # see `rows`
-    # Of its recording: the folder they are in, to be moved, or contents by name.
+    Attributes:
+        row: Its row; see `rows`.
+        files: Its recording: a folder whose files are to be moved, or contents by name.
+        warning: A line for the user, or nothing.
+    """
+
+    row: dict[str, Any]
     files: Path | Mapping[str, bytes] = dc.field(default_factory=dict)
-    warning: str = ""  # what the user should know besides
+    warning: str = ""
 
 
 def run_trial(
@@ -40,16 +45,17 @@ def run_trial(
     """Run a trial and judge it; an error in it is an outcome, too.
 
     Args:
-        tree: The scenario, of `load_tree`.
-        origin: Its name or file.
-        seed: Of the sweep; the trial's own is `seed` + `trial`.
-        trial: Its number, from 0.
-        record: `none`, `all`, or `failures`: a trial that fails is run again and
-            recorded then.
+        tree: The scenario, from `load_tree`.
+        origin: Its name or path.
+        seed: Seed of the sweep; the trial's own is `seed` + `trial`.
+        trial: Number of the trial, from 0.
+        record: `none`, `all` or `failures`, which runs a trial that has failed a second
+            time to record it.
 
     Raises:
         ImportError: If a package is missing.
-        OSError: If recordings cannot be written, into the folder for temporary files.
+        OSError: If a file cannot be read, or recordings cannot be written into the
+            folder for temporary files.
     """
     start = wall.perf_counter()
     result = _run(tree, origin, seed, trial, record == "all")
@@ -58,7 +64,7 @@ def run_trial(
         result = dc.replace(
             result, files=again.files, warning=_different(result.row, again.row)
         )
-    # Python counts the few objects of a diagram, not the megabytes behind them.
+    # Python sees the few objects of a diagram, not the megabytes behind them.
     gc.collect()
     result.row["trial_time_s"] = wall.perf_counter() - start
     result.row["memory_mb"] = resident_memory()
@@ -67,7 +73,7 @@ def run_trial(
 
 
 def with_contents(function: Callable[..., TrialResult], *arguments: Any) -> TrialResult:
-    """Run a trial for somebody who has no access to the files of this machine."""
+    """Run a trial and return the contents of its files, for use on another machine."""
     result = function(*arguments)
     if isinstance(result.files, Path):
         files = {path.name: path.read_bytes() for path in result.files.iterdir()}
@@ -77,12 +83,12 @@ def with_contents(function: Callable[..., TrialResult], *arguments: Any) -> Tria
 
 
 def empty_row(seed: int, trial: int, message: str) -> dict[str, Any]:
-    """Return the row of a trial that has come to nothing.
+    """Return the row of a trial that ended in an error.
 
     Args:
-        seed: Of the sweep.
-        trial: Its number.
-        message: What went wrong, in a line.
+        seed: Seed of the sweep.
+        trial: Number of the trial.
+        message: What went wrong, in one line.
     """
     return {
         "trial": trial,
@@ -96,7 +102,7 @@ def empty_row(seed: int, trial: int, message: str) -> dict[str, Any]:
 
 
 def resident_memory() -> float | None:
-    """Return the memory that this process occupies [MB]; None: not told here."""
+    """Return the resident memory of this process [MB]; None: unknown on this system."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:
@@ -119,13 +125,13 @@ def _run(
                 drawn.scenario, name=Path(origin).stem, out=out, record=record
             )
             row |= _outcome(result)
-        except (ImportError, OSError) as error:  # not its fault; others fare alike
+        except (ImportError, OSError) as error:  # would fail other trials, too
             if isinstance(error, OSError) and error.errno and out is not None:
                 error.filename = error.filename or str(out)
             raise
         except (Exception, SystemExit) as error:  # SystemExit: see `one_line`
             row["message"] = f"{type(error).__name__}: {one_line(error)}"
-        if out is not None and any(out.iterdir()):  # of an error, too
+        if out is not None and any(out.iterdir()):  # also after an error
             stack.pop_all()
             return TrialResult(row, out)
     return TrialResult(row)
@@ -141,12 +147,13 @@ def _outcome(result: Result) -> dict[str, Any]:
 
 
 def _different(row: Mapping[str, Any], again: Mapping[str, Any]) -> str:
-    """Say so where a trial did not repeat itself while it was recorded."""
+    """Return a warning if a trial did not repeat itself when it was recorded."""
     changed = [n for n in row if n not in TIMING_COLUMNS and row[n] != again[n]]
     if not changed:
         return ""
     return (
-        f"trial {row['trial']}: recorded, it went otherwise ({', '.join(changed)}): "
-        "with an error-controlled integrator, 1 / recording.video_fps and "
-        "recording.bag_camera_period must be multiples of recording.period"
+        f"trial {row['trial']}: its recording differs from its row "
+        f"({', '.join(changed)}): with an error-controlled integrator, "
+        "1 / recording.video_fps and recording.bag_camera_period must be multiples of "
+        "recording.period"
     )

@@ -31,9 +31,9 @@ def stubbed(monkeypatch):
     def run(*args, **options):
         return run_sweep(*args, **{**options, "trial_function": stub.trial})
 
-    monkeypatch.setattr(cli_sweep, "_engine", lambda options: stub.StubEngine())
+    monkeypatch.setattr(cli_sweep, "make_engine", lambda options: stub.StubEngine())
     monkeypatch.setattr(sweep, "run_sweep", run)
-    monkeypatch.setattr(sweep, "_check", lambda tree, name, seed, record: seed or 0)
+    monkeypatch.setattr(sweep, "check_scenario", stub.unchecked)
 
 
 @pytest.mark.parametrize(
@@ -77,7 +77,7 @@ def test_a_complete_sweep_prints_a_summary(stubbed, tmp_path, capsys):
         "success 5 of 7, 71.43%",
         "95 % interval (Wilson) 35.89% to 91.78%",
         "failure: dropped 2",
-        "said done, but was not 1",
+        "wrongly reported done 1",
         "median cycle 8 s",
     ]
     assert lines[6:] == [str(tmp_path / "trials.parquet"), str(tmp_path / "recordings")]

@@ -1,4 +1,4 @@
-"""Trials and an engine that cost nothing, for the tests of sweeps."""
+"""Trials and an engine that take no time, for the tests of sweeps."""
 
 import errno
 import os
@@ -15,12 +15,12 @@ MASS = "objects.soup_can.mass"
 
 
 def names(folder):
-    """What is in a folder."""
+    """Names of the files in a folder."""
     return sorted(path.name for path in folder.iterdir())
 
 
 def trial(tree, origin, seed, trial, record):
-    """A third of the trials fail, and leave a recording where that is asked for."""
+    """A trial; every third one fails, and leaves a recording if `record` says so."""
     row = empty_row(seed, trial, None)
     success = trial % 3 != 1
     row |= {
@@ -36,14 +36,14 @@ def trial(tree, origin, seed, trial, record):
 
 
 def deadly(tree, origin, seed, trial_number, record):
-    """Trial 2 kills its worker, always."""
+    """A trial; trial 2 always kills its worker."""
     if trial_number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return trial(tree, origin, seed, trial_number, record)
 
 
 def deadly_once(tree, origin, seed, trial_number, record):
-    """The first worker that gets trial 2 is killed, and leaves a note."""
+    """A trial; the first worker that gets trial 2 leaves a note and is killed."""
     note = Path(tree["note"])
     if trial_number == 2 and not note.exists():
         note.touch()
@@ -55,8 +55,13 @@ def environment(name):
     return os.environ.get(name)
 
 
+def unchecked(tree, scenario, seed, record):
+    """Stands in for `check_scenario`, which takes a second to build the cell."""
+    return seed or 0
+
+
 class StubEngine:
-    """Runs functions at once, here; trials in `deaths` die as often as it says."""
+    """Runs functions at once in this process; `dying` says how often trials die."""
 
     name = "stub"
     jobs = 2
@@ -91,7 +96,7 @@ class StubEngine:
 
 
 class Drawn:
-    """What was drawn for a trial, for who asks nothing else of it."""
+    """Stands in for a drawn scenario, of which only the drawn values are used."""
 
     def __init__(self, *_):
         self.values = {MASS: 1.0}
@@ -103,7 +108,7 @@ def slow(*arguments):
 
 
 def recorded(*arguments):
-    """A trial whose recording is in a folder of the machine that it ran on."""
+    """A trial whose recording is in a folder on the machine that it ran on."""
     folder = Path(tempfile.mkdtemp(prefix="drake_srg_"))
     (folder / "video.mp4").write_bytes(b"%d" % arguments[3])
     return TrialResult(trial(*arguments).row, folder)

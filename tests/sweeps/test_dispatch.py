@@ -24,9 +24,9 @@ def run(engine, trials, function=stub.trial):
     return [result.row for result in dispatch(engine, trials, submit, lost)]
 
 
-# With more deaths than these in a row, the workers are taken for broken.
+# More deaths than these in a row would mean that the workers are broken.
 @given(st.dictionaries(st.integers(0, 9), st.integers(0, TRIES - 1), max_size=4))
-def test_each_trial_comes_once_where_workers_die_now_and_then(dying):
+def test_each_trial_gives_one_result_though_workers_die_now_and_then(dying):
     engine = stub.StubEngine(dying)
     rows = run(engine, range(10))
     assert sorted(row["trial"] for row in rows) == list(range(10))
@@ -35,17 +35,17 @@ def test_each_trial_comes_once_where_workers_die_now_and_then(dying):
     assert all(tries[trial] == 1 + dying.get(trial, 0) for trial in range(10))
 
 
-def test_a_trial_that_keeps_killing_its_workers_is_an_error_that_says_so():
+def test_a_trial_that_keeps_killing_its_workers_ends_in_an_error():
     engine = stub.StubEngine({4: 100})
     rows = {row["trial"]: row for row in run(engine, range(6))}
     assert sorted(rows) == list(range(6))
     assert rows[4]["failure"] == "error"
     assert "its worker died 3 times: SIGKILL(-9)" in rows[4]["message"]
-    assert engine.given == [0, 1, 2, 3, 4, 5, 4, 4]  # after all others
+    assert engine.given == [0, 1, 2, 3, 4, 5, 4, 4]  # again after all others
 
 
 class PendingEngine(stub.StubEngine):
-    """A pool whose trials end when they are told to."""
+    """A pool whose trials end on command."""
 
     def __init__(self, slots):
         super().__init__()
@@ -57,7 +57,7 @@ class PendingEngine(stub.StubEngine):
     def submit(self, *arguments):
         future = Future()
         self.futures.append(future)
-        self.given.append(arguments[-2])  # last, as `await_given` looks at it
+        self.given.append(arguments[-2])  # last, because `await_given` looks at it
         return future
 
     def end(self, error=None):
@@ -69,7 +69,7 @@ class PendingEngine(stub.StubEngine):
                 future.set_exception(error)
 
 
-def test_what_one_death_took_with_it_runs_side_by_side_again():
+def test_trials_that_died_together_run_again_together_and_then_alone():
     engine = PendingEngine(4)
     rows = []
 
@@ -81,7 +81,7 @@ def test_what_one_death_took_with_it_runs_side_by_side_again():
             if len(engine.given) == number:
                 return
             time.sleep(0.01)
-        raise AssertionError(f"{engine.given} were given out, not {number}")
+        raise AssertionError(f"{engine.given} were submitted, not {number}")
 
     thread = threading.Thread(target=consume, daemon=True)
     thread.start()
@@ -96,13 +96,15 @@ def test_what_one_death_took_with_it_runs_side_by_side_again():
     assert sorted(row["trial"] for row in rows) == [0, 1, 2, 3]
 
 
-def test_nothing_but_deaths_is_no_trials_fault():
+def test_deaths_without_any_result_end_the_sweep():
     engine = stub.StubEngine(dict.fromkeys(range(100), 100))
-    with pytest.raises(ScenarioError, match="workers keep dying"):
+    with pytest.raises(
+        ScenarioError, match="workers keep dying, 10 times without a result"
+    ):
         run(engine, range(100))
 
 
-def test_what_a_trial_raises_is_raised():
+def test_an_exception_of_a_trial_is_raised():
     def broken(*_):
         raise ImportError("no av")
 
@@ -110,7 +112,7 @@ def test_what_a_trial_raises_is_raised():
         run(stub.StubEngine(), range(3), broken)
 
 
-def test_no_more_are_given_out_than_run_at_a_time():
+def test_no_more_trials_are_submitted_than_run_at_a_time():
     engine = stub.StubEngine()
     results = dispatch(
         engine,

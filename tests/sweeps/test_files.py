@@ -12,7 +12,7 @@ def full_disk(*_):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_a_file_is_written_over_what_was_there(tmp_path):
+def test_a_file_replaces_an_old_one(tmp_path):
     path = tmp_path / "new" / "row"
     for content in (b"1", b"22"):
         write_file(path, content)
@@ -20,7 +20,7 @@ def test_a_file_is_written_over_what_was_there(tmp_path):
     assert names(path.parent) == ["row"]
 
 
-def test_a_folder_is_written_in_place_of_what_was_there(tmp_path):
+def test_a_folder_replaces_an_old_one(tmp_path):
     path = tmp_path / "000001"
     write_folder(path, {"a": b"1", "b": b"2"})
     write_folder(path, {"a": b"3"})
@@ -28,7 +28,7 @@ def test_a_folder_is_written_in_place_of_what_was_there(tmp_path):
     assert names(tmp_path) == ["000001"]
 
 
-def test_a_folder_is_moved_in_place_of_what_was_there(tmp_path):
+def test_a_moved_folder_replaces_an_old_one(tmp_path):
     path, source = tmp_path / "000001", tmp_path / "source"
     write_folder(path, {"a": b"1", "b": b"2"})
     write_folder(source, {"a": b"3"})
@@ -38,7 +38,7 @@ def test_a_folder_is_moved_in_place_of_what_was_there(tmp_path):
 
 
 @pytest.mark.parametrize("write", [write_file, write_folder])
-def test_a_full_disk_leaves_what_was_there(write, tmp_path, monkeypatch):
+def test_a_full_disk_leaves_the_old_content(write, tmp_path, monkeypatch):
     old, new = (b"1", b"2") if write is write_file else ({"a": b"1"}, {"a": b"2"})
     write(tmp_path / "x", old)
     monkeypatch.setattr(os, "fsync", full_disk)
@@ -50,7 +50,7 @@ def test_a_full_disk_leaves_what_was_there(write, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("write", [write_file, write_folder])
-def test_what_was_cut_off_is_removed_by_who_comes_next(write, tmp_path, monkeypatch):
+def test_an_incomplete_write_is_removed_by_the_next_user(write, tmp_path, monkeypatch):
     content = b"1" if write is write_file else {"a": b"1"}
     monkeypatch.setattr(type(tmp_path), "replace", full_disk)
     monkeypatch.setattr(type(tmp_path), "unlink", lambda *_, **__: None)

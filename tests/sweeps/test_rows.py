@@ -1,3 +1,5 @@
+import json
+
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
@@ -35,7 +37,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_sweep_without_rows_has_the_columns_of_all(folder):
+def test_a_sweep_without_rows_has_the_common_columns(folder):
     rows = read_rows(folder)
     assert rows.num_rows == 0
     types = dict(zip(rows.schema.names, rows.schema.types, strict=True))
@@ -47,7 +49,7 @@ def test_a_sweep_without_rows_has_the_columns_of_all(folder):
     assert not {"scenario", "artifacts", "schema_version"} & types.keys()
 
 
-def test_rows_come_in_order_and_null_where_a_trial_has_no_value(folder):
+def test_rows_are_in_order_and_null_where_a_trial_has_no_value(folder):
     write_row(row_path(folder, 2), make_row(2, **{MASS: 1, "a.b": "red"}))
     write_row(row_path(folder, 0), make_row(0, **{MASS: 0.5}, success=True))
     write_row(row_path(folder, 1), make_row(1, cycle_time_s=float("nan")))
@@ -61,20 +63,20 @@ def test_rows_come_in_order_and_null_where_a_trial_has_no_value(folder):
     assert rows["a.b"].to_pylist() == [None, None, "red"]
 
 
-def test_what_is_not_finite_is_null_in_vectors_too(folder):
+def test_infinite_numbers_are_null_in_vectors_too(folder):
     error = [1.0, float("inf"), 0.0]
     write_row(row_path(folder, 0), make_row(0, placement_error_m=error))
     assert read_rows(folder)["placement_error_m"].to_pylist() == [[1.0, None, 0.0]]
 
 
 @given(st.lists(st.lists(st.integers(0, 20), unique=True), max_size=5))
-def test_each_trial_is_there_once_in_order(files):
+def test_each_trial_appears_once_in_order(files):
     tables = [pa.table({"trial": pa.array(t, pa.int64())}) for t in files]
     rows = unique_rows(tables)
     assert rows["trial"].to_pylist() == sorted({t for trials in files for t in trials})
 
 
-def test_single_rows_and_all_rows_are_read_as_one(folder):
+def test_single_rows_and_the_file_of_all_rows_are_read_together(folder):
     for trial in range(3):
         write_row(row_path(folder, trial), make_row(trial))
     write_rows(all_rows_path(folder), read_rows(folder))
@@ -84,7 +86,9 @@ def test_single_rows_and_all_rows_are_read_as_one(folder):
 
 
 @pytest.mark.parametrize("read", range(4))
-def test_rows_that_are_put_into_one_file_meanwhile_are_read(folder, monkeypatch, read):
+def test_rows_are_read_while_the_sweep_moves_them_into_one_file(
+    folder, monkeypatch, read
+):
     for trial in range(3):
         write_row(row_path(folder, trial), make_row(trial))
     rows = read_rows(folder)
@@ -103,7 +107,7 @@ def test_rows_that_are_put_into_one_file_meanwhile_are_read(folder, monkeypatch,
     assert read_rows(folder).equals(rows)
 
 
-def test_a_row_that_is_a_link_to_nothing_is_named(folder):
+def test_a_dangling_link_is_named(folder):
     path = row_path(folder, 0)
     path.parent.mkdir()
     path.symlink_to("nothing")
@@ -111,7 +115,7 @@ def test_a_row_that_is_a_link_to_nothing_is_named(folder):
         read_rows(folder)
 
 
-def test_a_broken_file_of_all_rows_says_what_to_do(folder):
+def test_a_broken_file_of_all_rows_comes_with_advice(folder):
     all_rows_path(folder).write_bytes(b"PAR1")
     with pytest.raises(BrokenRowsError, match=r"trials.parquet: .*; .*move it away"):
         read_rows(folder)
@@ -131,7 +135,7 @@ def test_a_truncated_file_is_named(folder, keep):
 
 
 @pytest.mark.parametrize("write", ["row", "rows"])
-def test_a_flipped_bit_is_told_or_changes_nothing(folder, write):
+def test_a_flipped_bit_is_an_error_or_changes_nothing(folder, write):
     path = row_path(folder, 0)
     row = make_row(0, **{MASS: 0.25}, placement_error_m=[0.1, 0.2, 0.3])
     write_row(path, row)
@@ -153,15 +157,18 @@ def test_a_flipped_bit_is_told_or_changes_nothing(folder, write):
 
 
 @pytest.mark.parametrize("name", ["000000 (copy)", "0", "000000.1", "1e6", "٠٠٠٠٠٠"])
-def test_files_of_others_are_no_rows(folder, name):
+def test_files_with_other_names_are_ignored(folder, name):
     write_row(row_path(folder, 0), make_row(0))
     write_row(row_path(folder, 0).with_name(f"{name}.parquet"), make_row(1))
     assert read_rows(folder)["trial"].to_pylist() == [0]
 
 
-def test_rows_of_another_trial_or_sweep_are_no_rows(folder):
+def test_rows_of_another_trial_or_sweep_are_rejected(folder):
     path = row_path(folder, 0)
-    for row, words in ((make_row(1), "its trial"), (make_row(0, seed=3), "seeds")):
+    for row, words in (
+        (make_row(1), r"contains trials \[1\]"),
+        (make_row(0, seed=3), "seeds"),
+    ):
         write_row(path, row)
         with pytest.raises(BrokenRowsError, match=words):
             read_file(path, INFO)
@@ -171,18 +178,32 @@ def test_rows_of_another_trial_or_sweep_are_no_rows(folder):
 
 
 def test_a_folder_without_a_sweep_says_so(tmp_path):
-    with pytest.raises(ScenarioError, match=r"no sweep there \(sweep.json is missing"):
+    with pytest.raises(
+        ScenarioError, match=r"contains no sweep \(sweep.json is missing"
+    ):
         read_rows(tmp_path)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"schema_version": 1}', "\0"])
-def test_a_broken_sweep_file_says_so(folder, text):
+def test_a_broken_sweep_file_is_named(folder, text):
     (folder / "sweep.json").write_text(text)
-    with pytest.raises(ScenarioError, match=r"sweep.json: is not"):
+    with pytest.raises(ScenarioError, match=r"sweep.json: invalid content: ."):
         read_rows(folder)
 
 
-def test_a_later_schema_is_refused(folder):
+@pytest.mark.parametrize(
+    ("name", "value"), [("trials", "ten"), ("seed", None), ("jobs", "2"), ("tree", {})]
+)
+def test_a_sweep_file_with_a_value_of_another_type_names_it(folder, name, value):
+    path = folder / "sweep.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {name: value}))
+    with pytest.raises(
+        ScenarioError, match=f"invalid content: {name}: must be .*, got"
+    ):
+        read_rows(folder)
+
+
+def test_a_later_schema_is_rejected(folder):
     (folder / "sweep.json").write_text('{"schema_version": 2}')
-    with pytest.raises(ScenarioError, match="schema version 2; allowed: 1"):
+    with pytest.raises(ScenarioError, match=r"schema_version: got 2 \(allowed: 1\)"):
         read_rows(folder)

@@ -29,12 +29,12 @@ from drake_srg.sweeps.statistics import (
         (1, 29, 0.0061, 0.1718),
     ],
 )
-def test_wilson_intervals_are_the_published_ones(successes, trials, low, high):
+def test_wilson_intervals_match_published_ones(successes, trials, low, high):
     assert wilson_interval(successes, trials) == pytest.approx((low, high), abs=5e-5)
 
 
 @given(st.integers(1, 2000), st.data(), st.floats(0.5, 0.999))
-def test_wilson_bounds_are_where_what_was_seen_is_z_deviations_away(n, data, level):
+def test_the_observed_share_is_z_deviations_from_wilson_bounds(n, data, level):
     k = data.draw(st.integers(0, n))
     low, high = wilson_interval(k, n, level)
     assert 0.0 <= low <= k / n <= high <= 1.0
@@ -46,8 +46,8 @@ def test_wilson_bounds_are_where_what_was_seen_is_z_deviations_away(n, data, lev
 
 
 @pytest.mark.parametrize("arguments", [(-1, 5), (6, 5), (1, 5, 0.0), (1, 5, 1.0)])
-def test_wilson_refuses_what_is_no_proportion(arguments):
-    with pytest.raises(ValueError, match="allowed are 0 <= successes"):
+def test_wilson_rejects_impossible_arguments(arguments):
+    with pytest.raises(ValueError, match="needs 0 <= successes"):
         wilson_interval(*arguments)
 
 
@@ -64,13 +64,13 @@ small = st.lists(st.integers(0, 6).map(float), min_size=1, max_size=5)
 
 
 @given(small, small)
-def test_few_values_are_compared_exactly_with_ties(first, second):
+def test_small_samples_are_compared_exactly_even_with_ties(first, second):
     pooled = first + second
     ranks = midranks(np.array(pooled))
     auc, p = rank_auc(np.array(first), np.array(second))
     wins = sum((a > b) + 0.5 * (a == b) for a in first for b in second)
     assert auc == pytest.approx(wins / len(first) / len(second))
-    # Every way to choose which of them are the first ones is as likely.
+    # Every choice of the values that form the first sample is equally likely.
     seen = ranks[: len(first)].sum()
     sums = [sum(c) for c in itertools.combinations(ranks, len(first))]
     tails = sum(s <= seen for s in sums), sum(s >= seen for s in sums)
@@ -78,7 +78,7 @@ def test_few_values_are_compared_exactly_with_ties(first, second):
 
 
 @given(small, small)
-def test_comparison_is_the_same_from_the_other_side(first, second):
+def test_the_comparison_is_symmetric(first, second):
     a, p = rank_auc(np.array(first), np.array(second))
     b, q = rank_auc(np.array(second), np.array(first))
     assert (a, p) == (pytest.approx(1.0 - b), pytest.approx(q))
@@ -86,17 +86,17 @@ def test_comparison_is_the_same_from_the_other_side(first, second):
 
 @pytest.mark.parametrize("shift", [0.0, 0.3, 0.6])
 @pytest.mark.parametrize("ties", [False, True])
-def test_exact_and_normal_p_values_agree_where_both_hold(monkeypatch, shift, ties):
+def test_exact_and_normal_p_values_agree_for_large_samples(monkeypatch, shift, ties):
     random = np.random.default_rng(0)
     first, second = random.normal(shift, size=50), random.normal(size=150)
     if ties:
         first, second = np.round(2.0 * first), np.round(2.0 * second)
     exact = rank_auc(first, second)
-    monkeypatch.setattr(statistics, "_EXACT", 0)
+    monkeypatch.setattr(statistics, "LARGEST_EXACT", 0)
     assert rank_auc(first, second) == pytest.approx(exact, abs=5e-3)
 
 
-def test_p_values_are_uniform_where_there_is_no_difference():
+def test_p_values_are_uniform_without_a_difference():
     random = np.random.default_rng(1)
     ps = [rank_auc(*np.split(random.normal(size=400), [40]))[1] for _ in range(400)]
     below = [np.mean(np.array(ps) <= level) for level in (0.05, 0.5)]
@@ -105,18 +105,18 @@ def test_p_values_are_uniform_where_there_is_no_difference():
         assert abs(share - level) < 4.0 * deviation
 
 
-def test_comparison_needs_two_samples():
-    with pytest.raises(ValueError, match="both need some"):
+def test_a_comparison_needs_two_samples():
+    with pytest.raises(ValueError, match="must not be empty, got 0 and 1"):
         rank_auc(np.array([]), np.array([1.0]))
 
 
-def test_what_does_not_vary_tells_nothing():
+def test_constant_quantities_show_no_relation():
     assert rank_auc(np.ones(300), np.ones(300)) == (0.5, 1.0)
     rho, p = spearman(np.ones(5), np.arange(5.0))
     assert (math.isnan(rho), p) == (True, 1.0)
 
 
-def test_spearman_follows_any_growing_relation():
+def test_spearman_is_one_for_any_growing_relation():
     x = np.linspace(0.1, 3.0, 50)
     assert spearman(x, np.exp(x))[0] == pytest.approx(1.0)
     assert spearman(x, 1.0 / x)[0] == pytest.approx(-1.0)
@@ -126,7 +126,7 @@ def test_spearman_follows_any_growing_relation():
     assert 0.0 < p < 1.0
 
 
-def test_benjamini_hochberg_as_in_their_paper():
+def test_benjamini_hochberg_matches_their_paper():
     # Section 3.2 there: four of fifteen are significant at q = 0.05.
     p = [1e-4, 4e-4, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459, 0.3240]
     p += [0.4262, 0.5719, 0.6528, 0.7590, 1.0]

@@ -24,8 +24,8 @@ SWEEP = {"scenario": stub.SCENARIO, "trials": 6, "trial_function": stub.trial}
 
 @pytest.fixture(autouse=True)
 def unchecked(monkeypatch):
-    """Building the cell takes a second; the command's tests do it."""
-    monkeypatch.setattr(sweep, "_check", lambda tree, name, seed, record: seed or 0)
+    """Skip building the cell, which takes a second; tests of the command do it."""
+    monkeypatch.setattr(sweep, "check_scenario", stub.unchecked)
 
 
 def run(out, engine=None, told=None, **changes):
@@ -38,11 +38,11 @@ def run(out, engine=None, told=None, **changes):
 
 
 def values(rows):
-    """The rows without what differs between runs."""
+    """The rows without the column that differs between runs."""
     return rows.drop_columns(["worker"]).to_pylist()
 
 
-def test_a_sweep_leaves_its_rows_in_one_file(tmp_path):
+def test_a_sweep_ends_with_all_rows_in_one_file(tmp_path):
     rows = run(tmp_path, seed=5)
     assert rows["trial"].to_pylist() == list(range(6))
     assert rows["seed"].to_pylist() == list(range(5, 11))
@@ -50,7 +50,7 @@ def test_a_sweep_leaves_its_rows_in_one_file(tmp_path):
     assert stub.names(tmp_path) == ["lock", "sweep.json", "trials.parquet"]
 
 
-def test_the_sweep_says_what_it_is(tmp_path):
+def test_the_sweep_file_identifies_the_sweep(tmp_path):
     run(tmp_path, seed=5, overrides=["object.mass=0.3"])
     info = json.loads((tmp_path / "sweep.json").read_text())
     assert info["scenario"] == stub.SCENARIO
@@ -71,12 +71,12 @@ def test_the_sweep_says_what_it_is(tmp_path):
     whole=st.none() | st.integers(1, 6),
     more=st.integers(0, 2),
 )
-def test_whatever_is_there_is_completed_exactly_once(single, whole, more):
+def test_resuming_runs_each_missing_trial_exactly_once(single, whole, more):
     with tempfile.TemporaryDirectory() as folder:
         out, full = Path(folder) / "out", Path(folder) / "full"
         wanted = values(run(full, trials=6 + more))
         present = set(single)
-        if whole is not None:  # a sweep of so many trials that was extended since
+        if whole is not None:  # a sweep of so many trials, extended since then
             run(out, trials=whole)
             present |= set(range(whole))
         else:
@@ -93,7 +93,7 @@ def test_whatever_is_there_is_completed_exactly_once(single, whole, more):
 
 
 @pytest.mark.parametrize("after", range(4))
-def test_what_is_interrupted_goes_on(after, tmp_path, monkeypatch):
+def test_an_interrupted_sweep_continues(after, tmp_path, monkeypatch):
     count = 0
     add = sweep.SweepFolder.add
 
@@ -114,7 +114,7 @@ def test_what_is_interrupted_goes_on(after, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("after", range(0, 12, 3))
-def test_a_full_disk_loses_nothing_that_is_done(after, tmp_path, monkeypatch):
+def test_a_full_disk_loses_no_finished_trial(after, tmp_path, monkeypatch):
     fsync, count = os.fsync, 0
 
     def filling(descriptor):
@@ -128,7 +128,7 @@ def test_a_full_disk_loses_nothing_that_is_done(after, tmp_path, monkeypatch):
     with pytest.raises(OSError, match="No space left"):
         run(tmp_path)
     monkeypatch.undo()
-    monkeypatch.setattr(sweep, "_check", lambda *_: 0)
+    monkeypatch.setattr(sweep, "check_scenario", stub.unchecked)
     done = read_rows(tmp_path)["trial"].to_pylist()
     engine = stub.StubEngine()
     rows = run(tmp_path, engine, resume=True)
@@ -136,7 +136,7 @@ def test_a_full_disk_loses_nothing_that_is_done(after, tmp_path, monkeypatch):
     assert sorted(engine.given + done) == list(range(6))
 
 
-def test_recordings_are_kept_of_those_asked_for(tmp_path):
+def test_recordings_are_kept_for_the_requested_trials(tmp_path):
     for record, kept in (("failures", {1, 4}), ("all", set(range(6)))):
         run(tmp_path / record, record=record)
         recordings = tmp_path / record / "recordings"
@@ -145,7 +145,7 @@ def test_recordings_are_kept_of_those_asked_for(tmp_path):
             assert (recordings / f"{trial:06}/video.mp4").read_text() == str(trial)
 
 
-def test_a_recording_without_its_row_is_made_again(tmp_path):
+def test_a_recording_without_its_row_is_replaced(tmp_path):
     run(tmp_path, record="failures", trials=2)
     all_rows_path(tmp_path).unlink()
     video = tmp_path / "recordings/000001/video.mp4"
@@ -157,7 +157,7 @@ def test_a_recording_without_its_row_is_made_again(tmp_path):
     assert stub.names(tmp_path / "recordings") == ["000001"]
 
 
-def test_a_broken_row_is_told_and_run_again(tmp_path):
+def test_a_broken_row_is_reported_and_its_trial_runs_again(tmp_path):
     run(tmp_path)
     all_rows_path(tmp_path).unlink()
     for trial in range(6):
@@ -172,7 +172,7 @@ def test_a_broken_row_is_told_and_run_again(tmp_path):
     assert row_path(tmp_path, 3).with_suffix(".parquet.broken").read_bytes() == b"PAR1"
 
 
-def test_a_second_broken_row_does_not_take_the_place_of_the_first(tmp_path):
+def test_a_second_broken_row_does_not_overwrite_the_first(tmp_path):
     run(tmp_path)
     all_rows_path(tmp_path).unlink()
     path = row_path(tmp_path, 3)
@@ -185,15 +185,17 @@ def test_a_second_broken_row_does_not_take_the_place_of_the_first(tmp_path):
     asides = [path.with_name(f"{path.name}.broken{n}") for n in ("", "-2", "-3")]
     assert [a.read_bytes() for a in asides] == [b"first", b"second", b"third"]
     for line, aside in zip(told, asides, strict=True):
-        assert f"it is {aside.name} now" in line
+        assert f"renamed to {aside.name}, its trial runs again" in line
 
 
-def test_a_broken_file_of_all_rows_is_left_to_the_user(tmp_path):
+def test_a_broken_file_of_all_rows_is_left_for_the_user(tmp_path):
     run(tmp_path)
     whole = all_rows_path(tmp_path)
     whole.write_bytes(b"")
     engine = stub.StubEngine()
-    with pytest.raises(ScenarioError, match=r"trials.parquet: .*move it away: .*again"):
+    with pytest.raises(
+        ScenarioError, match=r"trials.parquet: .*move it away so .*again"
+    ):
         run(tmp_path, engine, resume=True)
     assert engine.given == []
     assert whole.exists()
@@ -204,7 +206,9 @@ def test_a_broken_file_of_all_rows_is_left_to_the_user(tmp_path):
 
 @pytest.mark.parametrize("number", [errno.EACCES, errno.EIO, errno.EMFILE])
 @pytest.mark.parametrize("single", [True, False])
-def test_what_cannot_be_read_now_is_not_broken(number, single, tmp_path, monkeypatch):
+def test_an_unreadable_file_does_not_count_as_broken(
+    number, single, tmp_path, monkeypatch
+):
     run(tmp_path)
     path = all_rows_path(tmp_path)
     if single:
@@ -229,7 +233,7 @@ def test_what_cannot_be_read_now_is_not_broken(number, single, tmp_path, monkeyp
     assert run(tmp_path, resume=True).num_rows == 6
 
 
-def test_a_folder_that_cannot_be_read_is_not_empty(tmp_path, monkeypatch):
+def test_an_unreadable_folder_does_not_count_as_empty(tmp_path, monkeypatch):
     run(tmp_path)
     whole = all_rows_path(tmp_path)
     content = whole.read_bytes()
@@ -244,65 +248,65 @@ def test_a_folder_that_cannot_be_read_is_not_empty(tmp_path, monkeypatch):
     assert whole.read_bytes() == content
 
 
-def test_rows_are_not_overwritten(tmp_path):
+def test_a_sweep_does_not_overwrite_another(tmp_path):
     run(tmp_path)
-    with pytest.raises(ScenarioError, match=r"--resume goes on with it"):
+    with pytest.raises(ScenarioError, match=r"continue it with --resume"):
         run(tmp_path)
     (tmp_path / "sweep.json").unlink()
     for resume in (False, True):
-        with pytest.raises(ScenarioError, match=r"no sweep.json"):
+        with pytest.raises(ScenarioError, match=r"contains trials but no sweep.json"):
             run(tmp_path, resume=resume)
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"seed": 1}, "seed: 0 there, 1 now"),
-        ({"record": "all"}, "record: none there, all now"),
-        ({"trials": 5}, "trials: 6 there, 5 now"),
+        ({"seed": 1}, "seed: was 0, is 1"),
+        ({"record": "all"}, "record: was none, is all"),
+        ({"trials": 5}, "trials: was 6, is 5"),
         (
             {"overrides": ["object.mass=0.3"]},
-            r"objects.soup_can.mass[^:]*: .* there, .* now",
+            r"objects.soup_can.mass[^:]*: was .*, is .*",
         ),
-        ({"scenario": "kitchen"}, "arm.period: .* there, nothing now"),
+        ({"scenario": "kitchen"}, "arm.period: was .*, is missing"),
     ],
 )
-def test_another_sweep_is_not_gone_on_with(changes, words, tmp_path):
+def test_another_sweep_is_not_continued(changes, words, tmp_path):
     run(tmp_path)
     before = read_rows(tmp_path)
-    with pytest.raises(ScenarioError, match=f"holds another sweep: {words}"):
+    with pytest.raises(ScenarioError, match=f"contains another sweep: {words}"):
         run(tmp_path, resume=True, **changes)
     assert read_rows(tmp_path).equals(before)
 
 
 @pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
-def test_rows_of_other_code_are_not_gone_on_with(name, tmp_path, monkeypatch):
+def test_rows_of_other_code_are_not_continued(name, tmp_path, monkeypatch):
     run(tmp_path)
     there = sweep.current_versions()
     monkeypatch.setattr(sweep, "current_versions", lambda: {**there, name: "other"})
-    words = f"holds another sweep: {name}: {re.escape(there[name])} there, other now"
+    words = f"contains another sweep: {name}: was {re.escape(there[name])}, is other"
     with pytest.raises(ScenarioError, match=words):
         run(tmp_path, trials=7, resume=True)
     assert read_rows(tmp_path).num_rows == 6
 
 
-def test_rows_of_unknown_code_are_not_gone_on_with(tmp_path):
+def test_rows_of_unknown_code_are_not_continued(tmp_path):
     run(tmp_path)
     info = json.loads((tmp_path / "sweep.json").read_text())
     del info["versions"]["drake_srg_sources"]
     (tmp_path / "sweep.json").write_text(json.dumps(info))
-    with pytest.raises(ScenarioError, match="drake_srg_sources: nothing there"):
+    with pytest.raises(ScenarioError, match="drake_srg_sources: was missing"):
         run(tmp_path, trials=7, resume=True)
 
 
-def test_what_differs_elsewhere_is_no_other_sweep(tmp_path, monkeypatch):
+def test_other_versions_may_differ(tmp_path, monkeypatch):
     run(tmp_path)
     there = sweep.current_versions()
     monkeypatch.setattr(sweep, "current_versions", lambda: {**there, "python": "4.0"})
     assert run(tmp_path, trials=7, resume=True).num_rows == 7
 
 
-def test_a_finished_sweep_is_resumed_without_an_engine(tmp_path):
+def test_resuming_a_finished_sweep_needs_no_engine(tmp_path):
     class Unused(stub.StubEngine):
         def __enter__(self):
             raise AssertionError
@@ -320,20 +324,20 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path):
         [sys.executable, "-c", program, tmp_path / "lock"], stdout=subprocess.PIPE
     ) as other:
         other.stdout.readline()
-        with pytest.raises(ScenarioError, match="process 7 runs a sweep there"):
+        with pytest.raises(ScenarioError, match="process 7 is running a sweep there"):
             run(tmp_path)
         other.kill()
     run(tmp_path)
 
 
 @pytest.mark.parametrize("trials", [0, -1])
-def test_there_must_be_trials(trials, tmp_path):
+def test_a_sweep_needs_trials(trials, tmp_path):
     with pytest.raises(ScenarioError, match=f"--trials {trials}: must be at least 1"):
         run(tmp_path / "out", trials=trials)
     assert not (tmp_path / "out").exists()
 
 
-def test_warnings_of_trials_are_told(tmp_path):
+def test_warnings_of_trials_are_reported(tmp_path):
     def odd(*arguments):
         result = stub.trial(*arguments)
         return type(result)(result.row, result.files, "odd")
@@ -343,7 +347,7 @@ def test_warnings_of_trials_are_told(tmp_path):
     assert told == ["odd"]
 
 
-def test_progress_tells_success_and_the_time_left(tmp_path, monkeypatch, capsys):
+def test_progress_shows_success_and_the_time_left(tmp_path, monkeypatch, capsys):
     now, add = 0.0, sweep.SweepFolder.add
 
     def a_minute_each(self, result):
@@ -352,7 +356,7 @@ def test_progress_tells_success_and_the_time_left(tmp_path, monkeypatch, capsys)
         add(self, result)
 
     monkeypatch.setattr(sweep.SweepFolder, "add", a_minute_each)
-    # One after the other: of two that are over, either may come first.
+    # One after the other: if two have ended, either may come first.
     monkeypatch.setattr(stub.StubEngine, "slots", lambda _: 1)
     monkeypatch.setattr(tqdm.std, "time", lambda: now)
 
@@ -361,14 +365,14 @@ def test_progress_tells_success_and_the_time_left(tmp_path, monkeypatch, capsys)
         frames = re.split(r"[\r\n]+", capsys.readouterr().err)
         return [re.sub(r"\|.*?\|", "|", frame) for frame in frames if frame]
 
-    # As `stub.trial` has it, trials 1 and 4 fail.
+    # In `stub.trial`, trials 1 and 4 fail.
     assert distinct(shown(3)) == [
         "0/3 trials | [00:00 elapsed, ? left]",
         "1/3 trials | 100.0% succeeded [01:00 elapsed, 02:00 left]",
         "2/3 trials | 50.0% succeeded [02:00 elapsed, 01:00 left]",
         "3/3 trials | 66.7% succeeded [03:00 elapsed, 00:00 left]",
     ]
-    # The time left is of the trials run now, not of those that were there.
+    # The time left is extrapolated from the trials of this run only.
     assert distinct(shown(5)) == [
         "3/5 trials | 66.7% succeeded [00:00 elapsed, ? left]",
         "4/5 trials | 75.0% succeeded [01:00 elapsed, 01:00 left]",
@@ -377,16 +381,16 @@ def test_progress_tells_success_and_the_time_left(tmp_path, monkeypatch, capsys)
 
 
 def distinct(frames):
-    """What is shown, in order, without what is drawn again and without gaps."""
+    """The frames in order, without repetitions and gaps."""
     return list(dict.fromkeys(" ".join(frame.split()) for frame in frames))
 
 
-def test_nothing_is_shown_unasked(tmp_path, capsys):
+def test_nothing_is_printed_by_default(tmp_path, capsys):
     run(tmp_path)
     assert capsys.readouterr().err == ""
 
 
-def test_no_folder_can_be_made_in_a_file(tmp_path):
+def test_a_folder_cannot_be_made_inside_a_file(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(OSError, match="file"):
         run(tmp_path / "file" / "out")

@@ -22,9 +22,6 @@ from drake_srg.sweeps.dataset.statistics import (
 )
 from drake_srg.sweeps.dataset.video import VideoFiles, encode_episode
 
-# Episodes whose metadata are written at once: a row group of a useful size.
-_EPISODES_AT_ONCE = 100
-
 
 class DatasetWriter:
     """Writes the files of a data set with one task.
@@ -40,6 +37,7 @@ class DatasetWriter:
         robot: What does it.
         data_limit: Size of a Parquet file [bytes].
         video_limit: Size of a video [bytes].
+        episodes_at_once: Episodes whose metadata form one row group.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -56,9 +54,11 @@ class DatasetWriter:
         robot: str,
         data_limit: int = fmt.DATA_MB * fmt.MEGABYTE,
         video_limit: int = fmt.VIDEO_MB * fmt.MEGABYTE,
+        episodes_at_once: int = 100,
     ):
         self._root, self._layout, self._fps = root, layout, fps
         self._task, self._robot = task, robot
+        self._episodes_at_once = episodes_at_once
         self._features = fmt.make_features(layout, fps)
         self._data_schema = fmt.data_schema(self._features)
         self._episode_schema = fmt.episode_schema(self._features)
@@ -121,7 +121,7 @@ class DatasetWriter:
         self._rows.append(row)
         self._count += 1
         self._frames += length
-        if len(self._rows) == _EPISODES_AT_ONCE:
+        if len(self._rows) == self._episodes_at_once:
             self._write_rows()
 
     def finish(self) -> None:

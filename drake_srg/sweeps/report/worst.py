@@ -21,7 +21,7 @@ from drake_srg.sweeps.report.trials import Trials
 
 _ROWS = 10
 _VIDEOS = 8
-_VIDEO_BYTES = 24_000_000  # of all of them: what one can still send by mail
+VIDEO_BYTES = 24_000_000  # of all of them: what one can still send by mail
 
 
 def worst(trials: Trials, folder: Path, rerun: Callable[[int], str]) -> Element:
@@ -71,7 +71,7 @@ def _videos(trials: Trials, folder: Path) -> tuple[list[tuple[int, bytes]], list
     """The videos to show, the worst trial's first, and the paths of the others."""
     shown: list[tuple[int, bytes]] = []
     left_out: list[str] = []
-    room = _VIDEO_BYTES
+    room = VIDEO_BYTES
     for row in trials.worst():
         name = f"recordings/{trials.trial[row]:06d}/video.mp4"
         path = folder / name

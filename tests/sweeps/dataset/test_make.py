@@ -205,11 +205,10 @@ def test_signals_between_messages(tmp_path):
     np.testing.assert_allclose(signals.action[:, 2], closure(before), atol=1e-7)
 
 
-def test_large_data_sets_have_several_files(sweep, tmp_path, monkeypatch):
+def test_large_data_sets_have_several_files(sweep, tmp_path):
     path = sweep / "recordings/000007/recording.mcap"
     signals = read_signals(path)
     about = {"trial": 7, "seed": 107, "success": True, "failure": None}
-    monkeypatch.setattr("drake_srg.sweeps.dataset.writer._EPISODES_AT_ONCE", 3)
     episode, _ = encode_episode(read_images(path, "ceiling"), FPS)
     with DatasetWriter(
         tmp_path / "made",
@@ -219,6 +218,7 @@ def test_large_data_sets_have_several_files(sweep, tmp_path, monkeypatch):
         robot="arm",
         data_limit=1500,  # one episode has 64 bytes a frame; its metadata, more
         video_limit=int(2.5 * len(episode)),
+        episodes_at_once=3,
     ) as writer:
         for _ in range(7):
             images = {camera: read_images(path, camera) for camera in CAMERAS}

@@ -131,7 +131,7 @@ def test_videos_of_the_worst_are_in_the_page_as_far_as_there_is_room(
 
     assert videos()[0] == 8
     assert "4 more are in the sweep" in videos()[1]
-    monkeypatch.setattr(worst, "_VIDEO_BYTES", 17)
+    monkeypatch.setattr(worst, "VIDEO_BYTES", 17)
     assert videos()[0] == 3
     left_out = re.search(r"9 more are in the sweep's folder, as (\S+),", videos()[1])
     assert (folder / left_out[1]).is_file()
