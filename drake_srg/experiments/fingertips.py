@@ -1,21 +1,22 @@
-"""Flat and curved fingertips that take a cylinder beside its middle, and carry it fast.
+"""Flat and curved fingertips that grasp a cylinder off its middle and carry it fast.
 
-The thesis of the five-axis arm says that flat fingertips let the object slip, and cuts
-them to its shape. Here the hand goes up to 8 mm short of the cylinder, along the palm's
-x, and beside it, along its y: the planner is told so by sightings that are off, and
-looks no second time. The cylinder is as slippery as in the scenario's smoothest case
-("dry"), and as something greasy; it is carried as fast as the servos can, and set down
-on the table's even part.
+The thesis of the five-axis arm reports that flat fingertips let the object slip, and
+cuts them to the object's shape. Here, errors added to the sightings make the hand stop
+up to 8 mm short of the cylinder, along the palm's x, or beside it, along the palm's y.
+The planner does not look a second time. The cylinder's friction is as in the scenario's
+smoothest case ("dry") or lower ("greasy"). The arm carries it as fast as the servos
+allow and sets it down on the flat part of the table.
 
-A step moves what is held along the tangent of its way, the hand along the arc. That
-takes the one out of the other by a distance in proportion to the step, however firm the
-grip: what is left at a step of zero, extrapolated from two, is slip.
+A time step moves a held object along the tangent of its path, but the hand along the
+arc. That separates them by a distance proportional to the step, however firm the grip.
+What remains at step 0, extrapolated from two steps, is slip.
 
-An arc of radius r that spans +-a, and a cylinder of the same radius at the offset d: it
-touches the arc's end, where the surface normal is at asin(sin(a) - d / r) to the
-closing direction. Closing pushes it to the middle where that is more than the angle of
-friction, so up to d = r (sin(a) - sin(atan(mu))). The models' arcs are of three faces,
-the outer ones at 27 degrees: against dry friction, atan(0.5), they push hardly at all.
+Take an arc of radius r that spans +-a, and a cylinder of the same radius at an offset
+d. The cylinder touches the arc's end, where the surface normal is at asin(sin(a) - d /
+r) to the closing direction. Closing pushes the cylinder to the middle if that angle
+exceeds the angle of friction, that is up to d = r (sin(a) - sin(atan(mu))). The arcs of
+the models have three faces, the outer ones at 27 degrees: with dry friction, atan(0.5),
+they hardly push at all.
 """
 
 from __future__ import annotations
@@ -25,42 +26,34 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
-from drake_srg.cell import ConnectPlanner, MakePlanner
-from drake_srg.cell.perception import AddLocalizer
-from drake_srg.common.ports import export_outputs
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.lifetime import LeafSystem
+from drake_srg.experiments.sighting_error import cell_maker
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
-from drake_srg.scenario import Scenario
-from drake_srg.station import MakeStation
-from drake_srg.types import Blob, Vector
 
 SCENARIOS = {"curved": "assistive_arm", "flat": "assistive_arm_flat"}
 FRICTION = {"dry": 0.5, "greasy": 0.15}
 OFFSETS = tuple(map(float, range(9)))  # mm
-# Surface, direction and offsets [mm]; beyond 8 mm it may be lost.
+# Surface, direction and offsets [mm]; beyond 8 mm the cylinder may be lost.
 SERIES = (
     ("dry", "x", (*OFFSETS, 10.0, 12.0, 14.0)),
     ("dry", "y", OFFSETS),
     ("greasy", "x", OFFSETS),
 )
-# The cylinder stands straight in front of the arm, where the palm's x and y are the
-# world's, turned half round: sightings that are off by this let the hand end there.
+# The cylinder stands straight in front of the arm, where the palm's x and y are
+# opposite to the world's: errors of sightings by offset and direction.
 _POSITION = [-0.325, -0.17282]
 _OFF = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}
 _STEP = 0.001  # s
 _RADIUS, _ARC = 0.0125, np.deg2rad(40.0)  # of the pads, tools/models/linkage_gripper.py
-# A recess with 1 mm of clearance takes what is no further off [mm].
+# Largest error with which a cylinder still fits a recess of 1 mm clearance [mm].
 _CLEARANCE = 1.0
-_SLIP = 0.1 * _CLEARANCE  # of a firm grip [mm]
+_SLIP = 0.1 * _CLEARANCE  # largest slip of a firm grip [mm]
 _OVERRIDES = (
     f"object.position={_POSITION}",
-    # Beside the recess; where it ends tells how it was held, not how it was seen.
+    # Beside the recess, so that the final position shows how the cylinder was held.
     "task.place={position: [0.05, 0.145], height: 0.1, tolerance: 0.02}",
     "planner.look_before_grasp=false",
     "planner.look_before_place=false",
@@ -72,7 +65,7 @@ _OVERRIDES = (
 
 @dc.dataclass(frozen=True)
 class Case:
-    """How the cylinder is taken."""
+    """Fingertips, cylinder and the offset at which the hand grasps it."""
 
     pads: str  # curved, flat
     surface: str  # dry, greasy
@@ -82,68 +75,15 @@ class Case:
 
     @property
     def group(self) -> str:
-        """All but the offset."""
+        """Everything but offset and step."""
         return f"{self.pads}, {self.surface}, along {self.direction}"
 
     def __str__(self) -> str:
         return f"{self.group}, {self.offset:g} mm"
 
 
-class SightingError(LeafSystem):
-    """Moves all sightings by the same.
-
-    .. pydrake_system::
-
-        name: SightingError
-        input_ports:
-        - blobs_seen
-        output_ports:
-        - blobs
-
-    Args:
-        offset: What is added to the positions of the list[Blob], (3,) [m].
-    """
-
-    def __init__(self, offset: Vector) -> None:
-        super().__init__()
-        self._offset = np.array(offset)
-        nothing: list[Blob] = []
-        self._seen = self.DeclareAbstractInputPort(
-            "blobs_seen", AbstractValue.Make(nothing)
-        )
-        self.DeclareAbstractOutputPort(
-            "blobs", lambda: AbstractValue.Make(nothing), self._calc_blobs
-        )
-
-    def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
-        seen: list[Blob] = self._seen.Eval(context)
-        output.set_value(
-            [dc.replace(blob, position=blob.position + self._offset) for blob in seen]
-        )
-
-
-def cell_maker(offset: Vector) -> Callable[[Scenario], Diagram]:
-    """Return what makes a cell whose sightings are off by `offset` (3,) [m]."""
-
-    def make_cell(scenario: Scenario) -> Diagram:
-        builder = DiagramBuilder()
-        station = builder.AddNamedSystem("station", MakeStation(scenario))
-        localizer = AddLocalizer(builder, scenario, station)
-        error = builder.AddNamedSystem("sighting_error", SightingError(offset))
-        planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
-        builder.Connect(localizer.get_output_port(), error.get_input_port())
-        ConnectPlanner(builder, station, error, planner)
-        export_outputs(builder, station)
-        builder.ExportOutput(localizer.get_output_port(), "localizer.blobs")
-        for name in ("mode", "status"):
-            builder.ExportOutput(planner.GetOutputPort(name), f"planner.{name}")
-        return builder.Build()
-
-    return make_cell
-
-
 def fingertip_cases() -> list[Case]:
-    """Return what is tried with either pads: `SERIES`, and what tells slip."""
+    """Return all cases: `SERIES` with both pads, and coarse steps that show slip."""
     series = [
         Case(pads, surface, direction, offset)
         for pads in SCENARIOS
@@ -159,7 +99,7 @@ def fingertip_cases() -> list[Case]:
 
 
 def take(case: Case) -> Cycle:
-    """Run a cycle."""
+    """Run the cycle of a case."""
     return run_cycle(
         SCENARIOS[case.pads],
         seed=0,
@@ -173,7 +113,7 @@ def take(case: Case) -> Cycle:
 
 
 def run(track: Track) -> ExperimentResult:
-    """Take the cylinder beside its middle, in all ways."""
+    """Grasp and carry the cylinder in every case."""
     cycles = {case: take(case) for case in track(fingertip_cases())}
     columns = [line(case, cycle) for case, cycle in cycles.items()]
     table = {name: [column[name] for column in columns] for name in columns[0]}
@@ -181,7 +121,7 @@ def run(track: Track) -> ExperimentResult:
 
 
 def left(case: Case, cycle: Cycle) -> float:
-    """What closing leaves of the offset, in its direction [mm]; NaN if not held."""
+    """Return the offset that remains after closing [mm]; NaN if not held."""
     if cycle.p_GO_open is None or cycle.p_GO_held is None:
         return np.nan
     i = "xyz".index(case.direction)
@@ -189,33 +129,33 @@ def left(case: Case, cycle: Cycle) -> float:
 
 
 def slip(cycle: Cycle) -> float:
-    """Motion in the hand while carried [mm]; NaN if not held."""
+    """Return the motion in the hand while carried [mm]; NaN if not held."""
     return np.nan if cycle.slip is None else 1e3 * cycle.slip
 
 
 def turn(cycle: Cycle) -> float:
-    """Turn in the hand while carried [degrees]; NaN if not held."""
+    """Return the rotation in the hand while carried [degrees]; NaN if not held."""
     return np.nan if cycle.turn is None else float(np.rad2deg(cycle.turn))
 
 
 def line(case: Case, cycle: Cycle) -> dict[str, Any]:
-    """Return a line of the table."""
+    """Return a row of the table."""
     return {
         **dc.asdict(case),
         "success": int(cycle.metrics.success),
         "failure": cycle.metrics.failure or "",
-        "left after closing [mm]": left(case, cycle),
+        "remaining offset [mm]": left(case, cycle),
         "slip [mm]": slip(cycle),
         "turn [degrees]": turn(cycle),
     }
 
 
 def up_to(cases: Sequence[Case], good: Callable[[Case], bool]) -> float:
-    """Return the offset up to which all cases are good [mm]; NaN if the first is not.
+    """Return the offset up to which all cases are good [mm]; NaN if none is.
 
     Args:
         cases: In the order of their offsets.
-        good: Whether one is.
+        good: Whether a case is good.
     """
     farthest = np.nan
     for case in cases:
@@ -226,11 +166,12 @@ def up_to(cases: Sequence[Case], good: Callable[[Case], bool]) -> float:
 
 
 def centered_up_to(friction: float) -> float:
-    """Return the largest offset that curved pads push to the middle [mm]."""
+    """Return the largest offset that rigid curved pads centre [mm]."""
     return float(1e3 * _RADIUS * (np.sin(_ARC) - np.sin(np.arctan(friction))))
 
 
 def _groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
+    """Return the cases with the fine step, by group."""
     groups: dict[str, list[Case]] = {}
     for case in cases:
         if case.step == _STEP:
@@ -239,10 +180,10 @@ def _groups(cases: Iterable[Case]) -> dict[str, list[Case]]:
 
 
 def judge(cycles: Mapping[Case, Cycle]) -> list[Row]:
-    """Expect a firm hold up to 8 mm, and that curved pads center what is greasy.
+    """Expect a firm hold up to 8 mm, and curved pads to centre a greasy cylinder.
 
-    Arcs reach 8 mm before and behind their middle, flat pads 9 mm; the open hand leaves
-    12 mm on both sides. Pads that give way center less far than rigid arcs would.
+    Arcs reach 8 mm on both sides of their middle, flat pads 9 mm; the open hand leaves
+    12 mm on both sides. Pads that yield centre less far than rigid arcs.
     """
     groups = _groups(cycles)
     centered = {
@@ -253,12 +194,16 @@ def judge(cycles: Mapping[Case, Cycle]) -> list[Row]:
     for group, cases in groups.items():
         first = cases[0]
         held = up_to(cases, lambda case: cycles[case].metrics.success)
-        rows.append(Row.at_least(group, "taken, offset up to", OFFSETS[-1], held, "mm"))
+        rows.append(
+            Row.at_least(group, "grasped, up to an offset of", OFFSETS[-1], held, "mm")
+        )
         near = [case for case in cases if case.offset in OFFSETS]
-        name = f"centered within {_CLEARANCE:g} mm, offset up to"
+        name = f"centred within {_CLEARANCE:g} mm, up to an offset of"
         if first.direction == "y":
             spread = float(np.ptp([left(case, cycles[case]) for case in near]))
-            rows.append(Row.at_most(group, "ends differ by", _CLEARANCE, spread, "mm"))
+            rows.append(
+                Row.at_most(group, "spread of final offsets", _CLEARANCE, spread, "mm")
+            )
         elif first.pads == "flat":
             rows.append(Row.info(group, name, centered[group], "mm"))
         else:
@@ -272,27 +217,27 @@ def judge(cycles: Mapping[Case, Cycle]) -> list[Row]:
             float(np.max([f(cycles[case]) for case in near])) for f in (slip, turn)
         )
         rows += [
-            Row.info(group, "moved while carried, at a step of 1 ms", moved, "mm"),
-            Row.info(group, "turned while carried", turned, "degrees"),
+            Row.info(group, "motion while carried, step 1 ms", moved, "mm"),
+            Row.info(group, "rotation while carried", turned, "degrees"),
         ]
     for case, cycle in cycles.items():
         if case.step != _STEP:
             fine = dc.replace(case, step=_STEP)
             none = abs(2.0 * slip(cycles[fine]) - slip(cycle))
-            name = "slip, at a step of zero"
+            name = "slip, extrapolated to step 0"
             rows.append(Row.at_most(str(fine), name, _SLIP, none, "mm"))
     return rows
 
 
 def draw(cycles: Mapping[Case, Cycle]) -> Any:
-    """Draw what closing leaves of an offset, and the motion while carried."""
-    figure = make_figure(9.5, 4.0, "A cylinder taken beside its middle")
+    """Draw the offset that remains after closing, and the motion while carried."""
+    figure = make_figure(9.5, 4.0, "A cylinder grasped off its middle")
     panels = figure.subplots(1, 3)
     panels[1].sharey(panels[0])
-    style_axes(panels[0], xlabel="offset along x [mm]", ylabel="left of it [mm]")
-    style_axes(panels[1], xlabel="offset along y [mm]", ylabel="left of it [mm]")
+    style_axes(panels[0], xlabel="offset along x [mm]", ylabel="remaining offset [mm]")
+    style_axes(panels[1], xlabel="offset along y [mm]", ylabel="remaining offset [mm]")
     style_axes(
-        panels[2], xlabel="offset [mm]", ylabel="moved while carried, step 1 ms [mm]"
+        panels[2], xlabel="offset [mm]", ylabel="motion while carried, step 1 ms [mm]"
     )
     for group, cases in _groups(cycles).items():
         first = cases[0]
@@ -303,7 +248,7 @@ def draw(cycles: Mapping[Case, Cycle]) -> Any:
             "ms": 3.5,
             "lw": 1.2,
         }
-        # What was lost is not shown.
+        # Lost cylinders are not shown.
         kept = [case for case in cases if cycles[case].metrics.success]
         offsets = [case.offset for case in kept]
         ends = [left(case, cycles[case]) for case in kept]

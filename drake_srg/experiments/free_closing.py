@@ -1,8 +1,8 @@
 """Joint angles of a finger that closes on nothing against the force of its wire.
 
-The whole driver winds its wires step by step and waits for rest, so that wire force and
-angles balance. As in the vendor's model there is neither gravity nor contact; its stops
-are set, too, and ours are shown beside them.
+The complete driver winds its wires step by step and waits for rest, so that wire force
+and angles balance. As in the vendor's model, there is neither gravity nor contact. The
+finger closes once with the vendor's stops and once with ours.
 """
 
 from __future__ import annotations
@@ -24,35 +24,34 @@ from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Vector
 
-# Upper stops of base and tip [rad]: the MuJoCo model's, and those of SAKE's URDF.
+# Upper stops of base and tip [rad]: of the MuJoCo model and of SAKE's URDF.
 STOPS = {"vendor": (2.0068, 1.745), "ours": (SRG.joint_limit, SRG.joint_limit)}
 _WORDS = {"vendor": "vendor's stops", "ours": "our stops"}
-STEPS = 150  # of the spool
-FINE_STEPS = 30  # into which the step is divided in which the tip starts
-# To rest. The motor settles as exp(-24 t), the slower pole of its loop; a finger on a
-# slack spring, whose force hardly changes with the angle, takes longer [s].
+FINE_STEPS = 30  # into which the spool step is divided in which the tip starts
+# Time to come to rest. The motor settles as exp(-24 t), the slower pole of its loop. A
+# finger on a slack spring, whose force hardly changes with the angle, takes longer [s].
 SETTLE = 1.0
-# Asked of the tip beyond its stop [rad], as the wires stretch and the servo yields.
+# Command beyond the tip's stop [rad], because the wires stretch and the servo yields.
 _EXCESS = 0.5
-TOLERANCE = 0.03
-# The vendor's angles come in steps of 0.05 degrees: 3 % of less than this is as little
-# as two of them [rad].
+TOLERANCE = 0.03  # relative
+# Smaller angles count as this one: the vendor's angles come in steps of 0.05 degrees,
+# and 3 % of this angle is about two of them [rad].
 SMALL = np.deg2rad(3.0)
-# At a stop, and standing still at 0 [rad]: less than an encoder count (12 bits a turn).
+# One count of a 12-bit encoder: a joint this close to 0 or a stop is there [rad].
 _COUNT = 2.0 * np.pi / 4096.0
 _TIP = FINGERS[0][1]
 
 
 @dc.dataclass(frozen=True)
 class Closing:
-    """A finger at rest at a row of spool angles.
+    """A finger at rest at increasing spool angles.
 
     Attributes:
         force: Of the wire, shape (K,) [N].
         base: Angle, shape (K,) [rad].
         tip: Angle, shape (K,) [rad].
-        speed: The fastest joint's when it was read [rad/s].
-        asymmetry: Between both fingers, largest [rad].
+        speed: Of the fastest joint at any reading [rad/s].
+        asymmetry: Largest difference between the fingers [rad].
     """
 
     force: Vector
@@ -62,8 +61,13 @@ class Closing:
     asymmetry: float = 0.0
 
 
-def close(stops: tuple[float, float], steps: int = STEPS) -> Closing:
-    """Wind the wires in equal steps until both joints are at their stops."""
+def close(stops: tuple[float, float], steps: int) -> Closing:
+    """Wind the wires in equal steps until both joints are at their stops.
+
+    Args:
+        stops: Upper stops of base and tip [rad].
+        steps: Number of steps.
+    """
     full_scale = sum(STOPS["vendor"]) + _EXCESS
     spool = f"{{full_scale: {full_scale}, base_limit: {stops[0]}}}"
     scenario = bench_scenario(
@@ -83,7 +87,7 @@ def close(stops: tuple[float, float], steps: int = STEPS) -> Closing:
 
         rows = [settle(closure) for closure in np.linspace(0.0, 1.0, steps + 1)]
         before = [row for row in rows if row[1 + _TIP] < _COUNT][-1][0]
-        settle(before)  # the way back takes longer than a step
+        settle(before)  # an extra period, because the way back is long
         for k in range(1, FINE_STEPS):
             rows.append(settle(before + k / (FINE_STEPS * steps)))
     _, *state, force = np.array(sorted(rows, key=lambda row: float(row[0]))).T
@@ -98,7 +102,7 @@ def close(stops: tuple[float, float], steps: int = STEPS) -> Closing:
 
 
 def _free_the_fingers(rig: Rig, stops: tuple[float, float]) -> None:
-    """Set the joints' stops, and take gravity and contact away."""
+    """Set the joints' stops and remove gravity and contact."""
     for side in ("left", "right"):
         for link, stop in zip(("base", "tip"), stops, strict=True):
             joint = rig.plant.GetJointByName(f"{side}_{link}_joint")
@@ -112,9 +116,14 @@ def _free_the_fingers(rig: Rig, stops: tuple[float, float]) -> None:
     )
 
 
-def run(track: Track) -> ExperimentResult:
-    """Close with the vendor's stops and with ours."""
-    closings = {name: close(STOPS[name]) for name in track(list(STOPS))}
+def run(track: Track, *, steps: int = 150) -> ExperimentResult:
+    """Close with the vendor's stops and with ours.
+
+    Args:
+        track: Shows progress.
+        steps: Number of steps of the spool.
+    """
+    closings = {name: close(STOPS[name], steps) for name in track(list(STOPS))}
     table = vendor_closing()
     tables: dict[str, dict[str, Vector]] = {
         f"{name}_stops": {
@@ -169,14 +178,18 @@ def judge_arms() -> list[Row]:
 def judge(ours: Closing, table: Closing) -> list[Row]:
     """Compare angles at equal force, and forces at equal angle, over the whole table.
 
-    An angle's deviation counts as a share of the vendor's angle, or of `SMALL` where
-    that is smaller. Forces are compared where the joint is between its stops: elsewhere
-    many forces belong to one angle.
+    Deviations of an angle are relative to the vendor's angle, but at least to `SMALL`.
+    Forces are compared where the joint is between its stops: at a stop, many forces
+    belong to one angle.
     """
     rows = [
         Row.at_least("all", "wire force reached", table.force[-1], ours.force[-1], "N"),
-        Row.at_most("all", "joint speed when read", 1e-3, ours.speed, "rad/s"),
-        Row.at_most("all", "left and right differ by", 1e-6, ours.asymmetry, "rad"),
+        Row.at_most(
+            "all", "largest joint speed at readings", 1e-3, ours.speed, "rad/s"
+        ),
+        Row.at_most(
+            "all", "largest left-right difference", 1e-6, ours.asymmetry, "rad"
+        ),
     ]
     for joint in ("base", "tip"):
         q, expected = getattr(ours, joint), getattr(table, joint)
@@ -192,13 +205,15 @@ def judge(ours: Closing, table: Closing) -> list[Row]:
             Row.at_most(joint, "angle at equal force", limit, share, "%"),
             Row.at_most(joint, "force at equal angle", limit, force_off, "%"),
             Row.info(joint, "angle at equal force", degrees, "degrees"),
-            Row.info(joint, "angle, of itself however small", small_off, "%"),
+            Row.info(
+                joint, "angle at equal force, also below 3 degrees", small_off, "%"
+            ),
         ]
     return rows
 
 
 def judge_phases(closings: Mapping[str, Closing]) -> list[Row]:
-    """Judge that the base closes to its stop, and the tip only then."""
+    """Expect the base to close to its stop before the tip starts."""
     rows = []
     for name, closing in closings.items():
         stop = STOPS[name][0]
@@ -210,7 +225,7 @@ def judge_phases(closings: Mapping[str, Closing]) -> list[Row]:
         case = _WORDS[name]
         rows += [
             Row.at_most(case, "tip angle until the base stops", _COUNT, tip, "rad"),
-            Row.at_most(case, "base off its stop thereafter", _COUNT, base, "rad"),
+            Row.at_most(case, "base off its stop after that", _COUNT, base, "rad"),
             Row.info(case, "wire force just before the base stops", at_stop, "N"),
             Row.at_least(
                 case, "wire force when the tip starts", at_stop, at_start, "N"
@@ -220,13 +235,13 @@ def judge_phases(closings: Mapping[str, Closing]) -> list[Row]:
 
 
 def _at_force(closing: Closing, angle: Vector, force: Vector) -> Vector:
-    """Interpolate an angle at forces [rad]."""
+    """Return an angle, interpolated at forces (K,) [rad]."""
     result: Vector = np.interp(force, closing.force, angle)
     return result
 
 
 def draw(closings: Mapping[str, Closing], table: Closing) -> Any:
-    """Draw angles over force, both phases, and the moment arms."""
+    """Draw angles over force in both phases, and the moment arms."""
     figure = make_figure(11.0, 4.2, "A finger that closes on nothing")
     base_axes, axes, arm_axes = figure.subplots(1, 3, width_ratios=[1.1, 1.6, 1.1])
     force_label = "wire force [N]"

@@ -1,13 +1,14 @@
 """The widest box that the hand closes on, and the thinnest sheets and rods it holds.
 
-The hand comes from above over what stands on the table, closes, lifts it and shakes it
-gently. Held is what at the end touches nothing but the gripper and has not moved in it.
+The hand comes from above, closes on an object that stands on the table, lifts it and
+shakes it gently. The object counts as held if at the end it touches only the gripper
+and has not moved in it.
 """
 
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,28 +22,25 @@ from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder, Vector
 
-CLAIM = 0.145  # m, the SRG thesis's figure
-WIDTHS = (0.05, 0.07, 0.09, 0.11, 0.13, 0.145, 0.16, 0.17, 0.18, 0.19)  # m
-# A box of cardboard, as heavy as the sugar box; tall enough for the pads [m], [kg].
+CLAIM = 0.145  # figure of the SRG thesis [m]
+# A cardboard box as heavy as the sugar box and tall enough for the pads [m], [kg].
 _DEPTH, _HEIGHT, _MASS, _FRICTION = 0.06, 0.12, 0.5, 0.6
-# How far the palm frame is above a box's top, 3 mm below the open fingers' pads, and
-# above the middle of the pads of straight fingers that meet [m].
+# Height of the palm frame above the top of a box, 3 mm below the open fingers' pads,
+# and above the middle of the pads when straight fingers meet [m].
 _ABOVE_BOX, _ABOVE_PADS = SRG.hinge_x + SRG.face_offset + 0.003, 0.158
-# Of the table's card and pencil; thinner ones keep outline, density and friction [m].
-SHEETS, RODS = (0.00076, 0.0003), (0.0072, 0.003, 0.001)
-_CLOSE, _LIFT, _HOLD = 2.5, 0.8, 3.0  # s; the wires' force is up within the first
-_LIFT_HEIGHT = 0.1  # m; wide boxes sink in the hand while they are lifted
-# Up and down and along the pads, half of g at its turning points [m/s²]; 2 Hz.
+_CLOSE, _LIFT, _HOLD = 2.5, 0.8, 3.0  # the wire force settles before the lift [s]
+_LIFT_HEIGHT = 0.1  # high, because wide boxes sink in the hand during the lift [m]
+# Amplitude of the shake, vertical and along the pads, half of g [m/s²], and 2 Hz.
 _SHAKE, _FREQUENCY = np.array([4.9, 0.0, 4.9]), 2.0
-_MOST_SLIP = 0.005  # while shaken and held [m]
+_MOST_SLIP = 0.005  # of a held object during the shake [m]
 
 
 @dc.dataclass(frozen=True)
 class Thing:
-    """What is grasped, and where the hand is when it closes.
+    """An object to grasp, and the height at which the hand closes.
 
     Attributes:
-        name: For people.
+        name: Shown in tables and figures.
         size: The width of a box, the thickness of a sheet or rod [m].
         config: The object; it stands on the table.
         z: Height of the palm frame above the table [m].
@@ -56,15 +54,16 @@ class Thing:
 
 @dc.dataclass(frozen=True)
 class Grasp:
-    """What came of it.
+    """The outcome of a grasp.
 
     Attributes:
-        free: Whether nothing but the gripper touches the object at the end.
-        raised: Height of the object over the table at the end [m].
-        slip: Motion in the hand while it is shaken [m].
+        free: Whether only the gripper touches the object at the end.
+        raised: Height of the object above the table at the end [m].
+        slip: Motion in the hand during the shake [m].
         closed: Left base and tip angle before the lift, shape (2,) [rad].
         lifted: The same at the end.
-        top: Of the object, in the palm frame, before the lift and at the end [m].
+        top: x of the object's top in the palm frame, before the lift and at the end
+            [m].
     """
 
     free: bool
@@ -76,24 +75,27 @@ class Grasp:
 
     @property
     def moved(self) -> float:
-        """How far the object came out of the hand, from the palm [m]."""
+        """Motion of the object out of the hand, away from the palm [m]."""
         return self.top[1] - self.top[0]
 
     @property
     def held(self) -> bool:
-        """Whether it was held to the end."""
+        """Whether the object was held to the end."""
         return self.free and self.slip <= _MOST_SLIP
 
 
 def box(width: float) -> Thing:
-    """A box that stands between the fingers."""
+    """Return a box that stands between the fingers."""
     size = [_DEPTH, width, _HEIGHT]
     config = ObjectConfig(shape=Box(size), mass=_MASS, friction=_FRICTION)
     return Thing(f"box, {1e3 * width:.0f} mm", width, config, _HEIGHT + _ABOVE_BOX)
 
 
 def sheet(thickness: float) -> Thing:
-    """A card that stands on its short edge, the pads across its upper part."""
+    """Return a card on its short edge, with the pads across its upper part.
+
+    Outline, density and friction are those of the household card.
+    """
     card = household_objects()["thin_card"]
     assert isinstance(card.shape, Box)
     length, width, original = card.shape.size
@@ -104,7 +106,10 @@ def sheet(thickness: float) -> Thing:
 
 
 def rod(diameter: float) -> Thing:
-    """A pencil that stands on its end, the pads along its upper part."""
+    """Return a pencil on its end, with the pads along its upper part.
+
+    Length, density and friction are those of the household pencil.
+    """
     pencil = household_objects()["pencil"]
     assert isinstance(pencil.shape, Cylinder)
     radius, length = pencil.shape.radius, pencil.shape.length
@@ -115,7 +120,7 @@ def rod(diameter: float) -> Thing:
 
 
 def grasp(thing: Thing) -> Grasp:
-    """Close on what stands on the table, lift it and shake it."""
+    """Close on an object on the table, lift it and shake it."""
     home = np.array([0.0, 0.0, thing.z])
     up = home + np.array([0.0, 0.0, _LIFT_HEIGHT])
     with Rig(bench_scenario(thing.config, home=list(home)), name="grasp_width") as rig:
@@ -140,15 +145,43 @@ def grasp(thing: Thing) -> Grasp:
     )
 
 
-def run(track: Track) -> ExperimentResult:
-    """Grasp boxes from narrow to wide, then thin things."""
-    things = [*map(box, WIDTHS), *map(sheet, SHEETS), *map(rod, RODS)]
+def run(
+    track: Track,
+    *,
+    boxes: Sequence[float] = (
+        0.05,
+        0.07,
+        0.09,
+        0.11,
+        0.13,
+        0.145,
+        0.16,
+        0.17,
+        0.18,
+        0.19,
+    ),
+    sheets: Sequence[float] = (0.00076, 0.0003),
+    rods: Sequence[float] = (0.0072, 0.003, 0.001),
+) -> ExperimentResult:
+    """Grasp boxes from narrow to wide, then thin objects.
+
+    Args:
+        track: Shows progress.
+        boxes: Width of each box [m].
+        sheets: Thickness of each sheet [m]; a bank card first.
+        rods: Diameter of each rod [m]; a pencil first.
+    """
+    things = [*map(box, sorted(boxes)), *map(sheet, sheets), *map(rod, rods)]
     passing = track(things, label=lambda t: t.name)
     return make_result({t.name: (t.size, grasp(t)) for t in passing})
 
 
 def make_result(grasps: Mapping[str, tuple[float, Grasp]]) -> ExperimentResult:
-    """Judge grasps, by name with the object's size [m]; boxes from narrow to wide."""
+    """Judge grasps.
+
+    Args:
+        grasps: Size of the object [m] and outcome, by name; boxes from narrow to wide.
+    """
     columns: dict[str, list[Any]] = {
         "object": list(grasps),
         "size [m]": [size for size, _ in grasps.values()],
@@ -165,7 +198,7 @@ def make_result(grasps: Mapping[str, tuple[float, Grasp]]) -> ExperimentResult:
 
 
 def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
-    """Judge the widest box, and every thin thing."""
+    """Judge the widest box and every thin object."""
     widest = 0.0
     boxes = {name: g for name, g in grasps.items() if name.startswith("box")}
     for width, result in boxes.values():
@@ -173,7 +206,7 @@ def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
             break
         widest = width
     rows = [
-        Row.at_least("boxes", "widest of those held", 1e3 * CLAIM, 1e3 * widest, "mm"),
+        Row.at_least("boxes", "widest box held", 1e3 * CLAIM, 1e3 * widest, "mm"),
         Row.within(
             "hand",
             "gap between parallel pads, bases open",
@@ -192,22 +225,24 @@ def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
             ]
         if name in boxes:
             moved = 1e3 * result.moved
-            rows.append(Row.info(name, "comes out of the hand by", moved, "mm"))
+            rows.append(Row.info(name, "motion out of the hand", moved, "mm"))
     return rows
 
 
 def draw(grasps: Mapping[str, tuple[float, Grasp]]) -> Any:
-    """Draw the hand on two boxes, how far boxes come out, and thin things' slip."""
+    """Draw the hand on two boxes, motion of boxes, and slip of thin objects."""
     boxes = {n: g for n, g in grasps.items() if n.startswith("box")}
     thin = {n: g for n, g in grasps.items() if n not in boxes}
-    figure = make_figure(11.0, 7.0, "The widest and the thinnest")
+    figure = make_figure(11.0, 7.0, "Widest boxes and thinnest objects")
     (first, second), (moved, slips) = figure.subplots(2, 2, height_ratios=[1.3, 1])
     claimed = min(boxes, key=lambda name: abs(boxes[name][0] - CLAIM))
     held = [name for name in boxes if boxes[name][1].held]
     for axes, name in ((first, claimed), (second, held[-1] if held else claimed)):
         _sketch(axes, *boxes[name])
-        axes.set_title(f"{name}: closed, and lifted", fontsize=9, loc="left")
-    style_axes(moved, xlabel="width of the box [mm]", ylabel="out of the hand by [mm]")
+        axes.set_title(f"{name}: closed (dashed) and lifted", fontsize=9, loc="left")
+    style_axes(
+        moved, xlabel="width of the box [mm]", ylabel="motion out of the hand [mm]"
+    )
     for word, color, marker in (("held", COLORS[2], "o"), ("lost", COLORS[1], "x")):
         points = [
             (1e3 * width, 1e3 * g.moved)
@@ -217,7 +252,7 @@ def draw(grasps: Mapping[str, tuple[float, Grasp]]) -> Any:
         if points:
             moved.plot(*zip(*points, strict=True), marker, color=color, label=word)
     moved.axvline(1e3 * CLAIM, color=COLORS[-1], lw=0.8, ls=":", label="claim")
-    moved.set_title("Boxes, while they are lifted", fontsize=9, loc="left")
+    moved.set_title("Boxes during the lift", fontsize=9, loc="left")
     moved.legend(fontsize=8, frameon=False)
     style_axes(slips, xlabel="slip while shaken [mm]")
     slips.grid(False)
@@ -225,12 +260,12 @@ def draw(grasps: Mapping[str, tuple[float, Grasp]]) -> Any:
     slips.barh(list(thin), [1e3 * g.slip for _, g in thin.values()], color=colors)
     slips.axvline(1e3 * _MOST_SLIP, color=COLORS[-1], lw=0.8, ls="--")
     slips.set_xscale("log")
-    slips.set_title("Thin things; dashed: the limit", fontsize=9, loc="left")
+    slips.set_title("Thin objects; dashed: limit", fontsize=9, loc="left")
     return figure
 
 
 def _sketch(axes: Any, width: float, result: Grasp) -> None:
-    """Draw the hand in its plane, pointing down, and a box: closed and lifted."""
+    """Draw the hand, pointing down, and a box: closed and lifted."""
     for k, (angles, top, color) in enumerate(
         zip(
             (result.closed, result.lifted),
@@ -277,5 +312,5 @@ def _sketch(axes: Any, width: float, result: Grasp) -> None:
 
 
 def _direction(angle: float) -> Vector:
-    """Unit vector (y, x): open fingers point to the side, closing turns them down."""
+    """Return (y, x) of a link: open points to the side, closing turns it down."""
     return np.array([np.cos(angle), np.sin(angle)])

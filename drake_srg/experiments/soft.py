@@ -1,8 +1,8 @@
-"""A sponge of finite elements, grasped, lifted and held: gently and strongly.
+"""A finite-element sponge, grasped, lifted and held with a gentle and a strong pull.
 
 The gripper closes on a block of foam that stands on the table, with a small and a large
-pull at its wires. What squeeze and force must be follows from the foam's elasticity and
-from the wires' moments about the base hinges.
+wire force. The foam's elasticity and the wires' moments about the base hinges determine
+the expected squeeze and grip force.
 """
 
 from __future__ import annotations
@@ -31,26 +31,34 @@ from drake_srg.experiments.sponge import (
 )
 from drake_srg.recording.figure import make_figure, style_axes
 
-# Of each wire [N]: near the least that closes the hand within `CLOSE`, and what the
-# driver gives unless told otherwise.
-COMMANDS = {"gentle": 45.0, "strong": 103.0}
-# Thereafter the strong one pulls harder and harder, up to all that the servo gives [s].
+PULLS = ("gentle", "strong")
+# Duration of the ramp of the strong pull up to the servo's limit, after the hold [s].
 RAMP = 8.0
-# Half the step, and a finer mesh, of 4 x 6 x 4 cells, must not change the squeeze by
-# more than this share.
-FINE, LARGEST_CHANGE = 0.0113, 0.1  # m
-# As for rigid objects, held is what moves less than this in the hand [m].
+# Half the time step, or a finer mesh of 4 x 6 x 4 cells, may change the squeeze by this
+# share at most.
+FINE, LARGEST_CHANGE = 0.0113, 0.1  # m, relative
+# The sponge counts as held while it moves less than this in the hand, like rigid
+# objects [m].
 MOST_CREEP = 0.005
 
 
-def run(track: Track) -> ExperimentResult:
-    """Grasp with both commands, again with half the step and a finer mesh, and ramp."""
-    strong = Case(COMMANDS["strong"])
+def run(
+    track: Track, *, gentle: float = 45.0, strong: float = 103.0
+) -> ExperimentResult:
+    """Grasp with both pulls, with half the time step and a finer mesh, and with a ramp.
+
+    Args:
+        track: Shows progress.
+        gentle: Force of each wire [N]; 45 N is just enough to close the hand in time.
+        strong: Force of each wire [N]; 103 N is the driver's default.
+    """
+    firm = Case(strong)
     cases: dict[str, tuple[Case, dict[str, Any]]] = {
-        **{n: (Case(f), {"picture": True}) for n, f in COMMANDS.items()},
-        "half the step": (dc.replace(strong, time_step=TIME_STEP / 2.0), {}),
-        "finer mesh": (dc.replace(strong, resolution=FINE), {}),
-        "harder and harder": (strong, {"hold": 1.0, "ramp": RAMP}),
+        "gentle": (Case(gentle), {"picture": True}),
+        "strong": (firm, {"picture": True}),
+        "half the step": (dc.replace(firm, time_step=TIME_STEP / 2.0), {}),
+        "finer mesh": (dc.replace(firm, resolution=FINE), {}),
+        "ramp": (firm, {"hold": 1.0, "ramp": RAMP}),
     }
     grasps = {n: grasp(cases[n][0], **cases[n][1]) for n in track(list(cases))}
     tables = {
@@ -59,17 +67,18 @@ def run(track: Track) -> ExperimentResult:
             "squeeze": result.squeeze,
             "grip force [N]": result.force,
             "wire force [N]": result.wire_force,
-            "moved in the hand [m]": result.moved,
+            "motion in the hand [m]": result.moved,
         }
         for name, result in grasps.items()
     }
-    return ExperimentResult(judge(grasps), tables, draw(grasps))
+    pulls = dict(zip(PULLS, (gentle, strong), strict=True))
+    return ExperimentResult(judge(grasps), tables, draw(grasps, pulls))
 
 
 def judge(grasps: Mapping[str, Grasp]) -> list[Row]:
-    """Compare what came of the grasps with elasticity, statics and each other."""
+    """Compare the grasps with elasticity, statics and each other."""
     rows: list[Row] = []
-    for name in COMMANDS:
+    for name in PULLS:
         rows += _judge_hold(name, grasps[name])
         rows += _judge_squeeze(name, grasps[name])
     squeeze = {n: g.at_rest(g.squeeze) for n, g in grasps.items()}
@@ -79,7 +88,7 @@ def judge(grasps: Mapping[str, Grasp]) -> list[Row]:
         rows += [
             Row.within(
                 name,
-                "squeeze, as before",
+                "squeeze, same as strong",
                 squeeze["strong"],
                 squeeze[name],
                 "of the width",
@@ -87,20 +96,21 @@ def judge(grasps: Mapping[str, Grasp]) -> list[Row]:
             ),
             *_judge_hold(name, grasps[name]),
         ]
-    return [*rows, *_tell_ramp("harder and harder", grasps["harder and harder"])]
+    return [*rows, *describe_ramp("ramp", grasps["ramp"])]
 
 
-def _tell_ramp(name: str, ramp: Grasp) -> list[Row]:
+def describe_ramp(name: str, ramp: Grasp) -> list[Row]:
+    """Return the forces and the squeeze at which a ramp squeezes the sponge out."""
     after = ramp.time > CLOSE + LIFT
     out = ramp.moved[after] > MOST_CREEP
     until = slice(int(np.argmax(out)) if out.any() else None)
-    word = "squeezed out" if out.any() else "still held"
+    word = "when squeezed out" if out.any() else "while still held"
     return [
-        Row.info(name, f"{word} at {quantity}", float(values[after][until].max()), unit)
+        Row.info(name, f"{quantity} {word}", float(values[after][until].max()), unit)
         for quantity, values, unit in (
-            ("a grip force of", ramp.force, "N"),
-            ("a wire force of", ramp.wire_force, "N"),
-            ("a squeeze of", ramp.squeeze, "of the width"),
+            ("grip force", ramp.force, "N"),
+            ("wire force", ramp.wire_force, "N"),
+            ("squeeze", ramp.squeeze, "of the width"),
         )
     ]
 
@@ -121,16 +131,20 @@ def _judge_hold(name: str, held: Grasp) -> list[Row]:
         Row.at_least(name, "held for", HOLD, held_for, "s"),
         Row.at_most(name, "creep in the last second", 0.1, creep * 1e3, "mm/s"),
         Row.at_least(
-            name, "least volume of an element", 0.0, held.least_volume, "of its own"
+            name,
+            "smallest volume of an element",
+            0.0,
+            held.least_volume,
+            "of its free volume",
         ),
     ]
 
 
 def _judge_squeeze(name: str, held: Grasp) -> list[Row]:
-    """Bounds by the theorems of minimum energy, of a linear elastic block.
+    """Judge the squeeze by energy bounds of a linear elastic block.
 
-    It is at least as stiff as the column between the pads alone, free to bulge, and at
-    most as if all of it were squeezed as much and could not bulge at all.
+    The block is at least as stiff as the column between the pads alone, free to bulge.
+    It is at most as stiff as if it were squeezed uniformly and could not bulge.
     """
     e, nu = FOAM.youngs_modulus, FOAM.poissons_ratio
     confined = e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
@@ -159,10 +173,10 @@ def _judge_squeeze(name: str, held: Grasp) -> list[Row]:
             "of the width",
             relative=0.2,
         ),
-        # The foam may press up to a tenth of the lever off the pads' middles.
+        # The foam may press off the pads' middles by a tenth of the lever.
         Row.within(
             name,
-            "grip force, from the wires'",
+            "grip force, from the wire force",
             held.expected_force,
             force,
             "N",
@@ -171,27 +185,32 @@ def _judge_squeeze(name: str, held: Grasp) -> list[Row]:
     ]
 
 
-def draw(grasps: Mapping[str, Grasp]) -> Any:
-    """Draw force and squeeze over time beside pictures of the held sponge."""
-    figure = make_figure(11.0, 4.6, "A sponge, grasped gently and strongly")
+def draw(grasps: Mapping[str, Grasp], pulls: Mapping[str, float]) -> Any:
+    """Draw force and squeeze over time beside pictures of the held sponge.
+
+    Args:
+        grasps: By the name of the case.
+        pulls: Force of each wire by the name of the pull [N].
+    """
+    figure = make_figure(11.0, 4.6, "A sponge under a gentle and a strong pull")
     left, *columns = figure.subfigures(1, 3, width_ratios=[1.7, 1.0, 1.0])
     force, squeeze = left.subplots(2, 1, sharex=True)
     style_axes(force, ylabel="grip force [N]")
     style_axes(squeeze, xlabel="time [s]", ylabel="squeeze [% of the width]")
-    for name in (*COMMANDS, "half the step", "finer mesh"):
+    for name in (*PULLS, "half the step", "finer mesh"):
         result = grasps[name]
-        style = {"lw": 1.6 if name in COMMANDS else 1.0, "label": name}
-        style["ls"] = "-" if name in COMMANDS else (0, (4, 3))
+        style = {"lw": 1.6 if name in PULLS else 1.0, "label": name}
+        style["ls"] = "-" if name in PULLS else (0, (4, 3))
         force.plot(result.time, result.force, **style)
         squeeze.plot(result.time, 100.0 * np.maximum(result.squeeze, 0.0), **style)
     for axes in (force, squeeze):
         axes.axvspan(CLOSE, CLOSE + LIFT, color="#eef1f4", zorder=0)
     force.annotate("lift", (CLOSE + 0.1, 0.5), fontsize=8)
     squeeze.legend(fontsize=8, frameon=False, loc=(0.72, 0.5))
-    for column, name in zip(columns, COMMANDS, strict=True):
+    for column, name in zip(columns, PULLS, strict=True):
         axes = column.subplots()
         axes.axis("off")
-        axes.set_title(f"{name}: {COMMANDS[name]:.0f} N each wire", fontsize=9)
+        axes.set_title(f"{name}: {pulls[name]:.0f} N per wire", fontsize=9)
         if grasps[name].picture is not None:
             axes.imshow(grasps[name].picture)
     return figure

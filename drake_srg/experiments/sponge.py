@@ -1,4 +1,4 @@
-"""A grasp of a sponge, simulated: what the experiment `soft` judges."""
+"""A simulated grasp of a sponge, which the experiment `soft` judges."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from drake_srg.objects.models import object_body
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Vector
 
-# A piece of a dry kitchen sponge, x, y (across the hand) and z [m], and its density
-# [kg/m³] and stiffness: those of `SoftConfig`. Foam on rubber: between the 0.2 and 3
-# that polyurethanes have.
+# A piece of a dry kitchen sponge: x, y (across the hand) and z [m], density [kg/m³],
+# the stiffness of `SoftConfig`, and friction of foam on rubber, within the 0.2 to 3 of
+# polyurethanes.
 SIZE, DENSITY, FOAM, FRICTION = [0.04, 0.06, 0.045], 30.0, SoftConfig(), 0.6
 # Middle of a pad's flat face in the tip's frame [m], and its distance from the base
 # hinge with the tip straight.
 PAD_MIDDLE = [SRG.pad_middle, SRG.face_offset, 0.0]
 LEVER = SRG.base_length + SRG.pad_middle
-# The hand's height: with parallel fingers, the pads' lower ends are this much above the
-# table, and the upper ones above the sponge [m].
+# Height of the hand. With parallel fingers, the lower ends of the pads are `CLEARANCE`
+# above the table, and the upper ends as much above the sponge [m].
 HEIGHT, CLEARANCE = 0.1854, 0.002
-# The fingers close and the force settles; the arm lifts; it holds still.
-CLOSE, LIFT, HOLD = 5.0, 1.0, 5.0  # s
+# The fingers close and the force settles; the arm lifts; it holds still [s].
+CLOSE, LIFT, HOLD = 5.0, 1.0, 5.0
 LIFT_HEIGHT = 0.06  # m
-# The longest step that soft bodies allow, and a mesh that is fast: 3 x 4 x 3 cells.
-TIME_STEP, RESOLUTION = 0.005, 0.015  # s, m
+# The longest step that soft bodies allow [s], and a fast mesh of 3 x 4 x 3 cells [m].
+TIME_STEP, RESOLUTION = 0.005, 0.015
 _SAMPLE = 0.05  # s
 
-# Where the camera sees hand and sponge at the end of the hold.
+# A camera that sees hand and sponge at the end of the hold.
 _CAMERA = [
     "cameras.overview.X_PB.translation=[1.0, -0.25, 0.16]",
     "cameras.overview.X_PB.rotation=!Rpy {deg: [-94, 0, 63.5]}",
@@ -48,30 +48,44 @@ _CAMERA = [
 
 @dc.dataclass(frozen=True)
 class Case:
-    """A grasp of the sponge."""
+    """A grasp of the sponge: force of each wire [N], time step [s], mesh [m]."""
 
-    wire_force: float  # N
+    wire_force: float
     time_step: float = TIME_STEP
     resolution: float = RESOLUTION
 
 
 @dc.dataclass(frozen=True)
 class Grasp:
-    """What came of it, sampled every `_SAMPLE` (K)."""
+    """The outcome of a grasp; series are sampled every `_SAMPLE`, shape (K,).
 
-    time: Vector  # s
-    squeeze: Vector  # width lost between the pads' middles over the free width
-    force: Vector  # mean of both fingertips' sensors [N]
-    wire_force: Vector  # mean of both wires [N]
-    moved: Vector  # in the hand, from where it was when lifted [m]
-    expected_force: float  # from the wires' at the end of the hold [N]
-    lifted: float  # lowest vertex above the table after the lift [m]
-    touched: set[str]  # what touches the sponge then
-    least_volume: float  # least of an element, now and then, over its free volume
-    picture: npt.NDArray[np.uint8] | None  # at the end of the hold
+    Attributes:
+        time: [s].
+        squeeze: Width lost between the pads' middles, over the free width.
+        force: Mean of both fingertips' sensors [N].
+        wire_force: Mean of both wires [N].
+        moved: Distance in the hand from the position after the lift [m].
+        expected_force: Grip force from the wire force at the end of the hold [N].
+        lifted: Height of the lowest vertex above the table after the lift [m].
+        touched: Names of everything that touches the sponge after the lift.
+        least_volume: Smallest volume of an element over its free volume, checked every
+            0.5 s.
+        picture: Taken at the end of the hold.
+    """
+
+    time: Vector
+    squeeze: Vector
+    force: Vector
+    wire_force: Vector
+    moved: Vector
+    expected_force: float
+    lifted: float
+    touched: set[str]
+    least_volume: float
+    picture: npt.NDArray[np.uint8] | None
 
     def at_rest(self, values: Vector) -> float:
-        """Mean over the last second of the hold."""
+        """Return the mean of a series over the last second of the hold."""
         end = CLOSE + LIFT + HOLD
         return float(values[(self.time > end - 1.0) & (self.time < end + 1e-6)].mean())
 
@@ -79,13 +93,13 @@ class Grasp:
 def grasp(
     case: Case, *, hold: float = HOLD, ramp: float = 0.0, picture: bool = False
 ) -> Grasp:
-    """Close on the sponge, lift it, hold it, and perhaps pull harder and harder.
+    """Close on the sponge, lift it, hold it and, with a ramp, pull ever harder.
 
     Args:
-        case: How.
-        hold: How long it is held [s].
-        ramp: How long the pull then grows, up to all that the servo gives [s].
-        picture: Whether to take one at the end of the hold.
+        case: Wire force, time step and mesh.
+        hold: Duration of the hold [s].
+        ramp: Duration of the ramp of the pull up to the servo's limit [s].
+        picture: Whether to take a picture at the end of the hold.
     """
     thing = ObjectConfig(
         shape=Box(SIZE),
@@ -100,14 +114,14 @@ def grasp(
         f"arm.period={case.time_step}",
         *(_CAMERA if picture else []),
     ]
-    if ramp:  # the spool may wind more than closes an empty hand
+    if ramp:  # lets the spool wind farther than it takes to close an empty hand
         overrides.append("gripper.spool.full_scale=5")
     scenario = bench_scenario(thing, home=[0.0, 0.0, HEIGHT], overrides=overrides)
     assert scenario.gripper is not None and scenario.gripper.wire_motor is not None
     limit = scenario.gripper.wire_motor.drive.force_limit_of(case.wire_force)
     least = np.inf
     with Rig(scenario, name="soft", log_period=_SAMPLE, images=picture) as rig:
-        elements = _Elements(rig)
+        elements = Elements(rig)
 
         def advance(duration: float, **commands: Any) -> None:
             nonlocal least
@@ -125,8 +139,8 @@ def grasp(
         if ramp:
             rig.advance(ramp, force_limit=lambda t: limit + (1.0 - limit) * t / ramp)
         log = rig.log()
-        squeeze = 1.0 - _pad_gap(rig, log["gripper.state_measured"]) / SIZE[1]
-    # The gantry does not turn the hand: what the sponge moves more than it, it slips.
+        squeeze = 1.0 - pad_gap(rig, log["gripper.state_measured"]) / SIZE[1]
+    # The gantry only translates: whatever the sponge moves beyond the hand is slip.
     p_GO = log["object_pose.thing"][:, :3] - log["arm.state_measured"][:, :3]
     start_row = int(np.argmin(np.abs(log["time"] - CLOSE - LIFT)))
     return Grasp(
@@ -143,8 +157,13 @@ def grasp(
     )
 
 
-class _Elements:
-    """The sponge's vertices and tetrahedra."""
+class Elements:
+    """The vertices and tetrahedra of a rig's sponge.
+
+    Attributes:
+        body: The sponge.
+        context: Of the plant.
+    """
 
     def __init__(self, rig: Rig) -> None:
         model = rig.plant.GetModelInstanceByName("thing")
@@ -152,18 +171,21 @@ class _Elements:
         assert isinstance(body, DeformableBody)
         inspector = rig.station.GetSubsystemByName("scene_graph").model_inspector()
         mesh = inspector.GetReferenceMesh(body.geometry_id())
-        self._body, self._context = body, rig.plant_context
+        self.body, self.context = body, rig.plant_context
         self._corners = np.array(
             [[t.vertex(i) for i in range(4)] for t in mesh.tetrahedra()]
         )
         self._free = self._volumes(body.reference_positions().reshape(-1, 3).T)
 
     def vertices(self) -> Vector:
-        """In world, shape (3, n) [m]."""
-        return np.array(self._body.GetPositions(self._context))
+        """Return the vertices in world, shape (3, n) [m]."""
+        return np.array(self.body.GetPositions(self.context))
 
     def least_volume(self) -> float:
-        """Least volume of an element over its free one; inverted ones are below 0."""
+        """Return the smallest volume of an element over its free volume.
+
+        Inverted elements count below 0.
+        """
         return float(np.min(self._volumes(self.vertices()) / self._free))
 
     def _volumes(self, p: Vector) -> Vector:
@@ -172,8 +194,13 @@ class _Elements:
         return volumes
 
 
-def _pad_gap(rig: Rig, state: Vector) -> Vector:
-    """Distance between the pads' middles for measured states (K, 8) [m]."""
+def pad_gap(rig: Rig, state: Vector) -> Vector:
+    """Return the distance between the pads' middles, shape (K,) [m].
+
+    Args:
+        rig: Gives the plant.
+        state: Measured states of the gripper, shape (K, 8).
+    """
     plant, context = rig.plant, rig.plant.CreateDefaultContext()
     gripper = plant.GetModelInstanceByName("gripper")
     joints = [plant.GetJointByName(f"{name}_joint", gripper) for name in JOINT_NAMES]
@@ -188,7 +215,7 @@ def _pad_gap(rig: Rig, state: Vector) -> Vector:
 
 
 def _statics(rig: Rig) -> float:
-    """Grip force that balances the wires' moments about the base hinges [N]."""
+    """Return the grip force that balances the wires at the base hinges [N]."""
     q, spring = rig.measured("gripper.state_measured")[:2], TendonDriveConfig()
     back = spring.base_spring.preload + spring.base_spring.stiffness * q
     moment = rig.measured("gripper.wire_force") * base_moment_arm(q) - back

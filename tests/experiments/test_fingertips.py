@@ -10,8 +10,6 @@ from drake_srg.experiments.fingertips import (
     FRICTION,
     OFFSETS,
     Case,
-    SightingError,
-    cell_maker,
     centered_up_to,
     fingertip_cases,
     judge,
@@ -20,6 +18,7 @@ from drake_srg.experiments.fingertips import (
     up_to,
 )
 from drake_srg.experiments.registry import quiet
+from drake_srg.experiments.sighting_error import SightingError, cell_maker
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Blob
 from experiments.made_cycles import cycle
@@ -36,23 +35,23 @@ def test_sightings_are_off_by_the_error():
     assert (moved.object_name, moved.pixel, moved.quality) == ("a", (1.0, 2.0), 0.9)
 
 
-def test_its_cell_localizes_as_ours_does():
+def test_the_cell_exports_the_localizer_s_own_blobs():
     cell = cell_maker(np.array([0.004, 0.0, 0.0]))(load_scenario("assistive_arm"))
     context = cell.CreateDefaultContext()
     (blob,) = cell.GetOutputPort("localizer.blobs").Eval(context)
     X_WO = cell.GetOutputPort("object_poses_cheat").Eval(context)["cylinder"]
-    # The project's own limit; the error is not in what is exported.
+    # Within our own limit, because the exported blobs do not have the error.
     np.testing.assert_allclose(blob.position, X_WO.translation(), atol=3e-4)
 
 
 def test_the_hand_goes_where_the_offset_says():
-    # Coarse steps do for this.
+    # Coarse steps suffice for this.
     case = Case("curved", "dry", "x", 6.0, step=0.005)
     result = take(case)
     assert result.p_GO_open is not None
     p_GO = take(dc.replace(case, offset=0.0)).p_GO_open
     assert result.metrics.attempts == 1
-    # The planner's inverse kinematics and the servos leave some tenths.
+    # Inverse kinematics and servos leave some tenths of a millimetre.
     np.testing.assert_allclose(result.p_GO_open - p_GO, [6e-3, 0, 0], atol=5e-4)
 
 
@@ -69,20 +68,20 @@ def test_every_offset_is_tried_with_both_pads():
             assert tried >= set(OFFSETS)
 
 
-def test_up_to_stops_at_the_first_that_is_not_good():
+def test_up_to_stops_at_the_first_case_that_is_not_good():
     cases = [Case("flat", "dry", "x", float(offset)) for offset in (0, 1, 2, 3)]
     assert up_to(cases, lambda case: case.offset != 2.0) == 1.0
     assert up_to(cases, lambda _: True) == 3.0
     assert np.isnan(up_to(cases, lambda _: False))
 
 
-def test_friction_keeps_the_cylinder_off_the_middle():
-    # Without friction all of the arc's half chord, 8.03 mm; none at its end's angle.
+def test_friction_limits_the_offset_that_closing_centres():
+    # The arc's half chord, 8.03 mm, without friction; nothing at the angle of its end.
     assert centered_up_to(0.0) == pytest.approx(8.03, abs=5e-3)
     assert centered_up_to(np.tan(np.deg2rad(40.0))) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_is_left_counts_from_the_middle():
+def test_the_remaining_offset_counts_from_the_middle():
     shifted = cycle(p_GO_open=(0.099, 0, 0), p_GO_held=(0.096, 0, 0))
     assert left(Case("curved", "dry", "x", 4.0), shifted) == pytest.approx(1.0)
     never = dc.replace(shifted, p_GO_held=None)
@@ -90,7 +89,7 @@ def test_what_is_left_counts_from_the_middle():
 
 
 def made_up(case, **changes):
-    """Curved pads center along x what they push to the middle, flat ones nothing."""
+    """A cycle in which curved pads centre along x like rigid ones, flat pads never."""
     offset = 1e-3 * case.offset * np.eye(3)["xyz".index(case.direction)]
     reach = centered_up_to(FRICTION[case.surface]) if case.pads == "curved" else 0.0
     centered = case.direction == "y" or case.offset <= reach
@@ -100,7 +99,7 @@ def made_up(case, **changes):
 
 
 def failed(change):
-    """Names and quantities that fail when some cycles are changed."""
+    """Return names and quantities that fail when some cycles are changed."""
     cycles = {case: change(case, made_up(case)) for case in fingertip_cases()}
     return {(row.name, row.quantity) for row in judge(cycles) if not row.passed}
 
@@ -117,13 +116,13 @@ def test_an_object_that_is_lost_fails():
 
     group = "flat, dry, along x"
     assert failed(lose) == {
-        (group, "taken, offset up to"),
-        (group, "moved while carried, at a step of 1 ms"),
+        (group, "grasped, up to an offset of"),
+        (group, "motion while carried, step 1 ms"),
     }
 
 
 @pytest.mark.parametrize("centered", [0.0, 7.0])
-def test_curved_pads_center_more_than_flat_and_less_than_rigid_ones(centered):
+def test_curved_pads_must_centre_more_than_flat_and_less_than_rigid_ones(centered):
     def close(case, cycle):
         if case.group != "curved, greasy, along x":
             return cycle
@@ -132,19 +131,19 @@ def test_curved_pads_center_more_than_flat_and_less_than_rigid_ones(centered):
 
     ((group, quantity),) = failed(close)
     assert group == "curved, greasy, along x"
-    assert "centered" in quantity
+    assert "centred" in quantity
 
 
-def test_slip_that_small_steps_do_not_cure_fails():
+def test_slip_that_does_not_vanish_with_the_step_fails():
     def slip(case, cycle):
         slips = case.pads == "flat" and case.step > 0.001
         return dc.replace(cycle, slip=4e-4) if slips else cycle
 
     names = {"flat, dry, along x, 0 mm", "flat, dry, along x, 8 mm"}
-    assert failed(slip) == {(name, "slip, at a step of zero") for name in names}
+    assert failed(slip) == {(name, "slip, extrapolated to step 0") for name in names}
 
 
-def test_the_experiment_shows_what_it_did(monkeypatch):
+def test_every_case_is_in_the_table(monkeypatch):
     monkeypatch.setattr(fingertips, "take", made_up)
     result = fingertips.run(quiet)
     assert result.passed

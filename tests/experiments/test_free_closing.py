@@ -21,14 +21,14 @@ def failed(rows):
     return [row.quantity for row in rows if not row.passed]
 
 
-def test_the_vendors_table_agrees_with_itself():
+def test_the_vendor_s_table_agrees_with_itself():
     table = vendor_closing()
     assert failed(judge(table, table)) == []
 
 
 @pytest.mark.parametrize("joint", ["base", "tip"])
 @pytest.mark.parametrize("factor", [0.96, 1.04])
-def test_four_percent_fail(joint, factor):
+def test_a_deviation_of_four_percent_fails(joint, factor):
     table = vendor_closing()
     other = dc.replace(table, **{joint: factor * getattr(table, joint)})
     assert "angle at equal force" in failed(judge(other, table))
@@ -42,11 +42,11 @@ def test_small_angles_count_as_three_degrees():
         assert ("angle at equal force" in failed(rows)) != passes
 
 
-def test_moment_arms_are_fitted():
+def test_our_moment_arms_match_the_vendor_s():
     assert failed(judge_arms()) == []
 
 
-def test_a_tip_that_hurries_fails():
+def test_a_tip_that_starts_before_the_base_stops_fails():
     table = vendor_closing()
     assert failed(judge_phases({"vendor": table})) == []
     hurried = dc.replace(table, tip=np.maximum(table.tip, 0.001 * table.base))
@@ -70,8 +70,8 @@ def test_wires_springs_and_arms_balance(monkeypatch):
     assert closing.asymmetry < 1e-6
 
 
-def test_it_runs(monkeypatch):
-    def pretend(stops):
+def test_both_stops_are_compared_with_the_vendor_s_table(monkeypatch):
+    def pretend(stops, steps):
         table = vendor_closing()
         return dc.replace(table, base=np.minimum(table.base, stops[0]))
 

@@ -40,14 +40,14 @@ def test_the_picture_shows_yellow_foam(held):
     assert np.mean((r > 150) & (g > 100) & (b < 100)) > 0.02
 
 
-def test_it_comes_out_the_same_whether_somebody_looks_or_not(held):
+def test_taking_a_picture_does_not_change_the_outcome(held):
     for field in dc.fields(Grasp):
         one, other = (getattr(result, field.name) for result in held)
         if isinstance(one, np.ndarray) and field.name != "picture":
             assert one.tobytes() == other.tobytes(), field.name
 
 
-def test_a_servo_cannot_pull_any_harder_than_it_can():
+def test_a_pull_beyond_the_servo_is_rejected():
     with pytest.raises(ScenarioError, match=r"the servo gives 0 \.\. 309 N"):
         sponge.grasp(Case(400.0))
 
@@ -62,27 +62,27 @@ def rig():
 
 
 @pytest.mark.parametrize(("degrees", "gap"), [(90.0, 0.0416), (45.0, 0.133)])
-def test_the_gap_between_the_pads_is_that_of_the_datasheet(rig, degrees, gap):
+def test_the_gap_between_the_pads_matches_the_data_sheet(rig, degrees, gap):
     base = np.deg2rad(degrees)
     state = np.array([[base, base, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
-    # The ends of the pads are the nearest at 45 degrees, their middles are further off.
+    # At 45 degrees the ends of the pads are nearest; their middles are farther apart.
     further = 2.0 * 0.025 * np.cos(base)
-    found = sponge._pad_gap(rig, state)
+    found = sponge.pad_gap(rig, state)
     assert found == pytest.approx([gap + further], abs=1e-3)
 
 
-def test_a_free_sponge_has_the_volume_that_it_has(rig):
-    elements = sponge._Elements(rig)
+def test_the_elements_of_a_free_sponge_have_their_free_volume(rig):
+    elements = sponge.Elements(rig)
     assert elements.least_volume() == pytest.approx(1.0)
     np.testing.assert_allclose(np.ptp(elements.vertices(), axis=1), SIZE)
 
 
 def test_an_inverted_element_is_found(rig):
-    elements = sponge._Elements(rig)
+    elements = sponge.Elements(rig)
     p = elements.vertices()
     moved = p.copy()
     moved[2, np.argmin(p[2])] += 2.0 * SIZE[2]
-    body, context = elements._body, elements._context
+    body, context = elements.body, elements.context
     body.SetPositions(context, moved)
     try:
         assert elements.least_volume() < 0.0
@@ -90,11 +90,11 @@ def test_an_inverted_element_is_found(rig):
         body.SetPositions(context, p)
 
 
-# What is judged.
+# Judging grasps.
 
 
 def made_up(squeeze):
-    """A grasp of the squeeze that Hooke's law gives for its force."""
+    """A grasp whose squeeze and force obey Hooke's law."""
     time = np.arange(0.0, CLOSE + LIFT + HOLD + 0.01, 0.05)
     force = squeeze * FOAM.youngs_modulus * SIZE[0] * SIZE[2]
     return Grasp(
@@ -112,7 +112,7 @@ def made_up(squeeze):
 
 
 def rows_of(**changes):
-    names = (*soft.COMMANDS, "half the step", "finer mesh", "harder and harder")
+    names = (*soft.PULLS, "half the step", "finer mesh", "ramp")
     grasps = {name: made_up(0.12 if name == "gentle" else 0.3) for name in names}
     grasps["strong"] = dc.replace(grasps["strong"], **changes)
     return judge(grasps)
@@ -123,7 +123,7 @@ def failed(**changes):
     return {row.quantity for row in rows if not row.passed and row.name == "strong"}
 
 
-def test_what_elasticity_gives_passes():
+def test_a_grasp_that_obeys_elasticity_passes():
     assert all(row.passed for row in rows_of())
 
 
@@ -132,15 +132,15 @@ def test_what_elasticity_gives_passes():
     [
         ({"lifted": 0.0}, "lifted off the table by"),
         ({"touched": {"gripper", "support"}}, "held for"),
-        ({"least_volume": -0.1}, "least volume of an element"),
-        ({"least_volume": np.nan}, "least volume of an element"),
-        ({"expected_force": 25.0}, "grip force, from the wires'"),
+        ({"least_volume": -0.1}, "smallest volume of an element"),
+        ({"least_volume": np.nan}, "smallest volume of an element"),
+        ({"expected_force": 25.0}, "grip force, from the wire force"),
         ({"squeeze": made_up(0.4).squeeze}, "squeeze, about F / (E A_side)"),
         ({"squeeze": made_up(0.6).squeeze}, "squeeze, at most F / (E A_pad)"),
         ({"squeeze": made_up(0.1).squeeze}, "squeeze, at least F / (M A_side)"),
     ],
 )
-def test_what_is_wrong_fails(changes, quantity):
+def test_every_deviation_fails_its_row(changes, quantity):
     assert quantity in failed(**changes)
 
 
@@ -149,11 +149,11 @@ def test_a_sponge_that_slips_is_not_held():
     assert failed(moved=slow) >= {"held for", "creep in the last second"}
 
 
-def test_where_it_is_squeezed_out_is_told():
+def test_a_ramp_reports_the_force_that_squeezes_the_sponge_out():
     calm = made_up(0.3)
-    (row, *_) = soft._tell_ramp("x", calm)
-    assert row.quantity == "still held at a grip force of"
+    (row, *_) = soft.describe_ramp("x", calm)
+    assert row.quantity == "grip force while still held"
     gone = np.where(calm.time > 8.0, 0.02, 0.0)
-    row, *_ = soft._tell_ramp("x", dc.replace(calm, moved=gone, force=calm.time))
-    assert row.quantity == "squeezed out at a grip force of"
+    row, *_ = soft.describe_ramp("x", dc.replace(calm, moved=gone, force=calm.time))
+    assert row.quantity == "grip force when squeezed out"
     assert row.measured == pytest.approx(8.0, abs=0.051)

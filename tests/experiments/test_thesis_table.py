@@ -23,7 +23,7 @@ def failed(variant, *cycles):
     return [row.quantity for row in judge(variant, cycles) if not row.passed]
 
 
-def test_every_variant_is_a_scenario_of_its_own():
+def test_every_variant_has_its_own_fingertips_and_motion():
     made = [load_scenario(name, overrides=more) for name, more in VARIANTS.values()]
     flat = [
         any("flat" in str(directive.add_model) for directive in scenario.directives)
@@ -39,8 +39,8 @@ def test_a_real_cycle_beats_the_thesis():
     assert failed(OURS, run_cycle(scenario, 3, overrides)) == []
 
 
-def test_the_plant_is_the_thesis_s_arm():
-    # What rounding leaves of 1,000 products of six matrices, beside 0.06 degrees.
+def test_the_plant_has_the_thesis_s_kinematics():
+    # Rounding errors of products of six matrices; the thesis reports 0.06 degrees.
     assert kinematics_error() < 1e-9
 
 
@@ -48,7 +48,7 @@ def test_the_largest_errors_count():
     cycles = [
         cycle(localization_error_m=[1e-4, 0.0, 0.0], placement_error_m=[0.0, 1e-4, 0]),
         cycle(localization_error_m=[-2e-4, 0.0, 0.0], placement_error_m=[0, -3e-4, 0]),
-        # What was never let go has no error of placement, but was seen.
+        # An object that was never released has no placement error, but was seen.
         cycle(
             success=False,
             error_G=None,
@@ -57,15 +57,15 @@ def test_the_largest_errors_count():
             placement_error_m=[0.3, 0.3, 0.3],
         ),
     ]
-    told = figures(cycles)
-    assert told["mean cycle [s]"] == 6.0
-    assert told["largest localisation error, x [mm]"] == pytest.approx(0.2)
-    assert told["largest localisation error, y [mm]"] == pytest.approx(0.5)
-    assert told["largest placement error, x [mm]"] == 0.0
-    assert told["largest placement error, y [mm]"] == pytest.approx(0.3)
+    values = figures(cycles)
+    assert values["mean cycle [s]"] == 6.0
+    assert values["largest localisation error, x [mm]"] == pytest.approx(0.2)
+    assert values["largest localisation error, y [mm]"] == pytest.approx(0.5)
+    assert values["largest placement error, x [mm]"] == 0.0
+    assert values["largest placement error, y [mm]"] == pytest.approx(0.3)
     beside = cycle(success=False, placement_error_m=[0.3, 0.3, 0.3])
-    told = figures([*cycles, beside])
-    assert told["largest placement error, x [mm]"] == pytest.approx(300.0)
+    values = figures([*cycles, beside])
+    assert values["largest placement error, x [mm]"] == pytest.approx(300.0)
 
 
 @pytest.mark.parametrize(
@@ -79,11 +79,11 @@ def test_the_largest_errors_count():
         ({"localization_error_m": [0.0, 0.0, 4e-4]}, "largest localisation error, z"),
     ],
 )
-def test_ours_keeps_our_bounds(changes, quantity):
+def test_our_own_variant_must_keep_our_bounds(changes, quantity):
     assert failed(OURS, cycle(), cycle(**changes)) == [quantity]
 
 
-def test_the_others_are_to_beat_the_thesis():
+def test_the_other_variants_must_beat_the_thesis():
     worse = {"cycle_time_s": 20.0, "placement_error_m": [0.003, 0.001, 0.0]}
     assert failed(OTHER, cycle(), cycle(**worse)) == []
     worst = {"cycle_time_s": 48.0, "placement_error_m": [0.003, 0.003, 0.0]}
@@ -98,15 +98,14 @@ def test_a_variant_that_places_nothing_fails():
     assert {"seated in the recess", "mean cycle"} < set(failed(OTHER, lost))
 
 
-def test_the_experiment_shows_what_it_did(monkeypatch):
+def test_every_cycle_is_in_the_table(monkeypatch):
     def pretend(scenario, seed, overrides):
         assert (scenario, overrides) in VARIANTS.values()
         placed = [1e-4 * seed, -1e-4, 0.0]
         return dc.replace(cycle(placement_error_m=placed), seed=seed)
 
-    monkeypatch.setattr(thesis_table, "SEEDS", range(3))
     monkeypatch.setattr(thesis_table, "run_cycle", pretend)
-    result = thesis_table.run(quiet)
+    result = thesis_table.run(quiet, seeds=3)
     assert result.passed
     table = result.tables["cycles"]
     assert table["seed"] == [0, 1, 2] * len(VARIANTS)
