@@ -1,7 +1,7 @@
 """Finger sensing: encoders, finger sensors and grasp detector of every driver."""
 
 import dataclasses as dc
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +10,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.joint_errors import AddEncoderNoise, JointErrorsConfig
 from drake_srg.common.ports import output_ports
 from drake_srg.gripper.finger_layout import FingerLayout
@@ -29,7 +30,6 @@ PLANT_INPUTS = (
     "body_spatial_velocities",
     "body_spatial_accelerations",
 )
-TRIGGERS = ("proximity", "touch")
 
 
 @dc.dataclass(kw_only=True)
@@ -41,9 +41,9 @@ class FingerSensingConfig:
 
     layout: ClassVar[FingerLayout]
 
-    # Sensor that tells that a link is at something: the name of one of the fields
-    # below. The thesis's V-REP model used proximity sensors in place of touch.
-    trigger: str = dc.field(default="proximity", metadata={"among": TRIGGERS})
+    # Sensor that tells that a link is at something: the name of one of the fields that
+    # hold sensors. The thesis's V-REP model used proximity sensors in place of touch.
+    trigger: str = "proximity"
     proximity: ProximityConfig = dc.field(default_factory=ProximityConfig)
     touch: TouchConfig = dc.field(default_factory=TouchConfig)
     grasp_detector: GraspDetectorConfig = dc.field(default_factory=GraspDetectorConfig)
@@ -59,12 +59,14 @@ class FingerSensingConfig:
         """Order of everything with one entry per sensor."""
         return self.layout.sensor_names
 
-    def sensors(self) -> Iterator[tuple[str, FingerSensorConfig]]:
-        """Yield the sensors with the names of their fields, in order."""
-        for field in dc.fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, FingerSensorConfig):
-                yield field.name, value
+    def sensors(self) -> dict[str, FingerSensorConfig]:
+        """Return the sensors by the names of their fields, in order."""
+        values = {field.name: getattr(self, field.name) for field in dc.fields(self)}
+        return {
+            name: value
+            for name, value in values.items()
+            if isinstance(value, FingerSensorConfig)
+        }
 
 
 @dc.dataclass(frozen=True)
@@ -101,6 +103,7 @@ def AddFingerSensing(
         seed: Of that noise.
 
     Raises:
+        ScenarioError: If the sensor of `config.trigger` has no port `triggered`.
         ValueError: If there is no source for an input port of a sensor.
     """
     encoders = builder.AddNamedSystem(
@@ -113,7 +116,7 @@ def AddFingerSensing(
     sources = {"state_measured": state_measured}
     inputs = {"plant_state"}
     triggers: dict[str, OutputPort] = {}
-    for name, sensor_config in config.sensors():
+    for name, sensor_config in config.sensors().items():
         sensor = sensor_config.AddSensor(builder, plant, gripper, config.layout)
         for i in range(sensor.num_input_ports()):
             _connect(builder, sensor.get_input_port(i), sources, inputs)
@@ -121,6 +124,11 @@ def AddFingerSensing(
         if "triggered" in outputs:
             triggers[name] = outputs.pop("triggered")
         sources |= outputs
+    if config.trigger not in triggers:
+        raise ScenarioError(
+            f"gripper.trigger: {config.trigger!r} has no port triggered "
+            f"(allowed: {', '.join(triggers)})"
+        )
     triggered = triggers[config.trigger]
     detector = builder.AddNamedSystem(
         "grasp_detector", GraspDetector(config.layout.fingers, config.grasp_detector)

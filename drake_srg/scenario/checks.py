@@ -41,6 +41,10 @@ def check_scenario(scenario: Scenario, origin: str) -> None:
         require(value > 0.0, f"plant_config.{name}", message)
     _check_steps(scenario, require)
     if scenario.gripper is not None:
+        sensors = ", ".join(scenario.gripper.sensors())
+        trigger = scenario.gripper.trigger
+        message = f"must name a sensor, got {trigger!r} (allowed: {sensors})"
+        require(trigger in scenario.gripper.sensors(), "gripper.trigger", message)
         motors = scenario.gripper.num_motors
         for gain in ("kp", "ki", "kd", "kff1", "kff2"):
             values = getattr(scenario.gripper.servo, gain)

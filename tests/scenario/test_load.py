@@ -330,6 +330,7 @@ def test_a_folder_is_not_a_scenario(tmp_path):
             "color_range.space: must be one of hsv, rgb",
         ),
         ("gripper.servo.law=pdi", "gripper.servo.law: must be one of pid, printed"),
+        ("gripper.trigger=smell", "gripper.trigger: must name a sensor, got 'smell'"),
         ("gripper.servo.kp=[1, 2]", "gripper.servo.kp: must have an entry a motor, 4"),
         ("gripper.servo.period=0", "gripper.servo.period: must be greater than 0.0"),
         ("gripper.proximity.range=-1", "gripper.proximity.range: must be greater than"),
