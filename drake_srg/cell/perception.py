@@ -1,4 +1,4 @@
-"""What a cell sees with: the localizer, and what finds things in the way."""
+"""The perception of a cell: the localizer and the finder of obstacles."""
 
 from __future__ import annotations
 
@@ -16,30 +16,35 @@ from drake_srg.vision.color import ColorRange
 from drake_srg.vision.obstacles import ObstacleFinder
 from drake_srg.vision.surface import Surface
 
-# What is set down not farther than this below a table's top [m], or above, is set into
-# a recess of it, or on a mat.
+# A goal whose height differs from the table's by no more than this is a recess of the
+# table or a mat on it, not a surface of its own [m].
 _RECESS = 0.01
 
 
 def AddLocalizer(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> BlobLocalizer:
-    """Add the localizer of a scenario, connected to the station's cameras."""
-    cameras = _camera_models(scenario, station)
+    """Add the localizer of a scenario and connect it to the station's cameras.
+
+    Raises:
+        ScenarioError: If two objects look alike or a range of colours is invalid.
+    """
+    cameras, config = _camera_models(scenario), scenario.localizer
     localizer = builder.AddNamedSystem(
         "localizer",
         BlobLocalizer(
             _targets(scenario),
             cameras,
-            min_area=scenario.localizer.min_area,
-            period=scenario.localizer.period,
+            min_area=config.min_area,
+            period=config.period,
+            config=config.thresholds,
         ),
     )
     for name, camera in cameras.items():
         for port in ("color_image", "depth_image", "body_pose_in_world"):
             source = station.GetOutputPort(f"camera_{name}.{port}")
-            if port == "body_pose_in_world" and scenario.localizer.level_cameras:
-                source = _leveled(builder, scenario, station, name, camera)
+            if port == "body_pose_in_world" and config.level_cameras:
+                source = _AddLeveling(builder, scenario, station, name, camera)
             builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
     return localizer
 
@@ -50,8 +55,8 @@ def AddObstacleFinder(
     station: Diagram,
     localizer: System,
 ) -> ObstacleFinder:
-    """Add what finds things in the way, connected to the station and the localizer."""
-    cameras = _camera_models(scenario, station)
+    """Add the finder of obstacles and connect it to the station and the localizer."""
+    cameras = _camera_models(scenario)
     known = {n: known_shape(n, config) for n, config in scenario.objects.items()}
     finder = builder.AddNamedSystem(
         "obstacle_finder",
@@ -59,6 +64,7 @@ def AddObstacleFinder(
             cameras,
             _surfaces(scenario),
             {name: shape for name, shape in known.items() if shape is not None},
+            config=scenario.localizer.thresholds.obstacles,
         ),
     )
     for name in cameras:
@@ -73,16 +79,18 @@ def AddObstacleFinder(
     return finder
 
 
-def _leveled(
+def _AddLeveling(
     builder: DiagramBuilder,
     scenario: Scenario,
     station: Diagram,
     name: str,
     camera: CameraModel,
 ) -> OutputPort:
-    """The pose of a camera by the tables that it sees."""
+    """Add what corrects a camera's pose by its tables, and return the pose's port."""
+    config = scenario.localizer.thresholds.leveling
     leveling = builder.AddNamedSystem(
-        f"camera_leveling_{name}", CameraLeveling(camera, _tables(scenario))
+        f"camera_leveling_{name}",
+        CameraLeveling(camera, _tables(scenario), config=config),
     )
     for port in ("depth_image", "body_pose_in_world"):
         source = station.GetOutputPort(f"camera_{name}.{port}")
@@ -90,16 +98,16 @@ def _leveled(
     return leveling.get_output_port()
 
 
-def _camera_models(scenario: Scenario, station: Diagram) -> dict[str, CameraModel]:
-    """Models of the localizer's cameras."""
+def _camera_models(scenario: Scenario) -> dict[str, CameraModel]:
+    """Return the models of the localizer's cameras."""
     return {
-        name: CameraModel.from_sensor(station.GetSubsystemByName(f"rgbd_sensor_{name}"))
+        name: CameraModel.from_config(scenario.cameras[name])
         for name in scenario.localizer.cameras
     }
 
 
 def _surfaces(scenario: Scenario) -> list[Surface]:
-    """Where things may be in the way: around the objects' region and the goal."""
+    """Return where obstacles may stand: around the objects' region and the goal."""
     task, table = scenario.task, scenario.table
     low = np.maximum(np.array(task.region.min) - task.spacing, table.min)
     high = np.minimum(np.array(task.region.max) + task.spacing, table.max)
@@ -110,7 +118,7 @@ def _surfaces(scenario: Scenario) -> list[Surface]:
 
 
 def _tables(scenario: Scenario) -> list[Surface]:
-    """What is level: the table, and what is around the goal."""
+    """Return the level surfaces: the table and the surroundings of the goal."""
     low, high = scenario.table.min, scenario.table.max
     table = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
     return [table, _around_goal(scenario)]
@@ -120,7 +128,7 @@ def _around_goal(scenario: Scenario) -> Surface:
     (x, y), around = scenario.task.place.position, scenario.task.spacing
     height = scenario.table.height
     on = scenario.task.place.height
-    if on is not None and abs(on - height) > _RECESS:  # on something else
+    if on is not None and abs(on - height) > _RECESS:
         height = on
     return Surface((x - around, y - around), (x + around, y + around), height)
 
@@ -130,7 +138,7 @@ def _targets(scenario: Scenario) -> list[BlobTarget]:
     for name, config in scenario.objects.items():
         shape = known_shape(name, config)
         if shape is None:
-            continue  # nothing looks for it
+            continue  # the localizer does not look for it
         with scenario_errors(f"objects.{name}.color_range"):
             colors = _color_range(config)
         for other in targets:

@@ -1,9 +1,9 @@
 """Where the five-axis cell's camera sees its cylinder: standing, tilted and lying.
 
-The cylinder is put somewhere, and the scenario's own ceiling camera and localizer look,
-with images of three sizes; then both varied scenarios' cameras at scenes with other
-lights, noise, clutter and cards in the way. Nothing is simulated: it is the image that
-is judged.
+The scenario's ceiling camera and localizer locate the cylinder in many poses, with
+images of three sizes. Then the cameras of both varied scenarios look at scenes with
+other lights, noise, clutter and occlusion. Nothing is simulated. Only the images are
+judged.
 """
 
 from __future__ import annotations
@@ -19,7 +19,12 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.cell.perception import AddLocalizer
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.varied_scenes import WITHIN, Scene
+from drake_srg.experiments.varied_scenes import (
+    WITHIN,
+    Scene,
+    angle_between_axes,
+    put_object,
+)
 from drake_srg.experiments.varied_scenes import judge as judge_scenes
 from drake_srg.experiments.varied_scenes import look as look_at_scene
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
@@ -28,23 +33,23 @@ from drake_srg.station import MakeStation
 from drake_srg.types import BlobFlag, Cylinder, Vector
 
 SCENARIO, CAMERA = "assistive_arm", "ceiling"
-SIZES = ((320, 240), (640, 480), (1280, 960))  # of the images [pixels]
+SIZES = ((320, 240), (640, 480), (1280, 960))  # images [pixels]
 STANDING, RECESS, TILTED, LYING = "standing", "in the recess", "tilted", "lying"
-# The arm thesis's table: where its blob detection saw the cylinder, and where it was.
-DETECTED = np.array([-0.325013, -0.175051, 0.139989])  # m
-ACTUAL = np.array([-0.32495, -0.17498, 0.125])  # m
-# What we ask of ourselves: on each axis standing, in all otherwise; of the axis.
-MOST_STANDING, MOST_LYING, MOST_TURN = 0.3e-3, 0.5e-3, np.deg2rad(1.0)  # m, m, rad
+# From the arm thesis's table: where its blob detection saw the cylinder, and where it
+# was [m].
+DETECTED = np.array([-0.325013, -0.175051, 0.139989])
+ACTUAL = np.array([-0.32495, -0.17498, 0.125])
+# Our own limits: error on each axis if it stands [m], distance otherwise [m], error of
+# the axis [rad].
+MOST_STANDING, MOST_LYING, MOST_TURN = 0.3e-3, 0.5e-3, np.deg2rad(1.0)
 _SIDES = ("width", "height")
-_GRID = 9  # places standing a side of the pick region
-_OTHERS = 60  # places tilted, as many lying
-_SCENES = 60  # of each varied scenario
-_DEPTH, _PLAY = 0.005, 0.7e-3  # of the recess; within its clearance on both axes [m]
+_RECESS_DEPTH = 0.005  # m
+_PLAY = 0.7e-3  # in the recess, on both axes; less than its clearance [m]
 
 
 @dc.dataclass(frozen=True)
 class Case:
-    """One way the cylinder is, seen with images of one size."""
+    """One way in which the cylinder is placed, seen with images of one size."""
 
     way: str
     size: tuple[int, int]
@@ -55,15 +60,14 @@ class Case:
 
 @dc.dataclass(frozen=True)
 class Sighting:
-    """A cylinder that was looked for.
+    """How a cylinder was located. Numbers are NaN if it was not seen.
 
     Attributes:
-        X_WO: Where it was.
-        error: Estimated centre minus the true one, in W [m], shape (3,); NaN where it
-            was not seen.
-        turn: Angle between estimated and true axis [rad]; NaN likewise.
-        quality: Of the blob; NaN likewise.
-        uncertain: Whether the localizer says that it cannot tell.
+        X_WO: Its true pose.
+        error: Estimated minus true centre, in W [m], shape (3,).
+        turn: Angle between the estimated and the true axis [rad].
+        quality: Quality of the blob.
+        uncertain: Whether the blob is uncertain or missing.
     """
 
     X_WO: RigidTransform
@@ -74,7 +78,7 @@ class Sighting:
 
     @property
     def distance(self) -> float:
-        """Distance between the estimated and the true centre [m]."""
+        """Distance from the estimated to the true centre [m]."""
         return float(np.linalg.norm(self.error))
 
     @property
@@ -84,41 +88,50 @@ class Sighting:
 
 
 def load(size: tuple[int, int]) -> Scenario:
-    """The scenario, with its camera's images of a size [pixels]."""
+    """Return the scenario with camera images of a size [pixels]."""
     changes = [f"cameras.{CAMERA}.{k}={v}" for k, v in zip(_SIDES, size, strict=True)]
     return load_scenario(SCENARIO, seed=0, overrides=changes)
 
 
-def poses(scenario: Scenario, way: str) -> Iterator[RigidTransform]:
-    """Where a cylinder is put: all over the pick region, or in the recess."""
+def poses(
+    scenario: Scenario, way: str, grid: int, others: int
+) -> Iterator[RigidTransform]:
+    """Yield poses X_WO of the cylinder all over the pick region, or in the recess.
+
+    Args:
+        scenario: See `load`.
+        way: STANDING, RECESS, TILTED or LYING.
+        grid: Standing places along each side of the region, and places in the recess.
+        others: Number of tilted or lying places.
+    """
     rng = np.random.default_rng(0)
     shape = scenario.objects[scenario.task.pick].shape
     assert isinstance(shape, Cylinder)
     region = scenario.task.region
     assert region is not None
     if way == STANDING:
-        sides = np.linspace(region.min, region.max, _GRID).T
+        sides = np.linspace(region.min, region.max, grid).T
         places = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
         tilts = np.zeros(len(places))
     elif way == RECESS:
-        places = rng.uniform(-_PLAY, _PLAY, (_GRID, 2)) + scenario.task.place.position
+        places = rng.uniform(-_PLAY, _PLAY, (grid, 2)) + scenario.task.place.position
         tilts = np.zeros(len(places))
     else:
-        places = rng.uniform(region.min, region.max, (_OTHERS, 2))
+        places = rng.uniform(region.min, region.max, (others, 2))
         least = 0.0 if way == TILTED else np.pi / 2
-        tilts = rng.uniform(least, np.pi / 2, _OTHERS)
+        tilts = rng.uniform(least, np.pi / 2, others)
     for place, tilt in zip(places, tilts, strict=True):
         azimuth = rng.uniform(-np.pi, np.pi)
         level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
         axis = np.sin(tilt) * level + [0.0, 0.0, np.cos(tilt)]
         height = 0.5 * shape.length * np.cos(tilt) + shape.radius * np.sin(tilt)
-        height += scenario.table.height - (_DEPTH if way == RECESS else 0.0)
+        height += scenario.table.height - (_RECESS_DEPTH if way == RECESS else 0.0)
         R_WO = RotationMatrix.MakeFromOneVector(axis, 2)
         yield RigidTransform(R_WO, [*place, height])
 
 
 class Eye:
-    """The station and the localizer of a scenario, and nothing else of its cell."""
+    """The station and the localizer of a scenario, without the rest of its cell."""
 
     def __init__(self, scenario: Scenario):
         self._name = scenario.task.pick
@@ -130,47 +143,53 @@ class Eye:
         self._plant = station.GetSubsystemByName("plant")
 
     def look(self, X_WO: RigidTransform) -> Sighting:
-        """Put the picked object somewhere, and look for it."""
-        model = self._plant.GetModelInstanceByName(self._name)
-        (index,) = self._plant.GetBodyIndices(model)
-        self._plant.SetFreeBodyPose(
-            self._plant.GetMyMutableContextFromRoot(self._context),
-            self._plant.get_body(index),
-            X_WO,
-        )
+        """Move the picked object and locate it."""
+        moved = self._plant.GetMyMutableContextFromRoot(self._context)
+        put_object(self._plant, moved, self._name, X_WO)
         context = self._localizer.GetMyContextFromRoot(self._context)
         blobs = self._localizer.GetOutputPort("blobs").Eval(context)
         blobs = [blob for blob in blobs if blob.object_name == self._name]
-        if len(blobs) != 1:  # a second one would be something else
+        if len(blobs) != 1:  # a second blob would show something else
             return Sighting(X_WO, np.full(3, np.nan), np.nan, np.nan, True)
-        blob, axis = blobs[0], X_WO.rotation().matrix()[:, 2]
-        turn = np.arctan2(np.linalg.norm(np.cross(blob.axis, axis)), blob.axis @ axis)
+        blob = blobs[0]
         return Sighting(
             X_WO,
             blob.position - X_WO.translation(),
-            float(min(turn, np.pi - turn)),  # both ends look alike
+            angle_between_axes(blob.axis, X_WO.rotation().matrix()[:, 2]),
             blob.quality,
             BlobFlag.UNCERTAIN in blob.flags,
         )
 
 
-def run(track: Track) -> ExperimentResult:
-    """Look at a cylinder in many places, with images of three sizes; then at scenes."""
+def run(
+    track: Track, *, grid: int = 9, others: int = 60, scenes: int = 60
+) -> ExperimentResult:
+    """Locate a cylinder in many places with images of three sizes, then in scenes.
+
+    Args:
+        track: Shows progress.
+        grid: Standing places along each side of the pick region.
+        others: Tilted places, and lying ones.
+        scenes: Scenes of each varied scenario.
+    """
     own = load_scenario(SCENARIO).cameras[CAMERA]
     eyes = {size: Eye(load(size)) for size in SIZES}
     ways = (STANDING, RECESS, TILTED, LYING)
     cases = [Case(way, size) for size in SIZES for way in ways]
     sightings = {
-        case: [eyes[case.size].look(X_WO) for X_WO in poses(load(case.size), case.way)]
+        case: [
+            eyes[case.size].look(X_WO)
+            for X_WO in poses(load(case.size), case.way, grid, others)
+        ]
         for case in track(cases)
     }
     size = (own.width, own.height)
     thesis = eyes[size].look(RigidTransform(ACTUAL))
-    scenes = {
-        name: [look_at_scene(name, seed) for seed in range(_SCENES)]
+    seen = {
+        name: [look_at_scene(name, seed) for seed in range(scenes)]
         for name in track(list(WITHIN))
     }
-    return make_result(sightings, thesis, size, scenes)
+    return make_result(sightings, thesis, size, seen)
 
 
 def make_result(
@@ -183,9 +202,10 @@ def make_result(
 
     Args:
         sightings: By case.
-        thesis: At the place of the arm thesis's cylinder.
-        size: The scenario's own [pixels]; its cases are judged, others shown.
-        scenes: Of varied scenarios, by their names.
+        thesis: The sighting at the place of the arm thesis's cylinder.
+        size: The scenario's own image size [pixels], whose cases are judged. The others
+            are informative.
+        scenes: Scenes of the varied scenarios, by name.
     """
     flat = [(case, s) for case, found in sightings.items() for s in found]
     places = np.array([s.X_WO.translation() for _, s in flat])
@@ -215,7 +235,7 @@ def make_result(
 def judge(
     sightings: dict[Case, list[Sighting]], thesis: Sighting, size: tuple[int, int]
 ) -> list[Row]:
-    """Judge the thesis's place, then every case; see `make_result`."""
+    """Judge the thesis's place, then every case (see `make_result`)."""
     rows = []
     errors = 1e3 * np.abs([thesis.error, DETECTED - ACTUAL])
     for name, ours, theirs in zip("xyz", *errors, strict=True):
@@ -245,7 +265,7 @@ def judge(
 
 
 def draw(sightings: dict[Case, list[Sighting]], size: tuple[int, int]) -> Any:
-    """Draw errors by size and axis, over the region, and against the tilt."""
+    """Draw errors by size and axis, over the region, and against tilt."""
     figure = make_figure(11.0, 7.0, "Where the camera sees the cylinder")
     (bars, region), (position, turn) = figure.subplots(2, 2)
     sizes = list(dict.fromkeys(case.size for case in sightings))
@@ -278,7 +298,7 @@ def draw(sightings: dict[Case, list[Sighting]], size: tuple[int, int]) -> Any:
         position.plot(tilts, [1e3 * s.distance for s in tilted], "o", **style)
         turn.plot(tilts, [np.rad2deg(s.turn) for s in tilted], "o", **style)
     position.axhline(1e3 * MOST_LYING, color=COLORS[-1], lw=0.8, ls="--")
-    for axes, what in ((position, "centre; dashed: what is asked for"), (turn, "axis")):
+    for axes, what in ((position, "centre; dashed: the limit"), (turn, "axis")):
         axes.set_title(f"Tilted and lying: {what}", fontsize=9, loc="left")
         axes.legend(fontsize=8, frameon=False)
     return figure
@@ -290,7 +310,7 @@ def _draw_standing(
     sizes: Sequence[tuple[int, int]],
     labels: Sequence[str],
 ) -> None:
-    """Draw the largest error on each axis, and the thesis's."""
+    """Draw the largest error on each axis and the thesis's."""
     style_axes(axes, ylabel="largest error [mm]")
     theirs = 1e3 * np.abs(DETECTED - ACTUAL)
     bars = {
@@ -304,5 +324,5 @@ def _draw_standing(
     axes.axhline(1e3 * MOST_STANDING, color=COLORS[-1], lw=0.8, ls="--")
     axes.set_xticks(np.arange(3) + 0.1 * len(bars), list("xyz"))
     axes.set_yscale("log")
-    axes.set_title("Standing; dashed: what is asked for", fontsize=9, loc="left")
+    axes.set_title("Standing; dashed: the limit", fontsize=9, loc="left")
     axes.legend(fontsize=8, frameon=False)

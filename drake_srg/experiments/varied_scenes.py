@@ -1,18 +1,21 @@
-"""Where the localizer sees the picked object in scenes of the varied scenarios.
+"""Scenes of the varied scenarios, and how well the picked object is located in them.
 
-A scene is drawn from a seed: objects, clutter, lights, what hides a part, the camera's
-errors. Nothing is simulated: it is the first image that is judged.
+A scene is drawn from a seed: objects, clutter, lights, occlusion and camera errors.
+Nothing is simulated. Only the first images are judged.
 """
 
 from __future__ import annotations
 
+import copy
 import dataclasses as dc
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantValueSource
 
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.experiments.result import Row
@@ -20,26 +23,26 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
-from drake_srg.types import BlobFlag, Obstacle, Shape
-from drake_srg.vision.solids import bounding_size
+from drake_srg.types import Blob, BlobFlag, Obstacle, Shape, Vector
+from drake_srg.vision.config import LocalizerThresholds
 
-# Scenarios, and how near a sighting has to be to take the object by it [m]: half of
-# what the kitchen's goal allows, and what the five-axis arm's open fingers do.
+# Scenarios, and the greatest error of position with which the object can be picked [m]:
+# half of what the kitchen's goal allows, and what the five-axis arm's open fingers
+# allow.
 WITHIN = {"kitchen_varied": 3e-3, "assistive_arm_varied": 1.5e-3}
-ANOTHER = 0.02  # m; farther off it is another thing
-_LEAST_SHARE = 0.95  # of scenes, in which the object is seen that near
-_LOW = 0.008  # m; ObstacleFinder's min_height: lower things need not be found
+ANOTHER = 0.02  # a sighting farther off shows another thing [m]
+_LEAST_SHARE = 0.95  # of scenes in which the object is located that well
+_LOW = 0.008  # lower things need not be found [m]: ObstacleFinder's min_height
 
 
 @dc.dataclass(frozen=True)
 class Scene:
-    """What was seen in one scene.
+    """How the picked object is located in a scene.
 
     Attributes:
-        distance: Between the best blob and the picked object [m]; NaN where there is
-            no blob.
-        certain: Whether the best blob says that it is.
-        turn: Between their axes [rad], likewise; both ends look alike.
+        distance: From the best blob to the picked object [m]; NaN without a blob.
+        certain: Whether the best blob is certain.
+        turn: Angle between their axes [rad], whose ends look alike; NaN without a blob.
     """
 
     distance: float
@@ -49,12 +52,12 @@ class Scene:
 
 @dc.dataclass(frozen=True)
 class Obstacles:
-    """What was found of the clutter in one scene.
+    """How the clutter of a scene is found.
 
     Attributes:
-        missed: How many things in which no obstacle is.
-        invented: How many obstacles in which no thing is.
-        errors: Of the heights of those that are one thing [m].
+        missed: Number of things that no obstacle covers.
+        invented: Number of obstacles that cover no thing.
+        errors: Errors of the heights of obstacles that cover one thing [m].
     """
 
     missed: int
@@ -63,95 +66,123 @@ class Obstacles:
 
 
 class Scenery:
-    """A scene whose images are made once, and may be looked at many times.
+    """A scene that is rendered once and may be perceived with several thresholds.
 
     Args:
         scenario_name: A scenario whose localizer finds obstacles.
-        seed: What the scene is drawn from.
-        overrides: As those of `load_scenario`.
+        seed: The seed from which the scene is drawn.
+        overrides: See `load_scenario`.
     """
 
     def __init__(self, scenario_name: str, seed: int, overrides: Sequence[str] = ()):
         self._scenario = load_scenario(scenario_name, seed=seed, overrides=overrides)
-        builder = DiagramBuilder()
-        self._station = builder.AddNamedSystem("station", MakeStation(self._scenario))
-        self._localizer = AddLocalizer(builder, self._scenario, self._station)
-        self._finder = AddObstacleFinder(
-            builder, self._scenario, self._station, self._localizer
-        )
-        self._diagram = builder.Build()
-        self._context = self._diagram.CreateDefaultContext()
+        self._station = MakeStation(self._scenario)
+        self._context = self._station.CreateDefaultContext()
 
     @property
     def shape(self) -> Shape | None:
-        """The true shape of the picked object; None where it is no simple one."""
+        """True shape of the picked object; None for a model without a simple shape."""
         name = self._scenario.task.pick
         return simple_shape(name, self._scenario.objects[name])
 
     def pose(self) -> RigidTransform:
-        """X_WO of the picked object."""
+        """Return the pose X_WO of the picked object."""
         return self._poses()[self._scenario.task.pick]
 
     def put(self, X_WO: RigidTransform) -> None:
-        """Put the picked object somewhere."""
+        """Move the picked object."""
         plant = self._station.GetSubsystemByName("plant")
-        model = plant.GetModelInstanceByName(self._scenario.task.pick)
-        (index,) = plant.GetBodyIndices(model)
-        plant.SetFreeBodyPose(
-            plant.GetMyMutableContextFromRoot(self._context),
-            plant.get_body(index),
-            X_WO,
-        )
+        context = plant.GetMyMutableContextFromRoot(self._context)
+        put_object(plant, context, self._scenario.task.pick, X_WO)
 
-    def look(self) -> Scene:
-        """Look for the picked object, anew but in the same images."""
-        blobs = self._anew(self._localizer)
+    def look(
+        self, thresholds: LocalizerThresholds | None = None
+    ) -> tuple[Scene, Obstacles]:
+        """Locate the picked object and the obstacles in the scene's images.
+
+        Args:
+            thresholds: None for those of the scenario.
+        """
+        scenario = copy.copy(self._scenario)
+        if thresholds is not None:
+            scenario.localizer = dc.replace(scenario.localizer, thresholds=thresholds)
+        builder = DiagramBuilder()
+        images = builder.AddSystem(self._make_images())
+        localizer = AddLocalizer(builder, scenario, images)
+        finder = AddObstacleFinder(builder, scenario, images, localizer)
+        context = builder.Build().CreateDefaultContext()
+        blobs, obstacles = (
+            system.get_output_port().Eval(system.GetMyContextFromRoot(context))
+            for system in (localizer, finder)
+        )
+        return self._compare_blobs(blobs), self._compare_obstacles(obstacles)
+
+    def _make_images(self) -> Diagram:
+        """Return constant sources in place of the station's cameras."""
+        builder = DiagramBuilder()
+        for camera in self._scenario.localizer.cameras:
+            for port in ("color_image", "depth_image", "body_pose_in_world"):
+                name = f"camera_{camera}.{port}"
+                image = self._station.GetOutputPort(name).Eval(self._context)
+                source = ConstantValueSource(AbstractValue.Make(image))
+                builder.AddSystem(source)
+                builder.ExportOutput(source.get_output_port(), name)
+        return builder.Build()
+
+    def _compare_blobs(self, blobs: Sequence[Blob]) -> Scene:
         own = [b for b in blobs if b.object_name == self._scenario.task.pick]
         if not own:
             return Scene(np.nan, False, np.nan)
         best, X_WO = own[0], self.pose()
-        axis = X_WO.rotation().matrix()[:, 2]
-        turn = np.arctan2(np.linalg.norm(np.cross(best.axis, axis)), best.axis @ axis)
         return Scene(
             float(np.linalg.norm(best.position - X_WO.translation())),
             BlobFlag.UNCERTAIN not in best.flags,
-            float(min(turn, np.pi - turn)),
+            angle_between_axes(best.axis, X_WO.rotation().matrix()[:, 2]),
         )
 
-    def find_obstacles(self) -> Obstacles:
-        """Find what is in the way, anew but in the same images and as last seen."""
+    def _compare_obstacles(self, obstacles: Sequence[Obstacle]) -> Obstacles:
         poses = self._poses()
         things = [
             (poses[name], config)
             for name, config in self._scenario.objects.items()
             if not config.known
         ]
-        return match(self._anew(self._finder), things)
+        return match(obstacles, things)
 
     def _poses(self) -> dict[str, RigidTransform]:
         port = self._station.GetOutputPort("object_poses_cheat")
-        poses: dict[str, RigidTransform] = port.Eval(
-            self._station.GetMyContextFromRoot(self._context)
-        )
+        poses: dict[str, RigidTransform] = port.Eval(self._context)
         return poses
 
-    def _anew(self, system: LeafSystem) -> Any:
-        """A system's output, computed even if its inputs are the same."""
-        context = system.GetMyContextFromRoot(self._context)
-        context.SetAllCacheEntriesOutOfDate()
-        return system.get_output_port().Eval(context)
+
+def put_object(
+    plant: MultibodyPlant, context: Context, name: str, X_WO: RigidTransform
+) -> None:
+    """Move an object of one link in a plant's context."""
+    (index,) = plant.GetBodyIndices(plant.GetModelInstanceByName(name))
+    plant.SetFreeBodyPose(context, plant.get_body(index), X_WO)
+
+
+def angle_between_axes(a: Vector, b: Vector) -> float:
+    """Return the angle between two axes whose ends look alike [rad]."""
+    turn = np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
+    return float(min(turn, np.pi - turn))
 
 
 def match(
     found: Sequence[Obstacle], things: Sequence[tuple[RigidTransform, ObjectConfig]]
 ) -> Obstacles:
-    """Compare obstacles with the upright things that are there, seen from above.
+    """Compare obstacles with the upright things in a scene, seen from above.
 
-    A thing is found by an obstacle that its middle is in. An obstacle is of a thing
-    that it finds, or whose surrounding circle its own middle is in.
+    An obstacle finds a thing if it contains the thing's centre. It covers the things
+    that it finds and those whose surrounding circle contains its own centre.
+
+    Args:
+        found: The obstacles.
+        things: Pose X_WO and config of each thing.
     """
     sizes = [
-        bounding_size(shape) if (shape := simple_shape("", config)) else np.zeros(3)
+        shape.bounding_size if (shape := simple_shape("", config)) else np.zeros(3)
         for _, config in things
     ]
     middles = [X_WO.translation() for X_WO, _ in things]
@@ -168,7 +199,7 @@ def match(
     errors = tuple(
         float(found[i].shape.height - sizes[j][2])
         for i, j in np.argwhere(holds & high)
-        if holds[i].sum() == 1  # of several together it is the highest one's
+        if holds[i].sum() == 1  # several together are as high as the highest
     )
     return Obstacles(
         missed=int((high & ~holds.any(axis=0)).sum()),
@@ -178,8 +209,8 @@ def match(
 
 
 def look(scenario_name: str, seed: int) -> Scene:
-    """Draw a scene, and look for the picked object once."""
-    return Scenery(scenario_name, seed).look()
+    """Draw a scene and locate the picked object."""
+    return Scenery(scenario_name, seed).look()[0]
 
 
 def judge(scenario_name: str, scenes: list[Scene]) -> list[Row]:

@@ -25,6 +25,7 @@ from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import positive
 from drake_srg.vision.camera_errors import CameraErrorsConfig
+from drake_srg.vision.config import LocalizerThresholds
 
 if typing.TYPE_CHECKING:
     _Driver = GripperDriver
@@ -97,6 +98,8 @@ class LocalizerConfig:
     level_cameras: bool = False
     # Time between images [s]; 0 renders only when the blobs are asked for.
     period: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # For poor images and other objects than these scenarios have.
+    thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
 
 
 @dc.dataclass(kw_only=True)

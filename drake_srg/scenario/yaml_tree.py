@@ -172,7 +172,8 @@ def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
     """Check parsed YAML against a schema and return it normalised.
 
     Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `among`,
-    `length` of dataclass fields. Drake's own classes are checked by their fields, too.
+    `length`, `nonempty` of dataclass fields. Drake's own classes are checked by their
+    fields, too.
 
     Args:
         value: What `parse_yaml` returned, distributions drawn.
@@ -340,6 +341,8 @@ def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) 
     length = bounds.get("length")
     if length is not None and len(value) != length:
         fail(origin, key, f"must have {length} numbers, has {len(value)}")
+    if bounds.get("nonempty") and not value:
+        fail(origin, key, "must not be empty")
     tests = {
         "gt": (operator.gt, "greater than"),
         "ge": (operator.ge, "at least"),

@@ -1,1 +1,1 @@
-"""Object localisation from camera images."""
+"""Localisation of objects in camera images."""

@@ -18,19 +18,15 @@ from drake_srg.types import Blob, BlobFlag, Shape
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
+from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.depth_noise import clean
 from drake_srg.vision.shape_fit import Fit, fit_shape
-from drake_srg.vision.solids import bounding_size
 from drake_srg.vision.view import view_around
-
-# More misfit than another blob's: what a target's own noise and edges hardly make. What
-# other values change is measured by experiment localizer_thresholds.
-_LESS_LIKE = 0.05
 
 
 @dc.dataclass(frozen=True)
 class BlobTarget:
-    """What to look for."""
+    """An object to look for: its name, shape and colours."""
 
     name: str
     shape: Shape
@@ -38,20 +34,21 @@ class BlobTarget:
 
 
 class BlobLocalizer(LeafSystem):
-    """Positions of the targets that the cameras see, one Blob a sighting.
+    """Locates targets in camera images, with one Blob for each sighting.
 
-    A target's pixels are found by colour, their connected components give the blobs,
-    and depth and the known shape give each blob the position of the object's centre
-    (see `fit_shape`). Cylinders may stand, lean or lie; boxes are taken to stand,
-    within 15 degrees. The colour need not hold all over an object: depth tells what
-    belongs to it, so a strict range may find it by its lit parts. Where none is certain
-    by its colour, as in other light, what steps in depth set off is looked at, too. Two
-    blobs nearer to each other than the object is wide are the same object seen in two
-    parts; the better one stays.
+    Connected pixels of a target's colour are its blobs. Depth and the known shape give
+    each blob the position of the object's centre (see `fit_shape`). Cylinders may
+    stand, lean or lie. Boxes are assumed to stand within 15 degrees. An object's colour
+    need not lie in the range everywhere: depth decides what belongs to the object, so a
+    strict range may find it by its lit parts. If no blob is certain by its colour, as
+    under another light, regions that steps in depth set off become blobs, too. Two
+    blobs whose distance is below half of the object's width show the same object in two
+    parts, and the better one stays.
 
-    Noise is measured in the depth image itself: it is cleaned, everything is judged by
-    what noise is left, and where noise hides small leans, what stands is upright. What
-    fits the target's shape clearly worse than another blob is UNCERTAIN.
+    The depth image itself shows how noisy it is. It is filtered, and the noise that is
+    left sets the tolerances. Where noise hides small leans, standing objects count as
+    upright. A blob that fits the target's shape clearly worse than another one is
+    UNCERTAIN.
 
     .. pydrake_system::
 
@@ -65,24 +62,25 @@ class BlobLocalizer(LeafSystem):
 
     Every camera has its three input ports: `{camera}.color_image` (ImageRgba8U),
     `{camera}.depth_image` (ImageDepth32F) and `{camera}.body_pose_in_world`
-    (RigidTransform X_WB). The output `blobs` is a list[Blob], in the order of the
-    targets and the best first, by `Blob.trust`; poses in world [m].
+    (RigidTransform X_WB). The output `blobs` is a list[Blob] in world [m], in the order
+    of the targets and, for each target, the most trustworthy first (`Blob.trust`).
 
-    With `period` 0 the output is computed when it is evaluated, so cameras that nobody
-    asks cost nothing. With a positive period the images are sampled by a periodic event
-    and the output repeats the last sample.
+    With `period` 0 the output is computed when it is evaluated, so cameras cost nothing
+    while nothing needs the blobs. With a positive period a periodic event samples the
+    images and the output repeats the last sample.
 
     Args:
         targets: What to look for, by unique names.
         cameras: Camera name to its model.
         period: 0, or the sampling period [s].
         min_area: Smaller blobs are dropped [pixels].
-        min_quality: Uncertain blobs with a smaller share of the outline seen are
-            dropped, 0 .. 1.
+        min_quality: Uncertain blobs are dropped if a smaller share of their outline is
+            seen, 0 .. 1.
+        config: The thresholds; None for the defaults.
 
     Raises:
-        ValueError: If targets or cameras are empty, a name appears twice, or a number
-            is out of range.
+        ValueError: If targets or cameras are empty, a name appears twice, a number is
+            out of range, or a softness of `config.fit` is empty.
     """
 
     def __init__(
@@ -93,6 +91,7 @@ class BlobLocalizer(LeafSystem):
         period: float = 0.0,
         min_area: int = 12,
         min_quality: float = 0.2,
+        config: BlobLocalizerConfig | None = None,
     ):
         super().__init__()
         names = [target.name for target in targets]
@@ -104,10 +103,14 @@ class BlobLocalizer(LeafSystem):
             raise ValueError("BlobLocalizer needs at least one camera")
         if period < 0 or min_area < 1 or not 0 <= min_quality <= 1:
             raise ValueError(
-                f"BlobLocalizer has period={period}, min_area={min_area}, min_quality="
-                f"{min_quality}; allowed are period >= 0, min_area >= 1 and a "
-                "min_quality of 0 .. 1"
+                "BlobLocalizer needs period >= 0, min_area >= 1 and min_quality within "
+                f"0 .. 1, got period={period}, min_area={min_area}, "
+                f"min_quality={min_quality}"
             )
+        self._config = config or BlobLocalizerConfig()
+        for stage in ("coarse_softness", "middle_softness", "fine_softness"):
+            if not getattr(self._config.fit, stage):
+                raise ValueError(f"config.fit.{stage} must not be empty")
         self._targets = tuple(targets)
         self._cameras = {
             name: (model.imager("color"), model.imager("depth"))
@@ -158,7 +161,8 @@ class BlobLocalizer(LeafSystem):
         found: dict[str, list[Blob]] = {target.name: [] for target in self._targets}
         for camera, (color_imager, depth_imager) in self._cameras.items():
             color = self._image(context, camera, "color")
-            depth, noise = clean(self._image(context, camera, "depth")[..., 0])
+            depth = self._image(context, camera, "depth")[..., 0]
+            depth, noise = clean(depth, self._config.depth_noise)
             picture = Picture(
                 color,
                 depth,
@@ -172,24 +176,27 @@ class BlobLocalizer(LeafSystem):
         return [blob for blobs in found.values() for blob in _best_first(blobs)]
 
     def _see(self, target: BlobTarget, camera: str, picture: Picture) -> list[Blob]:
-        """The blobs of one target in one camera."""
+        """Return the blobs of one target in one camera."""
 
         def fits(search: Search) -> list[Blob]:
-            found = search(picture, target.shape, target.color, self._min_area)
+            found = search(
+                picture, target.shape, target.color, self._min_area, self._config
+            )
             blobs = (self._fit(target, camera, picture, c) for c in found)
             return [blob for blob in blobs if blob is not None]
 
         seen = fits(by_color)
         if not any(blob.certain for blob in seen):
             others = fits(by_steps)
-            # What is seen in the target's own colour is told better, not replaced.
+            # They may improve on blobs of the target's own colour, not add to them.
             seen += [o for o in others if not seen or _near(o, seen, target.shape)]
-        return _told_apart(_distinct(seen, target.shape))
+        distinct = _distinct(seen, target.shape)
+        return _doubt_worse_fits(distinct, self._config.misfit_margin)
 
     def _fit(
         self, target: BlobTarget, camera: str, picture: Picture, candidate: Candidate
     ) -> Blob | None:
-        """The blob of a candidate, None where the shape does not fit."""
+        """Return the blob of a candidate, None if the shape does not fit."""
         view = view_around(
             target.shape,
             candidate.blob,
@@ -200,7 +207,7 @@ class BlobLocalizer(LeafSystem):
             picture.X_WB,
             picture.noise,
         )
-        fit = fit_shape(target.shape, view) if view else None
+        fit = fit_shape(target.shape, view, self._config) if view else None
         if fit is None or (fit.uncertain and fit.quality < self._min_quality):
             return None
         rows, columns = np.nonzero(candidate.blob)
@@ -252,15 +259,18 @@ def _best_first(blobs: Iterable[Blob]) -> list[Blob]:
 
 
 def _near(blob: Blob, others: list[Blob], shape: Shape) -> bool:
-    """Whether it is nearer to another than the object is wide: the same object."""
-    width = float(bounding_size(shape)[:2].min())
+    """Return whether a blob shows the same object as one of the others.
+
+    It does if their distance is below half of the object's width.
+    """
+    width = float(shape.bounding_size[:2].min())
     return any(
         np.linalg.norm(blob.position - other.position) < width / 2 for other in others
     )
 
 
 def _distinct(blobs: list[Blob], shape: Shape) -> list[Blob]:
-    """The blobs without those that repeat a better one's object."""
+    """Return the best blob of each object."""
     kept: list[Blob] = []
     for blob in _best_first(blobs):
         if not _near(blob, kept, shape):
@@ -268,12 +278,12 @@ def _distinct(blobs: list[Blob], shape: Shape) -> list[Blob]:
     return kept
 
 
-def _told_apart(blobs: list[Blob]) -> list[Blob]:
-    """The blobs, uncertain where another one is clearly more like the target."""
+def _doubt_worse_fits(blobs: list[Blob], misfit_margin: float) -> list[Blob]:
+    """Return the blobs, UNCERTAIN if another one is clearly more like the target."""
     least = min((blob.misfit for blob in blobs if blob.certain), default=0.0)
     return [
         blob
-        if blob.misfit <= least + _LESS_LIKE
+        if blob.misfit <= least + misfit_margin
         else dc.replace(blob, flags=blob.flags | {BlobFlag.UNCERTAIN})
         for blob in blobs
     ]

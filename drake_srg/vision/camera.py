@@ -1,36 +1,37 @@
-"""Pixels to rays and back, for Drake's cameras."""
+"""Pixels to rays and back for Drake's cameras."""
 
 from __future__ import annotations
 
 import dataclasses as dc
 
 import numpy as np
-import numpy.typing as npt
+from pydrake.geometry import ColorRenderCamera, DepthRenderCamera
 from pydrake.math import RigidTransform
-from pydrake.systems.sensors import CameraInfo, RgbdSensor
+from pydrake.systems.sensors import CameraConfig, CameraInfo, RgbdSensor
 
 from drake_srg.types import Vector
+from drake_srg.vision.mask import Mask
 
-# Measured on rendered boxes with edges at random places (see
-# tests/vision/test_camera.py): pixel (u, v) of Drake's images samples the scene along
-# the ray through (u + 0.5, v + 0.5), in columns and rows, in colour and in depth.
+# Pixel (u, v) of Drake's images samples the scene along the ray through (u + 0.5,
+# v + 0.5), in colour and in depth. Measured on rendered boxes with edges at random
+# places; see tests/vision/test_camera.py.
 DRAKE_PIXEL_CENTER = 0.5
 
 
 @dc.dataclass(frozen=True)
 class CameraModel:
-    """Intrinsics of a colour and depth camera and where its imagers sit.
+    """The intrinsics of a colour and depth camera and the poses of its imagers.
 
-    Frames: B the camera body, C the colour imager, D the depth imager; an imager's z
-    points into the scene, x to the right and y down the image.
+    Frames: B is the camera body, C the colour imager and D the depth imager. An
+    imager's z points into the scene, x to the right and y down the image.
 
     Attributes:
         color: Intrinsics of the colour image.
-        depth: Intrinsics of the depth image; None where it is the colour camera's.
+        depth: Intrinsics of the depth image; None for those of the colour image.
         X_BC: Pose of the colour imager in the body.
         X_BD: Pose of the depth imager in the body; None for `X_BC`.
         pixel_center: Where pixel (0, 0) is sampled [pixels]. Drake's renderers sample
-            at 0.5; calibrations by OpenCV's convention mean 0.
+            at 0.5. OpenCV's calibrations assume 0.
     """
 
     color: CameraInfo
@@ -40,19 +41,30 @@ class CameraModel:
     pixel_center: float = DRAKE_PIXEL_CENTER
 
     @classmethod
+    def from_config(cls, config: CameraConfig) -> CameraModel:
+        """Return the model of the camera that Drake makes of a config."""
+        return cls._from_render_cameras(*config.MakeCameras())
+
+    @classmethod
     def from_sensor(cls, sensor: RgbdSensor) -> CameraModel:
-        """The model of a Drake sensor, from its default render cameras."""
-        color = sensor.default_color_render_camera().core()
-        depth = sensor.default_depth_render_camera().core()
+        """Return the model of a Drake sensor, from its default render cameras."""
+        return cls._from_render_cameras(
+            sensor.default_color_render_camera(), sensor.default_depth_render_camera()
+        )
+
+    @classmethod
+    def _from_render_cameras(
+        cls, color: ColorRenderCamera, depth: DepthRenderCamera
+    ) -> CameraModel:
         return cls(
-            color=color.intrinsics(),
-            depth=depth.intrinsics(),
-            X_BC=color.sensor_pose_in_camera_body(),
-            X_BD=depth.sensor_pose_in_camera_body(),
+            color=color.core().intrinsics(),
+            depth=depth.core().intrinsics(),
+            X_BC=color.core().sensor_pose_in_camera_body(),
+            X_BD=depth.core().sensor_pose_in_camera_body(),
         )
 
     def imager(self, which: str) -> Imager:
-        """The "color" or the "depth" imager."""
+        """Return the "color" or the "depth" imager."""
         if which == "color":
             return Imager(self.color, self.X_BC, self.pixel_center)
         return Imager(
@@ -63,7 +75,13 @@ class CameraModel:
 
 
 class Imager:
-    """One imager: `info` its intrinsics, `X_BI` its pose in the camera body."""
+    """One imager of a camera.
+
+    Args:
+        info: Its intrinsics.
+        X_BI: Its pose in the camera body.
+        pixel_center: See `CameraModel`.
+    """
 
     def __init__(self, info: CameraInfo, X_BI: RigidTransform, pixel_center: float):
         self.info = info
@@ -74,9 +92,13 @@ class Imager:
         self._focal = np.array([info.focal_x(), info.focal_y()])
 
     def rays(self, columns: slice, rows: slice) -> Vector:
-        """Rays through pixel centres in the imager's frame, scaled to z = 1.
+        """Return rays through pixel centres in the imager's frame, scaled to z = 1.
 
         A depth image holds z, so depth times ray is the point.
+
+        Args:
+            columns: Columns of the window, start and stop given.
+            rows: Likewise, its rows.
 
         Returns:
             Shape (rows, columns, 3).
@@ -88,7 +110,10 @@ class Imager:
         return np.concatenate([xy, np.ones((*u.shape, 1))], axis=-1)
 
     def project(self, p_I: Vector) -> Vector:
-        """Pixel coordinates (u, v) of points in the imager's frame, (..., 3).
+        """Return the pixel coordinates (u, v) of points.
+
+        Args:
+            p_I: Points in the imager's frame [m], shape (..., 3).
 
         Returns:
             Shape (..., 2); a pixel's centre has whole coordinates.
@@ -97,7 +122,7 @@ class Imager:
         return np.asarray(p_I[..., :2] / z * self._focal + self._offset)
 
     def same_as(self, other: Imager) -> bool:
-        """Whether both imagers take their pixels along the same rays."""
+        """Return whether both imagers sample the scene along the same rays."""
         a, b = self.info, other.info
         return (
             (a.width(), a.height()) == (b.width(), b.height())
@@ -105,14 +130,15 @@ class Imager:
             and self.X_BI.IsExactlyEqualTo(other.X_BI)
         )
 
-    def lookup(
-        self, p_I: Vector, image: npt.NDArray[np.bool_]
-    ) -> npt.NDArray[np.bool_]:
-        """Values of a boolean image at points in this imager's frame; False outside.
+    def lookup(self, p_I: Vector, image: Mask) -> Mask:
+        """Return the values of a boolean image at points; False outside the image.
 
         Args:
-            p_I: Shape (..., 3).
+            p_I: Points in the imager's frame [m], shape (..., 3).
             image: Shape (height, width).
+
+        Returns:
+            Shape (...).
         """
         uv = self.project(p_I)
         uv = np.where(np.isfinite(uv) & (p_I[..., 2:] > 0), uv, -1.0)

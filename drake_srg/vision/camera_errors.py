@@ -1,4 +1,4 @@
-"""What a real camera adds to what it sees: noise, blur, holes, a wrong calibration."""
+"""Errors of real cameras: noise, blur, holes and a wrong calibration."""
 
 import dataclasses as dc
 import functools
@@ -17,49 +17,54 @@ from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-_READ_NOISE = 0.5  # of the noise of what is white; the rest is the photons'
-# Depth is matched in windows of some pixels, so that neighbours err together.
-_CORRELATION = 0.7  # pixels
-_MOST_LOST = 0.5  # most of the pixels on an edge that are without depth
+# Noise of reading the sensor, as a share of the noise of a white pixel. The rest is the
+# photons'.
+_READ_NOISE = 0.5
+# Standard deviation of the Gaussian by which depth errors are correlated [pixels]:
+# depth is matched in windows of some pixels, so neighbours err together.
+_CORRELATION = 0.7
+# Greatest share of the pixels on an edge that lose their depth.
+_MOST_LOST = 0.5
 
 
 @dc.dataclass(kw_only=True)
 class CameraErrorsConfig:
-    """How a camera differs from an ideal one; all zero, it does not.
+    """How a camera differs from an ideal one. All zero, it does not.
 
-    The camera's body B has its z into the scene, x to the right, y down the image.
+    The z of the camera's body B points into the scene, x to the right and y down the
+    image.
     """
 
-    # Of the calibration: where the camera is believed to be, in B [m], and how it is
-    # believed to be turned, a rotation vector in B [rad]. By a ChArUco board, standard
-    # deviations of 0.2 to 1 mm and 0.02 to 0.1 degrees.
+    # Error of the calibration: where the camera is believed to be, in B [m], and how it
+    # is believed to be turned, a rotation vector in B [rad]. Calibrated by a ChArUco
+    # board, standard deviations are 0.2 to 1 mm and 0.02 to 0.1 degrees.
     translation: list[float] = dc.field(
         default_factory=lambda: [0.0] * 3, metadata={"length": 3}
     )
     rotation: list[float] = dc.field(
         default_factory=lambda: [0.0] * 3, metadata={"length": 3}
     )
-    # Stops: colours are multiplied by two to the power of this, and saturate. Automatic
-    # exposure settles within about half a stop.
+    # Colours are multiplied by two to the power of this, and saturate [stops].
+    # Automatic exposure settles within about half a stop.
     exposure: float = dc.field(default=0.0, metadata={"ge": -8.0, "le": 8.0})
-    # Standard deviation in white, half of it in black [counts of 255]. 1 to 4 in
-    # rooms: a pixel of 10,000 electrons has 2.5 of photons alone.
+    # Standard deviation of white pixels; black ones have half of it [counts of 255].
+    # Indoors it is 1 to 4: a pixel of 10,000 electrons has 2.5 of photons alone.
     color_noise: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 64.0})
-    # Standard deviation of a Gaussian, in colours; edges in depth fray as much
+    # Standard deviation of the Gaussian that blurs colours; edges in depth fray as much
     # [pixels]. A focused lens with a Bayer pattern: 0.4 to 0.8.
     blur: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 8.0})
-    # Standard deviation of depth at 1 m [m]; it grows with its square. From pairs of
-    # images it is s / (f b), with s the error of a match (0.05 to 0.1 pixels), f the
-    # focal length [pixels] and b the baseline [m]: RealSense D415 0.9 to 1.8 mm, D435
-    # 2 to 4 mm. Structured light (Zivid, Photoneo): 0.05 to 0.3 mm.
+    # Standard deviation of depth at 1 m [m]; it grows with the square of depth. From
+    # pairs of images it is s / (f b), with s the error of a match (0.05 to 0.1 pixels),
+    # f the focal length [pixels] and b the baseline [m]: RealSense D415 0.9 to 1.8 mm,
+    # D435 2 to 4 mm. Structured light (Zivid, Photoneo): 0.05 to 0.3 mm.
     depth_noise: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.1})
-    # Share of pixels without depth, on what is seen square on; more on slanting
-    # surfaces and edges. Active cameras on dull surfaces: up to 0.02.
+    # Share of pixels without depth on surfaces that face the camera. Slanting surfaces
+    # and edges lose more. Active cameras on dull surfaces: up to 0.02.
     depth_dropout: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.5})
 
 
 class CameraErrors(LeafSystem):
-    """Makes of what an ideal camera sees what a real one would tell.
+    """Adds a real camera's errors to the output of an ideal one.
 
     .. pydrake_system::
 
@@ -73,16 +78,16 @@ class CameraErrors(LeafSystem):
         - depth_image
         - body_pose_in_world
 
-    Noise follows from seed, name and time alone: whoever looks at the same image again
-    sees the same. Pixels that have lost their depth hold 0. Edges in depth fray: a
-    pixel shows the depth of one beside it [Barron and Malik, Intrinsic Scene Properties
-    from a Single RGB-D Image, CVPR 2013, section 6].
+    Noise follows from seed, name and time alone, so evaluating an image again gives the
+    same image. Pixels without depth hold 0. Edges in depth fray: a pixel shows the
+    depth of one beside it [Barron and Malik, Intrinsic Scene Properties from a Single
+    RGB-D Image, CVPR 2013, section 6].
 
     Args:
         config: The errors.
         focal: Focal length of the depth image [pixels].
         seed: The scenario's `random_seed`.
-        name: The camera's, so that no two have the same noise.
+        name: The camera's name, so that no two cameras have the same noise.
     """
 
     def __init__(
@@ -120,10 +125,10 @@ class CameraErrors(LeafSystem):
             error = _normal(self._generator(context, 0), color.shape)
             error *= cv2.LUT(color, config.color_noise * np.sqrt(variance))
             color = cv2.add(color, error, dtype=cv2.CV_8U)
-        told = ImageRgba8U(image.shape[1], image.shape[0])
-        told.mutable_data[..., :3] = color
-        told.mutable_data[..., 3] = image[..., 3]
-        output.set_value(told)
+        spoiled = ImageRgba8U(image.shape[1], image.shape[0])
+        spoiled.mutable_data[..., :3] = color
+        spoiled.mutable_data[..., 3] = image[..., 3]
+        output.set_value(spoiled)
 
     def _calc_depth(self, context: Context, output: AbstractValue) -> None:
         config, image = self._config, self._input(context, "depth_image")
@@ -146,18 +151,18 @@ class CameraErrors(LeafSystem):
             share = np.minimum(share, max(_MOST_LOST, config.depth_dropout))
             lost = random.random(depth.shape, dtype=np.float32) < share
             depth = np.where(lost & np.isfinite(depth), 0, depth)
-        told = ImageDepth32F(image.shape[1], image.shape[0])
-        told.mutable_data[..., 0] = depth
-        output.set_value(told)
+        spoiled = ImageDepth32F(image.shape[1], image.shape[0])
+        spoiled.mutable_data[..., 0] = depth
+        output.set_value(spoiled)
 
     def _calc_pose(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._input(context, "body_pose_in_world") @ self._X_BE)
 
     def _slant(self, depth: npt.NDArray[np.float32]) -> Vector:
-        """Tangent of the angle by which what pixels show leans away."""
+        """Return the tangent of the angle at which each pixel's surface slants."""
         finite = np.where(np.isfinite(depth), depth, 0.0)
         step = cv2.morphologyEx(finite, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-        # Across two pixels, each of which is depth / focal wide.
+        # The step spans two pixels, each of which is depth / focal wide.
         return np.asarray(0.5 * step * self._focal / np.maximum(finite, 1e-3))
 
     def _generator(self, context: Context, image: int) -> np.random.Generator:
@@ -172,16 +177,17 @@ class CameraErrors(LeafSystem):
 def _normal(
     random: np.random.Generator, shape: tuple[int, ...]
 ) -> npt.NDArray[np.float32]:
-    """Independent values of the standard normal distribution."""
+    """Return independent values of the standard normal distribution."""
     bits = np.frombuffer(random.bytes(2 * int(np.prod(shape))), np.uint16)
     return np.take(_quantiles(), bits).reshape(shape)
 
 
 @functools.cache
 def _quantiles() -> npt.NDArray[np.float32]:
-    """Of the standard normal distribution, up to 4.3, in 2^16 even steps.
+    """Return 2^16 evenly spaced quantiles of the standard normal distribution.
 
-    16 random bits choose a value in a third of the time that numpy takes to make one.
+    They reach 4.3. Choosing one with 16 random bits takes a third of the time in which
+    numpy draws a value.
     """
     steps = (np.arange(2**16) + 0.5) / 2**16
     return np.array([statistics.NormalDist().inv_cdf(p) for p in steps], np.float32)

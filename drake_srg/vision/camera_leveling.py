@@ -1,4 +1,4 @@
-"""Corrects where a camera is believed to be by surfaces that it sees."""
+"""Corrects the believed pose of a camera by the surfaces that it sees."""
 
 from __future__ import annotations
 
@@ -13,23 +13,21 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.config import CameraLevelingConfig
+from drake_srg.vision.mask import has_depth
+from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.surface import Surface
-
-# A calibration is not more wrong than this; what differs more is not the surface.
-_MOST_OFF, _MOST_TILT = 0.02, np.deg2rad(2.0)  # m, rad
-_LEAST_POINTS, _MOST_POINTS = 200, 80_000  # fewer say too little of a tilt
-_INLIERS = 2.5  # standard deviations
-_ROUNDS = 6  # of fitting and dropping what does not fit
 
 
 class CameraLeveling(LeafSystem):
-    """The pose of a camera by which surfaces of known height are where they are.
+    """Corrects a camera's pose so that surfaces of known height are seen there.
 
-    Of the six errors that a calibration may have these three show in any depth image of
-    a table: both tilts and the height. A tilt of a milliradian shifts what is seen by a
-    millimetre at one metre, so they are worth knowing. The camera is turned about its
-    own centre, as little as will do, and lifted. What stands about does not matter
-    where half of what is seen is free. Without a surface the pose stays as it is.
+    A calibration may have six errors. Three of them show in any depth image of a table:
+    both tilts and the height. They are worth correcting because a tilt of a milliradian
+    shifts what is seen by a millimetre at one metre. The camera is turned about its own
+    centre, as little as possible, and lifted. Things on the surface do not matter as
+    long as half of what is seen of it is free. If no surface is seen, the pose stays as
+    it is.
 
     .. pydrake_system::
 
@@ -41,22 +39,31 @@ class CameraLeveling(LeafSystem):
         - body_pose_in_world
 
     Args:
-        camera: Its model.
-        surfaces: Horizontal ones, all that are well known.
+        camera: The camera's model.
+        surfaces: All horizontal surfaces of known height.
+        config: The thresholds; None for the defaults.
 
     Raises:
-        ValueError: If there is no surface.
+        ValueError: If `surfaces` is empty.
     """
 
-    def __init__(self, camera: CameraModel, surfaces: Sequence[Surface]) -> None:
+    def __init__(
+        self,
+        camera: CameraModel,
+        surfaces: Sequence[Surface],
+        *,
+        config: CameraLevelingConfig | None = None,
+    ) -> None:
         super().__init__()
         if not surfaces:
             raise ValueError("CameraLeveling needs at least one surface")
         self._surfaces = tuple(surfaces)
+        self._config = config or CameraLevelingConfig()
         imager = camera.imager("depth")
         width, height = imager.info.width(), imager.info.height()
-        # Every so many columns and rows: more say little more.
-        self._every = int(np.ceil(np.sqrt(width * height / _MOST_POINTS)))
+        # Only every n-th column and row is used.
+        share = width * height / self._config.most_points
+        self._every = int(np.ceil(np.sqrt(share)))
         rays = imager.rays(slice(0, width), slice(0, height))
         rays = rays[:: self._every, :: self._every]
         self._rays_B = rays @ imager.X_BI.rotation().matrix().T
@@ -77,43 +84,44 @@ class CameraLeveling(LeafSystem):
     def _calc_pose(self, context: Context, output: AbstractValue) -> None:
         X_WB: RigidTransform = self._pose.Eval(context)
         depth = self._depth.Eval(context).data[:: self._every, :: self._every, 0]
-        seen = np.isfinite(depth) & (depth > 0.0)
+        seen = has_depth(depth)
         p_B = self._p_BD + self._rays_B[seen] * depth[seen][:, None]
         p_W = p_B @ X_WB.rotation().matrix().T + X_WB.translation()
         output.set_value(self._leveled(X_WB, p_W))
 
     def _leveled(self, X_WB: RigidTransform, p_W: Vector) -> RigidTransform:
-        # Height of the points above their surface, over x and y from the camera.
+        config = self._config
+        # Height of the points above their surface, over x and y.
         over = np.concatenate(
             [
                 p_W[surface.contains(p_W)] - [0.0, 0.0, surface.height]
                 for surface in self._surfaces
             ]
         )
-        over = over[np.abs(over[:, 2]) < _MOST_OFF]
-        if len(over) < _LEAST_POINTS:
+        over = over[np.abs(over[:, 2]) < config.most_offset]
+        if len(over) < config.least_points:
             return X_WB
         A = np.column_stack([over[:, :2] - X_WB.translation()[:2], np.ones(len(over))])
         z = over[:, 2]
         plane = np.array([0.0, 0.0, float(np.median(z))])
         fits = np.ones(len(z), dtype=bool)
-        for _ in range(_ROUNDS):
+        for _ in range(config.rounds):
             error = z - A @ plane
-            spread = 1.4826 * float(np.median(np.abs(error[fits])))
-            fits = np.abs(error) <= _INLIERS * spread + 1e-9
-            if fits.sum() < _LEAST_POINTS:
+            spread = robust_deviation(error[fits])
+            fits = np.abs(error) <= config.inliers * spread + 1e-9
+            if fits.sum() < config.least_points:
                 return X_WB
             A_fits = A * fits[:, None]
             plane = np.linalg.solve(A_fits.T @ A, A_fits.T @ z)
         slope_x, slope_y, offset = plane
-        if np.arctan(np.hypot(slope_x, slope_y)) > _MOST_TILT:
+        if np.arctan(np.hypot(slope_x, slope_y)) > config.most_tilt:
             return X_WB
-        # The turn about the camera that makes the plane level, and its height then.
+        # The turn about the camera that makes the plane level, and its height after it.
         normal = np.array([-slope_x, -slope_y, 1.0])
         normal /= np.linalg.norm(normal)
         R_WSeen = _turn_between(normal, np.array([0.0, 0.0, 1.0]))
         height = X_WB.translation()[2] - np.mean([s.height for s in self._surfaces])
-        # The camera's distance from the plane does not change by the turn.
+        # The turn does not change the camera's distance from the plane.
         rise = height - (height - offset) * normal[2]
         return RigidTransform(
             R_WSeen @ X_WB.rotation(), X_WB.translation() - [0.0, 0.0, rise]
@@ -121,7 +129,7 @@ class CameraLeveling(LeafSystem):
 
 
 def _turn_between(a: Vector, b: Vector) -> RotationMatrix:
-    """The least rotation that takes one unit vector (3,) to another near it."""
+    """Return the least rotation that takes a unit vector (3,) to one near it."""
     v, c = np.cross(a, b), float(a @ b)
     K = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return RotationMatrix.ProjectToRotationMatrix(np.eye(3) + K + K @ K / (1.0 + c))

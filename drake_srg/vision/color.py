@@ -1,4 +1,4 @@
-"""Which colours belong to a target."""
+"""Colours that belong to a target."""
 
 from __future__ import annotations
 
@@ -11,31 +11,24 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.vision.config import AnyLightConfig
 from drake_srg.vision.mask import Mask
 
 ColorImage = npt.NDArray[np.uint8]
 Triple = tuple[float, float, float]
 
-# What "full scale" of a channel is in the units of `ColorRange`.
+# The channels' greatest values, in the units of `ColorRange`.
 _FULL_SCALE = {"hsv": (360.0, 1.0, 1.0), "rgb": (1.0, 1.0, 1.0)}
-
-# Lamps of 3000 to 8000 K differ from daylight by up to 1.3 in red over green, 1.5 in
-# blue over green (black bodies in sRGB's primaries); logarithms.
-_LIGHTS = np.array([0.26, 0.41])
-_BRIGHT = 0.9  # quantile of an image; more may be lamps and reflections
-_SHADED = 0.4  # of what is bright, at least, for an object as bright
-_DARK = 8.0  # counts; less is what a camera makes of black
-_SAMPLES = 9  # of a range, a channel
 
 
 @dc.dataclass(frozen=True)
 class ColorRange:
     """An inclusive range of colours.
 
-    In "hsv" the channels are hue [degrees, 0 .. 360], saturation and value
-    [0 .. 1]; a lower hue above the upper one wraps through red at 0. In "rgb" they
-    are red, green and blue [0 .. 1]. HSV suits coloured objects, because shading
-    changes the value and little else.
+    In "hsv" the channels are hue [degrees, 0 .. 360], saturation and value [0 .. 1]. A
+    lower hue above the upper one wraps through red at 0. In "rgb" they are red, green
+    and blue [0 .. 1]. HSV suits coloured objects because shading changes the value and
+    little else.
 
     Raises:
         ValueError: If a bound lies outside its channel or the bounds are swapped.
@@ -48,27 +41,27 @@ class ColorRange:
     def __post_init__(self) -> None:
         if self.space not in _FULL_SCALE:
             raise ValueError(
-                f"ColorRange.space is {self.space!r}; allowed are 'hsv' and 'rgb'"
+                f"ColorRange.space must be 'hsv' or 'rgb', got {self.space!r}"
             )
         for i, top in enumerate(_FULL_SCALE[self.space]):
             low, high = self.lower[i], self.upper[i]
             channel = f"ColorRange channel {self.space[i]!r}"
             if not (0.0 <= low <= top and 0.0 <= high <= top):
                 raise ValueError(
-                    f"{channel} is [{low}, {high}]; allowed are 0 .. {top:g}"
+                    f"{channel} must be within 0 .. {top:g}, got [{low}, {high}]"
                 )
-            if low > high and not self._hue(i):
+            if low > high and not self._is_hue(i):
                 raise ValueError(
-                    f"{channel} is [{low}, {high}]; lower must not exceed upper "
-                    "(only a hue wraps)"
+                    f"{channel}: lower must not exceed upper (only a hue wraps), "
+                    f"got [{low}, {high}]"
                 )
 
     @classmethod
     def around(cls, rgb: Sequence[float], hue_tolerance: float = 12.0) -> ColorRange:
-        """The range an object of diffuse colour `rgb` is seen in, shaded or not.
+        """Return the range in which an object of diffuse colour `rgb` appears.
 
-        A coloured object keeps its hue, and shading lowers its value; a grey one has
-        no hue, so it is told by its value.
+        Shading lowers the value of a coloured object, which keeps its hue. A grey
+        object has no hue, so its value alone identifies it.
 
         Args:
             rgb: Red, green, blue [0 .. 1]; a fourth entry (alpha) is ignored.
@@ -83,7 +76,7 @@ class ColorRange:
         )
 
     def mask(self, image: ColorImage) -> Mask:
-        """Which pixels lie in the range.
+        """Return which pixels lie in the range.
 
         Args:
             image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.
@@ -103,47 +96,59 @@ class ColorRange:
         from_red = cv2.inRange(pixels, np.array([0.0, *low[1:]]), high)
         return np.asarray((to_red > 0) | (from_red > 0))
 
-    def mask_in_any_light(self, image: ColorImage) -> Mask:
-        """Which pixels may show a colour of the range, whatever lamp it is seen by.
+    def mask_in_any_light(self, image: ColorImage, config: AnyLightConfig) -> Mask:
+        """Return which pixels may show a colour of the range under any lamp.
 
-        Light, exposure and shading multiply the channels, so that the ratio of two of
-        them changes by as much as the light's own does.
+        Light, exposure and shading multiply the channels, so the ratio of two channels
+        changes by the same factor as the light's own.
 
         Args:
             image: RGB or RGBA, shape (height, width, 3 or 4), 0 .. 255.
+            config: The thresholds.
 
         Returns:
             Shape (height, width).
         """
         samples = np.stack(
-            np.meshgrid(*np.linspace(*self._unwrapped(), _SAMPLES).T), axis=-1
+            np.meshgrid(*np.linspace(*self._unwrapped(), config.samples).T), axis=-1
         ).reshape(-1, 3)
         if self.space == "hsv":
             samples = np.array(
                 [colorsys.hsv_to_rgb(h / 360.0 % 1.0, s, v) for h, s, v in samples]
             )
         bright = np.maximum(samples.max(axis=1, keepdims=True), 1e-3)
-        known, seen = _ratios(255.0 * samples / bright), _ratios(image[..., :3])
-        low, high = known.min(axis=0) - _LIGHTS, known.max(axis=0) + _LIGHTS
+        known = _ratios(255.0 * samples / bright, config.dark)
+        seen = _ratios(image[..., :3], config.dark)
+        change = np.array(config.light_change)
+        low, high = known.min(axis=0) - change, known.max(axis=0) + change
         value = image[..., :3].max(axis=-1)
-        # What is bright in the scene tells how bright the light is.
-        least = _SHADED * float(bright.min()) * np.quantile(value, _BRIGHT)
-        # The logarithm of what is nearly black is noise.
-        light = value > max(2 * _DARK, least)
+        # The brightest parts of the scene show how bright the light is.
+        scene = np.quantile(value, config.bright_quantile)
+        least = config.shaded * float(bright.min()) * scene
+        # Nearly black pixels are left out: their logarithm is noise.
+        light = value > max(2 * config.dark, least)
         return np.asarray(((seen >= low) & (seen <= high)).all(axis=-1) & light)
 
     def _unwrapped(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-        """The bounds, the lower hue below the upper one."""
+        """Return the bounds with the lower hue below the upper one."""
         lower, upper = np.array(self.lower), np.array(self.upper)
         if lower[0] > upper[0]:
             upper[0] += 360.0
         return lower, upper
 
-    def _hue(self, channel: int) -> bool:
+    def _is_hue(self, channel: int) -> bool:
         return self.space == "hsv" and channel == 0
 
 
-def _ratios(colors: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Logarithms of red and of blue over green, shape (..., 2), of colours 0 .. 255."""
-    logs = np.log(np.asarray(colors, np.float32) + np.float32(_DARK))
+def _ratios(colors: npt.NDArray[Any], dark: float) -> npt.NDArray[Any]:
+    """Return the logarithms of red and blue over green.
+
+    Args:
+        colors: 0 .. 255, shape (..., 3).
+        dark: What a camera reads of black, added to every channel.
+
+    Returns:
+        Shape (..., 2).
+    """
+    logs = np.log(np.asarray(colors, np.float32) + np.float32(dark))
     return np.asarray(logs[..., ::2] - logs[..., 1:2])

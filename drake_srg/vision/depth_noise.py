@@ -1,4 +1,4 @@
-"""How noisy a depth image is, and what is left of that when it is cleaned."""
+"""Measures the noise of a depth image and reduces it."""
 
 from __future__ import annotations
 
@@ -6,37 +6,37 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.vision.config import DepthNoiseConfig
+from drake_srg.vision.mask import has_depth
+from drake_srg.vision.robust import robust_deviation
+
 Depth = npt.NDArray[np.float32]
 
-# An image with less noise is left as it is [1/m]: 0.05 mm at 1.5 m is a twentieth of
-# what matters, and cleaning rounds corners.
-_NOISELESS = 2e-5
-_LEAST_KNOWN = 3  # of the eight neighbours of a hole
-_LAG = 4  # pixels; farther than noise is alike
 
-
-def clean(depth: Depth) -> tuple[Depth, float]:
-    """A depth image without what single pixels add to it.
+def clean(depth: Depth, config: DepthNoiseConfig) -> tuple[Depth, float]:
+    """Return a depth image without the noise of single pixels, and the noise left.
 
     Args:
-        depth: Along the imager's z [m], shape (height, width); 0 or not finite where
-            nothing is known.
+        depth: Along the imager's z [m], shape (height, width); 0 or not finite where it
+            is unknown.
+        config: The thresholds.
 
     Returns:
-        The image, by a median of 3 x 3 pixels where it is noisy, and the noise left:
-        the standard deviation of 1 / depth [1/m], about that of depth at 1 m.
+        The image, filtered by a median of 3 x 3 pixels if it is noisy, and the standard
+        deviation of 1 / depth [1/m], which is about that of depth at 1 m.
     """
-    if depth_noise(depth) < _NOISELESS:
+    if depth_noise(depth, config.lag) < config.noiseless:
         return depth, 0.0
-    cleaned: Depth = np.asarray(cv2.medianBlur(_filled(depth), 3), np.float32)
-    return cleaned, depth_noise(cleaned)
+    filled = _filled(depth, config.known_neighbours)
+    cleaned: Depth = np.asarray(cv2.medianBlur(filled, 3), np.float32)
+    return cleaned, depth_noise(cleaned, config.lag)
 
 
-def _filled(depth: Depth) -> Depth:
-    """A depth image whose single holes have the median of their neighbours.
+def _filled(depth: Depth, least_known: int) -> Depth:
+    """Return a depth image whose single holes hold the median of their neighbours.
 
-    A median that took holes for near or far would move edges, where most of them are.
-    Of two middle values the nearer and the farther one are taken in turns.
+    A median filter that took holes for near or far would move edges, where most holes
+    are. Of two middle values, holes take the nearer and the farther one in turns.
     """
     image = np.pad(np.nan_to_num(depth, posinf=np.inf), 1)
     rows, columns = np.nonzero(~(depth > 0))
@@ -53,24 +53,29 @@ def _filled(depth: Depth) -> Depth:
     rank = np.maximum(known - (rows + columns) % 2, 0) // 2
     median = np.take_along_axis(around, rank[None], axis=0)[0]
     filled = depth.copy()
-    filled[rows, columns] = np.where(known >= _LEAST_KNOWN, median, 0.0)
+    filled[rows, columns] = np.where(known >= least_known, median, 0.0)
     return filled
 
 
-def depth_noise(depth: Depth) -> float:
-    """Standard deviation of the inverse of a depth image [1/m].
+def depth_noise(depth: Depth, lag: int) -> float:
+    """Return the standard deviation of 1 / depth of an image [1/m].
 
-    On a plane 1 / depth is linear in the pixels, so that second differences are noise.
-    Their median bears edges, as long as most of what is seen is smooth. That of stereo
-    and of triangulation is the same everywhere in 1 / depth.
+    On a plane 1 / depth is linear in the pixels, so second differences are noise. Their
+    median tolerates edges as long as most of the image is smooth. The noise of stereo
+    and triangulation is the same everywhere in 1 / depth.
+
+    Args:
+        depth: See `clean`.
+        lag: Distance between the pixels that are compared [pixels].
     """
-    known = np.isfinite(depth) & (depth > 0)
-    inverse = np.divide(1.0, depth, out=np.full(depth.shape, np.nan), where=known)
-    left, middle, right = (
-        inverse[:, i : inverse.shape[1] - 2 * _LAG + i] for i in (0, _LAG, 2 * _LAG)
+    inverse = np.divide(
+        1.0, depth, out=np.full(depth.shape, np.nan), where=has_depth(depth)
     )
-    differences = np.abs(left - 2 * middle + right)
+    left, middle, right = (
+        inverse[:, i : inverse.shape[1] - 2 * lag + i] for i in (0, lag, 2 * lag)
+    )
+    differences = left - 2 * middle + right
     differences = differences[np.isfinite(differences)]
     if len(differences) == 0:
         return 0.0
-    return float(1.4826 * np.median(differences) / np.sqrt(6))
+    return float(robust_deviation(differences) / np.sqrt(6))

@@ -4,54 +4,61 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.vision.config import GuessesConfig
+from drake_srg.vision.rectangle import narrowest_rectangle
+from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.view import View
 
-_FLOOR = 5e-5  # m, least thickness of a plane: a renderer's depth has no noise
-_STEEPEST = np.cos(np.deg2rad(15.0))  # a top leaning more is taken as not understood
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def guess_upright(shape: Cylinder | Box, view: View) -> RigidTransform:
-    """The pose X_WO, the solid's z upwards, from which a fit may start.
+def guess_upright(
+    shape: Cylinder | Box, view: View, config: GuessesConfig
+) -> RigidTransform:
+    """Return a pose X_WO with the solid's z upwards, from which a fit may start.
 
     Args:
         shape: The solid.
-        view: Where it is; at least three pixels of the blob have depth.
+        view: Where it is. At least three pixels of the blob have depth.
+        config: The thresholds.
     """
     points = view.points()[view.blob & view.valid]
     if isinstance(shape, Box):
-        return _standing_box(shape, points, view.noise, upright=True)
+        return _standing_box(shape, points, view.noise, config, upright=True)
     forward = points.mean(axis=0) - view.origin
     forward /= np.linalg.norm(forward)
     return _cylinder(shape, points, _UP, forward, view)
 
 
-def guess_poses(shape: Shape, view: View) -> list[RigidTransform]:
-    """Poses X_WO from which a fit may start.
+def guess_poses(
+    shape: Shape, view: View, config: GuessesConfig
+) -> list[RigidTransform]:
+    """Return poses X_WO from which a fit may start.
 
-    A box is taken to stand, its top within 15 degrees of level. A cylinder's normals
-    are along its axis or square to it, so its axis is an eigenvector of their second
-    moments, whatever part is seen. Where noise spoils the normals, the axis may be that
-    of a level top or the points' longest. Either end of a cylinder may be hidden.
+    A box is assumed to stand, its top within 15 degrees of level. A cylinder's normals
+    are parallel or square to its axis, so the axis is an eigenvector of their second
+    moments, whatever part is seen. Where noise spoils the normals, the axis may be the
+    normal of a top or the direction in which the points extend farthest. Either end of
+    a cylinder may be hidden.
 
     Args:
         shape: The solid.
-        view: Where it is; at least three pixels of the blob have depth.
+        view: Where it is. At least three pixels of the blob have depth.
+        config: The thresholds.
     """
     points = view.points()[view.blob & view.valid]
     middle = points.mean(axis=0)
     forward = (middle - view.origin) / np.linalg.norm(middle - view.origin)
     if isinstance(shape, Sphere):
-        # A ball's surface is on average that much before its centre.
+        # On average, a ball's visible surface is this far before its centre.
         return [RigidTransform(middle + 2 / 3 * shape.radius * forward)]
     if isinstance(shape, Box):
-        return [_standing_box(shape, points, view.noise)]
-    top, _, _ = fit_plane(points, 2 * shape.radius, view.noise)
+        return [_standing_box(shape, points, view.noise, config)]
+    top, _, _ = fit_plane(points, 2 * shape.radius, config, view.noise)
     long = np.linalg.eigh(np.cov(points.T))[1][:, -1]
     normals = _normals(view)
     axes = [top, long, *np.linalg.eigh(normals.T @ normals)[1].T]
@@ -63,7 +70,11 @@ def guess_poses(shape: Shape, view: View) -> list[RigidTransform]:
 
 
 def _normals(view: View) -> Vector:
-    """Unit normals where a pixel of the blob is between others, in W, shape (n, 3)."""
+    """Return unit normals where a pixel of the blob lies between others.
+
+    Returns:
+        In W, shape (n, 3).
+    """
     known = view.blob & view.valid
     points = np.where(known[..., None], view.points(), 0.0)
     right, down = (points - np.roll(points, 2, axis=k) for k in (1, 0))
@@ -75,13 +86,13 @@ def _normals(view: View) -> Vector:
 def _cylinder(
     shape: Cylinder, points: Vector, axis: Vector, forward: Vector, view: View
 ) -> RigidTransform:
-    """A cylinder along an axis, whose end is at the last of the points there."""
+    """Return the pose of a cylinder along an axis that ends where the points end."""
     middle = points.mean(axis=0)
     end = np.quantile((points - middle) @ axis, 0.98)
-    # Seen from the side, a cylinder's surface is on average that much before its axis.
+    # On average, a cylinder's surface seen from the side is this far before its axis.
     behind = np.pi / 4 * shape.radius * (forward - (forward @ axis) * axis)
     center = middle + (end - 0.5 * shape.length) * axis + behind
-    # Its x is one that turns with the camera, so that what is found does so, too.
+    # Its x turns with the camera, so that the result does so, too.
     x = view.R_WD[:, np.argmin(np.abs(axis @ view.R_WD))]
     x = x - (x @ axis) * axis
     x /= np.linalg.norm(x)
@@ -90,10 +101,15 @@ def _cylinder(
 
 
 def _standing_box(
-    shape: Box, points: Vector, noise: float, *, upright: bool = False
+    shape: Box,
+    points: Vector,
+    noise: float,
+    config: GuessesConfig,
+    *,
+    upright: bool = False,
 ) -> RigidTransform:
-    """A box on its base: its top is the plane through the topmost points."""
-    normal, center, thickness = fit_plane(points, min(shape.size[:2]), noise)
+    """Return the pose of a box whose top is the plane through the topmost points."""
+    normal, center, thickness = fit_plane(points, min(shape.size[:2]), config, noise)
     normal = _UP if upright else normal
     e1 = np.cross(_UP if abs(normal[2]) < 0.5 else [0.0, 1.0, 0.0], normal)
     basis = np.stack([e1, np.cross(normal, e1)]) / np.linalg.norm(e1)
@@ -106,22 +122,25 @@ def _standing_box(
 
 
 def fit_plane(
-    points: Vector, extent: float, noise: float = 0.0
+    points: Vector, extent: float, config: GuessesConfig, noise: float = 0.0
 ) -> tuple[Vector, Vector, float]:
-    """The plane through the topmost of `points`, nearly level.
+    """Return the nearly level plane through the topmost points.
 
-    Grows from the points near the highest ones and narrows to four standard deviations
-    of what it holds. A patch too narrow to tell its slope is taken as level.
+    It grows from the points near the highest ones and narrows to four standard
+    deviations of the points that it holds. A patch that is too narrow to show its slope
+    counts as level.
 
     Args:
         points: Shape (n, 3), n > 0, z up [m].
-        extent: Size of the surface looked for [m].
+        extent: Size of the surface [m].
+        config: The thresholds.
         noise: Standard deviation of the points [m].
 
     Returns:
         Unit normal (3,), a point of the plane (3,), half its thickness [m].
     """
-    floor = max(_FLOOR, 4 * noise)
+    floor = max(config.plane_thickness, 4 * noise)
+    steepest = np.cos(config.most_lean)
     normal, thickness = _UP, max(3e-3, floor)
     center = np.array([0.0, 0.0, np.quantile(points[:, 2], 0.95)])
     for _ in range(6):
@@ -133,17 +152,20 @@ def fit_plane(
         variance, axes = np.linalg.eigh(np.cov(top.T))
         lean = axes[:, 0] * np.copysign(1.0, axes[2, 0])
         wide = variance[1] > (0.1 * extent) ** 2
-        normal = lean if wide and lean[2] > _STEEPEST else _UP
-        residual = np.abs((top - center) @ normal)
-        thickness = min(thickness, max(floor, 4 * 1.4826 * float(np.median(residual))))
+        normal = lean if wide and lean[2] > steepest else _UP
+        spread = robust_deviation((top - center) @ normal)
+        thickness = min(thickness, max(floor, 4 * spread))
     return normal, center, thickness
 
 
 def guess_rectangle(points: Vector, size: Sequence[float]) -> Vector:
-    """First guess (x, y, yaw) of a rectangle from points (n, 2) inside it [m]."""
-    scale = 1e4  # OpenCV works in single precision; 0.1 mm units suit it
-    middle, sides, degrees = cv2.minAreaRect((points * scale).astype(np.float32))
-    yaw = np.deg2rad(degrees)
+    """Return a first guess (x, y, yaw) of a rectangle from points inside it.
+
+    Args:
+        points: Shape (n, 2) [m].
+        size: Of the rectangle, along its x and y [m].
+    """
+    middle, sides, yaw = narrowest_rectangle(points)
     if (sides[0] < sides[1]) != (size[0] < size[1]):
         yaw += np.pi / 2
-    return np.array([middle[0] / scale, middle[1] / scale, yaw])
+    return np.array([*middle, yaw])

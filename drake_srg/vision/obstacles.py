@@ -1,4 +1,4 @@
-"""Finds what stands on tables and is none of the known objects."""
+"""Finds unknown things that stand on tables."""
 
 from __future__ import annotations
 
@@ -14,32 +14,22 @@ from pydrake.systems.sensors import ImageDepth32F
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Blob, Box, Cylinder, Obstacle, Shape, Vector
 from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.config import ObstacleFinderConfig
 from drake_srg.vision.mask import Mask
+from drake_srg.vision.rectangle import narrowest_rectangle
+from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.surface import Surface
 
-# What other values change is measured by experiment localizer_thresholds.
-_DEVIATIONS = 5.0  # of noise; of three million normal values one is beyond
-_LEAST_PIXELS = 8  # of an obstacle; what noise makes is a few
-# m; what is as near to a surface is mostly the surface, and tells how well its height
-# is seen.
-_NEAR = 0.03
-# Quantile of heights that is the top: the highest of many noisy points is a millimetre
-# higher yet.
-_TOP = 0.98
-# m; what is nearer to a known object belongs to it, which may be 3 mm off where it is
-# seen, as its rim may.
-_KNOWN = 0.006
-
 
 class ObstacleFinder(LeafSystem):
-    """Upright boxes around what stands on surfaces, by its depth alone.
+    """Finds upright boxes around things that stand on surfaces, by their depth alone.
 
-    Points well above a surface are grouped by their gaps as seen from above. What
-    belongs to the best blob of a known object is left out, and so is what does not
-    stand there: a group that reaches up to `max_height` or over the surface's edge
-    belongs to the robot or to what hangs over the scene. How much is "well above"
-    follows from how noisy the surfaces' own depth is.
+    Points well above a surface are grouped by their gaps as seen from above. Points of
+    the best blob of a known object are left out. So are groups that do not stand on a
+    surface: one that reaches up to `max_height` or over the surface's edge belongs to
+    the robot or hangs over the scene. How much is "well above" follows from the noise
+    of the surfaces' own depth.
 
     .. pydrake_system::
 
@@ -51,16 +41,18 @@ class ObstacleFinder(LeafSystem):
         output_ports:
         - obstacles
 
-    Every camera has its two input ports, as those of BlobLocalizer, whose output is the
-    input `blobs`. The output `obstacles` is a list[Obstacle]; each stands on its
-    surface, and the boxes are a pixel or less wider than what is seen.
+    Every camera has its two input ports, like those of BlobLocalizer. The input `blobs`
+    is BlobLocalizer's output. The output `obstacles` is a list[Obstacle]. Each box
+    stands on its surface and is at most a pixel wider than what is seen.
 
     Args:
         cameras: Camera name to its model.
-        surfaces: Where to look. What the robot stands on should not be among them.
+        surfaces: Where to look. The surface that the robot stands on should not be
+            among them.
         known: Shapes of the known objects, by the names in their blobs.
-        max_height: Of what is looked for, above its surface [m].
-        min_height: Likewise; a marker on a table is nothing in the way [m].
+        max_height: Greatest height of an obstacle above its surface [m].
+        min_height: Least height [m]. A marker on a table is not in the way.
+        config: The thresholds; None for the defaults.
 
     Raises:
         ValueError: If there are no cameras or surfaces, or the heights are not
@@ -75,14 +67,15 @@ class ObstacleFinder(LeafSystem):
         *,
         max_height: float = 0.3,
         min_height: float = 0.008,
+        config: ObstacleFinderConfig | None = None,
     ):
         super().__init__()
         if not cameras or not surfaces:
             raise ValueError("ObstacleFinder needs at least one camera and one surface")
         if not 0.0 < min_height < max_height:
             raise ValueError(
-                f"ObstacleFinder has min_height={min_height}, max_height={max_height}; "
-                "allowed is 0 < min_height < max_height"
+                "ObstacleFinder needs 0 < min_height < max_height, got min_height="
+                f"{min_height}, max_height={max_height}"
             )
         self._imagers = {name: model.imager("depth") for name, model in cameras.items()}
         self._rays = {
@@ -94,6 +87,7 @@ class ObstacleFinder(LeafSystem):
         self._surfaces = tuple(surfaces)
         self._known = {name: _all_around(shape) for name, shape in known.items()}
         self._max_height, self._min_height = max_height, min_height
+        self._config = config or ObstacleFinderConfig()
         for camera in cameras:
             for port, model in (
                 ("depth_image", ImageDepth32F()),
@@ -116,28 +110,34 @@ class ObstacleFinder(LeafSystem):
         seen = [self._points(context, camera) for camera in self._imagers]
         points = np.concatenate([points for points, _ in seen])
         pixel = max(pixel for _, pixel in seen)
-        points = points[~self._is_known(context, points, _KNOWN + 2 * pixel)]
+        margin = self._config.known + 2 * pixel
+        points = points[~self._is_known(context, points, margin)]
         output.set_value(
             [
-                _box_around(group, surface.height, 0.5 * pixel)
-                for group in _groups(points, 2 * pixel)
+                _box_around(group, surface.height, 0.5 * pixel, self._config.top)
+                for group in _groups(points, 2 * pixel, self._config.least_pixels)
                 if (surface := self._carrier(group)) is not None
             ]
         )
 
     def _points(self, context: Context, camera: str) -> tuple[Vector, float]:
-        """Points well above surfaces, in W [m], and how wide a pixel is there [m]."""
+        """Return the points well above surfaces that a camera sees.
+
+        Returns:
+            The points in W [m], shape (n, 3), and how wide a pixel is there [m].
+        """
+        config = self._config
         imager = self._imagers[camera]
         depth = self.GetInputPort(f"{camera}.depth_image").Eval(context).data[..., 0]
         X_WB = self.GetInputPort(f"{camera}.body_pose_in_world").Eval(context)
         X_WD = X_WB @ imager.X_BI
         R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
-        # Takes away single pixels, holes among them.
+        # The median removes single pixels, holes among them.
         depth = cv2.medianBlur(np.nan_to_num(depth, posinf=0.0), 3)
-        # What is beside or below all surfaces need not be looked at closer.
+        # Points below all surfaces need no closer look.
         z = p_WD[2] + depth * cv2.transform(self._rays[camera], R_WD[2:])
         lowest = min(surface.height for surface in self._surfaces)
-        near = (depth > 0) & (z > lowest - _NEAR)
+        near = (depth > 0) & (z > lowest - config.near)
         p_D = self._rays[camera][near] * depth[near][:, None]
         p_W = cv2.transform(p_D[:, None], R_WD)[:, 0] + p_WD
         height, on_surface = p_W[:, 2] - lowest, np.zeros(len(p_W), bool)
@@ -145,17 +145,17 @@ class ObstacleFinder(LeafSystem):
             above = surface.contains(p_W)
             height[above] = p_W[above, 2] - surface.height
             on_surface |= above
-        flat = height[on_surface & (np.abs(height) < _NEAR)]
+        flat = height[on_surface & (np.abs(height) < config.near)]
         offset = float(np.median(flat)) if len(flat) else 0.0
-        noise = 1.4826 * float(np.median(np.abs(flat - offset))) if len(flat) else 0.0
-        least = offset + max(self._min_height, _DEVIATIONS * noise)
+        noise = robust_deviation(flat - offset) if len(flat) else 0.0
+        least = offset + max(self._min_height, config.deviations * noise)
         stands = (height > least) & (height < self._max_height)
         if not stands.any():
             return np.zeros((0, 3)), 0.0
         return p_W[stands], float(p_D[stands, 2].max()) / imager.info.focal_x()
 
     def _is_known(self, context: Context, points: Vector, margin: float) -> Mask:
-        """Which points belong to the most trustworthy blob of a known object."""
+        """Return which points belong to the most trustworthy blob of a known object."""
         known = np.zeros(len(points), bool)
         port = self.GetInputPort("blobs")
         blobs: list[Blob] = port.Eval(context) if port.HasValue(context) else []
@@ -169,24 +169,30 @@ class ObstacleFinder(LeafSystem):
         return known
 
     def _carrier(self, group: Vector) -> Surface | None:
-        """The surface on which a group of points stands, None where on none."""
+        """Return the surface on which a group of points stands, if any."""
+        near = self._config.near
         for surface in self._surfaces:
             top = group[:, 2].max() - surface.height
-            if surface.contains(group, _NEAR).all() and top < self._max_height - _NEAR:
+            if surface.contains(group, near).all() and top < self._max_height - near:
                 return surface
         return None
 
 
 def _all_around(shape: Shape) -> Shape:
-    """A shape, or the cylinder around a box, whose turn a blob does not tell."""
+    """Return a shape, or the cylinder around a box: a blob does not show its yaw."""
     if not isinstance(shape, Box):
         return shape
-    radius = 0.5 * float(np.linalg.norm(shape.size[:2]))
-    return Cylinder(radius, shape.height)
+    return Cylinder(shape.upright_radius, shape.height)
 
 
-def _groups(points: Vector, gap: float) -> Iterator[Vector]:
-    """Points (n, 3) that are less than about `gap` from others, seen from above."""
+def _groups(points: Vector, gap: float, least: int) -> Iterator[Vector]:
+    """Yield groups of at least `least` points with gaps below about `gap` [m].
+
+    Args:
+        points: Shape (n, 3) [m]; gaps are those seen from above.
+        gap: Width of the cells in which the points are counted [m].
+        least: Points of a group.
+    """
     if len(points) == 0:
         return
     cells = ((points[:, :2] - points[:, :2].min(axis=0)) / gap).astype(int) + 1
@@ -195,23 +201,25 @@ def _groups(points: Vector, gap: float) -> Iterator[Vector]:
     count, labels = cv2.connectedComponents(taken, connectivity=8)
     label = labels[cells[:, 0], cells[:, 1]]
     for i in range(1, count):
-        if (label == i).sum() >= _LEAST_PIXELS:
+        if (label == i).sum() >= least:
             yield points[label == i]
 
 
-def _box_around(group: Vector, height: float, margin: float) -> Obstacle:
-    """The narrowest upright box around points (n, 3), from `height` up."""
-    scale = 1e4  # OpenCV works in single precision; 0.1 mm units suit it
+def _box_around(group: Vector, height: float, margin: float, top: float) -> Obstacle:
+    """Return the narrowest upright box around points (n, 3), from `height` up [m].
+
+    Args:
+        group: The points [m].
+        height: Of the surface on which they stand [m].
+        margin: How much wider the box is on each side [m].
+        top: Quantile of the points' heights at which the box ends.
+    """
     middle = group[:, :2].mean(axis=0)
-    center, sides, degrees = cv2.minAreaRect(
-        (scale * (group[:, :2] - middle)).astype(np.float32)
-    )
-    x, y = middle + np.array(center) / scale
-    length, width = np.array(sides) / scale + 2 * margin
-    tall = float(np.quantile(group[:, 2], _TOP)) - height
+    center, sides, yaw = narrowest_rectangle(group[:, :2] - middle)
+    x, y = middle + center
+    length, width = sides + 2 * margin
+    tall = float(np.quantile(group[:, 2], top)) - height
     return Obstacle(
         Box([float(length), float(width), tall]),
-        RigidTransform(
-            RotationMatrix.MakeZRotation(np.deg2rad(degrees)), [x, y, height + tall / 2]
-        ),
+        RigidTransform(RotationMatrix.MakeZRotation(yaw), [x, y, height + tall / 2]),
     )

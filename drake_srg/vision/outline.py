@@ -13,7 +13,8 @@ from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import outline_points
 from drake_srg.vision.view import View
 
-_FAR = 1e4  # pixels; farther corners say the same and overflow OpenCV
+# Corners are clipped here [pixels]: farther ones overflow OpenCV and change nothing.
+_FAR = 1e4
 
 
 @dc.dataclass(frozen=True)
@@ -21,8 +22,8 @@ class Outline:
     """The outline of a solid in a view's window.
 
     Attributes:
-        corners: Of the convex polygon, in order [pixels], shape (m, 2).
-        depth: Of the solid's points seen there, along the imager's z [m], shape (m,).
+        corners: Corners of the convex polygon, in order [pixels], shape (m, 2).
+        depth: Depth of the solid at the corners, along the imager's z [m], shape (m,).
         jacobian: Change of the corners with the solid's translation [pixels / m] and
             its rotation about its centre [pixels / rad], both in W, shape (m, 2, 6).
     """
@@ -33,19 +34,19 @@ class Outline:
 
     @classmethod
     def of(cls, shape: Shape, X_WO: RigidTransform, view: View) -> Outline:
-        """The outline of a solid at a pose."""
+        """Return the outline of a solid at a pose."""
         R_WO, p_WO = X_WO.rotation().matrix(), X_WO.translation()
         p_O = outline_points(shape, R_WO.T @ (view.origin - p_WO))
         p_W = p_O @ R_WO.T + p_WO
         corners = np.clip(view.project(p_W), -_FAR, _FAR)
-        # From the image's x towards its y, though OpenCV's name for it is another.
+        # This turns from the image's x towards its y, whatever OpenCV calls it.
         hull = cv2.convexHull(
             corners.astype(np.float32), clockwise=False, returnPoints=False
         )[:, 0]
         p_W, corners = p_W[hull], corners[hull]
         p_D = (p_W - view.origin) @ view.R_WD
         x, y, z = p_D.T
-        # The image's x is focal x / z + constant, its y alike.
+        # The image's x is focal x / z plus a constant, and so is its y.
         (fx, fy), zero = view.focal, np.zeros(len(z))
         by_D = np.stack(
             [
@@ -55,19 +56,19 @@ class Outline:
             axis=1,
         )
         by_W = by_D @ view.R_WD.T
-        # A turn moves a point by turn x r, a coordinate g by g . (turn x r).
+        # A turn moves a point by turn x r, and a coordinate g by g . (turn x r).
         by_turn = cross((p_W - p_WO)[:, None], by_W)
         return cls(corners, z, np.concatenate([by_W, by_turn], axis=-1))
 
     def distance(self, pixels: Vector) -> tuple[Vector, Vector, Vector]:
-        """How far pixels are beyond the outline's nearest side, negative inside.
+        """Return how far pixels are beyond the outline's nearest side.
 
         Args:
             pixels: Columns and rows, shape (n, 2).
 
         Returns:
-            Distance [pixels], shape (n,); its Jacobian as that of the corners, shape
-            (n, 6); depth of the solid at the side [m], shape (n,).
+            Distance [pixels], negative inside, shape (n,); its Jacobian, as that of the
+            corners, shape (n, 6); depth of the solid at the side [m], shape (n,).
         """
         sides, lengths, normals = self._sides()
         beyond = pixels @ normals.T - (normals * self.corners).sum(axis=1)
@@ -85,13 +86,25 @@ class Outline:
         return beyond[np.arange(len(k)), k], -moves, depth
 
     def mask(self, shape: tuple[int, ...]) -> Mask:
-        """Pixels within the outline, to the nearest pixel, in an image's shape."""
+        """Return which pixels lie within the outline, to the nearest pixel.
+
+        Args:
+            shape: Of the image, (h, w).
+        """
         mask = np.zeros(shape, np.uint8)
         cv2.fillConvexPoly(mask, np.rint(self.corners).astype(np.int32), 1)
         return np.asarray(mask > 0)
 
     def ring(self, grow: float, count: int) -> Vector:
-        """Pixels evenly along the outline, moved outwards by `grow`, (count, 2)."""
+        """Return points spaced evenly along the outline.
+
+        Args:
+            grow: How far to move them outwards [pixels].
+            count: How many.
+
+        Returns:
+            Columns and rows, shape (count, 2).
+        """
         sides, lengths, normals = self._sides()
         end = np.cumsum(lengths)
         walk = (np.arange(count) + 0.5) / count * end[-1]
@@ -100,7 +113,7 @@ class Outline:
         return np.asarray(self.corners[k] + back * sides[k] + grow * normals[k])
 
     def _sides(self) -> tuple[Vector, Vector, Vector]:
-        """Directions (m, 2), lengths (m,) and outward normals (m, 2) of the sides."""
+        """Return directions (m, 2), lengths (m,) and outward normals (m, 2)."""
         sides = np.roll(self.corners, -1, axis=0) - self.corners
         lengths = np.maximum(np.linalg.norm(sides, axis=1), 1e-9)
         sides = sides / lengths[:, None]
@@ -108,7 +121,7 @@ class Outline:
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Cross products over the last axis, in a third of the time of numpy's own."""
+    """Return cross products over the last axis, in a third of the time of np.cross."""
     ax, ay, az = (a[..., i] for i in range(3))
     bx, by, bz = (b[..., i] for i in range(3))
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)

@@ -1,11 +1,11 @@
-"""The pose at which a solid explains a depth image.
+"""Finds the pose at which a solid explains a depth image.
 
-Two things hold at the true pose: what is seen of the solid lies on its surface, and its
-outline separates the pixels that show it from those that look past it. The first is a
-robust least squares problem; the second a logistic regression of the pixels' labels on
-their distance to the outline, whose linear tails bear wrong labels. Their sum is
-minimised by Newton's method while the outline's softness shrinks from the first guess's
-error to a fraction of a pixel.
+Two things hold at the true pose: the visible points of the solid lie on its surface,
+and its outline separates the pixels that show it from those that look past it. The
+first is a robust least squares problem. The second is a logistic regression of the
+pixels' labels on their distance to the outline, whose linear tails tolerate wrong
+labels. Newton's method minimises the sum of both costs while the outline's softness
+shrinks from the first guess's error to a fraction of a pixel.
 """
 
 from __future__ import annotations
@@ -18,27 +18,24 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Box, Cylinder, Shape, Vector
+from drake_srg.vision.config import AlignmentConfig, BlobLocalizerConfig
 from drake_srg.vision.outline import Outline, cross
+from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import INSIDE, UNKNOWN, look
-from drake_srg.vision.solids import bounding_size, signed_distance
+from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.view import View
-
-_NOISE = 1e-4  # m, least standard deviation of depth; see sight.py for the 50 sides
-_HUBER = 1.345  # standard deviations; 95 % efficient where the noise is normal
-_MOST = 400  # points and pixels that are looked at; more tell little more
-_STEPS = 12  # of Newton's method at one softness
-_RIDGE = 1e-9  # of the Hessian's trace
 
 Normal = tuple[Vector, Vector]  # gradient (k,) and Hessian (k, k) of a cost
 
 
 @dc.dataclass(frozen=True)
 class Alignment:
-    """A pose, and how well it is known, by the curvature of the cost.
+    """A pose, and how well it is known according to the curvature of the cost.
 
     Attributes:
         X_WO: The pose.
-        position_deviation: Standard deviation of p_WO where it is largest [m].
+        position_deviation: Standard deviation of p_WO in the direction in which it is
+            largest [m].
         axis_deviation: Standard deviation of the direction of the solid's z [rad]; 0
             for a ball.
     """
@@ -53,35 +50,43 @@ def align(
     X_WO: RigidTransform,
     view: View,
     softnesses: Sequence[float],
+    config: BlobLocalizerConfig,
     *,
     upright: bool = False,
 ) -> Alignment:
-    """The pose near a first guess that explains a view best.
+    """Return the pose near a first guess that explains a view best.
 
     Args:
         shape: The solid.
         X_WO: First guess.
-        view: Where to look; the blob must have depth.
-        softnesses: Of the outline [pixels], from how far the first guess may be off to
-            a fraction of a pixel.
-        upright: Keep the solid's z as it is.
+        view: Where to look. The blob must have depth.
+        softnesses: Softness of the outline in each stage [pixels], from the error of
+            the first guess to a fraction of a pixel; at least one.
+        config: The thresholds of `alignment` and `sight`.
+        upright: Whether to keep the solid's z as it is.
     """
-    radius = 0.5 * float(np.linalg.norm(bounding_size(shape)))
+    limits = config.alignment
+    radius = 0.5 * float(np.linalg.norm(shape.bounding_size))
     pixel = float(np.linalg.norm(X_WO.translation() - view.origin)) / view.focal[0]
     for softness in softnesses:
-        margin = int(np.ceil(3 + 2 * softness))
-        sight = look(shape, X_WO, view, margin=margin, doubt=softness * pixel)
-        # Within the outline, depth tells what belongs to the solid: colours may vary.
+        margin, doubt = int(np.ceil(3 + 2 * softness)), softness * pixel
+        sight = look(shape, X_WO, view, config.sight, margin=margin, doubt=doubt)
+        # Within the outline, depth decides what belongs to the solid: colours may vary.
         points = sight.points[sight.blob | (sight.surface & (sight.distance < -1))]
-        told = (sight.labels != UNKNOWN) & (np.abs(sight.distance) < 3 + 8 * softness)
-        pixels, side = sight.pixels[told], np.where(sight.labels == INSIDE, 1, -1)[told]
-        for _ in range(_STEPS):
+        known = (sight.labels != UNKNOWN) & (np.abs(sight.distance) < 3 + 8 * softness)
+        side = np.where(sight.labels == INSIDE, 1, -1)[known]
+        count = len(points)
+        points, pixels, side = (
+            _thin(values, limits.samples)
+            for values in (points, sight.pixels[known], side)
+        )
+        for _ in range(limits.steps):
             basis = _directions(shape, X_WO, radius, upright)
-            b, H = _depth_cost(shape, X_WO, _thin(points), len(points), basis)
+            b, H = _depth_cost(shape, X_WO, points, count, basis, limits)
             outline = Outline.of(shape, X_WO, view)
-            more = _outline_cost(outline, _thin(pixels), _thin(side), softness, basis)
+            more = _outline_cost(outline, pixels, side, softness, basis)
             b, H = b + more[0], H + more[1]
-            H += _RIDGE * np.trace(H) * np.eye(len(H))
+            H += limits.ridge * np.trace(H) * np.eye(len(H))
             step = -np.linalg.solve(H, b)
             length = float(np.linalg.norm(step))
             X_WO = _moved(X_WO, basis @ step * min(1.0, 0.3 * radius / length))
@@ -97,10 +102,11 @@ def align(
 def _directions(
     shape: Shape, X_WO: RigidTransform, radius: float, upright: bool
 ) -> Vector:
-    """How the pose may move [m]: translation, and turns about axes that show.
+    """Return how the pose may move: translations, and turns about the axes that show.
 
     Returns:
-        Columns of translation and rotation vector in W, shape (6, k).
+        A translation and a rotation vector in W in each column, shape (6, k). A unit
+        step is 1 m, also along a circle of `radius` [m].
     """
     turns = 3 if isinstance(shape, Box) else 2 if isinstance(shape, Cylinder) else 0
     axes = X_WO.rotation().matrix()[:, 2 * upright : turns]
@@ -111,15 +117,20 @@ def _directions(
 
 
 def _depth_cost(
-    shape: Shape, X_WO: RigidTransform, points: Vector, count: int, basis: Vector
+    shape: Shape,
+    X_WO: RigidTransform,
+    points: Vector,
+    count: int,
+    basis: Vector,
+    config: AlignmentConfig,
 ) -> Normal:
-    """Huber's cost of the points' distances, as if there were `count` points."""
+    """Return Huber's cost of the points' distances, as if there were `count` points."""
     R, p = X_WO.rotation().matrix(), X_WO.translation()
     error, gradient = signed_distance(shape, (points - p) @ R)
     g = gradient @ R.T
     J = -np.concatenate([g, cross(points - p, g)], axis=1) @ basis
-    noise = max(_NOISE, 1.4826 * float(np.median(np.abs(error))))
-    weight = np.minimum(1.0, _HUBER * noise / np.maximum(np.abs(error), 1e-12))
+    noise = max(config.depth_deviation, robust_deviation(error))
+    weight = np.minimum(1.0, config.huber * noise / np.maximum(np.abs(error), 1e-12))
     weight *= count / len(points) / noise**2
     return J.T @ (weight * error), (J.T * weight) @ J
 
@@ -127,7 +138,7 @@ def _depth_cost(
 def _outline_cost(
     outline: Outline, pixels: Vector, side: Vector, softness: float, basis: Vector
 ) -> Normal:
-    """Logistic cost of the pixels' sides of the outline; 1 is inside, -1 outside."""
+    """Return the logistic cost of the pixels' sides: 1 is inside, -1 outside."""
     distance, J, _ = outline.distance(pixels)
     J = J @ basis
     wrong = 0.5 * (1 + np.tanh(0.5 * side * distance / softness))
@@ -136,11 +147,12 @@ def _outline_cost(
 
 
 def _moved(X_WO: RigidTransform, step: Vector) -> RigidTransform:
-    """A pose after a translation and a turn about the solid's centre, in W."""
+    """Return a pose after a translation and a turn about the solid's centre, in W."""
     turn = cv2.Rodrigues(step[3:])[0] @ X_WO.rotation().matrix()
     R = RotationMatrix.ProjectToRotationMatrix(turn)
     return RigidTransform(R, X_WO.translation() + step[:3])
 
 
-def _thin(values: Vector) -> Vector:
-    return values[:: max(1, -(-len(values) // _MOST))]
+def _thin(values: Vector, most: int) -> Vector:
+    """Return every n-th of the values, `most` of them at most."""
+    return values[:: max(1, -(-len(values) // most))]

@@ -1,68 +1,45 @@
-"""Where a known solid is, given the depth pixels of its visible surface.
+"""Finds the pose of a known solid from the depth pixels of its visible surface.
 
-Each of several first guesses is aligned coarsely with what is seen; the one that leaves
-the least unexplained is aligned finely. Whatever part of the surface and the outline
-shows takes part, so a solid half hidden still gives its whole pose.
+Each of several first guesses is aligned coarsely with the view. The one that leaves the
+least unexplained is aligned finely. Every visible part of the surface and the outline
+takes part, so a solid that is half hidden still gives its whole pose.
 """
 
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.types import Cylinder, Shape, Sphere, Vector
+from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.guesses import guess_poses, guess_upright
+from drake_srg.vision.mask import Mask
 from drake_srg.vision.outline import Outline
-from drake_srg.vision.pose_fit import align
+from drake_srg.vision.pose_fit import Alignment, align
+from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight, look
-from drake_srg.vision.solids import bounding_size, signed_distance
+from drake_srg.vision.solids import signed_distance
 from drake_srg.vision.view import View
 
-# What other values change is measured by experiment localizer_thresholds.
-
-# Softness of the outline [pixels]: a guess is a few off. A label tells where an edge is
-# with a standard deviation of 0.29, all of them together tell more.
-_COARSE, _MIDDLE, _FINE = (3.0, 1.0), (0.3,), (0.1, 0.03)
-_EXPLAINED = 0.03  # of a blob's pixels: another guess will hardly leave fewer
-# Likewise; so much more must a pose that leans explain. Nothing stands that leans a
-# little, but a size that is 1 % off, and blur, look like 3 degrees.
-_UPRIGHT = 0.1
-_MOST_UNEXPLAINED = 0.1  # of a blob's pixels; with more it may not be this solid
-_ANOTHER = 0.35  # with more it is another thing's blob
-_DEVIATIONS = 4.0  # of noise; of 16 000 normal values one is beyond
-# m; farther below what is beside it a solid is in no recess, farther above on nothing.
-_APART = 0.01
-_LEAST_PIXELS = 8  # of a solid's top, and of what is around it, to tell its height
-_FEW = 3  # guesses, the nearest ones, where there is noise; each takes time
-_STANDS = np.cos(np.deg2rad(15.0))  # as boxes are taken to stand
-_BESIDE = 5  # pixels around it that tell where it stands
-_WRONG = 1e-3  # m; what Fit calls uncertain
-_RING = 72  # samples of the outline, for its quality: every 5 degrees of a circle
-_MOST_DEVIATIONS = np.array([1e-3, np.deg2rad(1.0)])  # Fit.uncertain: [m], [rad]
-_SLIDES = (1.75, 2.5)  # pixels; along its axis a solid may not move so far unnoticed
-# Of the blob's pixels, those that look through the solid; noise makes some at its rim.
-_MOST_THROUGH = 0.05
-_FRAYED = 1.5  # pixels; nearer to the outline, depth may be that of either side
-_ON_OUTLINE = np.sqrt(0.5)  # pixels; farther off it, no part of a pixel is on it
-_LEAST_COLORED = 0.1  # of the surface; with less it may be something else's
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dc.dataclass(frozen=True)
 class Fit:
-    """Position of a shape.
+    """The fitted position of a solid.
 
     Attributes:
         position: Centre p_WO [m], shape (3,).
-        axis: The shape's z axis in W, shape (3,); a cylinder's points upwards.
-        quality: Share of the expected outline seen, 0 .. 1.
-        cut: Part of the expected outline lies outside the image.
-        hidden: More than a tenth of the outline in the image was not found.
-        uncertain: The position may be off by 1 mm or the axis by a degree.
-        misfit: Pixels that speak against the shape, as a share of the blob's, and how
-            far it is from standing on what is around, as a share of its height.
+        axis: The solid's z axis in W, shape (3,); a cylinder's points upwards.
+        quality: Share of the expected outline that is seen, 0 .. 1.
+        cut: Whether a part of the expected outline lies outside the image.
+        hidden: Whether more than a tenth of the outline in the image was not found.
+        uncertain: Whether the position may be off by 1 mm or the axis by a degree.
+        misfit: Pixels that speak against the solid, as a share of the blob's, plus how
+            far it is from standing on its surroundings, as a share of its height.
     """
 
     position: Vector
@@ -74,184 +51,232 @@ class Fit:
     misfit: float
 
 
-def fit_shape(shape: Shape, view: View) -> Fit | None:
-    """The centre and axis of `shape`, or None where the view shows too little of it."""
+def fit_shape(shape: Shape, view: View, config: BlobLocalizerConfig) -> Fit | None:
+    """Return the fit of a solid, None if the view shows too little or something else.
+
+    Args:
+        shape: The solid.
+        view: The view of its blob.
+        config: The thresholds.
+    """
     view = _within_reach(shape, view)
     points = view.points()[view.blob & view.valid]
     if len(points) < 3:
         return None
-    start, upright = _start(shape, view, points)
-    middle = align(shape, start, view, _MIDDLE, upright=upright)
-    X_WO = align(shape, middle.X_WO, view, _FINE, upright=upright).X_WO
-    axis = X_WO.rotation().matrix()[:, 2]
-    if isinstance(shape, Sphere):
-        axis = _UP
-    elif isinstance(shape, Cylinder):
-        axis = axis * np.copysign(1.0, axis[2])
-    sight = look(shape, X_WO, view, margin=_BESIDE)
-    lift = _lift(shape, X_WO, sight)
-    if _unexplained(sight, view) > _ANOTHER or lift < -_APART:
-        return None
-    deviations = np.array([middle.position_deviation, middle.axis_deviation])
-    uncertain = (deviations > _MOST_DEVIATIONS).any()
-    return Fit(
-        X_WO.translation(),
-        axis,
-        *_seen(sight, Outline.of(shape, X_WO, view), view),
-        uncertain=bool(uncertain) or _doubtful(shape, X_WO, view, sight),
-        misfit=_unexplained(sight, view) + _through(sight) + abs(lift) / shape.height,
-    )
+    return _Fitter(shape, view, config).fit(points)
 
 
 def _within_reach(shape: Shape, view: View) -> View:
-    """A view whose blob is without pixels that are too far off to be of one solid.
+    """Return a view whose blob holds no pixels that are too far off for one solid.
 
-    Where something hides a part of it, its colour runs over onto that.
+    Where something hides a part of the solid, the solid's colour bleeds onto it.
     """
     usable = view.blob & view.valid
     if not usable.any():
         return view
     points = view.points()
     off = np.linalg.norm(points - np.median(points[usable], axis=0), axis=-1)
-    return dc.replace(view, blob=usable & (off <= np.linalg.norm(bounding_size(shape))))
+    return dc.replace(view, blob=usable & (off <= np.linalg.norm(shape.bounding_size)))
 
 
-def _start(shape: Shape, view: View, points: Vector) -> tuple[RigidTransform, bool]:
-    """The pose that explains most, coarsely, and whether it is held upright.
+class _Fitter:
+    """Fits a solid to a view of its blob, which has depth."""
 
-    Most things stand. Where there is noise, it hides small leans; a solid whose depth
-    is that of one that stands is then taken to stand, unless something else explains
-    far more. What hangs from a hand may have turned in it, and is free to lean.
-    """
-    best, least, upright = RigidTransform(), np.inf, False
-    if view.noise and not isinstance(shape, Sphere):
-        guess = guess_upright(shape, view)
-        best = align(shape, guess, view, _COARSE, upright=True).X_WO
-        sight = look(shape, best, view, margin=0)
-        scatter = 1.4826 * float(np.median(np.abs(sight.error[sight.blob])))
-        # Without its top in sight, its height is anybody's guess.
-        top = best.translation()[2] + 0.5 * bounding_size(shape)[2]
-        tops = sight.blob & (
-            np.abs(sight.points[:, 2] - top) < max(_WRONG, _DEVIATIONS * view.noise)
+    def __init__(self, shape: Shape, view: View, config: BlobLocalizerConfig) -> None:
+        self._shape, self._view, self._config = shape, view, config
+        self._limits = config.fit
+
+    def fit(self, points: Vector) -> Fit | None:
+        """Return the fit, None if the blob belongs to something else.
+
+        Args:
+            points: Of the blob in W [m], shape (n, 3).
+        """
+        limits, shape = self._limits, self._shape
+        start, upright = self._start(points)
+        middle = self._align(start, limits.middle_softness, upright=upright)
+        X_WO = self._align(middle.X_WO, limits.fine_softness, upright=upright).X_WO
+        axis = X_WO.rotation().matrix()[:, 2]
+        if isinstance(shape, Sphere):
+            axis = _UP
+        elif isinstance(shape, Cylinder):
+            axis = axis * np.copysign(1.0, axis[2])
+        sight = self._look(X_WO, margin=limits.beside)
+        lift = self._lift(X_WO, sight)
+        unexplained = self._unexplained(sight)
+        if unexplained > limits.another_object or lift < -limits.apart:
+            return None
+        unsure = (
+            middle.position_deviation > limits.position_deviation
+            or middle.axis_deviation > limits.axis_deviation
         )
-        upright = scatter <= 2 * view.noise and tops.sum() >= _LEAST_PIXELS
-        if upright:
-            least = _unexplained(sight, view)
-            upright = not _hangs(shape, best, view)
-            if least <= _EXPLAINED:
-                return best, upright
-            least -= _UPRIGHT * upright
-    guesses = _by_distance(shape, guess_poses(shape, view), points)
-    for guess in guesses[: _FEW if view.noise else None]:
-        X_WO = align(shape, guess, view, _COARSE).X_WO
-        unexplained = _unexplained(look(shape, X_WO, view, margin=0), view)
-        if unexplained < least:
-            best, least, upright = X_WO, unexplained, False
-        if least <= _EXPLAINED:
-            break
-    return best, upright
+        return Fit(
+            X_WO.translation(),
+            axis,
+            *self._seen(sight, X_WO),
+            uncertain=unsure or self._doubtful(X_WO, sight),
+            misfit=unexplained + self._through(sight) + abs(lift) / shape.height,
+        )
 
+    def _look(self, X_WO: RigidTransform, margin: int = 0) -> Sight:
+        return look(self._shape, X_WO, self._view, self._config.sight, margin=margin)
 
-def _hangs(shape: Shape, X_WO: RigidTransform, view: View) -> bool:
-    """Whether an upright solid is far above all around it that is not what holds it.
+    def _align(
+        self, X_WO: RigidTransform, softnesses: Sequence[float], upright: bool = False
+    ) -> Alignment:
+        return align(
+            self._shape, X_WO, self._view, softnesses, self._config, upright=upright
+        )
 
-    Where nothing is seen around it, that is far below.
-    """
-    sight = look(shape, X_WO, view, margin=_BESIDE)
-    bottom = X_WO.translation()[2] - 0.5 * shape.height
-    around = (sight.labels == OUTSIDE) & (sight.distance > _FRAYED)
-    points = sight.points[around]
-    z = np.where(np.isfinite(points).all(axis=1), points[:, 2], -np.inf)
-    z = z[z < bottom + _APART]
-    return len(z) >= _LEAST_PIXELS and bool(np.median(z) < bottom - _APART)
+    def _start(self, points: Vector) -> tuple[RigidTransform, bool]:
+        """Return the pose that explains most, coarsely, and whether it stays upright.
 
+        Most things stand. Noise hides small leans, so in a noisy image a solid whose
+        depth is that of a standing one is taken to stand, unless another pose explains
+        far more. A solid that hangs from a hand may have turned in it and is free to
+        lean.
+        """
+        limits, view = self._limits, self._view
+        best, least, upright = RigidTransform(), np.inf, False
+        if view.noise and not isinstance(self._shape, Sphere):
+            guess = guess_upright(self._shape, view, self._config.guesses)
+            best = self._align(guess, limits.coarse_softness, upright=True).X_WO
+            sight = self._look(best)
+            scatter = robust_deviation(sight.error[sight.blob])
+            # Unless its top is in sight, its height could be anything.
+            upright = scatter <= 2 * view.noise and self._sees_top(best, sight)
+            if upright:
+                least = self._unexplained(sight)
+                upright = not self._hangs(best)
+                if least <= limits.explained:
+                    return best, upright
+                least -= limits.upright_margin * upright
+        guesses = guess_poses(self._shape, view, self._config.guesses)
+        guesses = sorted(guesses, key=lambda guess: self._distance(guess, points))
+        for guess in guesses[: limits.noisy_guesses if view.noise else None]:
+            X_WO = self._align(guess, limits.coarse_softness).X_WO
+            unexplained = self._unexplained(self._look(X_WO))
+            if unexplained < least:
+                best, least, upright = X_WO, unexplained, False
+            if least <= limits.explained:
+                break
+        return best, upright
 
-def _by_distance(
-    shape: Shape, guesses: list[RigidTransform], points: Vector
-) -> list[RigidTransform]:
-    """The guesses, those to whose surface the points are nearest first."""
-
-    def distance(X_WO: RigidTransform) -> float:
+    def _distance(self, X_WO: RigidTransform, points: Vector) -> float:
+        """Return the mean distance of points to the solid's surface [m]."""
         p_O = (points - X_WO.translation()) @ X_WO.rotation().matrix()
-        return float(np.abs(signed_distance(shape, p_O)[0]).mean())
+        return float(np.abs(signed_distance(self._shape, p_O)[0]).mean())
 
-    return sorted(guesses, key=distance)
+    @property
+    def _wrong(self) -> float:
+        """Distance from the surface beyond which a point is not explained [m]."""
+        limits = self._limits
+        return max(limits.off_surface, limits.deviations * self._view.noise)
 
+    def _sees_top(self, X_WO: RigidTransform, sight: Sight) -> bool:
+        """Return whether enough pixels show the top of an upright solid."""
+        top = X_WO.translation()[2] + 0.5 * self._shape.bounding_size[2]
+        tops = sight.blob & (np.abs(sight.points[:, 2] - top) < self._wrong)
+        return bool(tops.sum() >= self._limits.least_pixels)
 
-def _unexplained(sight: Sight, view: View) -> float:
-    """Pixels that speak against a pose, as a share of those of the blob.
+    def _hangs(self, X_WO: RigidTransform) -> bool:
+        """Return whether an upright solid is far above its surroundings.
 
-    They are the blob's where not on the surface, and others that look through it.
-    """
-    wrong = max(_WRONG, _DEVIATIONS * view.noise)
-    missed = sight.blob & (np.abs(sight.error) > wrong)
-    if view.noise:  # which frays edges
-        missed &= np.abs(sight.distance) > _FRAYED
-    through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -_FRAYED)
-    return float((missed.sum() + through.sum()) / sight.blob.sum())
-
-
-def _through(sight: Sight) -> float:
-    """Pixels inside the outline that look past the solid, as a share of the blob's.
-
-    One on the outline may be either.
-    """
-    through = (sight.labels == OUTSIDE) & (sight.distance < -_ON_OUTLINE)
-    return float(through.sum() / sight.blob.sum())
-
-
-def _doubtful(shape: Shape, X_WO: RigidTransform, view: View, sight: Sight) -> bool:
-    """Whether a pose leaves much unexplained, or others explain as much.
-
-    Where both ends of a solid are hidden, it may slide along its axis unnoticed.
-    """
-    unexplained = _unexplained(sight, view)
-    surface = sight.surface & (sight.distance < -1)
-    colored = sight.blob.sum() / max(1, surface.sum())
-    distance = float(np.linalg.norm(X_WO.translation() - view.origin))
-    slides = np.maximum(
-        np.array(_SLIDES) * distance / view.focal[0], 1.5 * _DEVIATIONS * view.noise
-    )
-    slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (*slides, *-slides))
-    return (
-        unexplained > _MOST_UNEXPLAINED
-        or _through(sight) > _MOST_THROUGH
-        or colored < _LEAST_COLORED
-        or any(
-            _unexplained(look(shape, X, view, margin=0), view) <= unexplained
-            for X in slid
+        What holds it does not count. If nothing is seen around it, it hangs.
+        """
+        limits = self._limits
+        sight = self._look(X_WO, margin=limits.beside)
+        bottom = X_WO.translation()[2] - 0.5 * self._shape.height
+        points = sight.points[self._around(sight)]
+        z = np.where(np.isfinite(points).all(axis=1), points[:, 2], -np.inf)
+        z = z[z < bottom + limits.apart]
+        return len(z) >= limits.least_pixels and bool(
+            np.median(z) < bottom - limits.apart
         )
-    )
 
+    def _around(self, sight: Sight) -> Mask:
+        """Return which pixels show the solid's surroundings."""
+        return np.asarray(
+            (sight.labels == OUTSIDE) & (sight.distance > self._limits.frayed)
+        )
 
-def _lift(shape: Shape, X_WO: RigidTransform, sight: Sight) -> float:
-    """How far the lower end of a solid that stands is above what is around it [m].
+    def _unexplained(self, sight: Sight) -> float:
+        """Return the pixels that speak against a pose, as a share of the blob's.
 
-    Often only the top of an upright solid is seen: a lower thing, taken for it, would
-    reach into the table, and a higher one hover. 0 where that is not to be seen.
-    """
-    around = (sight.labels == OUTSIDE) & (sight.distance > _FRAYED)
-    around &= np.isfinite(sight.points).all(axis=1)
-    upright = abs(X_WO.rotation().matrix()[2, 2])
-    if isinstance(shape, Sphere) or upright < _STANDS or around.sum() < _LEAST_PIXELS:
-        return 0.0
-    bottom = X_WO.translation()[2] - 0.5 * shape.height
-    return float(bottom - np.median(sight.points[around, 2]))
+        They are the blob's pixels off the surface, and others that look through it.
+        """
+        frayed = self._limits.frayed
+        missed = sight.blob & (np.abs(sight.error) > self._wrong)
+        if self._view.noise:  # which frays edges
+            missed &= np.abs(sight.distance) > frayed
+        through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -frayed)
+        return float((missed.sum() + through.sum()) / sight.blob.sum())
 
+    def _through(self, sight: Sight) -> float:
+        """Return the pixels that look past the solid, as a share of the blob's.
 
-def _seen(sight: Sight, outline: Outline, view: View) -> tuple[float, bool, bool]:
-    """Quality, cut, hidden of an outline between two rings of pixels."""
-    labels = np.full(view.depth.shape, OUTSIDE, dtype=np.int8)
-    labels[tuple(sight.pixels.T[::-1])] = np.where(sight.surface, INSIDE, sight.labels)
-    h, w = view.depth.shape
-    in_image, found = np.ones(_RING, bool), np.ones(_RING, bool)
-    # Where nothing is in doubt: depth's median of 3 x 3 reaches a pixel on.
-    beside = _FRAYED + bool(view.noise)
-    for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
-        pixels = np.rint(outline.ring(grow, _RING)).astype(int)
-        u, v = pixels[:, 0], pixels[:, 1]
-        in_image &= (u >= 0) & (v >= 0) & (u < w) & (v < h)
-        found &= labels[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)] == expected
-    found &= in_image
-    missing = (in_image & ~found).mean()
-    return float(found.mean()), bool((~in_image).any()), bool(missing > 0.1)
+        They are inside the outline. A pixel on the outline may be either.
+        """
+        inside = sight.distance < -self._limits.on_outline
+        return float(((sight.labels == OUTSIDE) & inside).sum() / sight.blob.sum())
+
+    def _doubtful(self, X_WO: RigidTransform, sight: Sight) -> bool:
+        """Return whether a pose leaves much unexplained, or others explain as much.
+
+        If both ends of a solid are hidden, it may slide along its axis unnoticed.
+        """
+        limits, view = self._limits, self._view
+        unexplained = self._unexplained(sight)
+        surface = sight.surface & (sight.distance < -1)
+        colored = sight.blob.sum() / max(1, surface.sum())
+        distance = float(np.linalg.norm(X_WO.translation() - view.origin))
+        slides = np.maximum(
+            np.array(limits.slides) * distance / view.focal[0],
+            1.5 * limits.deviations * view.noise,
+        )
+        slid = (X_WO @ RigidTransform([0.0, 0.0, z]) for z in (*slides, *-slides))
+        return (
+            unexplained > limits.most_unexplained
+            or self._through(sight) > limits.most_through
+            or bool(colored < limits.least_colored)
+            or any(self._unexplained(self._look(X)) <= unexplained for X in slid)
+        )
+
+    def _lift(self, X_WO: RigidTransform, sight: Sight) -> float:
+        """Return how far a standing solid's lower end is above its surroundings [m].
+
+        Often only the top of an upright solid is seen. A lower thing that is taken for
+        it would reach into the table, and a higher one would hover. It is 0 if the
+        solid does not stand or its surroundings are not seen.
+        """
+        limits = self._limits
+        around = self._around(sight) & np.isfinite(sight.points).all(axis=1)
+        upright = abs(X_WO.rotation().matrix()[2, 2])
+        if (
+            isinstance(self._shape, Sphere)
+            or upright < np.cos(limits.most_standing_lean)
+            or around.sum() < limits.least_pixels
+        ):
+            return 0.0
+        bottom = X_WO.translation()[2] - 0.5 * self._shape.height
+        return float(bottom - np.median(sight.points[around, 2]))
+
+    def _seen(self, sight: Sight, X_WO: RigidTransform) -> tuple[float, bool, bool]:
+        """Return `quality`, `cut` and `hidden` of a fit, from two rings of pixels."""
+        count, view = self._limits.ring, self._view
+        outline = Outline.of(self._shape, X_WO, view)
+        labels = np.full(view.depth.shape, OUTSIDE, dtype=np.int8)
+        known = np.where(sight.surface, INSIDE, sight.labels)
+        labels[tuple(sight.pixels.T[::-1])] = known
+        h, w = view.depth.shape
+        in_image, found = np.ones(count, bool), np.ones(count, bool)
+        # Where pixels are not in doubt: the median of 3 x 3 reaches one pixel farther.
+        beside = self._limits.frayed + bool(view.noise)
+        for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
+            pixels = np.rint(outline.ring(grow, count)).astype(int)
+            u, v = pixels[:, 0], pixels[:, 1]
+            in_image &= (u >= 0) & (v >= 0) & (u < w) & (v < h)
+            found &= labels[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)] == expected
+        found &= in_image
+        missing = (in_image & ~found).mean()
+        return float(found.mean()), bool((~in_image).any()), bool(missing > 0.1)

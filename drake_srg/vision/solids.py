@@ -1,4 +1,4 @@
-"""Geometry of the known solids: distance to their surface and what bounds their view.
+"""Geometry of the known solids: distances to their surface and points of their outline.
 
 Points are in the solid's own frame O. The solids are convex, so a solid's outline in an
 image is the convex hull of the images of some of its points.
@@ -10,25 +10,19 @@ import numpy as np
 
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
-_RIM = 72  # samples of a circle: its polygon is within 0.1 % of the radius
-
-
-def bounding_size(shape: Shape) -> Vector:
-    """Extent of a shape along its own x, y, z [m], shape (3,)."""
-    if isinstance(shape, Box):
-        return np.array(shape.size, dtype=float)
-    return np.array([2 * shape.radius, 2 * shape.radius, shape.height])
+# Corners of the polygon that stands for a circle, which is within 0.1 % of the radius.
+_RIM = 72
 
 
 def signed_distance(shape: Shape, p_O: Vector) -> tuple[Vector, Vector]:
-    """Distance of points to a solid's surface, negative inside, and its gradient.
+    """Return the signed distance of points to a solid's surface, and its gradient.
 
     Args:
         shape: The solid.
         p_O: Points [m], shape (n, 3).
 
     Returns:
-        Distances [m], shape (n,), and unit gradients, shape (n, 3).
+        Distances [m], negative inside, shape (n,), and unit gradients, shape (n, 3).
     """
     if isinstance(shape, Box):
         away, inner = np.abs(p_O) - 0.5 * np.array(shape.size), np.sign(p_O)
@@ -45,14 +39,14 @@ def signed_distance(shape: Shape, p_O: Vector) -> tuple[Vector, Vector]:
 
 
 def outline_points(shape: Shape, eye: Vector) -> Vector:
-    """Points of a solid whose images have the outline as their convex hull.
+    """Return points of a solid whose images have the outline as their convex hull.
 
     Args:
         shape: The solid.
-        eye: Where it is seen from, in O [m], shape (3,); outside the solid.
+        eye: The viewpoint, in O [m], shape (3,); outside the solid.
 
     Returns:
-        Shape (n, 3).
+        In O [m], shape (n, 3).
     """
     if isinstance(shape, Box):
         corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
@@ -63,7 +57,7 @@ def outline_points(shape: Shape, eye: Vector) -> Vector:
         half = np.array([0.0, 0.0, 0.5 * shape.length])
         rim = shape.radius * circle
         return np.concatenate([rim + half, rim - half])
-    # The rim of a ball is a small circle, on the near side of the equator.
+    # The visible rim of a ball is a small circle on the near side of its equator.
     distance = float(np.linalg.norm(eye))
     toward = eye / distance
     sine = shape.radius / distance
@@ -75,7 +69,7 @@ def outline_points(shape: Shape, eye: Vector) -> Vector:
 
 
 def _beyond(away: Vector, directions: Vector) -> tuple[Vector, Vector]:
-    """Distance and gradient from how far points are beyond each pair of faces.
+    """Return distances and gradients from how far points are beyond pairs of faces.
 
     Args:
         away: Shape (n, k), negative between the faces.

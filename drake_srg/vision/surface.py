@@ -1,4 +1,4 @@
-"""Where things stand."""
+"""Horizontal surfaces on which things stand."""
 
 from __future__ import annotations
 
@@ -19,7 +19,15 @@ class Surface:
     height: float
 
     def contains(self, p_W: Vector, margin: float = 0.0) -> Mask:
-        """Which of the points (n, 2 or 3) are above it, or within a margin [m]."""
+        """Return which points lie above or below the rectangle.
+
+        Args:
+            p_W: Points in world [m], shape (n, 2 or 3).
+            margin: How far beyond the edges counts, too [m].
+
+        Returns:
+            Shape (n,).
+        """
         low, high = np.array(self.min) - margin, np.array(self.max) + margin
         inside = (p_W[:, :2] >= low) & (p_W[:, :2] <= high)
         return np.asarray(inside.all(axis=1))

@@ -12,13 +12,12 @@ from pydrake.math import RigidTransform
 
 from drake_srg.types import Shape, Vector
 from drake_srg.vision.camera import Imager
-from drake_srg.vision.mask import Mask
-from drake_srg.vision.solids import bounding_size
+from drake_srg.vision.mask import Mask, has_depth
 
 
 @dc.dataclass(frozen=True)
 class View:
-    """A window of one depth image around a blob, its geometry in world W.
+    """A window of one depth image around a blob, with its geometry in world W.
 
     Attributes:
         origin: p_WD, the imager's centre [m], shape (3,).
@@ -26,10 +25,10 @@ class View:
         rays: Directions in W per unit of depth, shape (h, w, 3).
         depth: Along the imager's z [m], shape (h, w); 0 is too near, inf too far.
         blob: Pixels of the blob, shape (h, w).
-        others: Pixels of the same colour that are not the blob's, shape (h, w).
-        project: World points (n, 3) to window pixels (column, row), (n, 2).
+        others: Pixels of the same colour outside the blob, shape (h, w).
+        project: Takes points in W (n, 3) to the window's (column, row), (n, 2).
         focal: Focal lengths [pixels], shape (2,).
-        noise: Standard deviation of depth where the blob is [m].
+        noise: Standard deviation of depth at the blob [m].
     """
 
     origin: Vector
@@ -44,11 +43,14 @@ class View:
 
     @property
     def valid(self) -> Mask:
-        """Pixels that see something, shape (h, w)."""
-        return np.asarray(np.isfinite(self.depth) & (self.depth > 0))
+        """Which pixels have depth, shape (h, w)."""
+        return has_depth(self.depth)
 
     def points(self) -> Vector:
-        """Visible surface in W [m], shape (h, w, 3); not finite where too far."""
+        """Return the visible surface in W [m], shape (h, w, 3).
+
+        Points that are too far are not finite.
+        """
         with np.errstate(invalid="ignore"):  # 0 times infinity
             return np.asarray(self.origin + self.rays * self.depth[..., None])
 
@@ -63,20 +65,20 @@ def view_around(
     X_WB: RigidTransform,
     noise: float = 0.0,
 ) -> View | None:
-    """The view of a blob, as far as the whole object may reach.
+    """Return the view of a blob, as far as the whole object may extend.
 
     Args:
-        shape: The object's shape; its size sets the window's margin.
-        blob: Colour pixels of the blob, shape (color height, color width).
-        colored: Colour pixels of the target's colour.
+        shape: The object's shape. Its size sets the window's margin.
+        blob: Pixels of the blob, shape (color height, color width).
+        colored: Pixels of the target's colour, same shape.
         depth: Along the depth imager's z [m], shape (depth height, depth width).
-        color_imager: Where the masks were taken.
-        depth_imager: Where the depth was taken.
+        color_imager: The imager of `blob` and `colored`.
+        depth_imager: The imager of `depth`.
         X_WB: Pose of the camera body in world.
         noise: Standard deviation of 1 / depth [1/m].
 
     Returns:
-        None where the blob has no pixel with depth.
+        None if no pixel of the blob has depth.
     """
     h, w = depth.shape
     if not depth_imager.same_as(color_imager):
@@ -86,10 +88,10 @@ def view_around(
         X_CD = color_imager.X_BI.inverse() @ depth_imager.X_BI
         p_C = p_D @ X_CD.rotation().matrix().T + X_CD.translation()
         blob, colored = (color_imager.lookup(p_C, mask) for mask in (blob, colored))
-    usable = blob & np.isfinite(depth) & (depth > 0)
+    usable = blob & has_depth(depth)
     if not usable.any():
         return None
-    reach = np.linalg.norm(bounding_size(shape)) * depth_imager.info.focal_x()
+    reach = np.linalg.norm(shape.bounding_size) * depth_imager.info.focal_x()
     margin = int(np.ceil(reach / depth[usable].min())) + 3
 
     def window(hits: Mask) -> slice:

@@ -42,7 +42,7 @@ def eye(scenario):
 
 
 def of_all(sighting, way=None, size=SIZE):
-    """Good sightings in all cases, but others in one."""
+    """Return good sightings in all cases but one."""
     cases = [Case(w, s) for s in SIZES for w in (STANDING, RECESS, TILTED, LYING)]
     return {c: [GOOD, sighting if c == Case(way, size) else GOOD] for c in cases}
 
@@ -52,7 +52,7 @@ def failed(sightings, thesis=GOOD):
     return {(row.name, row.quantity) for row in rows if not row.passed}
 
 
-def test_the_scenarios_own_images_are_among_the_sizes(scenario):
+def test_the_scenarios_own_image_size_is_among_the_sizes(scenario):
     assert (scenario.cameras["ceiling"].width, 480) == SIZE
     assert SIZE in SIZES
 
@@ -60,10 +60,10 @@ def test_the_scenarios_own_images_are_among_the_sizes(scenario):
 @pytest.mark.parametrize("way", [STANDING, RECESS, TILTED, LYING])
 def test_cylinders_touch_the_table_within_the_region(scenario, way):
     region = scenario.task.region
-    for X_WO in poses(scenario, way):
+    for X_WO in poses(scenario, way, 9, 60):
         axis = X_WO.rotation().matrix()[:, 2]
         p = X_WO.translation()
-        # Lowest of a cylinder of 50 mm and a radius of 12.5 mm.
+        # Lowest point of a cylinder of 50 mm with a radius of 12.5 mm.
         lowest = p[2] - 0.025 * abs(axis[2]) - 0.0125 * np.hypot(axis[0], axis[1])
         if way == RECESS:
             assert lowest == pytest.approx(0.095)
@@ -76,14 +76,16 @@ def test_cylinders_touch_the_table_within_the_region(scenario, way):
 
 
 def test_standing_cylinders_cover_the_region(scenario):
-    places = np.array([X_WO.translation()[:2] for X_WO in poses(scenario, STANDING)])
+    places = np.array(
+        [X_WO.translation()[:2] for X_WO in poses(scenario, STANDING, 9, 60)]
+    )
     assert places.min(axis=0) == pytest.approx(scenario.task.region.min)
     assert places.max(axis=0) == pytest.approx(scenario.task.region.max)
 
 
 @pytest.mark.parametrize("way", [STANDING, RECESS, TILTED, LYING])
-def test_the_scenario_sees_a_cylinder(scenario, eye, way):
-    X_WO = next(poses(scenario, way))
+def test_the_scenario_locates_a_cylinder(scenario, eye, way):
+    X_WO = next(poses(scenario, way, 9, 60))
     seen = eye.look(X_WO)
     assert seen.distance < (0.3e-3 if way in (STANDING, RECESS) else 0.5e-3)
     assert seen.turn < np.deg2rad(1.0)
@@ -105,7 +107,7 @@ def test_a_cylinder_out_of_sight_is_not_seen(eye):
         (TILTED, dc.replace(GOOD, turn=np.deg2rad(1.1)), "error of axis"),
     ],
 )
-def test_the_scenarios_own_images_are_judged(way, sighting, quantity):
+def test_the_scenarios_own_image_size_is_judged(way, sighting, quantity):
     assert failed(of_all(GOOD)) == set()
     [(name, found)] = failed(of_all(sighting, way))
     assert name == f"{way}, 640 x 480"
@@ -113,23 +115,20 @@ def test_the_scenarios_own_images_are_judged(way, sighting, quantity):
     assert failed(of_all(sighting, way, SIZES[0])) == set()
 
 
-def test_what_is_not_seen_fails():
+def test_a_cylinder_that_is_not_seen_fails():
     assert ("lying, 640 x 480", "largest error of axis") in failed(
         of_all(UNSEEN, LYING)
     )
 
 
-def test_the_thesis_is_to_be_beaten_where_its_cylinder_was():
+def test_errors_at_the_thesiss_place_must_not_exceed_its_own():
     worse = dc.replace(GOOD, error=np.array([7e-5, 7e-5, 1e-3]))
     assert {q[:10] for _, q in failed(of_all(GOOD), worse)} == {"error in x"}
 
 
 def test_it_runs(monkeypatch):
     monkeypatch.setattr(localization, "SIZES", (SIZE,))
-    monkeypatch.setattr(localization, "_GRID", 2)
-    monkeypatch.setattr(localization, "_OTHERS", 2)
-    monkeypatch.setattr(localization, "_SCENES", 1)
-    result = localization.run(quiet)
+    result = localization.run(quiet, grid=2, others=2, scenes=1)
     assert result.passed
     (table,) = result.tables.values()
     assert table["way"] == [STANDING] * 4 + [RECESS] * 2 + [TILTED] * 2 + [LYING] * 2

@@ -13,6 +13,7 @@ from drake_srg.experiments.varied_scenes import (
 )
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.types import Box, Obstacle
+from drake_srg.vision.config import LocalizerThresholds
 
 GOOD, OFF, UNSEEN = Scene(1e-3, True), Scene(5e-3, True), Scene(np.nan, False)
 WRONG, DOUBTED = Scene(0.2, True), Scene(0.2, False)
@@ -32,7 +33,7 @@ def test_too_few_near_ones_fail(other):
     assert failed([GOOD] * 18 + [other] * 2) == {"share seen within 3 mm"}
 
 
-def test_one_that_is_taken_for_another_thing_fails():
+def test_another_thing_taken_for_the_object_fails():
     assert failed([GOOD] * 39 + [WRONG]) == {"another thing is taken for it"}
 
 
@@ -42,7 +43,7 @@ def test_a_scene_is_always_the_same():
     assert first.distance < WITHIN["assistive_arm_varied"]
 
 
-def test_a_can_a_third_hidden_is_seen_beside_a_cup_like_it():
+def test_a_partly_hidden_can_is_located_beside_a_similar_cup():
     scene = look("kitchen_varied", 37)
     assert scene.certain
     assert scene.distance < WITHIN["kitchen_varied"]
@@ -53,31 +54,37 @@ def scenery():
     return Scenery("assistive_arm_varied", 3)
 
 
-def test_images_are_looked_at_again(scenery, monkeypatch):
+def test_the_same_images_are_perceived_again(scenery, monkeypatch):
     first = scenery.look()
     assert scenery.look() == first
+    assert scenery.look(LocalizerThresholds()) == first
     monkeypatch.setattr("drake_srg.vision.color.ColorRange.mask", nothing)
     monkeypatch.setattr("drake_srg.vision.color.ColorRange.mask_in_any_light", nothing)
-    assert np.isnan(scenery.look().distance)
+    assert np.isnan(scenery.look()[0].distance)
 
 
-def nothing(_, image):
+def nothing(_, image, *config):
     return np.zeros(image.shape[:2], bool)
 
 
-def test_what_is_put_elsewhere_is_seen_there():
+def test_thresholds_take_effect(scenery):
+    thresholds = LocalizerThresholds()
+    thresholds.candidates.least_area = 100.0  # no region is as large
+    assert np.isnan(scenery.look(thresholds)[0].distance)
+    assert not np.isnan(scenery.look()[0].distance)
+
+
+def test_a_moved_object_is_seen_at_its_new_place():
     scenery = Scenery("assistive_arm_varied", 0, ["object.occlusion=null"])
     x, y, z = scenery.pose().translation()
     X_WO = RigidTransform([x + 0.01, y, z])
     scenery.put(X_WO)
     assert scenery.pose().IsExactlyEqualTo(X_WO)
-    assert scenery.look().distance < WITHIN["assistive_arm_varied"]
+    assert scenery.look()[0].distance < WITHIN["assistive_arm_varied"]
 
 
 def test_the_kitchens_clutter_is_found():
-    scenery = Scenery("kitchen_varied", 0)
-    scenery.look()
-    found = scenery.find_obstacles()
+    _, found = Scenery("kitchen_varied", 0).look()
     assert (found.missed, found.invented, len(found.errors)) == (0, 0, 3)
 
 
@@ -100,18 +107,18 @@ def test_obstacles_are_matched_with_things():
     assert found.errors == pytest.approx([0.001])
 
 
-def test_what_is_not_there_is_invented_and_what_is_not_found_missed():
+def test_obstacles_without_a_thing_are_invented_and_things_without_one_missed():
     assert match([obstacle(0.2)], [thing(0.0)]) == Obstacles(1, 1, ())
-    # The half that shows of a thing is no invention, but the thing is not found by it.
+    # An obstacle at the visible half of a thing covers it, but does not find it.
     assert match([obstacle(0.02, side=0.01)], [thing(0.0)]) == Obstacles(1, 0, ())
 
 
-def test_two_things_may_be_one_obstacle():
+def test_two_things_may_make_one_obstacle():
     found = match([obstacle(0.0, side=0.1)], [thing(-0.025), thing(0.025)])
     assert found == Obstacles(0, 0, ())
 
 
-def test_low_things_may_be_found_or_not():
+def test_low_things_need_not_be_found():
     assert match([], [thing(0.0, height=0.005)]) == Obstacles(0, 0, ())
     low = obstacle(0.0, height=0.009)
     assert match([low], [thing(0.0, height=0.005)]) == Obstacles(0, 0, ())

@@ -38,6 +38,9 @@ class Outer:
     table: dict[str, Inner] = dc.field(default_factory=dict)
     pose: Transform = dc.field(default_factory=Transform)
     law: str = dc.field(default="pid", metadata={"among": ("pid", "printed")})
+    stages: list[float] = dc.field(
+        default_factory=lambda: [1.0], metadata={"nonempty": True}
+    )
 
 
 def load(text):
@@ -300,6 +303,7 @@ def test_what_is_not_given_keeps_its_default():
         ("inner: {flag: 1}", "inner.flag: must be true or false, is 1"),
         ("numbers: 3", "numbers: must be a list, is 3"),
         ("numbers: [1]", "numbers: must have 2 numbers, has 1"),
+        ("stages: []", "stages: must not be empty"),
         ("numbers: [1, 0]", "numbers: must be greater than 0.0, is 0.0"),
         ("numbers: [1, 10]", "numbers: must be at most 9.0, is 10.0"),
         ("numbers: [1, -.inf]", "numbers: must be finite, is -inf"),

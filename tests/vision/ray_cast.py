@@ -7,13 +7,13 @@ from pydrake.systems.sensors import CameraInfo
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.view import view_around
 
-# A small camera straight above the table z = 0: a pixel is 1.3 mm wide there.
+# A small camera straight above the table z = 0, on which a pixel is 1.3 mm wide.
 INFO = CameraInfo(160, 120, np.deg2rad(10.0))
 X_WC = RigidTransform(RotationMatrix(np.diag([1.0, -1.0, -1.0])), [0.0, 0.0, 0.9])
 
 
 def lying(shape, tilt, yaw, x=0.0, y=0.0):
-    """Pose and axis of a cylinder that touches the table, `tilt` from upright [rad]."""
+    """Return pose and axis of a cylinder on the table, tilted from upright [rad]."""
     level = np.array([np.cos(yaw), np.sin(yaw), 0.0])
     axis = np.sin(tilt) * level + [0.0, 0.0, np.cos(tilt)]
     z = 0.5 * shape.length * np.cos(tilt) + shape.radius * np.sin(tilt)
@@ -22,7 +22,7 @@ def lying(shape, tilt, yaw, x=0.0, y=0.0):
 
 
 def cast(shape, X_WO, rays, origin):
-    """How far along its ray each pixel sees a cylinder; infinite where it does not."""
+    """Return how far along its ray each pixel sees a cylinder; infinite beside it."""
     R = X_WO.rotation().matrix()
     p, d = R.T @ (origin - X_WO.translation()), rays @ R
     half = 0.5 * shape.length
@@ -40,7 +40,7 @@ def cast(shape, X_WO, rays, origin):
 
 
 def view_of(shape, X_WO, others=(), info=INFO, X_WC=X_WC, noise=0.0, seed=0):
-    """The view of a cylinder over the table z = 0, among (shape, X_WO) of others."""
+    """Return the view of a cylinder above the table z = 0, and of others."""
     imager = CameraModel(info).imager("depth")
     rays = imager.rays(slice(0, info.width()), slice(0, info.height()))
     rays = rays @ X_WC.rotation().matrix().T

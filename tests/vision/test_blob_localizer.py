@@ -11,6 +11,7 @@ from drake_srg import types
 from drake_srg.types import BlobFlag
 from drake_srg.vision.blob_localizer import BlobLocalizer
 from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.config import BlobLocalizerConfig, FitConfig
 from vision.vision_scene import (
     BLUE,
     CAN,
@@ -67,8 +68,12 @@ def test_every_camera_has_three_inputs():
         ({"targets": []}, "targets of unique names"),
         ({"targets": [target(), target()]}, "unique names.*'can', 'can'"),
         ({"cameras": {}}, "at least one camera"),
-        ({"period": -0.1}, "period=-0.1.*allowed are period >= 0"),
+        ({"period": -0.1}, "needs period >= 0.*got period=-0.1"),
         ({"min_quality": 2.0}, "min_quality=2.0"),
+        (
+            {"config": BlobLocalizerConfig(fit=FitConfig(middle_softness=[]))},
+            "config.fit.middle_softness must not be empty",
+        ),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):
@@ -82,7 +87,7 @@ def test_an_unconnected_input_is_named():
         localizer.get_output_port().Eval(localizer.CreateDefaultContext())
 
 
-def test_an_image_of_another_size_is_named():
+def test_an_image_of_the_wrong_size_is_named():
     localizer = BlobLocalizer([target()], {"top": MODEL})
     context = localizer.CreateDefaultContext()
     localizer.GetInputPort("top.color_image").FixValue(context, ImageRgba8U(320, 240))
@@ -138,17 +143,17 @@ def test_nothing_to_see_gives_no_blobs():
     assert locate([standing(CAN, 0.0, 0.0, color=BLUE)]) == []
 
 
-def test_a_covered_can_is_seen_by_its_side_alone():
+def test_a_covered_can_is_located_by_its_side():
     can = standing(CAN, 0.1, 0.1)
     lid = Thing(types.Box((0.08, 0.08, 0.002)), (0.1, 0.1, 0.1038), BLUE)
     assert locate([can, lid]) == []
     [blob] = locate([can, lid], cameras={"eye": OBLIQUE})
-    # Its ends being hidden, it may as well stand in a hole of the table.
+    # Because its ends are hidden, it may as well stand in a hole of the table.
     assert blob.flags == {BlobFlag.OCCLUDED, BlobFlag.UNCERTAIN}
     assert blob.position[:2] == pytest.approx([0.1, 0.1], abs=4e-4)
 
 
-def test_an_occluded_can_is_flagged_and_still_placed():
+def test_an_occluded_can_is_flagged_and_still_located():
     can = standing(CAN, 0.1, 0.1)
     bar = Thing(types.Box((0.2, 0.03, 0.02)), (0.1, 0.13, 0.3), BLUE)
     [blob] = locate([can, bar])
@@ -165,7 +170,7 @@ def test_a_finger_across_a_can_leaves_one_blob():
     near(blob, can, 0.6)
 
 
-def test_a_can_at_the_border_is_flagged_and_still_placed():
+def test_a_can_at_the_border_is_flagged_and_still_located():
     can = standing(CAN, 0.2, 0.55)
     [blob] = locate([can])
     assert BlobFlag.BORDER in blob.flags
@@ -182,7 +187,7 @@ def test_two_objects_of_one_color_give_two_blobs():
         near(blob, can, 0.4)
 
 
-def test_blobs_come_by_target_and_the_best_first():
+def test_blobs_are_ordered_by_target_and_then_by_trust():
     things = [
         standing(CAN, 0.1, 0.1, color=RED),
         standing(CAN, -0.2, 0.55, color=RED),
@@ -207,18 +212,18 @@ def test_small_specks_are_dropped():
     assert locate([speck], targets, min_area=100) == []
 
 
-def test_pulled_blobs_follow_their_inputs():
+def test_without_a_period_blobs_follow_their_inputs():
     diagram, localizer = make_diagram([standing(CAN, 0.0, 0.0)], [target()])
     context = localizer.GetMyContextFromRoot(diagram.CreateDefaultContext())
     port = localizer.GetOutputPort("blobs")
     assert port.Eval(context)[0].position == pytest.approx([0, 0, 0.0509], abs=4e-4)
-    # The same images from a camera said to be elsewhere show a can elsewhere.
+    # The same images show a can elsewhere if the camera is said to be elsewhere.
     pose = RigidTransform(DOWN, [0.5, 0.0, 1.6])
     localizer.GetInputPort("camera.body_pose_in_world").FixValue(context, pose)
     assert port.Eval(context)[0].position == pytest.approx([0.5, 0, 0.1509], abs=4e-4)
 
 
-def test_sampled_blobs_wait_for_their_event():
+def test_with_a_period_blobs_wait_for_their_event():
     diagram, localizer = make_diagram([standing(CAN, 0.0, 0.0)], [target()], period=0.1)
     simulator = Simulator(diagram)
     context = localizer.GetMyContextFromRoot(simulator.get_context())

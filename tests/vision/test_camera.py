@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
+from pydrake.common.schema import Transform
+from pydrake.lcm import DrakeLcm
 from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import CameraInfo
+from pydrake.systems.sensors import ApplyCameraConfig, CameraConfig, CameraInfo
 
 from drake_srg import types
 from drake_srg.vision.camera import DRAKE_PIXEL_CENTER, CameraModel
@@ -13,10 +16,10 @@ INFO = CameraInfo(640, 480, FOV_Y)
 
 @pytest.mark.parametrize("kind", ["color", "depth"])
 def test_drake_samples_a_pixel_half_a_pixel_off_its_index(kind):
-    """A pixel is on a plate exactly where its sampling point is.
+    """A pixel shows a plate if and only if its sampling point is on the plate.
 
     Every edge of a plate at a random place bounds the offset of the sampling points
-    from one side; thirty plates leave a narrow interval.
+    from one side. Thirty plates leave a narrow interval.
     """
     rng = np.random.default_rng(1)
     low, high = np.full(2, -1.0), np.full(2, 2.0)
@@ -34,7 +37,7 @@ def test_drake_samples_a_pixel_half_a_pixel_off_its_index(kind):
         )
         low = np.maximum(low, np.maximum(left - first, right - last - 1))
         high = np.minimum(high, np.minimum(left - first + 1, right - last))
-    # The coloured edge pixels are mixtures; leave them a tenth.
+    # Edge pixels mix two colours, which may move an edge by a tenth of a pixel.
     assert np.all(low - 0.1 < DRAKE_PIXEL_CENTER)
     assert np.all(high + 0.1 > DRAKE_PIXEL_CENTER)
     assert np.all(high - low < 0.15)
@@ -54,7 +57,7 @@ def test_lookup_is_false_outside_the_image_and_behind_the_camera():
     assert imager.lookup(points, image).tolist() == [True, False, False, False]
 
 
-def test_depth_is_taken_like_color_unless_told_otherwise():
+def test_depth_is_taken_like_color_unless_the_model_says_otherwise():
     shift = RigidTransform([0.01, 0, 0])
     model = CameraModel(INFO, X_BC=shift)
     assert model.imager("depth").same_as(model.imager("color"))
@@ -62,7 +65,7 @@ def test_depth_is_taken_like_color_unless_told_otherwise():
     assert not model.imager("depth").same_as(model.imager("color"))
 
 
-def test_a_model_is_read_off_a_sensor():
+def test_a_model_is_read_from_a_sensor():
     X_BD = RigidTransform([0.02, 0.0, 0.0])
     camera = Camera(depth_size=(320, 240), X_BD=X_BD)
     sensor = make_sensors(DiagramBuilder(), [], {"c": camera})["c"]
@@ -71,3 +74,26 @@ def test_a_model_is_read_off_a_sensor():
     assert model.depth is not None
     assert model.depth.width() == 320
     assert model.imager("depth").X_BI.IsExactlyEqualTo(X_BD)
+
+
+def test_a_config_gives_the_model_of_the_sensor_that_drake_makes_of_it():
+    config = CameraConfig(
+        name="eye",
+        width=320,
+        height=240,
+        center_x=150.0,
+        X_BC=Transform(translation=[0.01, 0.0, 0.0]),
+        X_BD=Transform(translation=[0.02, 0.0, 0.0]),
+        show_rgb=False,
+    )
+    model = CameraModel.from_config(config)
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    plant.Finalize()
+    ApplyCameraConfig(
+        config, builder, plant=plant, scene_graph=scene_graph, lcm=DrakeLcm("memq://")
+    )
+    made = CameraModel.from_sensor(builder.GetSubsystemByName("rgbd_sensor_eye"))
+    for which in ("color", "depth"):
+        assert model.imager(which).same_as(made.imager(which))
+    assert not model.imager("depth").same_as(model.imager("color"))

@@ -19,7 +19,7 @@ small = st.floats(-5e-3, 5e-3)
 
 
 def depth_of_table(X_WB, boxes=0, noise=0.0, seed=0):
-    """What a camera sees of the table and the floor, m; some pixels nearer."""
+    """Return the depth of table and floor [m], with some boxes on the table."""
     rays = CAMERA.imager("depth").rays(slice(0, WIDTH), slice(0, HEIGHT))
     rays_W = rays @ X_WB.rotation().matrix().T
     p = X_WB.translation()
@@ -51,13 +51,13 @@ def leveled(depth, X_WB_believed):
 
 
 def tilt_and_height(X_1, X_2):
-    """Angle between what two poses take for up [rad], difference of heights [m]."""
+    """Return by how much two poses differ in tilt [rad] and in height [m]."""
     up_1, up_2 = (X.rotation().matrix()[2] for X in (X_1, X_2))
     tilt = np.linalg.norm(np.cross(up_1, up_2))
     return tilt, X_1.translation()[2] - X_2.translation()[2]
 
 
-def test_ports():
+def test_its_ports():
     names = ({"depth_image": None, "body_pose_in_world": None},)
     assert port_table(CameraLeveling(CAMERA, [TABLE])) == (
         *names,
@@ -67,7 +67,7 @@ def test_ports():
 
 @given(st.tuples(small, small, small), st.tuples(small, small, small))
 @settings(max_examples=30, deadline=None)
-def test_tilt_and_height_are_found_and_nothing_else_is_changed(turn, shift):
+def test_tilt_and_height_are_corrected_and_nothing_else_changes(turn, shift):
     X_error = RigidTransform(RollPitchYaw(turn), shift)
     X = leveled(depth_of_table(X_WB, boxes=6), X_WB @ X_error)
     tilt, height = tilt_and_height(X, X_WB)
@@ -79,7 +79,7 @@ def test_tilt_and_height_are_found_and_nothing_else_is_changed(turn, shift):
     )
 
 
-def test_noise_hardly_counts():
+def test_noise_is_averaged_out():
     X_believed = X_WB @ RigidTransform(RollPitchYaw(2e-3, -1e-3, 0.0), [0, 0, 1e-3])
     tilts = [
         tilt_and_height(
@@ -87,12 +87,13 @@ def test_noise_hardly_counts():
         )[0]
         for seed in range(10)
     ]
-    # 2 mm a pixel, 10,000 pixels spread over 0.25 m: 0.08 mrad an axis, three times.
+    # 2 mm for each of 10,000 pixels, spread over 0.25 m, is 0.08 mrad for each axis.
+    # The limit is three times that of both.
     assert np.sqrt(np.mean(np.square(tilts))) < 0.35e-3
 
 
 @pytest.mark.parametrize("shift", [[0.0, 0.0, 0.3], [3.0, 0.0, 0.0]])
-def test_what_is_not_the_table_is_not_taken_for_it(shift):
+def test_other_surfaces_are_not_taken_for_the_table(shift):
     X_believed = RigidTransform(shift) @ X_WB
     X = leveled(depth_of_table(X_WB), X_believed)
     assert X.IsExactlyEqualTo(X_believed)

@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.vision.color import ColorRange
+from drake_srg.vision.config import AnyLightConfig
 
 
 def seen(color_range, *rgb):
@@ -46,7 +47,7 @@ def test_a_grey_table_is_not_a_colored_object(rgb):
     assert not seen(ColorRange.around(rgb), 0.6, 0.6, 0.6)
 
 
-def test_grey_objects_are_told_by_their_value():
+def test_grey_objects_are_recognised_by_their_value():
     white = ColorRange.around((0.95, 0.95, 0.95))
     assert seen(white, 0.9, 0.9, 0.9)
     assert not seen(white, 0.4, 0.4, 0.4)
@@ -56,8 +57,8 @@ def test_grey_objects_are_told_by_their_value():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (((0, 0, 0), (1, 1, 1), "lab"), "allowed are 'hsv' and 'rgb'"),
-        (((0, 0, 0), (400, 1, 1)), r"'h' is \[0, 400\]; allowed are 0 .. 360"),
+        (((0, 0, 0), (1, 1, 1), "lab"), "must be 'hsv' or 'rgb', got 'lab'"),
+        (((0, 0, 0), (400, 1, 1)), r"'h' must be within 0 .. 360, got \[0, 400\]"),
         (((0, 0.5, 0), (10, 0.4, 1)), "'s'.*lower must not exceed upper"),
         (((0.5, 0, 0), (0.4, 1, 1), "rgb"), "'r'.*lower must not exceed upper"),
     ],
@@ -69,7 +70,7 @@ def test_bad_ranges_are_named(arguments, message):
 
 def lit(color_range, *rgb):
     image = np.array([[np.rint(255 * np.clip(rgb, 0, 1))]], dtype=np.uint8)
-    return bool(color_range.mask_in_any_light(image)[0, 0])
+    return bool(color_range.mask_in_any_light(image, AnyLightConfig())[0, 0])
 
 
 @given(
@@ -77,13 +78,13 @@ def lit(color_range, *rgb):
     st.sampled_from([(1.0, 0.83, 0.66), (1.0, 1.0, 1.0), (0.82, 0.9, 1.0)]),
     st.floats(0.3, 1.0),
 )
-def test_a_colour_of_a_range_is_known_in_any_light(shift, light, strength):
+def test_a_colour_of_the_range_is_recognised_in_any_light(shift, light, strength):
     lavender = ColorRange((0.75, 0.75, 0.9), (0.95, 0.95, 1.0), "rgb")
     color = np.array([0.75 + shift[0], 0.75 + shift[1], 0.95])
     assert lit(lavender, *(strength * np.array(light) * color))
 
 
-def test_other_colours_are_told_in_any_light():
+def test_other_colours_are_rejected_in_any_light():
     red = ColorRange.around((0.8, 0.1, 0.08))
     for light in ((1.0, 0.83, 0.66), (0.82, 0.9, 1.0)):
         assert lit(red, *(np.array(light) * (0.7, 0.1, 0.1)))

@@ -1,4 +1,4 @@
-"""A small cylinder of the arm thesis's colour, on tables and in a gripper."""
+"""A small cylinder in the arm thesis's colour, on tables and in a gripper."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ PLACES = [(-0.4, -0.25), (-0.25, -0.1), (-0.17, -0.015), (0.07, 0.2)]
 
 
 def at(x, y, tilt=0.0, azimuth=0.0):
-    """A cylinder that touches the table, `tilt` from upright [rad]."""
+    """Return a cylinder on the table, tilted from upright [rad]."""
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     axis = np.sin(tilt) * level + [0.0, 0.0, np.cos(tilt)]
     z = 0.5 * CYLINDER.length * np.cos(tilt) + CYLINDER.radius * np.sin(tilt)
@@ -35,7 +35,7 @@ def at(x, y, tilt=0.0, azimuth=0.0):
 
 
 def see(cylinder, *others):
-    """The one blob of a cylinder under the light tent."""
+    """Return the only blob of a cylinder in the light tent."""
     [blob] = locate([cylinder, *others], [TARGET], {"ceiling": CEILING}, lights=TENT)
     return blob
 
@@ -57,7 +57,7 @@ def on_table(color, height=0.001):
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("color", [WOOD, WHITE, CREAM])
-def test_a_standing_one_is_found_within_a_tenth_of_a_millimetre(place, color):
+def test_a_standing_cylinder_is_located_within_a_tenth_of_a_millimetre(place, color):
     cylinder = at(*place)
     blob = see(cylinder, on_table(color))
     check(blob, cylinder, 0.1)
@@ -67,19 +67,19 @@ def test_a_standing_one_is_found_within_a_tenth_of_a_millimetre(place, color):
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("azimuth", [0.0, 0.02, 1.2])
-def test_a_lying_one_is_found_to_half_a_pixel(place, azimuth):
+def test_a_lying_cylinder_is_located_within_half_a_pixel(place, azimuth):
     cylinder = at(*place, np.pi / 2, azimuth)
     check(see(cylinder, on_table(CREAM)), cylinder, 0.75)
 
 
 @pytest.mark.parametrize("azimuth", [0.3, 2.5, -1.8])
 @pytest.mark.parametrize("tilt", [10.0, 30.0, 40.0, 50.0, 60.0, 80.0])
-def test_no_tilt_hides_it(tilt, azimuth):
+def test_a_cylinder_is_located_at_any_tilt(tilt, azimuth):
     cylinder = at(-0.3, -0.2, np.deg2rad(tilt), azimuth)
     check(see(cylinder, on_table(WHITE)), cylinder, 0.5)
 
 
-def test_one_that_leans_on_another_thing_is_found():
+def test_a_cylinder_that_leans_on_a_wall_is_located():
     tilt = np.deg2rad(35.0)
     cylinder = at(-0.3, -0.2, tilt)
     touched = -0.3 + 0.025 * np.sin(tilt) + 0.0125 * np.cos(tilt)
@@ -87,10 +87,10 @@ def test_one_that_leans_on_another_thing_is_found():
     check(see(cylinder, wall), cylinder, 0.3)
 
 
-def test_one_in_a_recess_is_found():
+def test_a_cylinder_in_a_recess_is_located():
     x, y = 0.0, 0.145
     cylinder = at(x + 5e-4, y - 3e-4)
-    # Twenty-four bars around it, 5 mm high, leave a hole of a radius of 13.5 mm.
+    # Twenty-four bars around it, 5 mm high, leave a hole with a radius of 13.5 mm.
     ring = []
     for angle in 2 * np.pi * np.arange(24) / 24:
         R = RotationMatrix.MakeZRotation(angle)
@@ -102,7 +102,7 @@ def test_one_in_a_recess_is_found():
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 0.7, 2.0])
-def test_one_between_fingertips_is_found(azimuth):
+def test_a_cylinder_between_fingertips_is_located(azimuth):
     cylinder = at(-0.25, -0.1)
     R = RotationMatrix.MakeZRotation(azimuth)
 
@@ -116,8 +116,8 @@ def test_one_between_fingertips_is_found(azimuth):
     check(see(cylinder, *hand), cylinder, 0.1)
 
 
-def test_colour_may_be_seen_on_a_part_alone():
-    """Under one lamp, only the top of a lying cylinder is as bright as asked for."""
+def test_a_part_in_the_right_colour_is_enough():
+    """Under one lamp, only the top of a lying cylinder is bright enough."""
     cylinder = at(-0.3, -0.2, np.pi / 2, 0.8)
     lamp = directional([0.0, 0.0, -1.0], 1.0)
     [blob] = locate([cylinder], [TARGET], {"ceiling": CEILING}, lights=[lamp])

@@ -1,15 +1,17 @@
 import numpy as np
 import pytest
 
+from drake_srg.vision.config import DepthNoiseConfig
 from drake_srg.vision.depth_noise import clean, depth_noise
 
 HEIGHT, WIDTH = 120, 160
 U = np.arange(WIDTH) - WIDTH / 2
 EDGE = WIDTH // 2
+CONFIG = DepthNoiseConfig()
 
 
 def plane(slope=0.0):
-    """Depth of a plane, which is linear in 1 / depth."""
+    """Return the depth of a plane, which is linear in 1 / depth."""
     return np.broadcast_to(1.0 / (0.8 + slope * U), (HEIGHT, WIDTH)).astype(np.float32)
 
 
@@ -19,39 +21,39 @@ def noisy(depth, noise, seed=0):
 
 
 def step():
-    """A near and a far half."""
+    """Return an image with a near and a far half."""
     return np.where(U < 0, 1.0, 1.1)[None].repeat(HEIGHT, 0).astype(np.float32)
 
 
 @pytest.mark.parametrize("slope", [0.0, 1e-3])
 @pytest.mark.parametrize("noise", [1e-4, 2e-3])
 def test_noise_is_measured_whatever_the_slope(slope, noise):
-    measured = depth_noise(noisy(plane(slope), noise))
+    measured = depth_noise(noisy(plane(slope), noise), CONFIG.lag)
     assert measured == pytest.approx(noise, rel=0.05)
-    assert depth_noise(plane(slope)) < 1e-6
+    assert depth_noise(plane(slope), CONFIG.lag) < 1e-6
 
 
-def test_edges_and_holes_are_no_noise():
+def test_edges_and_holes_do_not_count_as_noise():
     depth = step()
     depth[::7, ::5] = 0.0
     depth[5:20] = np.inf
-    assert depth_noise(depth) < 1e-6
-    assert depth_noise(np.zeros((HEIGHT, WIDTH), np.float32)) == 0.0
+    assert depth_noise(depth, CONFIG.lag) < 1e-6
+    assert depth_noise(np.zeros((HEIGHT, WIDTH), np.float32), CONFIG.lag) == 0.0
 
 
-def test_an_image_without_noise_stays_as_it_is():
+def test_an_image_without_noise_is_unchanged():
     depth = step()
     depth[3, 4] = 0.0
-    cleaned, noise = clean(depth)
+    cleaned, noise = clean(depth, CONFIG)
     assert cleaned is depth
     assert noise == 0.0
 
 
-def test_cleaning_takes_away_noise_and_single_holes():
+def test_cleaning_removes_noise_and_single_holes():
     rng = np.random.default_rng(1)
     depth = noisy(plane(), 1e-3)
     depth[rng.random(depth.shape) < 0.02] = 0.0
-    cleaned, noise = clean(depth)
+    cleaned, noise = clean(depth, CONFIG)
     assert (cleaned > 0).all()
     assert noise < 0.6e-3
     assert (cleaned - plane()).std() < 0.6e-3 * 1.25**2
@@ -63,15 +65,15 @@ def test_holes_along_an_edge_do_not_move_it():
     band = slice(EDGE - 1, EDGE + 1)
     lost = rng.random((HEIGHT, 2)) < 0.5
     depth[:, band] = np.where(lost, 0.0, depth[:, band])
-    near = (clean(depth)[0] < 1.05).sum(axis=1)
-    # Half of the holes on one side, half on the other: the mean stays.
+    near = (clean(depth, CONFIG)[0] < 1.05).sum(axis=1)
+    # Half of the holes are on either side of the edge, so the mean stays.
     assert near.mean() == pytest.approx(EDGE, abs=0.15)
 
 
-def test_what_is_unknown_or_far_stays_so():
+def test_unknown_and_far_pixels_stay_so():
     depth = noisy(step(), 1e-3)
     depth[:, :40] = 0.0
     depth[:, -40:] = np.inf
-    cleaned, _ = clean(depth)
+    cleaned, _ = clean(depth, CONFIG)
     assert (cleaned[:, :38] == 0.0).all()
     assert np.isinf(cleaned[:, -38:]).all()

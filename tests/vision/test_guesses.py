@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.types import Cylinder
+from drake_srg.vision.config import GuessesConfig
 from drake_srg.vision.guesses import fit_plane, guess_poses
 from vision.ray_cast import lying, view_of
 
@@ -12,7 +13,7 @@ degrees = st.floats(-8.0, 8.0)
 
 
 def can_points(roll=0.0, pitch=0.0, noise=0.0, seed=0):
-    """Points of a can's top, and of the side a camera on its right sees."""
+    """Return points of a can's top and of the side that a camera on its right sees."""
     rng = np.random.default_rng(seed)
     radius = 0.0339 * np.sqrt(rng.random(400))
     angle = rng.uniform(-np.pi, np.pi, 400)
@@ -29,7 +30,7 @@ def can_points(roll=0.0, pitch=0.0, noise=0.0, seed=0):
 @given(degrees, degrees)
 def test_the_top_is_told_from_the_side(roll, pitch):
     points, expected = can_points(roll, pitch)
-    normal, center, thickness = fit_plane(points, 0.0678)
+    normal, center, thickness = fit_plane(points, 0.0678, GuessesConfig())
     assert normal @ expected > np.cos(np.deg2rad(0.2))
     assert abs((center - [0, 0, 0.2]) @ expected) < 1e-4
     assert thickness < 1e-3
@@ -37,16 +38,16 @@ def test_the_top_is_told_from_the_side(roll, pitch):
 
 def test_noise_widens_the_plane_but_does_not_move_it():
     points, _ = can_points(noise=3e-4)
-    normal, center, thickness = fit_plane(points, 0.0678)
+    normal, center, thickness = fit_plane(points, 0.0678, GuessesConfig())
     assert normal[2] > np.cos(np.deg2rad(1.0))
     assert center[2] == pytest.approx(0.2, abs=1e-4)
     assert 4e-4 < thickness <= 3e-3
 
 
-def test_a_sliver_is_taken_as_level():
+def test_a_sliver_counts_as_level():
     x = np.linspace(-0.03, 0.03, 50)
     sliver = np.stack([x, 1e-4 * np.sin(900 * x), 0.1 + 0.02 * x], axis=-1)
-    normal, _, _ = fit_plane(sliver, 0.0678)
+    normal, _, _ = fit_plane(sliver, 0.0678, GuessesConfig())
     assert normal.tolist() == [0.0, 0.0, 1.0]
 
 
@@ -56,13 +57,14 @@ def test_a_sliver_is_taken_as_level():
     st.floats(-np.pi, np.pi),
     st.floats(-0.03, 0.03),
 )
-def test_one_guess_has_the_axis_though_half_is_hidden(tilt, yaw, side):
+def test_one_guess_has_the_right_axis_if_half_is_hidden(tilt, yaw, side):
     shape = Cylinder(0.0125, 0.05)
     X_WO, axis = lying(shape, tilt, yaw, 0.01, 0.01)
     hand = X_WO.translation() + np.array([side, 0.0, 0.08])
     view = view_of(shape, X_WO, [(Cylinder(0.015, 0.02), RigidTransform(hand))])
     assume(view is not None and view.blob.sum() > 60)
-    axes = np.array([g.rotation().matrix()[:, 2] for g in guess_poses(shape, view)])
+    guesses = guess_poses(shape, view, GuessesConfig())
+    axes = np.array([guess.rotation().matrix()[:, 2] for guess in guesses])
     turns = np.linalg.norm(np.cross(axes, axis), axis=1)
-    # Normals of pixels across the edge of an end are in between.
+    # Normals of pixels across an edge lie between those of both surfaces.
     assert turns.min() < np.sin(np.deg2rad(10.0))

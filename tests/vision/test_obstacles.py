@@ -18,7 +18,7 @@ CAMERA = Camera()
 MODEL = CameraModel(CameraInfo(CAMERA.width, CAMERA.height, CAMERA.fov_y))
 PIXEL = 1.5 / MODEL.color.focal_x()  # m, on the table
 BOX = Box([0.06, 0.09, 0.05])
-# 25 degrees off the vertical, over the table's edge.
+# 25 degrees off the vertical, above the table's edge.
 SLANTED = Camera(
     RigidTransform(
         RotationMatrix.MakeXRotation(np.deg2rad(25)) @ DOWN, [0.0, -0.7, 1.5]
@@ -27,7 +27,7 @@ SLANTED = Camera(
 
 
 def find(things, *, blobs=None, known=None, cameras=None, change=None, **options):
-    """The obstacles among things on the table; `change` may spoil the depth."""
+    """Return the obstacles among things on the table; `change` may spoil the depth."""
     cameras = cameras or {"top": CAMERA}
     finder = ObstacleFinder(
         dict.fromkeys(cameras, MODEL), [TABLE], known or {}, **options
@@ -50,7 +50,7 @@ def blob_of(thing, name="can"):
 
 
 def corners(thing):
-    """The corners of a box on the table, seen from above, shape (4, 2)."""
+    """Return the corners of a box on the table, seen from above, shape (4, 2)."""
     half = 0.5 * np.array(thing.shape.size[:2])
     square = np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * half
     R = RotationMatrix(thing.rotation).matrix()[:2, :2]
@@ -64,7 +64,7 @@ def test_the_ports_are_the_documented_ones():
     assert finder.get_output_port().get_name() == "obstacles"
 
 
-def test_an_empty_table_has_none():
+def test_an_empty_table_has_no_obstacles():
     assert find([]) == []
 
 
@@ -83,7 +83,7 @@ def test_a_box_is_covered_within_two_pixels(yaw, camera):
 
 
 @pytest.mark.parametrize("shape", [CAN, Sphere(0.04), Cylinder(0.008, 0.02)])
-def test_whatever_stands_there_is_found(shape):
+def test_any_shape_is_found(shape):
     thing = standing(shape, -0.2, 0.1)
     [obstacle] = find([thing])
     assert obstacle.shape.height == pytest.approx(shape.height, abs=1e-3)
@@ -100,12 +100,12 @@ def test_neighbours_are_told_apart_and_two_cameras_see_one_thing_once():
     assert x == pytest.approx([-0.1, 0.0, 0.1], abs=PIXEL)
 
 
-def test_known_objects_are_left_out_as_are_markers():
+def test_known_objects_and_markers_are_left_out():
     can, box = standing(CAN, 0.1, 0.1), standing(BOX, -0.1, 0.0)
     marker = standing(Cylinder(0.05, 0.001), 0.2, -0.2)
     found = find([can, box, marker], blobs=[blob_of(can)], known={"can": CAN})
     assert [o.shape.height for o in found] == pytest.approx([0.05], abs=1e-3)
-    # Its turn is not told.
+    # A blob does not show a box's yaw.
     turned = dc.replace(box, rotation=RotationMatrix.MakeZRotation(1.0))
     blobs = [blob_of(turned, "box")]
     assert find([turned, marker], blobs=blobs, known={"box": BOX}) == []
@@ -115,14 +115,14 @@ def test_known_objects_are_left_out_as_are_markers():
     "doubt",
     [{"flags": frozenset({BlobFlag.UNCERTAIN})}, {"misfit": 0.05}, {"quality": 0.9}],
 )
-def test_the_most_trustworthy_blob_alone_is_believed(doubt):
+def test_only_the_most_trustworthy_blob_counts(doubt):
     can, other = standing(CAN, 0.1, 0.1), standing(CAN, -0.1, 0.0)
     blobs = [dc.replace(blob_of(other), **doubt), blob_of(can)]
     [obstacle] = find([can, other], blobs=blobs, known={"can": CAN})
     assert obstacle.X_WO.translation()[0] == pytest.approx(-0.1, abs=PIXEL)
 
 
-def test_what_does_not_stand_on_the_surface_is_not_told():
+def test_things_that_do_not_stand_on_the_surface_are_left_out():
     arm = Thing(Box([0.05, 0.5, 0.05]), (0.0, 0.4, 0.2))  # reaches over the edge
     hand = Thing(Box([0.1, 0.1, 0.5]), (0.2, -0.1, 0.4))  # comes from above
     beside = standing(BOX, 0.6, 0.0)
@@ -131,7 +131,7 @@ def test_what_does_not_stand_on_the_surface_is_not_told():
 
 
 @pytest.mark.parametrize("noise", [0.5e-3, 3e-3])
-def test_noise_and_holes_make_none_and_hide_none(noise):
+def test_noise_and_holes_neither_make_obstacles_nor_hide_them(noise):
     rng = np.random.default_rng(0)
 
     def change(depth):

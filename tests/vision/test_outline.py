@@ -28,20 +28,20 @@ def a_view():
 
 
 @given(lengths, lengths, vectors)
-def test_pixels_inside_are_those_that_see_the_solid(x, y, axis):
+def test_pixels_inside_the_outline_see_the_solid_and_others_do_not(x, y, axis):
     X_WO = pose(x, y, axis)
     view = view_of(CYLINDER, X_WO)
     rows, columns = np.indices(view.depth.shape).reshape(2, -1)
     pixels = np.stack([columns, rows], axis=1).astype(float)
     distance, _, _ = Outline.of(CYLINDER, X_WO, view).distance(pixels)
     sees = np.isfinite(cast(CYLINDER, X_WO, view.rays, view.origin))[rows, columns]
-    # The outline's circles have 72 sides, 0.1 % inside the radius of ten pixels.
+    # The outline's circles have 72 sides, 0.1 % inside their radius of ten pixels.
     assert np.all(distance[sees] <= 0.02)
     assert np.all(distance[~sees] >= -1e-6)
 
 
 def turned(X_WO, turn):
-    """A pose after a turn by a rotation vector in W [rad]."""
+    """Return a pose after a turn by a rotation vector in W [rad]."""
     angle = np.linalg.norm(turn)
     R = RotationMatrix(AngleAxis(angle, turn / angle))
     return RigidTransform(R @ X_WO.rotation(), X_WO.translation())
@@ -49,24 +49,24 @@ def turned(X_WO, turn):
 
 @settings(max_examples=40)
 @given(st.sampled_from(SOLIDS), lengths, lengths, vectors)
-def test_the_jacobian_is_the_distances_derivative(shape, x, y, axis):
+def test_the_jacobian_is_the_derivative_of_the_distance(shape, x, y, axis):
     X_WO, view, h = pose(x, y, axis), a_view(), 1e-6
     pixels = np.random.default_rng(1).uniform(0.0, 80.0, (60, 2))
     _, J, _ = Outline.of(shape, X_WO, view).distance(pixels)
     moves = [lambda s, i=i: RigidTransform(s * np.eye(3)[i]) @ X_WO for i in range(3)]
-    if not isinstance(shape, Sphere):  # whose outline turns with the eye
+    if not isinstance(shape, Sphere):  # its outline turns with the viewpoint
         moves += [lambda s, i=i: turned(X_WO, s * np.eye(3)[i]) for i in range(3)]
     for column, move in zip(J.T, moves, strict=False):
         before, after = (
             Outline.of(shape, move(s), view).distance(pixels)[0] for s in (-h, h)
         )
         wrong = np.abs((after - before) / (2 * h) - column) > 1e-3 * np.abs(J).max()
-        # Where two sides are equally far, there is no derivative.
+        # There is no derivative where two sides are equally far.
         assert wrong.mean() < 0.1
 
 
 @given(st.sampled_from(SOLIDS), vectors, st.floats(-2.0, 2.0))
-def test_a_ring_is_as_far_off_as_it_says(shape, axis, grow):
+def test_a_ring_is_as_far_outside_as_requested(shape, axis, grow):
     outline = Outline.of(shape, pose(0.01, -0.01, axis, 0.4), a_view())
     ring = outline.ring(grow, 50)
     assert ring.shape == (50, 2)
@@ -75,7 +75,7 @@ def test_a_ring_is_as_far_off_as_it_says(shape, axis, grow):
     assert np.median(distance) == pytest.approx(grow, abs=1e-6)
 
 
-def test_its_depth_is_the_solids():
+def test_its_depth_is_that_of_the_solid():
     X_WO = RigidTransform([0.0, 0.0, 0.025])
     outline = Outline.of(CYLINDER, X_WO, a_view())
     middle = np.mean(outline.corners, axis=0)
@@ -83,7 +83,7 @@ def test_its_depth_is_the_solids():
     assert depth == pytest.approx(X_WC.translation()[2] - CYLINDER.length)
 
 
-def test_its_mask_covers_what_is_inside():
+def test_its_mask_covers_the_pixels_inside():
     X_WO, _ = lying(CYLINDER, 1.2, 0.5)
     view = view_of(CYLINDER, X_WO)
     mask = Outline.of(CYLINDER, X_WO, view).mask(view.depth.shape)
@@ -91,6 +91,6 @@ def test_its_mask_covers_what_is_inside():
     assert mask.sum() < 1.25 * view.blob.sum()
 
 
-def test_cross_is_numpys():
+def test_cross_agrees_with_numpy():
     a, b = np.random.default_rng(0).normal(size=(2, 5, 4, 3))
     np.testing.assert_allclose(cross(a[:, :1], b), np.cross(a[:, :1], b))

@@ -6,6 +6,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Cylinder
+from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.pose_fit import align
 from vision.ray_cast import lying, view_of
 
@@ -16,6 +17,7 @@ yaws = st.floats(-np.pi, np.pi)
 offsets = st.floats(-2e-3, 2e-3)
 turns = st.floats(-0.1, 0.1)
 ALL = (3.0, 1.0, 0.3, 0.1, 0.03)
+CONFIG = BlobLocalizerConfig()
 
 
 @settings(max_examples=30, deadline=None)
@@ -25,33 +27,34 @@ def test_a_near_guess_leads_to_the_true_pose(tilt, yaw, dx, dy, dz, about_x, abo
     R = X_WO.rotation() @ RotationMatrix(AngleAxis(about_x, np.array([1.0, 0.0, 0.0])))
     R = R @ RotationMatrix(AngleAxis(about_y, np.array([0.0, 1.0, 0.0])))
     guess = RigidTransform(R, X_WO.translation() + np.array([dx, dy, dz]))
-    found = align(CYLINDER, guess, view_of(CYLINDER, X_WO), ALL).X_WO
-    # Ends along a row of pixels may be anywhere between two rows.
+    found = align(CYLINDER, guess, view_of(CYLINDER, X_WO), ALL, CONFIG).X_WO
+    # An end parallel to a row of pixels may be anywhere between two rows.
     assert found.translation() == pytest.approx(X_WO.translation(), abs=0.5 * PIXEL)
     turn = np.linalg.norm(np.cross(found.rotation().matrix()[:, 2], axis))
     assert turn < np.sin(np.deg2rad(0.1))
 
 
-def test_the_deviation_tells_what_is_seen_well():
+def test_the_deviation_shows_how_well_a_pose_is_known():
     upright, _ = lying(CYLINDER, 0.0, 0.0, 0.02, 0.01)
-    whole = align(CYLINDER, upright, view_of(CYLINDER, upright), (0.3,))
+    whole = align(CYLINDER, upright, view_of(CYLINDER, upright), (0.3,), CONFIG)
     assert whole.position_deviation < 0.1 * PIXEL
     assert whole.axis_deviation < np.deg2rad(0.5)
-    # A lid leaves but a sliver of the top.
+    # A lid leaves only a sliver of the top.
     lid = (Cylinder(0.0125, 0.01), RigidTransform([0.016, 0.009, 0.06]))
-    sliver = align(CYLINDER, upright, view_of(CYLINDER, upright, [lid]), (0.3,))
+    view = view_of(CYLINDER, upright, [lid])
+    sliver = align(CYLINDER, upright, view, (0.3,), CONFIG)
     assert sliver.position_deviation > 2 * whole.position_deviation
     assert sliver.axis_deviation > 2 * whole.axis_deviation
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.floats(0.0, 1.2), yaws, st.floats(-np.pi, np.pi))  # so that an end is seen
+@given(st.floats(0.0, 1.2), yaws, st.floats(-np.pi, np.pi))  # an end is in view
 def test_a_guess_turned_about_the_cylinders_axis_changes_nothing(tilt, yaw, spin):
     X_WO, _ = lying(CYLINDER, tilt, yaw, 0.02, 0.01)
     view = view_of(CYLINDER, X_WO)
     turned = RigidTransform(RotationMatrix.MakeZRotation(spin), [0.0, 0.0, 0.0])
     a, b = (
-        align(CYLINDER, X, view, (0.3, 0.1)).X_WO.translation()
+        align(CYLINDER, X, view, (0.3, 0.1), CONFIG).X_WO.translation()
         for X in (X_WO, X_WO @ turned)
     )
     # The 72 sides of the ends' circles are turned.

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Cylinder
+from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.shape_fit import fit_shape
 from vision.ray_cast import X_WC, lying, view_of
 
@@ -16,17 +17,22 @@ yaws = st.floats(-np.pi, np.pi)
 places = st.floats(-0.04, 0.04)
 
 
+def fit_to(view):
+    """Return the fit of the cylinder to a view."""
+    return fit_shape(CYLINDER, view, BlobLocalizerConfig())
+
+
 def turned(fit, axis):
-    """Angle between a fit's axis and a cylinder's [rad]."""
+    """Return the angle between a fit's axis and a cylinder's [rad]."""
     return float(np.arcsin(min(1.0, np.linalg.norm(np.cross(fit.axis, axis)))))
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.0, np.pi / 2), yaws, places, places)
-def test_a_cylinder_is_found_however_it_stands_leans_or_lies(tilt, yaw, x, y):
+def test_a_cylinder_is_located_whether_it_stands_leans_or_lies(tilt, yaw, x, y):
     X_WO, axis = lying(CYLINDER, tilt, yaw, x, y)
-    fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO))
-    # Ends along a row of pixels may be anywhere between two rows.
+    fit = fit_to(view_of(CYLINDER, X_WO))
+    # An end parallel to a row of pixels may be anywhere between two rows.
     assert fit.position == pytest.approx(X_WO.translation(), abs=0.5 * PIXEL)
     assert turned(fit, axis) < np.deg2rad(0.1)
     assert fit.axis[2] >= 0.0
@@ -36,51 +42,51 @@ def test_a_cylinder_is_found_however_it_stands_leans_or_lies(tilt, yaw, x, y):
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, np.pi / 2), yaws, st.integers(0, 1000))
-def test_noise_is_averaged(tilt, yaw, seed):
+def test_noise_is_averaged_out(tilt, yaw, seed):
     X_WO, axis = lying(CYLINDER, tilt, yaw, 0.01, -0.02)
-    fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO, noise=3e-4, seed=seed))
+    fit = fit_to(view_of(CYLINDER, X_WO, noise=3e-4, seed=seed))
     assert fit.position == pytest.approx(X_WO.translation(), abs=PIXEL)
     assert turned(fit, axis) < np.deg2rad(1.0)
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.0, 10.0), yaws, st.integers(0, 1000))
-def test_what_hangs_may_lean(tilt, yaw, seed):
+def test_a_hanging_cylinder_may_lean(tilt, yaw, seed):
     X_WO, axis = lying(CYLINDER, np.deg2rad(tilt), yaw, 0.01, -0.02)
     X_WO = RigidTransform([0.0, 0.0, 0.03]) @ X_WO
     view = view_of(CYLINDER, X_WO, noise=3e-4, seed=seed)
-    fit = fit_shape(CYLINDER, dc.replace(view, noise=3e-4))
+    fit = fit_to(dc.replace(view, noise=3e-4))
     assert turned(fit, axis) < np.deg2rad(1.5)
 
 
 @settings(max_examples=20, deadline=None)
 @given(yaws, places, places, st.integers(0, 1000))
-def test_noise_makes_nothing_lean_that_stands(yaw, x, y, seed):
+def test_noise_does_not_make_a_standing_cylinder_lean(yaw, x, y, seed):
     X_WO, axis = lying(CYLINDER, 0.0, yaw, x, y)
     view = view_of(CYLINDER, X_WO, noise=3e-4, seed=seed)
-    fit = fit_shape(CYLINDER, dc.replace(view, noise=3e-4))
+    fit = fit_to(dc.replace(view, noise=3e-4))
     assert turned(fit, axis) < 1e-6
 
 
 @pytest.mark.parametrize("noise", [0.0, 3e-4])
 @pytest.mark.parametrize("tilt", [0.0, 5.0])
-def test_nothing_needs_to_be_seen_behind_it(noise, tilt):
-    """As where there is no floor, or none within the camera's range."""
+def test_it_needs_no_background(noise, tilt):
+    """There may be no floor, or none within the camera's range."""
     X_WO, axis = lying(CYLINDER, np.deg2rad(tilt), 0.5, 0.01, -0.02)
     view = view_of(CYLINDER, X_WO, noise=noise)
     depth = np.where(view.blob, view.depth, np.inf).astype(np.float32)
-    fit = fit_shape(CYLINDER, dc.replace(view, depth=depth, noise=noise))
+    fit = fit_to(dc.replace(view, depth=depth, noise=noise))
     assert fit.position == pytest.approx(X_WO.translation(), abs=PIXEL)
     assert turned(fit, axis) < np.deg2rad(1.5)
 
 
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.5), yaws, yaws)
-def test_turning_world_and_camera_turns_what_is_found(tilt, yaw, turn):
+def test_turning_world_and_camera_turns_the_fit(tilt, yaw, turn):
     X_WO, _ = lying(CYLINDER, tilt, yaw, 0.02, -0.01)
-    before = fit_shape(CYLINDER, view_of(CYLINDER, X_WO))
+    before = fit_to(view_of(CYLINDER, X_WO))
     T = RigidTransform(RotationMatrix.MakeZRotation(turn), [0.0, 0.0, 0.0])
-    after = fit_shape(CYLINDER, view_of(CYLINDER, T @ X_WO, X_WC=T @ X_WC))
+    after = fit_to(view_of(CYLINDER, T @ X_WO, X_WC=T @ X_WC))
     assert after.position == pytest.approx(T @ before.position, abs=1e-5)
     assert after.axis == pytest.approx(T.rotation() @ before.axis, abs=1e-3)
     assert after.quality == pytest.approx(before.quality, abs=0.05)
@@ -94,15 +100,15 @@ def test_turning_world_and_camera_turns_what_is_found(tilt, yaw, turn):
     st.floats(0.0, 0.9),
     yaws,
 )
-def test_half_a_cylinder_is_enough(tilt, yaw, radius, share, around):
-    """What hides less than half of it does not mislead, or the fit says so."""
+def test_half_a_cylinder_in_view_is_enough(tilt, yaw, radius, share, around):
+    """Hiding less than half of it does not mislead the fit, or it is uncertain."""
     X_WO, axis = lying(CYLINDER, tilt, yaw, 0.01, 0.01)
     p = X_WO.translation()
     away = (0.012 + radius) * (1 - 0.5 * share)
     hand = [p[0] + away * np.cos(around), p[1] + away * np.sin(around), 0.12]
     view = view_of(CYLINDER, X_WO, [(Cylinder(radius, 0.02), RigidTransform(hand))])
     whole = view_of(CYLINDER, X_WO)
-    fit = fit_shape(CYLINDER, view)
+    fit = fit_to(view)
     if view.blob.sum() > 0.5 * whole.blob.sum() and not fit.uncertain:
         assert fit.position == pytest.approx(p, abs=PIXEL)
         assert turned(fit, axis) < np.deg2rad(1.0)
@@ -114,21 +120,21 @@ def test_a_cylinder_with_both_ends_hidden_is_uncertain():
     for offset in (-0.03, 0.03):
         p = X_WO.translation() + offset * axis
         ends.append((Cylinder(0.018, 0.02), RigidTransform([p[0], p[1], 0.06])))
-    fit = fit_shape(CYLINDER, view_of(CYLINDER, X_WO, ends))
+    fit = fit_to(view_of(CYLINDER, X_WO, ends))
     assert fit.uncertain
     assert turned(fit, axis) < np.deg2rad(1.0)
 
 
-def test_a_few_pixels_are_uncertain():
+def test_a_fit_to_a_few_pixels_is_uncertain():
     X_WO, _ = lying(CYLINDER, 0.2, 0.3)
     view = view_of(CYLINDER, X_WO)
     rows, columns = np.nonzero(view.blob)
     few = np.zeros_like(view.blob)
     few[rows[:4], columns[:4]] = True
-    fit = fit_shape(CYLINDER, dc.replace(view, blob=few))
+    fit = fit_to(dc.replace(view, blob=few))
     assert fit is None or fit.uncertain
 
 
-def test_nothing_to_fit_gives_nothing():
+def test_an_empty_blob_gives_no_fit():
     view = view_of(CYLINDER, lying(CYLINDER, 0.0, 0.0)[0])
-    assert fit_shape(CYLINDER, dc.replace(view, blob=np.zeros_like(view.blob))) is None
+    assert fit_to(dc.replace(view, blob=np.zeros_like(view.blob))) is None

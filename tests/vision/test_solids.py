@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.types import Box, Cylinder, Sphere
-from drake_srg.vision.solids import bounding_size, outline_points, signed_distance
+from drake_srg.vision.solids import outline_points, signed_distance
 
 SOLIDS = [Cylinder(0.02, 0.05), Box([0.03, 0.05, 0.08]), Sphere(0.03)]
 solids = st.sampled_from(SOLIDS)
@@ -32,23 +32,23 @@ def test_distances(shape, point, expected):
 
 
 @given(solids, points)
-def test_a_step_along_the_gradient_leads_to_the_surface(shape, p):
+def test_a_step_against_the_gradient_leads_to_the_surface(shape, p):
     (d,), (gradient,) = signed_distance(shape, p)
-    if d > 0:  # within, a step may pass the other side of an edge
+    if d > 0:  # inside, a step may cross the other side of an edge
         assert np.linalg.norm(gradient) == pytest.approx(1.0)
         assert distance(shape, p - d * gradient) == pytest.approx(0.0, abs=1e-12)
 
 
 @given(solids, points, points)
-def test_no_distance_changes_faster_than_one_moves(shape, p, q):
+def test_distances_change_no_faster_than_the_point_moves(shape, p, q):
     change = abs(distance(shape, p) - distance(shape, q))
     assert change <= np.linalg.norm(p - q) + 1e-12
 
 
 @given(solids, points)
-def test_the_bounding_size_holds_what_is_inside(shape, p):
+def test_the_bounding_size_holds_all_points_inside(shape, p):
     if distance(shape, p) < 0:
-        assert np.all(np.abs(p) <= 0.5 * bounding_size(shape))
+        assert np.all(np.abs(p) <= 0.5 * shape.bounding_size)
 
 
 @pytest.mark.parametrize("shape", SOLIDS, ids=lambda s: type(s).__name__)
@@ -57,7 +57,7 @@ def test_outline_points_lie_on_the_surface(shape):
     np.testing.assert_allclose(signed_distance(shape, p)[0], 0.0, atol=1e-12)
 
 
-def test_a_balls_outline_is_where_rays_touch_it():
+def test_a_balls_outline_is_where_rays_are_tangent():
     eye = np.array([0.03, 0.05, -0.06])
     p = outline_points(Sphere(0.03), eye)
     np.testing.assert_allclose(((p - eye) * p).sum(axis=1), 0.0, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Objects in poor images: other lights, other paints, noise, things in the way."""
+"""Objects in poor images: other lights, other paints, noise, occlusion."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def lamp(color, intensity, direction=(0.2, -0.1, -1.0)):
 
 
 def locate(things, wanted, camera, lights, errors=NOISY):
-    """The blobs that a camera with errors shows."""
+    """Return the blobs in the images of a camera with errors."""
     builder = DiagramBuilder()
     sensor = make_sensors(builder, things, {"eye": camera}, lights=lights)["eye"]
     model = CameraModel.from_sensor(sensor)
@@ -71,7 +71,7 @@ def check(blob, thing, millimetres):
 @pytest.mark.parametrize("light", [WARM, COLD], ids=["warm", "cold"])
 @pytest.mark.parametrize("intensity", [0.5, 1.4])
 def test_a_pale_cylinder_is_found_in_any_light(light, intensity):
-    """Its own range of colours is narrow; what stands out in depth is found."""
+    """Its range of colours is too narrow, but it stands out in depth."""
     x, y = -0.3, -0.2
     cylinder = Thing(CYLINDER, (x, y, 0.025), LAVENDER)
     disc = Thing(Cylinder(0.0125, 0.005), (x + 0.1, y, 0.0025), LAVENDER)
@@ -82,7 +82,7 @@ def test_a_pale_cylinder_is_found_in_any_light(light, intensity):
 
 
 @pytest.mark.parametrize("light", [WARM, COLD], ids=["warm", "cold"])
-def test_a_can_is_told_from_things_of_its_colour(light):
+def test_a_can_is_told_from_other_things_of_its_colour(light):
     can = standing(CAN, 0.1, 0.05)
     others = [
         standing(Box([0.045, 0.045, 0.1018]), -0.1, 0.0, color=RED),
@@ -95,14 +95,14 @@ def test_a_can_is_told_from_things_of_its_colour(light):
 
 
 def hiding_a_third(can, side):
-    """A card half way up to the camera hides what is beyond a third of the width."""
+    """Return a card half way to the camera that hides a third of the can's width."""
     x, y, _ = can.position
     card = 0.5 * np.array([x, y]) + np.array(side) * (0.5 * CAN.radius / 3 + 0.05)
     return Thing(Box([0.1, 0.1, 0.001]), (*card, 0.8), BLUE)
 
 
 @pytest.mark.parametrize("side", [(1, 0), (0, -1)], ids=["right", "below"])
-def test_a_third_may_be_hidden(side):
+def test_a_can_is_located_with_a_third_hidden(side):
     can = standing(CAN, 0.1, 0.05)
     things = [can, hiding_a_third(can, side)]
     [blob] = locate(things, target(), Camera(), [lamp(COLD, 0.9)])
@@ -110,32 +110,32 @@ def test_a_third_may_be_hidden(side):
     assert BlobFlag.OCCLUDED in blob.flags
 
 
-def test_a_can_half_seen_is_told_from_a_carton_in_full_view():
+def test_a_partly_hidden_can_is_trusted_over_a_carton_in_full_view():
     can = standing(CAN, 0.1, 0.05)
     carton = standing(Box([0.06, 0.06, CAN.height]), -0.1, 0.0, color=RED)
     things = [can, hiding_a_third(can, (1, 0)), carton]
     blobs = locate(things, target(), Camera(), [lamp(WARM, 0.9)])
     check(blobs[0], can, 1.5)
-    # Nothing but its shape speaks against the carton: all of its outline is seen.
+    # Only its shape speaks against the carton: all of its outline is seen.
     assert blobs[1].certain
     assert blobs[1].quality > blobs[0].quality
     assert blobs[1].misfit > blobs[0].misfit
 
 
 @pytest.mark.parametrize("stops", [-0.7, 0.7])
-def test_exposure_may_be_off(stops):
+def test_a_can_is_located_in_overexposed_and_underexposed_images(stops):
     can = standing(CAN, -0.1, 0.1)
     errors = CameraErrorsConfig(exposure=stops, color_noise=3.0, depth_noise=1e-3)
     [blob] = locate([can], target(), Camera(), [lamp(WARM, 0.9)], errors)
     check(blob, can, 1.0)
 
 
-def test_what_is_lower_is_not_taken_for_the_target():
+def test_a_lower_thing_is_not_taken_for_the_target():
     low = standing(Cylinder(CAN.radius, 0.06), 0.1, 0.05)
     assert locate([low], target(), Camera(), [lamp(COLD, 0.9)]) == []
 
 
-def test_noise_alone_shows_nothing():
+def test_noise_alone_gives_no_certain_blobs():
     rng = np.random.default_rng(0)
     localizer = BlobLocalizer(
         [target()], {"eye": CameraModel(CameraInfo(160, 120, 1.0))}

@@ -37,20 +37,20 @@ RED, BLUE, GREEN, GREY = (
     (0.4, 0.4, 0.4),
 )
 CAN = types.Cylinder(0.0339, 0.1018)
-# A camera over the table, looking down: 1.6 m x 1.2 m of it in view from 1.5 m.
+# A camera above the table that looks down: it sees 1.6 m x 1.2 m from 1.5 m.
 DOWN = RotationMatrix(np.diag([1.0, -1.0, -1.0]))
 FOV_Y = 2 * np.arctan(0.6 / 1.5)
 
 
 def directional(direction, intensity):
-    """A light from afar."""
+    """Return a light that is infinitely far away."""
     return LightParameter(
         type="directional", frame="world", direction=direction, intensity=intensity
     )
 
 
-# A lamp above and a ring of five around, as in a photographer's tent: what leans by up
-# to 45 degrees is seen in its own colour, within 5 %.
+# A lamp above and a ring of five around, as in a photographer's light tent: surfaces
+# that lean by up to 45 degrees show their own colour within 5 %.
 TENT = [directional([0.0, 0.0, -1.0], 0.9)] + [
     directional([np.cos(angle), np.sin(angle), -0.09], 0.26)
     for angle in 2 * np.pi * np.arange(5) / 5
@@ -73,7 +73,7 @@ class Camera:
     width: int = 640
     height: int = 480
     fov_y: float = FOV_Y
-    # The depth imager, where it is not the colour imager.
+    # Of the depth imager, if it is not the colour imager.
     depth_size: tuple[int, int] | None = None
     X_BD: RigidTransform = dc.field(default_factory=RigidTransform)
 
@@ -83,12 +83,12 @@ def target(name="can", shape=CAN, color=RED):
 
 
 def standing(shape, x, y, **kwargs):
-    """A thing that stands on the table."""
+    """Return a thing that stands on the table."""
     return Thing(shape, (x, y, shape.height / 2), **kwargs)
 
 
 def make_sensors(builder, things, cameras, table=True, lights=()):
-    """Adds the scene and a sensor a camera; returns the sensors by camera name."""
+    """Add the scene and a sensor for each camera; return the sensors by name."""
     scene_graph = builder.AddSystem(SceneGraph())
     engine = MakeRenderEngineVtk(RenderEngineVtkParams(lights=list(lights)))
     scene_graph.AddRenderer("vtk", engine)
@@ -137,7 +137,7 @@ def make_sensors(builder, things, cameras, table=True, lights=()):
 
 
 def render(things, camera=None, table=True):
-    """Colour (h, w, 4) and depth (h, w) as a camera sees the things."""
+    """Return the colour (h, w, 4) and depth (h, w) that a camera sees."""
     builder = DiagramBuilder()
     sensor = make_sensors(builder, things, {"camera": camera or Camera()}, table)
     diagram = builder.Build()
@@ -149,7 +149,7 @@ def render(things, camera=None, table=True):
 
 
 def make_diagram(things, targets, cameras=None, lights=(), **config):
-    """A diagram of the scene, its cameras and a localizer; returns both."""
+    """Return a diagram of the scene, its cameras and a localizer, and the localizer."""
     builder = DiagramBuilder()
     cameras = cameras or {"camera": Camera()}
     sensors = make_sensors(builder, things, cameras, lights=lights)
@@ -166,7 +166,7 @@ def make_diagram(things, targets, cameras=None, lights=(), **config):
 
 
 def locate(things, targets=None, cameras=None, **config):
-    """The blobs seen in a rendered scene."""
+    """Return the blobs in a rendered scene."""
     diagram, localizer = make_diagram(things, targets or [target()], cameras, **config)
     root = diagram.CreateDefaultContext()
     context = localizer.GetMyContextFromRoot(root)

@@ -1,8 +1,8 @@
 """What half and twice each of the localizer's thresholds do to what it sees.
 
-Scenes of the varied scenarios are drawn from seeds, their images made once, and looked
-at with one threshold after the other changed: with the camera's errors and without
-them, the arm's cylinder also as it leans, lies and hangs. Nothing is simulated.
+Scenes of the varied scenarios are drawn from seeds, rendered once, and perceived with
+one threshold after another changed: with and without the camera's errors, and with the
+arm's cylinder leaning, lying and hanging. Nothing is simulated.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses as dc
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -26,29 +25,29 @@ from drake_srg.experiments.varied_scenes import (
     Scenery,
 )
 from drake_srg.types import Cylinder
-from drake_srg.vision import obstacles
 from measure.thresholds import THRESHOLDS, Setting, show
 from measure.thresholds_figure import draw
 
 _KITCHEN, _ARM = WITHIN
 _STANDING, _CLEAR, _LEANING, _HARDER = "", "clear images", "leaning", "harder"
-_MOST_TURN = np.deg2rad(5.0)  # as far as what is set down may lean
-_HIGHEST = 0.1  # m; a hand lifts no higher where the camera looks
+_MOST_TURN = np.deg2rad(5.0)  # a placed object may lean as much
+_HIGHEST = 0.1  # a hand lifts no higher where the camera looks [m]
 _OVERRIDES: dict[str, list[str]] = {
     _STANDING: [],
     _CLEAR: ["camera_errors={}", "object.known_scale=1.0"],
     _LEANING: ["object.occlusion=null"],
-    # What the scenarios vary, and beyond: where thresholds are more likely to matter.
+    # More than the scenarios vary: thresholds are more likely to matter here.
     _HARDER: [
         "clutter.count=4",
         "object.occlusion.share=!Uniform {min: 0.3, max: 0.5}",
     ],
 }
 _UP = np.array([0.0, 0.0, 1.0])
-# Scenes; five of five alike are by chance in 1 of 32 cases, four in 1 of 16.
+# A value must be better in more scenes than this. Five of five alike happen by chance
+# in 1 of 32 cases, four of four in 1 of 16.
 _CHANCE = 4
-_LEAST_NEAR = 0.95  # of scenes, as in varied_scenes
-_LESS = 0.9  # of an error; what is less than that is worth another value
+_LEAST_NEAR = 0.95  # share of scenes, as in varied_scenes
+_LESS = 0.9  # ratio of errors; a smaller one is worth another value
 
 
 @dc.dataclass(frozen=True)
@@ -56,16 +55,16 @@ class Group:
     """Scenes that have something in common.
 
     Attributes:
-        scenario: Whose.
-        way: What is special about them.
-        seeds: Of the scenes.
-        modules: Whose thresholds are tried in them; all, if empty.
+        scenario: The scenario that draws them.
+        way: What is special about them, a key of `_OVERRIDES`.
+        seeds: Their seeds.
+        step: Only thresholds of this step are tried, such as "obstacles"; empty: all.
     """
 
     scenario: str
     way: str
     seeds: range
-    modules: tuple[ModuleType, ...] = ()
+    step: str = ""
 
     def __str__(self) -> str:
         return f"{self.scenario}, {self.way}" if self.way else self.scenario
@@ -81,7 +80,14 @@ class Group:
 
 @dc.dataclass(frozen=True)
 class Look:
-    """What was seen of a scene with a setting, and how long it took [s]."""
+    """How a scene was perceived with a setting.
+
+    Attributes:
+        group: The scene's group.
+        scene: How the picked object was located.
+        obstacles: How the clutter was found.
+        duration: Processor time [s].
+    """
 
     group: Group
     scene: Scene
@@ -90,20 +96,23 @@ class Look:
 
     @property
     def near(self) -> bool:
-        """Whether the object can be taken by it."""
+        """Whether the object was located well enough to be picked."""
         within = self.scene.distance <= WITHIN[self.group.scenario]
         return within and self.scene.turn <= _MOST_TURN
 
     @property
     def deceived(self) -> bool:
-        """Whether it would be taken by it though it cannot."""
+        """Whether a wrong location would be trusted."""
         return self.scene.certain and not self.near
 
     @property
     def loss(self) -> int:
-        """How bad that is: what is not taken, and once more what is taken wrongly."""
-        taken = self.near and self.scene.certain
-        object_lost = (not taken) + self.deceived
+        """How bad it is: 1 if the object is lost, 2 if a wrong location is trusted.
+
+        Each missed or invented obstacle adds 1.
+        """
+        picked = self.near and self.scene.certain
+        object_lost = (not picked) + self.deceived
         return object_lost + self.obstacles.missed + self.obstacles.invented
 
 
@@ -117,12 +126,18 @@ GROUPS = (
     Group(_ARM, _LEANING, range(6)),
     Group(_KITCHEN, _CLEAR, range(2)),
     Group(_ARM, _CLEAR, range(2)),
-    Group(_KITCHEN, _STANDING, range(8, 40), (obstacles,)),
+    Group(_KITCHEN, _STANDING, range(8, 40), "obstacles"),
 )
 
 
 def lean(X_WO: RigidTransform, shape: Cylinder, seed: int) -> RigidTransform:
-    """Turn what stands: with an even seed it then touches its table, else it hangs."""
+    """Tilt a standing cylinder: with an even seed it touches the table, else it hangs.
+
+    Args:
+        X_WO: Its pose as it stands.
+        shape: The cylinder.
+        seed: The seed of tilt and height.
+    """
     rng = np.random.default_rng(seed)
     tilt, azimuth = rng.uniform(0.0, np.pi / 2), rng.uniform(-np.pi, np.pi)
     level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
@@ -134,46 +149,44 @@ def lean(X_WO: RigidTransform, shape: Cylinder, seed: int) -> RigidTransform:
     return RigidTransform(R_WO, X_WO.translation() + lift * _UP)
 
 
-def run(track: Track) -> ExperimentResult:
-    """Look at all scenes with all settings."""
+def run(track: Track, *, only: str = "") -> ExperimentResult:
+    """Perceive all scenes with all settings.
+
+    Args:
+        track: Shows progress.
+        only: Beginning of the names of the thresholds to try; empty: all.
+    """
     looks: Looks = {}
     scenes = [(group, seed) for group in GROUPS for seed in group.seeds]
     for group, seed in track(scenes, lambda scene: f"{scene[0]}, {scene[1]}"):
-        for setting, look in look_at(group.make(seed), group):
+        for setting, look in look_at(group.make(seed), group, only):
             looks.setdefault(setting, {})[group, seed] = look
     return make_result(looks)
 
 
-def look_at(scenery: Scenery, group: Group) -> Iterator[tuple[Setting, Look]]:
-    """Look at a scene, first with the values in use, then with others in their place.
-
-    While a value is tried, the module's constant is that; then what it was before.
-    """
-    scene = scenery.look()  # what an image takes the first time is not looking
-    for setting in settings(group):
+def look_at(
+    scenery: Scenery, group: Group, only: str = ""
+) -> Iterator[tuple[Setting, Look]]:
+    """Perceive a scene with the values in use, then with each other value."""
+    scenery.look()  # renders the images, which is not part of perceiving them
+    for setting in settings(group, only):
         before = time.process_time()
-        with setting.in_place():
-            if setting.threshold is None or setting.threshold.module is not obstacles:
-                scene = scenery.look()
-            found = scenery.find_obstacles()
-        yield setting, Look(group, scene, found, time.process_time() - before)
+        scene, obstacles = scenery.look(setting.config())
+        yield setting, Look(group, scene, obstacles, time.process_time() - before)
 
 
-def settings(group: Group) -> list[Setting]:
-    """Return what is tried in a group of scenes, the values in use first.
-
-    Those of obstacles follow, so that what was seen of the object is as in use.
-    """
+def settings(group: Group, only: str = "") -> list[Setting]:
+    """Return the settings for a group of scenes, the values in use first."""
     return [Setting()] + [
         Setting(threshold, i)
-        for threshold in sorted(THRESHOLDS, key=lambda t: t.module is not obstacles)
-        if not group.modules or threshold.module in group.modules
+        for threshold in THRESHOLDS
+        if threshold.path.startswith(only) and threshold.path.startswith(group.step)
         for i in range(2)
     ]
 
 
 def make_result(looks: Looks) -> ExperimentResult:
-    """Judge what was seen, by setting; the values in use are among them."""
+    """Judge what was seen with each setting, the values in use among them."""
     used = looks[Setting()]
     kinds = list(dict.fromkeys(kind(group) for group, _ in used))
     table: dict[str, list[Any]] = {}
@@ -197,7 +210,7 @@ def make_result(looks: Looks) -> ExperimentResult:
 
 
 def kind(group: Group) -> str:
-    """Return of which scenes errors are taken together."""
+    """Return the name under which errors of a group are averaged."""
     return _CLEAR if group.way == _CLEAR else group.scenario
 
 
@@ -206,10 +219,10 @@ class Change:
     """What another value changes.
 
     Attributes:
-        better: Scenes of which less is lost.
-        worse: Scenes of which more is lost.
-        errors: Root mean square distance over that with the values in use, of what is
-            near with both, by kind of scenes.
+        better: Number of scenes with less loss.
+        worse: Number of scenes with more loss.
+        errors: Root mean square distance over that with the values in use, for each
+            kind of scenes, from scenes that are near with both.
     """
 
     better: int
@@ -218,7 +231,7 @@ class Change:
 
     @property
     def harmless(self) -> bool:
-        """Whether no more is lost, and no error is clearly larger."""
+        """Whether the loss is no greater and no error is clearly larger."""
         return self.better >= self.worse and max(self.errors) <= 1.0 / _LESS
 
     @classmethod
@@ -228,7 +241,7 @@ class Change:
         used: Mapping[tuple[Group, int], Look],
         kinds: Sequence[str],
     ) -> Change:
-        """Compare what was seen with what is seen with the values in use."""
+        """Compare what was seen with what the values in use show."""
         pairs = [(look, used[scene]) for scene, look in seen.items()]
         near = [(look, own) for look, own in pairs if look.near and own.near]
         errors = [
@@ -244,7 +257,7 @@ class Change:
 
 
 def rms(looks: Iterable[Look]) -> float:
-    """Root mean square distance [m]; NaN of none."""
+    """Return the root mean square distance [m]; NaN without looks."""
     squares = [look.scene.distance**2 for look in looks]
     return float(np.sqrt(np.mean(squares))) if squares else np.nan
 
@@ -255,7 +268,7 @@ def columns(
     change: Change,
     kinds: Sequence[str],
 ) -> dict[str, Any]:
-    """Return a line of the table."""
+    """Return a row of the table."""
     looks = list(seen.values())
     near = [look for look in looks if look.near]
     heights = [e for look in looks for e in look.obstacles.errors]
@@ -288,7 +301,10 @@ def columns(
 
 
 def judge_used(used: Sequence[Look]) -> list[Row]:
-    """Judge the values in use; in scenes that no scenario shows, only whether sure."""
+    """Judge the values in use.
+
+    In scenes that no scenario draws, only false certainty counts.
+    """
     rows = []
     for group in dict.fromkeys(str(look.group) for look in used):
         looks = [look for look in used if str(look.group) == group]
@@ -315,7 +331,7 @@ def judge(
     changes: Sequence[tuple[Setting, Change]],
     kinds: Sequence[str],
 ) -> list[Row]:
-    """Judge the values in use, and whether others are better."""
+    """Judge the values in use and whether others are better."""
     rows = judge_used(used)
     tried = [(setting, change) for setting, change in changes if setting.threshold]
     for i, of_kind in enumerate(kinds):

@@ -1,7 +1,7 @@
 """What recording a trial of a sweep costs, part by part, beside an unrecorded one.
 
-Processor time, of all threads, in a worker of a sweep: one thread each for rendering
-and linear algebra. It varies by a tenth from one run of the same to another.
+The cost is processor time of all threads in a worker of a sweep, with one thread each
+for rendering and linear algebra. It varies by a tenth between equal runs.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from drake_srg.types import Vector
 SCENARIOS = ("kitchen_varied", "assistive_arm_varied")
 SEEDS = range(3)
 _NO_VIDEO, _NO_IMAGES = "recording.video_camera=''", "recording.bag_cameras=[]"
-# What is recorded, and the overrides for that; None: nothing.
+# What is recorded, and the overrides for it; None records nothing.
 PARTS: dict[str, tuple[str, ...] | None] = {
     "unrecorded": None,
     "numbers alone": (_NO_VIDEO, _NO_IMAGES),
@@ -40,13 +40,13 @@ PARTS: dict[str, tuple[str, ...] | None] = {
         "cameras.overview.height=720",
     ),
 }
-# Who records everything shall wait no longer than for three trials.
+# Recording everything must take no longer than three unrecorded trials.
 _MOST = 3.0
 
 
 @dc.dataclass(frozen=True)
 class Case:
-    """A trial, and what is recorded of it."""
+    """A trial and the part of it that is recorded."""
 
     scenario: str
     part: str
@@ -57,7 +57,7 @@ class Case:
 
 
 def processor_time(case: Case) -> float:
-    """Run a trial and return what it took, build included [s]."""
+    """Run a trial and return its processor time, build included [s]."""
     overrides = PARTS[case.part]
     start = wall.process_time()
     scenario = load_scenario(case.scenario, seed=case.seed, overrides=overrides or ())
@@ -65,15 +65,15 @@ def processor_time(case: Case) -> float:
         out = None if overrides is None else Path(folder)
         Simulate(scenario, name=case.scenario, out=out, record=out is not None)
     elapsed = wall.process_time() - start
-    gc.collect()  # as after a trial: a worker that grows is replaced
+    gc.collect()  # as a sweep does after each trial
     return elapsed
 
 
 def run(track: Track) -> ExperimentResult:
-    """Run the same trials with more and with less recorded."""
+    """Run the same trials with each part recorded."""
     cases = [Case(n, p, s) for n in SCENARIOS for s in SEEDS for p in PARTS]
     with JoblibEngine(1) as engine:
-        # What is imported and loaded once a process is no trial's.
+        # Imports happen once in a process and belong to no trial.
         for name in SCENARIOS:
             engine.submit(processor_time, Case(name, "everything", SEEDS[0])).result()
         times = {c: engine.submit(processor_time, c).result() for c in track(cases)}
@@ -92,12 +92,12 @@ def run(track: Track) -> ExperimentResult:
 
 
 def ratios(cost: Mapping[str, Vector]) -> dict[str, float]:
-    """Return medians of each part's ratio to the same seed unrecorded."""
+    """Return the median ratio of each part to the same seeds unrecorded."""
     return {part: float(np.median(c / cost["unrecorded"])) for part, c in cost.items()}
 
 
 def judge(costs: Mapping[str, Mapping[str, Vector]]) -> Sequence[Row]:
-    """Judge what everything costs; the parts tell where it goes."""
+    """Judge the cost of recording everything; the parts show where it goes."""
     rows = []
     for name, cost in costs.items():
         median = float(np.median(cost["unrecorded"]))
@@ -111,7 +111,7 @@ def judge(costs: Mapping[str, Mapping[str, Vector]]) -> Sequence[Row]:
 
 
 def draw(costs: Mapping[str, Mapping[str, Vector]]) -> Any:
-    """Draw the ratios as bars, a colour a scenario."""
+    """Draw the ratios as bars, with a colour for each scenario."""
     figure = make_figure(8.0, 3.2, "What recording a trial costs")
     axes = figure.add_subplot()
     style_axes(axes, xlabel="processor time over that of the same trial, unrecorded")

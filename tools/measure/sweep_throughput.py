@@ -1,8 +1,8 @@
 """Sweeps with one worker and with two: trials a second, and memory over 200 trials.
 
-Wall clock is that of the whole sweep, checks and start of the workers included, with
-one thread a worker both times. It means something on a machine with two cores or more
-that does nothing else.
+The wall clock covers the whole sweep, including checks and the start of the workers,
+with one thread for each worker. It is meaningful only on an otherwise idle machine with
+at least two cores.
 """
 
 from __future__ import annotations
@@ -24,28 +24,34 @@ from drake_srg.sweeps.sweep import run_sweep
 from drake_srg.types import Vector
 
 SCENARIO, TRIALS = "kitchen_varied", 200
-# What is asked of two workers, and of a worker's memory [MB].
+# Least speed of two workers over one, and greatest memory of a worker [MB].
 _RATIO, _MEMORY = 1.9, 600.0
-# Trials after which a worker has seen everything once; its growth is judged from there.
+# Trials after which a worker has loaded everything. Its growth is judged from there.
 _WARM = 20
-# Growth of a worker's memory [MB a trial]: from 410 MB, which it has when it is warm,
-# it must stay below _MEMORY for a thousand trials. Steps of 17 MB, as it takes some
-# back and forth, are slopes of at most 1.5 * 17 / n over n trials: 0.14 over one
-# worker's 180, but 0.32 over the 80 of each of two, which are told and not judged.
+# Greatest growth of a worker's memory [MB per trial]: from 410 MB, when it is warm, it
+# must stay below _MEMORY for a thousand trials. Steps of 17 MB, which come and go, are
+# slopes of at most 1.5 * 17 / n over n trials: 0.14 over the 180 trials of a single
+# worker, but 0.32 over the 80 of each of two, whose growth is therefore not judged.
 _GROWTH = (_MEMORY - 410.0) / 1000
 
 
 @dc.dataclass(frozen=True)
 class Sweep:
-    """What a sweep took."""
+    """The time and memory of a sweep.
+
+    Attributes:
+        jobs: Number of workers.
+        wall: Wall clock [s].
+        memory: Resident memory after each trial [MB], by worker.
+    """
 
     jobs: int
-    wall: float  # s
-    memory: dict[str, Vector]  # resident after each trial, a worker [MB]
+    wall: float
+    memory: dict[str, Vector]
 
 
 def run(track: Track) -> ExperimentResult:
-    """Run the same trials by one worker and by two."""
+    """Run the same trials with one worker and with two."""
     sweeps = [measure(jobs, TRIALS) for jobs in track((1, 2), "{} at a time".format)]
     table = {
         "jobs": [s.jobs for s in sweeps for m in s.memory.values() for _ in m],
@@ -58,7 +64,7 @@ def run(track: Track) -> ExperimentResult:
 
 
 def measure(jobs: int, trials: int, scenario: str = SCENARIO) -> Sweep:
-    """Run a sweep into a folder that does not stay."""
+    """Run a sweep into a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         start = wall.perf_counter()
         rows = run_sweep(scenario, trials, out=Path(folder), engine=JoblibEngine(jobs))
@@ -69,7 +75,7 @@ def measure(jobs: int, trials: int, scenario: str = SCENARIO) -> Sweep:
 
 
 def judge(sweeps: Sequence[Sweep]) -> list[Row]:
-    """Expect two to be nearly twice as fast, and memory to stay."""
+    """Expect two workers to be nearly twice as fast, and memory not to grow."""
     one, two = sweeps
     rows = [Row.info(f"{s.jobs} at a time", "wall clock", s.wall, "s") for s in sweeps]
     rows.append(Row.at_least("2 : 1", "throughput", _RATIO, one.wall / two.wall, ""))
@@ -87,7 +93,7 @@ def judge(sweeps: Sequence[Sweep]) -> list[Row]:
 
 
 def growth(memory: Vector) -> float:
-    """Return the slope of a worker's memory over its trials [MB a trial]."""
+    """Return the slope of a worker's memory over its trials [MB per trial]."""
     warm = memory[min(_WARM, len(memory) // 2) :]
     return float(np.polyfit(np.arange(len(warm)), warm, 1)[0])
 

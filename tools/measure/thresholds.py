@@ -1,42 +1,60 @@
-"""The thresholds of `vision`, and what is tried in place of the values in use.
+"""The thresholds of vision, and the values that are tried in place of those in use.
 
-Half and twice, mostly; where a threshold is a number of rounds, a quantile or an angle,
-a value on either side.
+Every value of `LocalizerThresholds` is a threshold, so a new one is tried as well. Half
+and twice the value are tried, unless another pair makes more sense: where the value is
+a number of stages, a quantile or an angle, or where half of it changes nothing.
 """
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses as dc
-from types import ModuleType
+import functools
+import math
+from collections.abc import Iterator
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 
-from drake_srg.vision import blob_localizer, candidates, obstacles, shape_fit, sight
+from drake_srg.vision.config import LocalizerThresholds
+
+_OTHER_PAIRS: dict[str, tuple[Any, Any]] = {
+    "any_light.bright_quantile": (0.8, 0.95),
+    "guesses.most_lean": (math.radians(7.5), math.radians(45.0)),
+    "fit.fine_softness": ([0.1], [0.1, 0.03, 0.01]),
+    "fit.noisy_guesses": (1, 6),
+    "fit.most_standing_lean": (math.radians(7.5), math.radians(45.0)),
+    "obstacles.least_pixels": (1, 16),
+    "obstacles.top": (0.96, 1.0),
+    "obstacles.known": (0.0, 0.012),
+}
 
 
 @dc.dataclass(frozen=True, eq=False)
 class Threshold:
-    """A constant of a module and other values that are tried in its place."""
+    """A value of `LocalizerThresholds` and a pair of others to try.
 
-    module: ModuleType
-    constant: str
+    Attributes:
+        path: Dotted path of the value, such as "fit.apart".
+        used: The value in use.
+        tried: The other values.
+    """
+
+    path: str
+    used: Any
     tried: tuple[Any, Any]
 
     def __str__(self) -> str:
-        return f"{self.module.__name__.rpartition('.')[2]}.{self.constant}"
-
-    @property
-    def used(self) -> Any:
-        """The value in use."""
-        return getattr(self.module, self.constant)
+        return self.path
 
 
 @dc.dataclass(frozen=True)
 class Setting:
-    """One of the values tried of a threshold; without one, those in use."""
+    """One of the values to try for a threshold, or the values in use.
+
+    Attributes:
+        threshold: None for the values in use.
+        which: Index of the value in `threshold.tried`.
+    """
 
     threshold: Threshold | None = None
     which: int = 0
@@ -46,14 +64,16 @@ class Setting:
 
     @property
     def value(self) -> Any:
-        """What the threshold is then."""
+        """The value that is tried."""
         return self.threshold.tried[self.which] if self.threshold else None
 
-    def in_place(self) -> contextlib.AbstractContextManager[Any]:
-        """Put the value in place of the module's own; on leaving, that is back."""
-        if self.threshold is None:
-            return contextlib.nullcontext()
-        return patch.object(self.threshold.module, self.threshold.constant, self.value)
+    def config(self) -> LocalizerThresholds:
+        """Return the thresholds in use but for the one that is tried."""
+        config = LocalizerThresholds()
+        if self.threshold is not None:
+            *steps, name = self.threshold.path.split(".")
+            setattr(functools.reduce(getattr, steps, config), name, self.value)
+        return config
 
 
 def show(value: Any) -> str:
@@ -61,39 +81,36 @@ def show(value: Any) -> str:
     return " ".join(f"{v:.3g}" for v in np.atleast_1d(value))
 
 
-def _scaled(module: ModuleType, *constants: str) -> list[Threshold]:
-    """Thresholds of which half and twice are tried."""
-
-    def times(value: Any, factor: float) -> Any:
-        if isinstance(value, int):
-            return round(factor * value)
-        if isinstance(value, tuple):
-            return tuple(factor * v for v in value)
-        return factor * value
-
-    values = {name: getattr(module, name) for name in constants}
-    return [
-        Threshold(module, name, (times(value, 0.5), times(value, 2.0)))
-        for name, value in values.items()
-    ]
+def _values(config: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted path and value of everything in nested dataclasses."""
+    for field in dc.fields(config):
+        value, own = getattr(config, field.name), path + field.name
+        if dc.is_dataclass(value):
+            yield from _values(value, f"{own}.")
+        else:
+            yield own, value
 
 
-THRESHOLDS = (
-    *_scaled(shape_fit, "_COARSE", "_MIDDLE"),
-    Threshold(shape_fit, "_FINE", ((0.1,), (0.1, 0.03, 0.01))),
-    *_scaled(shape_fit, "_EXPLAINED", "_UPRIGHT", "_MOST_UNEXPLAINED", "_ANOTHER"),
-    *_scaled(shape_fit, "_DEVIATIONS", "_APART", "_LEAST_PIXELS"),
-    Threshold(shape_fit, "_FEW", (1, 6)),
-    Threshold(shape_fit, "_STANDS", tuple(np.cos(np.deg2rad([7.5, 45.0])))),
-    *_scaled(shape_fit, "_BESIDE", "_WRONG", "_RING", "_MOST_DEVIATIONS", "_SLIDES"),
-    *_scaled(shape_fit, "_MOST_THROUGH", "_FRAYED", "_ON_OUTLINE", "_LEAST_COLORED"),
-    *_scaled(candidates, "_STEP", "_DEVIATIONS", "_SMALLEST", "_SET_OFF"),
-    *_scaled(candidates, "_MOST_LEVEL", "_RIM", "_BESIDE"),
-    *_scaled(blob_localizer, "_LESS_LIKE"),
-    *_scaled(sight, "_COARSEST", "_DEVIATIONS", "_BEHIND"),
-    *_scaled(obstacles, "_DEVIATIONS"),
-    Threshold(obstacles, "_LEAST_PIXELS", (1, 16)),
-    *_scaled(obstacles, "_NEAR"),
-    Threshold(obstacles, "_TOP", (0.96, 1.0)),
-    Threshold(obstacles, "_KNOWN", (0.0, 0.012)),
-)
+def _scaled(value: Any, factor: float) -> Any:
+    if isinstance(value, int):
+        return round(factor * value)
+    if isinstance(value, list):
+        return [factor * v for v in value]
+    return factor * value
+
+
+def _make_thresholds() -> tuple[Threshold, ...]:
+    values = dict(_values(LocalizerThresholds()))
+    if unknown := _OTHER_PAIRS.keys() - values:
+        raise ValueError(f"LocalizerThresholds lacks {', '.join(sorted(unknown))}")
+    return tuple(
+        Threshold(
+            path,
+            value,
+            _OTHER_PAIRS.get(path, (_scaled(value, 0.5), _scaled(value, 2.0))),
+        )
+        for path, value in values.items()
+    )
+
+
+THRESHOLDS = _make_thresholds()

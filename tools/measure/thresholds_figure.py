@@ -1,4 +1,4 @@
-"""A figure that shows which of many thresholds matter."""
+"""A figure that shows which thresholds matter."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ def draw(
     """Draw what a lower and a higher value of each threshold change.
 
     Args:
-        changes: By threshold, for the lower and the higher value: scenes, 0 if none
-            changes, then ratios, 1 if nothing changes; one a panel.
-        panels: What is changed.
+        changes: By threshold, for the lower and the higher value, a number for each
+            panel: first a count of scenes, 0 if none changes, then ratios, 1 if nothing
+            changes.
+        panels: Titles of the panels.
     """
     names = list(changes)
     figure = make_figure(

@@ -9,7 +9,6 @@ from pydrake.math import RigidTransform
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.varied_scenes import Obstacles, Scene
 from drake_srg.types import Cylinder
-from drake_srg.vision import obstacles
 from measure import localizer_thresholds
 from measure.localizer_thresholds import (
     GROUPS,
@@ -48,7 +47,7 @@ def failed(used, tried):
     ("look", "loss"),
     [(GOOD, 0), (DOUBTED, 1), (UNSEEN, 1), (OFF, 2), (TURNED, 2), (MISSED, 3)],
 )
-def test_what_would_be_taken_wrongly_is_lost_twice(look, loss):
+def test_false_certainty_counts_twice(look, loss):
     assert look.loss == loss
 
 
@@ -75,34 +74,45 @@ def test_another_value_that_is_more_accurate_fails():
         (MISSED, {"obstacles missed", "obstacles invented"}),
     ],
 )
-def test_values_in_use_that_lose_fail(used, quantities):
+def test_values_in_use_with_losses_fail(used, quantities):
     assert quantities <= failed(used, used)
 
 
-def test_errors_are_compared_where_both_are_near():
+def test_errors_are_compared_in_scenes_that_are_near_with_both_values():
     seen = {(KITCHEN, 0): NEARER, (KITCHEN, 1): OFF, (KITCHEN, 2): NEARER}
     used = {(KITCHEN, 0): GOOD, (KITCHEN, 1): GOOD, (KITCHEN, 2): UNSEEN}
     change = Change.of(seen, used, [kind(KITCHEN), "none"])
     assert change == Change(better=1, worse=1, errors=(pytest.approx(0.5), 1.0))
 
 
-def test_what_is_gained_here_may_not_be_lost_there():
+def test_a_gain_in_one_place_must_not_be_lost_in_another():
     assert Change(better=1, worse=1, errors=(0.5, 1.1)).harmless
     assert not Change(better=1, worse=1, errors=(0.5, 1.2)).harmless
     assert not Change(better=1, worse=2, errors=(0.5, 1.0)).harmless
 
 
-def test_thresholds_of_obstacles_are_tried_first_and_in_more_scenes():
-    modules = [s.threshold.module for s in settings(KITCHEN) if s.threshold]
-    count = modules.count(obstacles)
-    assert set(modules[:count]) == {obstacles}
-    assert len(modules) == 2 * len(THRESHOLDS)
-    (more,) = (group for group in GROUPS if group.modules)
-    assert len(settings(more)) == 1 + count
+def tried(group, only=""):
+    first, *others = settings(group, only)
+    assert first == Setting()
+    return [setting.threshold.path for setting in others]
+
+
+def test_both_values_of_all_thresholds_are_tried():
+    assert tried(KITCHEN) == [t.path for t in THRESHOLDS for _ in range(2)]
+
+
+def test_only_thresholds_of_obstacles_are_tried_in_more_scenes():
+    (more,) = (group for group in GROUPS if group.step)
+    assert tried(more) == [t for t in tried(KITCHEN) if t.startswith("obstacles.")]
+    assert tried(more, only="fit.") == []
+
+
+def test_single_thresholds_can_be_tried():
+    assert tried(KITCHEN, only="fit.apart") == ["fit.apart"] * 2
 
 
 @given(st.integers(0, 1000))
-def test_what_leans_touches_its_table_or_hangs(seed):
+def test_a_leaning_cylinder_touches_the_table_or_hangs(seed):
     cylinder = Cylinder(0.012, 0.05)
     X_WO = lean(RigidTransform([0.1, 0.2, 0.025]), cylinder, seed)
     axis, p = X_WO.rotation().matrix()[:, 2], X_WO.translation()
@@ -117,17 +127,14 @@ def test_what_leans_touches_its_table_or_hangs(seed):
 
 def test_it_runs(monkeypatch):
     group = Group("assistive_arm_varied", "leaning", range(1))
-    tried = tuple(
-        t for t in THRESHOLDS if t.constant in ("_KNOWN", "_MOST_UNEXPLAINED")
-    )
     monkeypatch.setattr(localizer_thresholds, "GROUPS", (group,))
-    monkeypatch.setattr(localizer_thresholds, "THRESHOLDS", tried)
-    result = localizer_thresholds.run(quiet)
+    result = localizer_thresholds.run(quiet, only="candidates.least")
     (table,) = result.tables.values()
     assert table["threshold"] == [
         "all",
-        *["obstacles._KNOWN"] * 2,
-        *["shape_fit._MOST_UNEXPLAINED"] * 2,
+        *["candidates.least_area"] * 2,
+        *["candidates.least_behind"] * 2,
     ]
+    assert table["value"] == ["in use", "0.04", "0.16", "0.15", "0.6"]
     assert table["scenes"] == [1] * 5
     assert result.figure.axes

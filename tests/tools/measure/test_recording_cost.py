@@ -13,7 +13,7 @@ def made_up(everything):
 
 
 @pytest.mark.parametrize(("everything", "passes"), [(2.9, True), (3.1, False)])
-def test_what_everything_costs_is_judged(everything, passes):
+def test_the_cost_of_everything_is_judged(everything, passes):
     rows = [row for row in judge(made_up(everything)) if row.quantity == "everything"]
     assert len(rows) == len(SCENARIOS)
     assert all(row.passed == passes for row in rows)
@@ -26,7 +26,7 @@ def test_ratios_are_of_the_same_seeds():
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("part", PARTS)
-def test_each_part_is_a_scenario(scenario, part):
+def test_each_part_makes_a_scenario_that_records_it(scenario, part):
     loaded = load_scenario(scenario, seed=0, overrides=PARTS[part] or ())
     assert bool(loaded.recording.bag_cameras) == (
         "no images" not in part and part != "numbers alone"

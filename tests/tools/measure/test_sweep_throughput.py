@@ -22,7 +22,7 @@ def made(jobs, wall, memory):
         ((100.0, 51.0), 400.0 + 0.3 * np.arange(50), ["growth a trial"]),
     ],
 )
-def test_what_is_asked_is_judged(walls, memory, failed):
+def test_speed_and_memory_are_judged(walls, memory, failed):
     one, two = (
         made(jobs, wall, memory) for jobs, wall in zip((1, 2), walls, strict=True)
     )
@@ -33,18 +33,18 @@ def test_what_is_asked_is_judged(walls, memory, failed):
         assert not quantities
 
 
-def test_memory_that_fills_at_first_and_then_stays_is_flat():
+def test_memory_that_grows_at_first_and_then_stays_does_not_count_as_growth():
     memory = np.minimum(300.0 + 10.0 * np.arange(100), 400.0)
     assert growth(memory) == pytest.approx(0.0, abs=1e-9)
 
 
-def test_what_is_left_behind_each_trial_is_the_growth():
+def test_growth_is_the_memory_that_each_trial_leaves_behind():
     memory = 400.0 + 1.2 * np.arange(100)
     assert growth(memory) == pytest.approx(1.2)
 
 
 @given(at=st.integers(1, 179), size=st.floats(-17.0, 17.0))
-def test_a_step_of_the_allocator_is_no_growth(at, size):
+def test_a_step_of_the_allocator_does_not_count_as_growth(at, size):
     one = made(1, 100.0, 410.0 + size * (np.arange(200) >= 20 + at))
     two = made(2, 51.0, [400.0] * 100)
     assert all(row.passed for row in judge([one, two]))
