@@ -3,7 +3,7 @@ import json
 
 import pytest
 
-from drake_srg.common.errors import ScenarioError
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.vision.config import LocalizerThresholds
 
