@@ -1,6 +1,7 @@
-"""The error of bad input, and what makes it of the errors that Drake raises.
+"""ScenarioError, the exception for bad input, and helpers for its messages.
 
-Nothing of Drake is imported here: the command needs this where Drake fails.
+This module must not import Drake: the command line needs it even where importing Drake
+fails.
 """
 
 from __future__ import annotations
@@ -11,18 +12,18 @@ from collections.abc import Iterable, Iterator
 
 
 class ScenarioError(ValueError):
-    """Bad input; the message says what, where, and what is allowed."""
+    """Bad input. The message says what is wrong, where, and what is allowed."""
 
 
 @contextlib.contextmanager
 def scenario_errors(name: str = "") -> Iterator[None]:
-    """Make a ScenarioError of what is raised while a scenario's systems are built.
+    """Turn exceptions raised while a scenario's systems are built into ScenarioErrors.
 
-    Drake and our systems check many settings only then. Use it with `with`, or as a
-    decorator.
+    Drake and our systems check many settings only then. Use this in a `with` statement
+    or as a decorator.
 
     Args:
-        name: Of the scenario, to stand before the message; empty: not known here.
+        name: Start of the message, such as the scenario's name; empty for none.
     """
     try:
         yield
@@ -34,18 +35,26 @@ def scenario_errors(name: str = "") -> Iterator[None]:
 
 
 def suggest(name: str, allowed: Iterable[str]) -> str:
-    """Return what somebody who wrote `name` may have meant, and all that is allowed."""
+    """Return the end of a message about an unknown name: a guess and the valid names.
+
+    Args:
+        name: The unknown name.
+        allowed: The valid names.
+
+    Returns:
+        Text such as `(did you mean 'count'? allowed: count, flag)`.
+    """
     allowed = sorted(allowed)
     close = difflib.get_close_matches(name, allowed, n=1)
     hint = f"did you mean {close[0]!r}? " if close else ""
-    return f"{hint}allowed: {', '.join(allowed)}"
+    return f"({hint}allowed: {', '.join(allowed)})"
 
 
 def one_line(error: BaseException) -> str:
-    """Return the message of an error in one line, not too long.
+    """Return the message of an exception in one line of at most 300 characters.
 
-    Pydrake makes a SystemExit with a text of a failed assertion of Drake's. Any other
-    SystemExit is no error of a scenario and is raised again.
+    Pydrake turns a failed assertion of Drake's into a SystemExit with a text. Any other
+    SystemExit is not about a scenario and is raised again.
     """
     if isinstance(error, SystemExit) and not isinstance(error.code, str):
         raise error

@@ -96,7 +96,7 @@ def run(track: Track, *, objects: Sequence[str] = ()) -> ExperimentResult:
         for name in objects:
             if name not in known:
                 raise ScenarioError(
-                    f"household: objects: unknown object {name!r}; "
+                    f"household: objects: unknown object {name!r} "
                     f"{suggest(name, known)}"
                 )
         cases = [case for case in cases if case.name in objects]

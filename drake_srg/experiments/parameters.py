@@ -64,7 +64,7 @@ def split_overrides(
             raise ScenarioError(f"experiment {name}: takes no parameters, got {key!r}")
         if key not in allowed:
             hint = suggest(key, allowed)
-            raise ScenarioError(f"experiment {name}: unknown key {key!r}; {hint}")
+            raise ScenarioError(f"experiment {name}: unknown key {key!r} {hint}")
         texts[key] = text
     return texts
 

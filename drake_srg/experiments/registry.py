@@ -146,7 +146,7 @@ def find_experiment(name: str) -> Experiment:
             f"experiment {name!r} is in tools/measure and needs a checkout; "
             "the installed package does not contain it"
         )
-    raise ScenarioError(f"experiment {name!r} is unknown; {suggest(name, found)}")
+    raise ScenarioError(f"unknown experiment {name!r} {suggest(name, found)}")
 
 
 def describe(name: str) -> str:

@@ -166,8 +166,8 @@ class Disturber(LeafSystem):
             falls = isinstance(target.shape, (Cylinder, Box))
             if isinstance(disturbance, Topple) and not falls:
                 raise ValueError(
-                    f"disturbances: !Topple cannot be used with {target.name!r}; "
-                    "allowed: an object that is one cylinder or box"
+                    f"disturbances: !Topple needs an object that is one cylinder or "
+                    f"box, got {target.name!r}"
                 )
         self._disturbances = list(disturbances)
         self._mode = self.DeclareAbstractInputPort(

@@ -48,11 +48,10 @@ def object_shape(name: str, config: ObjectConfig) -> Shape:
     """
     if config.soft is not None:
         raise ScenarioError(
-            f"objects.{name}.soft: a soft object cannot be localized and planned with; "
-            "pick it by a script"
+            f"objects.{name}.soft: a planner cannot pick a soft object; use a script"
         )
     if not config.known:
-        raise ScenarioError(f"objects.{name}.known: must be true of what is picked")
+        raise ScenarioError(f"objects.{name}.known: must be true for the picked object")
     shape = known_shape(name, config)
     if shape is None:
         raise ScenarioError(
@@ -136,7 +135,7 @@ def AddObject(
     root = _model_tree(name, config)
     if (links := len(root.findall("model/link"))) != 1:
         raise ScenarioError(
-            f"objects.{name}.model: {config.model} must have one link, has {links}"
+            f"objects.{name}.model: {config.model} must have one link, got {links}"
         )
     if config.mass is not None:
         masses = root.findall(".//inertial/mass")

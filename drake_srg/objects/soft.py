@@ -51,16 +51,16 @@ def AddSoftObject(
     if soft is None or config.mass is None or config.friction is None:
         raise ValueError("A soft object needs soft, mass and friction.")
     if not isinstance(config.shape, Box):
-        raise ScenarioError(f"{key}: needs a shape; allowed: !Box")
+        raise ScenarioError(f"{key}: needs a shape (allowed: !Box)")
     if not 0.0 < plant.time_step() <= _LARGEST_STEP:
         raise ScenarioError(
             f"{key}: needs a plant_config.time_step above 0 and up to {_LARGEST_STEP} "
-            f"s, is {plant.time_step():g}"
+            f"s, got {plant.time_step():g} s"
         )
     if plant.get_discrete_contact_approximation() != _APPROXIMATION:
         raise ScenarioError(
-            f"{key}: needs plant_config.discrete_contact_approximation: sap; with the "
-            "others, soft objects move by themselves"
+            f"{key}: needs plant_config.discrete_contact_approximation: sap, because "
+            "soft objects move by themselves with the others"
         )
     size = config.shape.size
     resolution = config.resolution or 0.25 * min(size)

@@ -109,9 +109,9 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
             origin,
             key,
             f"{tag} needs finite numbers for {names(fields)}"
-            + (", lists of one length" if tag.endswith("Vector") else "")
-            + (", min not above max" if "min" in fields else "")
-            + (", stddev not negative" if "stddev" in fields else ""),
+            + (", in lists of the same length" if tag.endswith("Vector") else "")
+            + (", with min not above max" if "min" in fields else "")
+            + (", with stddev at least 0" if "stddev" in fields else ""),
         )
 
 
@@ -136,16 +136,16 @@ def add_clutter(
     drawn = draw_distributions(clutter.get("count", 0), seed, origin, values, key)
     count: int = check_tree(drawn, int, origin, key)
     if not 0 <= count <= _MOST_CLUTTER:
-        fail(origin, key, f"must be 0 .. {_MOST_CLUTTER}, is {count}")
+        fail(origin, key, f"must be 0 .. {_MOST_CLUTTER}, got {count}")
     kinds = clutter.get("kinds", {})
     if not (_is_mapping(kinds) and all(map(_is_mapping, kinds.values()))):
         return tree
     if count > 0 and not kinds:
-        fail(origin, "clutter.kinds", "must have an entry to choose from, is empty")
+        fail(origin, "clutter.kinds", "needs at least one kind, got none")
     objects = dict(tree.get("objects") or {})
     for name in (f"clutter_{i + 1}" for i in range(count)):
         if name in objects:
-            fail(origin, f"objects.{name}", "is the name of one of the clutter's")
+            fail(origin, f"objects.{name}", "this name is reserved for clutter")
         indices = UniformDiscrete(list(range(len(kinds))))
         index = int(indices.Sample(key_generator(seed, f"objects.{name}")))
         kind = sorted(kinds)[index]

@@ -83,7 +83,7 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
     if scenario.messages is None:
         return
     if scenario.script:
-        raise ScenarioError(f"{origin}: script: must be empty, the messages replace it")
+        raise ScenarioError(f"{origin}: script: must be empty if there are messages")
     with scenario_errors(origin):
         num_joints = len(scenario.arm.home) if scenario.arm else 0
         scenario.script = message_script(scenario.messages, num_joints)
@@ -172,8 +172,8 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
 def _builtin(name: str | Path) -> Path:
     if name not in list_scenarios():
         raise ScenarioError(
-            f"scenario {str(name)!r} is unknown; allowed: {', '.join(list_scenarios())}"
-            " or a path that ends in .yaml"
+            f"unknown scenario {str(name)!r} (allowed: {', '.join(list_scenarios())}, "
+            "or a path that ends in .yaml)"
         )
     return SCENARIOS / f"{name}.yaml"
 

@@ -163,8 +163,8 @@ def _entry_index(
     if not indices:
         fail(origin, key, "entries have no names: override the list as a whole")
     if not (name.isdecimal() and int(name) < len(items)):
-        numbers = f"0 .. {len(items) - 1}" if items else "none, it is empty"
-        fail(origin, key, f"{name!r} is not an index of this list; allowed: {numbers}")
+        choices = f"0 .. {len(items) - 1}" if items else "none, the list is empty"
+        fail(origin, key, f"unknown index {name!r} (allowed: {choices})")
     return int(name)
 
 
@@ -190,11 +190,11 @@ def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
     if generic is list or schema is np.ndarray:
         (item,) = typing.get_args(schema) or (float,)
         if not isinstance(value, list):
-            fail(origin, key, f"must be a list, is {_describe(value)}")
+            fail(origin, key, f"must be a list, got {_describe(value)}")
         return [check_tree(v, item, origin, f"{key}[{i}]") for i, v in enumerate(value)]
     if generic is dict:
         if not isinstance(value, Mapping):
-            fail(origin, key, f"must be a mapping, is {_describe(value)}")
+            fail(origin, key, f"must be a mapping, got {_describe(value)}")
         item = typing.get_args(schema)[1]
         return {k: check_tree(v, item, origin, join(key, k)) for k, v in value.items()}
     if schema in (bool, int, float, str):
@@ -211,7 +211,7 @@ def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
         return yaml_load_typed(schema=schema, data=yaml_dump(checked))
     except Exception as error:
         line = " ".join(str(error).split())
-        fail(origin, _misfit(schema, checked), f"does not fit: {line[:200]}")
+        fail(origin, _misfit(schema, checked), f"cannot be read: {line[:200]}")
 
 
 def _misfit(schema: type[Any], tree: Mapping[str, Any]) -> str:
@@ -231,7 +231,7 @@ def _check_is_tree(node: Any, origin: str, above: tuple[int, ...] = ()) -> None:
         raise ScenarioError(f"{origin}: an anchored part contains itself")
     for key in node if isinstance(node, dict) else ():
         if not isinstance(key, str):
-            raise ScenarioError(f"{origin}: keys must be text, {key!r} is not")
+            raise ScenarioError(f"{origin}: keys must be text, got {_describe(key)}")
     for child in node.values() if isinstance(node, dict) else node:
         _check_is_tree(child, origin, (*above, id(node)))
 
@@ -250,11 +250,11 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
     if value is None:
         value = {}
     if not isinstance(value, Mapping):
-        fail(origin, key, f"must be a mapping, is {_describe(value)}")
+        fail(origin, key, f"must be a mapping, got {_describe(value)}")
     tag = value.get("_tag")
     name = _base_name(schema)
     if ours and tag not in (None, f"!{name}"):
-        fail(origin, key, f"has the tag {tag}; allowed: none or !{name}")
+        fail(origin, key, f"must have the tag !{name} or none, got {tag}")
     if not ours and tag is not None and tag != f"!{name}":
         return value  # A tagged short form of a Drake class, such as !Rpy {deg: ...}.
     fields = _fields(schema) or {}
@@ -264,7 +264,7 @@ def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
         if field == "_tag":
             continue
         if field not in fields:
-            fail(origin, key, f"unknown key {field!r}; {suggest(field, fields)}")
+            fail(origin, key, f"unknown key {field!r} {suggest(field, fields)}")
         field_type, bounds = fields[field]
         result[field] = check_tree(item, field_type, origin, join(key, field))
         if ours:
@@ -280,31 +280,30 @@ def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
         None,
         *DISTRIBUTION_TAGS,
     ):
-        wrong(
-            f"unknown tag {value['_tag']}; {suggest(value['_tag'], DISTRIBUTION_TAGS)}"
-        )
+        tag = value["_tag"]
+        wrong(f"unknown tag {tag} {suggest(tag, DISTRIBUTION_TAGS)}")
     if schema is str:
         if not isinstance(value, str):
-            wrong(f"must be text, is {_describe(value)}")
+            wrong(f"must be text, got {_describe(value)}")
         return value
     if schema is bool:
         if not isinstance(value, bool):
-            wrong(f"must be true or false, is {_describe(value)}")
+            wrong(f"must be true or false, got {_describe(value)}")
         return value
     if isinstance(value, str):  # YAML 1.1 reads 1e-3 as text
         try:
             value = float(value)
         except ValueError:
-            wrong(f"must be a number, is {_describe(value)}")
+            wrong(f"must be a number, got {_describe(value)}")
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        wrong(f"must be a number, is {_describe(value)}")
+        wrong(f"must be a number, got {_describe(value)}")
     if math.isnan(value):
-        wrong("must be a number, is NaN")
+        wrong("must be a number, got NaN")
     if schema is int:
         if math.isinf(value):
-            wrong(f"must be finite, is {value}")
+            wrong(f"must be finite, got {value}")
         if value != int(value):
-            wrong(f"must be a whole number, is {value}")
+            wrong(f"must be a whole number, got {value}")
         return int(value)
     return float(value)
 
@@ -324,7 +323,7 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
     tag = value.get("_tag") if isinstance(value, Mapping) else None
     if tag is not None:
         if tag not in tags:
-            fail(origin, key, f"unknown tag {tag}; {suggest(tag, tags)}")
+            fail(origin, key, f"unknown tag {tag} {suggest(tag, tags)}")
         checked = check_tree(value, tags[tag], origin, key)
         return {**checked, "_tag": tag}
     untagged = [option for option in options if _fields(option) is None]
@@ -332,7 +331,7 @@ def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> A
         return check_tree(value, untagged[0], origin, key)
     if isinstance(value, Mapping) and not dc.is_dataclass(options[0]):
         return check_tree(value, options[0], origin, key)  # Drake's default choice
-    return fail(origin, key, f"needs a tag; allowed: {names(tags)}")
+    return fail(origin, key, f"needs a tag (allowed: {names(tags)})")
 
 
 def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
@@ -340,7 +339,7 @@ def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) 
         return
     length = bounds.get("length")
     if length is not None and len(value) != length:
-        fail(origin, key, f"must have {length} numbers, has {len(value)}")
+        fail(origin, key, f"needs {length} numbers, got {len(value)}")
     if bounds.get("nonempty") and not value:
         fail(origin, key, "must not be empty")
     tests = {
@@ -350,12 +349,12 @@ def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) 
     }
     for item in value if isinstance(value, list) else [value]:
         if item not in bounds.get("among", (item,)):
-            fail(origin, key, f"must be one of {names(bounds['among'])}; is {item!r}")
+            fail(origin, key, f"must be one of {names(bounds['among'])}; got {item!r}")
         if isinstance(item, float) and math.isinf(item):
-            fail(origin, key, f"must be finite, is {item}")
+            fail(origin, key, f"must be finite, got {item}")
         for name, (test, words) in tests.items():
             if name in bounds and not test(item, bounds[name]):
-                fail(origin, key, f"must be {words} {bounds[name]}, is {item}")
+                fail(origin, key, f"must be {words} {bounds[name]}, got {item}")
 
 
 def fail(origin: str, key: str, message: str) -> typing.NoReturn:
@@ -376,6 +375,10 @@ def _describe(value: Any) -> str:
     if isinstance(value, Mapping):
         tag = value.get("_tag")
         return "a mapping" if tag is None else f"a mapping tagged {tag}"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if value is None:
+        return "null"
     return "a list" if isinstance(value, list) else repr(value)
 
 

@@ -74,7 +74,7 @@ class Rig:
         video: Path | str | None = None,
     ) -> None:
         if is_continuous(scenario):
-            raise ScenarioError(f"{name}: needs a plant_config.time_step above 0")
+            raise ScenarioError(f"{name}: needs plant_config.time_step above 0")
         self.scenario = scenario
         self._name = name
         self._period = period or (scenario.arm.period if scenario.arm else 0.005)
@@ -83,7 +83,7 @@ class Rig:
         if self._rows_every < 1 or off > 1e-9:
             raise ValueError(
                 "log_period must be a positive multiple of period, "
-                f"{self._period} s, is {log_period} s"
+                f"{self._period} s, got {log_period} s"
             )
         self._video: VideoRecorder | None = None
         if video is None and not images:  # cameras would only take time to make
@@ -186,8 +186,7 @@ class Rig:
         port = self.diagram.GetInputPort(name)
         if vector.shape != (port.size(),):
             raise ScenarioError(
-                f"{self._name}: {name} must have {port.size()} numbers, has "
-                f"{vector.size}"
+                f"{self._name}: {name} needs {port.size()} numbers, got {vector.size}"
             )
         port.FixValue(self.context, vector)
         self._commanded[name] = vector
@@ -277,7 +276,7 @@ class Rig:
 def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoRecorder:
     name = rig.scenario.recording.video_camera
     if not name:
-        raise ScenarioError("recording.video_camera: names no camera for a video")
+        raise ScenarioError("recording.video_camera: must name a camera for the video")
     camera = rig.scenario.cameras[name]
     recorder = VideoRecorder(
         path,
@@ -356,7 +355,7 @@ def bench_scenario(
         weld.X_PC.rotation = Rotation(RollPitchYaw(np.deg2rad(gripper_rpy)))
     if home is not None:
         if bench.arm is None:
-            raise ScenarioError(f"{scenario}: home: there is no arm")
+            raise ScenarioError(f"{scenario}: home: needs a scenario with an arm")
         bench.arm.home = [float(x) for x in home]
     bench.script = []  # of the scenario's own object
     return bench

@@ -35,11 +35,11 @@ def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) 
     config = scenario.objects[name].occlusion
     key = f"objects.{name}.occlusion"
     if not scenario.localizer.cameras:
-        raise ScenarioError(f"{key}: needs localizer.cameras, which is empty")
+        raise ScenarioError(f"{key}: needs at least one camera in localizer.cameras")
     camera = scenario.cameras[scenario.localizer.cameras[0]]
     if camera.X_PB.base_frame not in (None, "world"):
         raise ScenarioError(
-            f"{key}: needs a camera fixed in world, the localizer's is in "
+            f"{key}: needs a first localizer camera that is fixed in world, got one in "
             f"{camera.X_PB.base_frame}"
         )
     if config is None or config.share == 0.0:
@@ -69,5 +69,7 @@ def _half_width(scenario: Scenario, name: str) -> float:
     """Half the width of an object that stands [m]."""
     shape = simple_shape(name, scenario.objects[name])
     if shape is None:
-        raise ScenarioError(f"objects.{name}.occlusion: needs one simple shape")
+        raise ScenarioError(
+            f"objects.{name}.occlusion: needs an object of one simple shape"
+        )
     return shape.upright_radius

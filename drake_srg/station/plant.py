@@ -86,7 +86,7 @@ def filter_contacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> 
         found = [g for g in geometries if fnmatchcase(inspector.GetName(g), pattern)]
         if not found:
             raise ScenarioError(
-                f"ignored_contacts: {pattern!r} is the name of no collision geometry"
+                f"ignored_contacts: no collision geometry matches {pattern!r}"
             )
         return GeometrySet(found)
 

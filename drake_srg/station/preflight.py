@@ -56,25 +56,25 @@ def _refused(element: str, scenario: Scenario) -> str:
         if element.endswith("mimic"):
             return ""
         return (
-            "which integrator cenic refuses; allowed: <drake:mimic>, or "
-            f"plant_config.time_step greater than 0.0 with {_SAP}"
+            "which integrator cenic refuses (allowed: <drake:mimic>, or "
+            f"plant_config.time_step greater than 0.0 with {_SAP})"
         )
     if scenario.plant_config.discrete_contact_approximation == "tamsi":
-        return f"which tamsi does not take; allowed: {_SAP}"
+        return f"which tamsi does not take (allowed: {_SAP})"
     return ""
 
 
 def _read_over(suffix: str, text: str) -> Iterator[tuple[str, str]]:
     """Elements that Drake ignores without a word, and what is allowed."""
-    why = "which Drake ignores; allowed: "
+    why = "which Drake ignores (allowed: {})"
     if suffix == ".urdf" and _count("drake:mimic", text):
-        yield "drake:mimic", why + "<mimic>"
+        yield "drake:mimic", why.format("<mimic>")
     if suffix == ".sdf":
         outside = re.sub(r"<axis\b.*?</axis>", "", text, flags=re.DOTALL)
         effective = _count("drake:mimic", outside)
         for element in ("mimic", "drake:mimic"):
             if _count(element, text) > effective:
-                yield element, why + "<drake:mimic> directly in the joint"
+                yield element, why.format("<drake:mimic> directly in the joint")
 
 
 def _count(element: str, text: str) -> int:

@@ -38,7 +38,7 @@ COMMANDS += ("experiment", "doctor")
             ["gripper", "!SrgPositionDrive", "!SrgPositionDriver"],
         ),
         (["run", "kitchen", "--set", "object.mass"], ["KEY=VALUE"]),
-        (["run", "kitchen", "--set", "object.position=[9, 9]"], ["not on the table"]),
+        (["run", "kitchen", "--set", "object.position=[9, 9]"], ["be on the table"]),
         (["run", "kitchen", "--seed", "-1"], ["random_seed", "at least 0"]),
         (["run", "kitchen", "--set", "arm=null"], ["arm"]),
         (["run", "kitchen", "--set", "directives=[]"], ["kitchen", "arm"]),
@@ -232,7 +232,7 @@ def test_the_module_is_the_command(capsys):
     assert listed.stdout == capsys.readouterr().out
     wrong = run("run", "kitchn")
     assert (wrong.returncode, wrong.stdout) == (2, "")
-    assert wrong.stderr.startswith("drake-srg: scenario 'kitchn' is unknown")
+    assert wrong.stderr.startswith("drake-srg: unknown scenario 'kitchn'")
     assert wrong.stderr.count("\n") == 1
 
 

@@ -20,7 +20,7 @@ COMMAND = (sys.executable, "-m", "drake_srg", "serve")
     "arguments, words",
     [
         (["kitchen"], "needs at least one of --ros1, --ros2 and --servo"),
-        (["kitten", "--ros2"], "scenario 'kitten' is unknown"),
+        (["kitten", "--ros2"], "unknown scenario 'kitten'"),
         (["kitchen", "--ros2", "--rate", "-1"], "--rate: must be a number of at least"),
         (["kitchen", "--ros2", "--rate", "fast"], "at least 0, got fast"),
         (["kitchen", "--ros2", "--domain", "233"], "must be 0 to 232, got 233"),

@@ -129,7 +129,7 @@ def test_parameters_of_the_command_line_override_those_of_the_name(fake, tmp_pat
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("cuont=3", "unknown key 'cuont'; did you mean 'count'? allowed: count, kind"),
+        ("cuont=3", "unknown key 'cuont' (did you mean 'count'? allowed: count, kind"),
         ("count", "--set count: must be KEY=VALUE"),
         ("count=many", "count: must be a number"),
         ("count=1.5", "count: must be a whole number"),

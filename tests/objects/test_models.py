@@ -197,7 +197,7 @@ def test_a_pose_is_taken_as_it_is():
 def test_an_object_has_one_link(tmp_path):
     path = tmp_path / "m.sdf"
     path.write_text("<sdf version='1.9'><model name='m'/></sdf>")
-    with pytest.raises(ScenarioError, match=r"^objects\.thing.* one link, has 0"):
+    with pytest.raises(ScenarioError, match=r"^objects\.thing.* one link, got 0"):
         add(ObjectConfig(model=path.as_uri()))
 
 

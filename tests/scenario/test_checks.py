@@ -16,6 +16,6 @@ def test_every_loaded_scenario_passes_again():
 def test_a_change_in_python_can_be_checked():
     bench = load_scenario("gripper_bench")
     bench.script.append(ScriptStep(arm=[0.0]))
-    message = rf"^mine: script\[{len(bench.script) - 1}\]\.arm: .* the arm, 3, has 1"
+    message = rf"^mine: script\[{len(bench.script) - 1}\]\.arm: .* the arm \(3\), got 1"
     with pytest.raises(ScenarioError, match=message):
         check_scenario(bench, "mine")

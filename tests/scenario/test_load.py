@@ -200,7 +200,7 @@ def test_a_variant_lays_its_keys_over_its_base(write):
     [
         ("3", "base: must be a scenario's name or path"),
         ("[kitchen]", "base: must be a scenario's name or path"),
-        ("kitchn", "scenario 'kitchn' is unknown; allowed: .*kitchen"),
+        ("kitchn", r"unknown scenario 'kitchn' \(allowed: .*kitchen"),
         ("mine.yaml", "base: mine.yaml leads back to itself"),
         ("other.yaml", "base: mine.yaml leads back to itself"),
         ("missing.yaml", "missing.yaml: cannot be read: No such file"),
@@ -217,7 +217,7 @@ def test_bad_bases(write, base, message):
 @pytest.mark.parametrize("name", ["kitchn", "", "/", "..", "x" * 5000, "a\0b"])
 def test_unknown_scenarios(name):
     message = error_of(name)
-    assert "is unknown; allowed: " in message
+    assert message.startswith("unknown scenario ")
     assert "kitchen" in message
 
 
@@ -229,7 +229,7 @@ def test_unknown_scenarios(name):
         ("[1, 2]", "mine.yaml: must be a mapping of keys to values"),
         ("hello", "mine.yaml: must be a mapping of keys to values"),
         ("1: 2", "mine.yaml: keys must be text"),
-        ("tsk: {}", "mine.yaml: top level: unknown key 'tsk'; did you mean 'task'"),
+        ("tsk: {}", r"mine.yaml: top level: unknown key 'tsk' \(did you mean 'task'"),
         ("random_seed: [1]", "mine.yaml: random_seed: must be a number"),
     ],
 )
@@ -255,21 +255,21 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ("=3", "--set =3: must be KEY=VALUE"),
         ("object.mass=[", "--set objects.soup_can.mass: not valid YAML: "),
         ("random_seed.x=3", "--set random_seed.x: random_seed is a value without keys"),
-        ("object.mas=1", "kitchen: objects.soup_can: unknown key 'mas'; did you mean"),
-        ("object.mass=-1", "objects.soup_can.mass: must be greater than 0.0, is -1.0"),
-        ("object.mass=heavy", "objects.soup_can.mass: must be a number, is 'heavy'"),
-        ("object.mass=.nan", "objects.soup_can.mass: must be a number, is NaN"),
+        ("object.mas=1", "kitchen: objects.soup_can: unknown key 'mas' (did you mean"),
+        ("object.mass=-1", "objects.soup_can.mass: must be greater than 0.0, got -1.0"),
+        ("object.mass=heavy", "objects.soup_can.mass: must be a number, got 'heavy'"),
+        ("object.mass=.nan", "objects.soup_can.mass: must be a number, got NaN"),
         ("object.resolution=0", "objects.soup_can.resolution: must be greater than 0"),
         ("object.friction=-0.1", "objects.soup_can.friction: must be at least 0.0"),
         (
             "object.mass=!Unifrom {min: 1, max: 2}",
-            "mass: unknown tag !Unifrom; did you",
+            "mass: unknown tag !Unifrom (did you",
         ),
         (
             "object.position=[9, 0]",
-            "position: [9.0, 0.0] is not on the table; allowed: ",
+            "position: must be on the table, got [9.0, 0.0] (allowed: ",
         ),
-        ("object.position=[0.5]", "position: must have 2 numbers, has 1"),
+        ("object.position=[0.5]", "position: needs 2 numbers, got 1"),
         ("object.model=null", "objects.soup_can: needs either a model or a shape"),
         ("object.shape=!Sphere {}", "soup_can: needs either a model or a shape"),
         (
@@ -278,47 +278,47 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ),
         (
             "gripper=!SrgPositonDriver {}",
-            "gripper: unknown tag !SrgPositonDriver; did",
+            "gripper: unknown tag !SrgPositonDriver (did",
         ),
         (
             "arm=!Sphere {}",
-            "arm: has the tag !Sphere; allowed: none or !ArmPositionDriver",
+            "arm: must have the tag !ArmPositionDriver or none, got !Sphere",
         ),
-        ("task=3", "task: must be a mapping, is 3"),
+        ("task=3", "task: must be a mapping, got 3"),
         (
             "task.pick=cup",
-            "task.pick: 'cup' is not among the objects; allowed: soup_can",
+            "task.pick: unknown object 'cup' (allowed: soup_can)",
         ),
         ("task.region={min: [1, 1]}", "task.region: min must not be above max"),
         ("task.region.max=[1.4, 0]", "task.region: must be on the table"),
         (
             "localizer.cameras=[sky]",
-            "localizer.cameras: 'sky' is not among the cameras",
+            "localizer.cameras: unknown camera 'sky'",
         ),
         (
             "localizer.cameras=[ceiling, '']",
-            "localizer.cameras: '' is not among the cameras; allowed: ceiling, ",
+            "localizer.cameras: unknown camera '' (allowed: ceiling, ",
         ),
         (
             "localizer.cameras=[ceiling, ceiling]",
-            "localizer.cameras: must name each camera once, is [ceiling, ceiling]",
+            "localizer.cameras: must name each camera once, got [ceiling, ceiling]",
         ),
-        ("recording.bag_cameras=['']", "recording.bag_cameras: '' is not among"),
-        ("cameras={}", "localizer.cameras: 'ceiling' is not among the cameras"),
-        ("objects={}", "task.pick: 'soup_can' is not among the objects"),
+        ("recording.bag_cameras=['']", "recording.bag_cameras: unknown camera ''"),
+        ("cameras={}", "localizer.cameras: unknown camera 'ceiling'"),
+        ("objects={}", "task.pick: unknown object 'soup_can'"),
         ("cameras.ceiling.width=0", "cameras.ceiling.width: must be at least 1 pixel"),
         (
             "cameras.ceiling.focal=!FovDegrees {x: 180}",
-            "cameras.ceiling.focal.x: must be between 0 and 180 degrees, is 180.0",
+            "cameras.ceiling.focal.x: must be between 0 and 180 degrees, got 180.0",
         ),
-        ("recording.period=0.1", "recording.period: must be at most 0.05, is 0.1"),
+        ("recording.period=0.1", "recording.period: must be at most 0.05, got 0.1"),
         ("recording.period=1e-4", "recording.period: must be at least 0.001"),
         ("simulator_config.accuracy=0", "simulator_config.accuracy: must be greater"),
         ("simulator_config.max_step_size=-1", "max_step_size: must be greater than"),
         ("recording.video_fps=1e9", "recording.video_fps: must be at most 240.0"),
         ("simulator_config.start_time=-1", "simulator_config.start_time: must be 0.0"),
-        ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, is -1.0"),
-        ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, is -1.0"),
+        ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, got -1.0"),
+        ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, got -1.0"),
         ("recording.video_camera=sky", "allowed: ceiling, overview"),
         (
             "planner.approaches=[below]",
@@ -331,32 +331,41 @@ def test_a_folder_is_not_a_scenario(tmp_path):
         ),
         ("gripper.servo.law=pdi", "gripper.servo.law: must be one of pid, printed"),
         ("gripper.trigger=smell", "gripper.trigger: must name a sensor, got 'smell'"),
-        ("gripper.servo.kp=[1, 2]", "gripper.servo.kp: must have an entry a motor, 4"),
+        (
+            "gripper.servo.kp=[1, 2]",
+            "gripper.servo.kp: needs one entry per motor (4), got 2",
+        ),
         ("gripper.servo.period=0", "gripper.servo.period: must be greater than 0.0"),
         ("gripper.proximity.range=-1", "gripper.proximity.range: must be greater than"),
         ("gripper.minimum_jerk.max_velocity=0", "max_velocity: must be greater than 0"),
         ("arm.period=0", "arm.period: must be greater than 0.0"),
         ("plant_config.time_step=0", "plant_config.time_step: must be greater than 0"),
-        ("directives=[3]", "directives[0]: must be a mapping, is 3"),
+        ("directives=[3]", "directives[0]: must be a mapping, got 3"),
         (
             "directives.99.x=3",
             "directives: entries are overridden by name, got '99' (allowed: table, ",
         ),
         (
             "directives.table.add_modl.file=x",
-            "directives[0]: unknown key 'add_modl'; did you mean 'add_model'",
+            "directives[0]: unknown key 'add_modl' (did you mean 'add_model'",
         ),
         (
             "objects.soup_can={position: [0.5, 0], pose: {}}",
-            "objects.soup_can: needs either a pose or position and yaw",
+            "objects.soup_can: needs either a pose, or position and yaw",
         ),
-        ("object={yaw: 1, pose: {}}", "needs either a pose or position and yaw"),
+        ("object={yaw: 1, pose: {}}", "needs either a pose, or position and yaw"),
         ("script=[{mode: fly}]", "script[0].mode: must be one of close, grasp, home"),
         ("script=[{duration: 0}]", "script[0].duration: must be greater than 0.0"),
-        ("script=[{closure: 2}]", "script[0].closure: must be at most 1.0, is 2.0"),
-        ("script=[{arm: [1]}]", "script[0].arm: must have an entry a joint of the arm"),
-        ("script=[{duration: 50}]", "script: takes 50 s; allowed: planner.time_budget"),
-        ("cameras.ceiling.X_PB.translation=[1, 2]", "cameras: does not fit: "),
+        ("script=[{closure: 2}]", "script[0].closure: must be at most 1.0, got 2.0"),
+        (
+            "script=[{arm: [1]}]",
+            "script[0].arm: needs one entry per joint of the arm (7)",
+        ),
+        (
+            "script=[{duration: 50}]",
+            "script: must last at most planner.time_budget (40 s)",
+        ),
+        ("cameras.ceiling.X_PB.translation=[1, 2]", "cameras: cannot be read: "),
     ],
 )
 def test_bad_overrides_name_key_and_what_is_allowed(override, message):
@@ -419,8 +428,10 @@ def test_messages_become_the_script():
     duration = sum(step.duration for step in scenario.script)
     messages = scenario.messages
     assert duration == pytest.approx(messages.number() / messages.rate + messages.rest)
-    with pytest.raises(ScenarioError, match=r"script: must be empty, the messages"):
+    with pytest.raises(ScenarioError, match=r"script: must be empty if"):
         load_scenario("thesis_kitchen", overrides=["script=[{duration: 1.0}]"])
     unknown = "messages.sequence=[{routine: gripp}]"
-    with pytest.raises(ScenarioError, match=r"'gripp' is not .* did you mean 'grip'"):
+    with pytest.raises(
+        ScenarioError, match=r"unknown routine 'gripp' \(did you mean 'grip'"
+    ):
         load_scenario("thesis_kitchen", overrides=[unknown])

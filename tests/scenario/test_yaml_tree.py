@@ -230,12 +230,12 @@ def test_set_key_needs_an_index_that_a_list_has(index, rest):
     with pytest.raises(ScenarioError) as error:
         set_key({"a": [{"b": 1}, 2]}, f"a.{index}{rest}", 3)
     if index != "1.5":  # whose 1 is an index, of a value
-        assert "is not an index of this list; allowed: 0 .. 1" in str(error.value)
+        assert "unknown index" in str(error.value)
 
 
 def test_set_key_finds_no_entry_in_an_empty_list():
     with pytest.raises(
-        ScenarioError, match=r"'0' is not an index .* none, it is empty"
+        ScenarioError, match=r"unknown index '0' \(allowed: none, the list is empty\)"
     ):
         set_key({"a": []}, "a.0", 1)
 
@@ -276,49 +276,49 @@ def test_what_is_not_given_keeps_its_default():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("iner: {}", "top level: unknown key 'iner'; did you mean 'inner'? allowed: "),
+        ("iner: {}", "top level: unknown key 'iner' (did you mean 'inner'? allowed: "),
         (
             "inner: {cout: 1}",
-            "inner: unknown key 'cout'; did you mean 'count'? allowed",
+            "inner: unknown key 'cout' (did you mean 'count'? allowed",
         ),
-        ("inner: {zzz: 1}", "inner: unknown key 'zzz'; allowed: count, flag, number"),
-        ("inner: 3", "inner: must be a mapping, is 3"),
-        ("inner: [1]", "inner: must be a mapping, is a list"),
-        ("inner: !Iner {}", "inner: has the tag !Iner; allowed: none or !Inner"),
-        ("inner: {number: x}", "inner.number: must be a number, is 'x'"),
-        ("inner: {number: true}", "inner.number: must be a number, is True"),
-        ("inner: {number: null}", "inner.number: must be a number, is None"),
-        ("inner: {number: {}}", "inner.number: must be a number, is a mapping"),
-        ("inner: {number: .nan}", "inner.number: must be a number, is NaN"),
-        ("inner: {number: .inf}", "inner.number: must be finite, is inf"),
+        ("inner: {zzz: 1}", "inner: unknown key 'zzz' (allowed: count, flag, number"),
+        ("inner: 3", "inner: must be a mapping, got 3"),
+        ("inner: [1]", "inner: must be a mapping, got a list"),
+        ("inner: !Iner {}", "inner: must have the tag !Inner or none, got !Iner"),
+        ("inner: {number: x}", "inner.number: must be a number, got 'x'"),
+        ("inner: {number: true}", "inner.number: must be a number, got true"),
+        ("inner: {number: null}", "inner.number: must be a number, got null"),
+        ("inner: {number: {}}", "inner.number: must be a number, got a mapping"),
+        ("inner: {number: .nan}", "inner.number: must be a number, got NaN"),
+        ("inner: {number: .inf}", "inner.number: must be finite, got inf"),
         (
             "inner: {number: !Unifrom {min: 1, max: 2}}",
-            "inner.number: unknown tag !Unifrom; did you mean '!Uniform'? allowed: ",
+            "inner.number: unknown tag !Unifrom (did you mean '!Uniform'? allowed: ",
         ),
-        ("inner: {count: 1.5}", "inner.count: must be a whole number, is 1.5"),
-        ("inner: {count: .inf}", "inner.count: must be finite, is inf"),
-        ("inner: {count: 1.0e+400}", "inner.count: must be finite, is inf"),
-        ("inner: {count: -1}", "inner.count: must be at least 0, is -1"),
-        ("inner: {text: 3}", "inner.text: must be text, is 3"),
-        ("inner: {flag: 1}", "inner.flag: must be true or false, is 1"),
-        ("numbers: 3", "numbers: must be a list, is 3"),
-        ("numbers: [1]", "numbers: must have 2 numbers, has 1"),
+        ("inner: {count: 1.5}", "inner.count: must be a whole number, got 1.5"),
+        ("inner: {count: .inf}", "inner.count: must be finite, got inf"),
+        ("inner: {count: 1.0e+400}", "inner.count: must be finite, got inf"),
+        ("inner: {count: -1}", "inner.count: must be at least 0, got -1"),
+        ("inner: {text: 3}", "inner.text: must be text, got 3"),
+        ("inner: {flag: 1}", "inner.flag: must be true or false, got 1"),
+        ("numbers: 3", "numbers: must be a list, got 3"),
+        ("numbers: [1]", "numbers: needs 2 numbers, got 1"),
         ("stages: []", "stages: must not be empty"),
-        ("numbers: [1, 0]", "numbers: must be greater than 0.0, is 0.0"),
-        ("numbers: [1, 10]", "numbers: must be at most 9.0, is 10.0"),
-        ("numbers: [1, -.inf]", "numbers: must be finite, is -inf"),
-        ("numbers: [1, x]", "numbers[1]: must be a number, is 'x'"),
-        ("shape: !Ball {}", "shape: unknown tag !Ball; allowed: !Box, !Cylinder"),
-        ("shape: !Boxx {}", "shape: unknown tag !Boxx; did you mean '!Box'? allowed"),
-        ("shape: {size: [1, 1, 1]}", "shape: needs a tag; allowed: !Box, !Cylinder"),
-        ("shape: !Box {radius: 1}", "shape: unknown key 'radius'; allowed: size"),
-        ("table: [1]", "table: must be a mapping, is a list"),
-        ("table: {x: {y: 1}}", "table.x: unknown key 'y'; allowed: "),
-        ("pose: {rotaton: 1}", "pose: unknown key 'rotaton'; did you mean 'rotation'?"),
-        ("pose: 3", "pose: must be a mapping, is 3"),
-        ("pose: {rotation: !Rpx {}}", "pose.rotation: unknown tag !Rpx; did you mean"),
-        ("pose: {translation: [1, 2]}", "pose: does not fit: "),
-        ("law: pdi", "law: must be one of pid, printed; is 'pdi'"),
+        ("numbers: [1, 0]", "numbers: must be greater than 0.0, got 0.0"),
+        ("numbers: [1, 10]", "numbers: must be at most 9.0, got 10.0"),
+        ("numbers: [1, -.inf]", "numbers: must be finite, got -inf"),
+        ("numbers: [1, x]", "numbers[1]: must be a number, got 'x'"),
+        ("shape: !Ball {}", "shape: unknown tag !Ball (allowed: !Box, !Cylinder"),
+        ("shape: !Boxx {}", "shape: unknown tag !Boxx (did you mean '!Box'? allowed"),
+        ("shape: {size: [1, 1, 1]}", "shape: needs a tag (allowed: !Box, !Cylinder)"),
+        ("shape: !Box {radius: 1}", "shape: unknown key 'radius' (allowed: size"),
+        ("table: [1]", "table: must be a mapping, got a list"),
+        ("table: {x: {y: 1}}", "table.x: unknown key 'y' (allowed: "),
+        ("pose: {rotaton: 1}", "pose: unknown key 'rotaton' (did you mean 'rotation'?"),
+        ("pose: 3", "pose: must be a mapping, got 3"),
+        ("pose: {rotation: !Rpx {}}", "pose.rotation: unknown tag !Rpx (did you mean"),
+        ("pose: {translation: [1, 2]}", "pose: cannot be read: "),
+        ("law: pdi", "law: must be one of pid, printed; got 'pdi'"),
     ],
 )
 def test_each_mistake_is_named(text, message):

@@ -102,7 +102,9 @@ def test_what_does_not_fit_is_reported():
     rig = Rig(bench_scenario(BALL))
     with pytest.raises(ScenarioError, match="rig: the station has no input feet"):
         rig.fix("feet", 1.0)
-    with pytest.raises(ScenarioError, match=r"position_commanded must have 3 numbers"):
+    with pytest.raises(
+        ScenarioError, match=r"position_commanded needs 3 numbers, got 1"
+    ):
         rig.advance(0.1, arm=[0.0])
     with pytest.raises(ValueError, match="log_period must be a positive multiple"):
         Rig(bench_scenario(BALL), log_period=0.003)
@@ -142,7 +144,7 @@ def test_an_image_shows_what_is_there():
 def test_a_video_needs_a_camera(tmp_path):
     bench = bench_scenario(BALL, overrides=["recording.video_camera=''"])
     with pytest.raises(
-        ScenarioError, match=r"recording\.video_camera: names no camera"
+        ScenarioError, match=r"recording\.video_camera: must name a camera"
     ):
         Rig(bench, video=tmp_path / "run.mp4")
 

@@ -52,8 +52,11 @@ def test_a_share_of_nothing_hides_nothing():
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("localizer.cameras=[]", "needs localizer.cameras, which is empty"),
-        ("cameras.ceiling.X_PB.base_frame=arm::flange", "needs a camera fixed in worl"),
+        ("localizer.cameras=[]", "needs at least one camera in localizer.cameras"),
+        (
+            "cameras.ceiling.X_PB.base_frame=arm::flange",
+            "needs a first localizer camera that is fixed in world, got",
+        ),
     ],
 )
 def test_errors_name_the_key(override, message):

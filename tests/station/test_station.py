@@ -193,7 +193,7 @@ def test_an_absent_object_is_absent():
             "directives=[{add_model: {name: x, file: package://no/x.sdf}}]",
             "directives: ",
         ),
-        ("object.model=package://drake_srg/sdf/srg.sdf", "must have one link, has 5"),
+        ("object.model=package://drake_srg/sdf/srg.sdf", "must have one link, got 5"),
         ("object.model=package://drake_srg/sdf/no.sdf", "objects.soup_can.model: "),
     ],
 )

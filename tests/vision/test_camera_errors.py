@@ -154,7 +154,7 @@ def test_a_station_outputs_its_cameras_errors():
 
 
 def test_errors_of_an_unknown_camera_are_refused():
-    with pytest.raises(ScenarioError, match=r"camera_errors: 'attic' is not among"):
+    with pytest.raises(ScenarioError, match=r"camera_errors: unknown camera 'attic'"):
         load_scenario("kitchen", overrides=["camera_errors.attic.blur=1.0"])
 
 

@@ -75,15 +75,15 @@ def message_script(config: MessagesConfig, num_joints: int) -> list[ScriptStep]:
                 raise ValueError(f"{key}: needs either kuka or grasp")
             if message.kuka is not None and len(message.kuka) != num_joints:
                 raise ValueError(
-                    f"{key}.kuka: must have an entry a joint of the arm, "
-                    f"{num_joints}, has {len(message.kuka)}"
+                    f"{key}.kuka: needs one entry per joint of the arm "
+                    f"({num_joints}), got {len(message.kuka)}"
                 )
     steps: list[ScriptStep] = []
     for i, call in enumerate(config.sequence):
         if call.routine not in config.routines:
             raise ValueError(
-                f"messages.sequence[{i}].routine: {call.routine!r} is not among the "
-                f"routines; {suggest(call.routine, config.routines)}"
+                f"messages.sequence[{i}].routine: unknown routine {call.routine!r} "
+                f"{suggest(call.routine, config.routines)}"
             )
         for message in config.routines[call.routine]:
             steps += _steps(message, call.mode, 1.0 / config.rate)

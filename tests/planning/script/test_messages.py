@@ -99,11 +99,11 @@ def test_a_ramp_has_a_message_an_integer():
         ),
         (
             config(MessageConfig(kuka=[0.0])),
-            r"messages.routines.all\[0\].kuka: must have .* 2, has 1",
+            r"messages.routines.all\[0\].kuka: needs .* \(2\), got 1",
         ),
         (
             MessagesConfig(sequence=[RoutineConfig(routine="grip")]),
-            r"messages.sequence\[0\].routine: 'grip' is not among the routines",
+            r"messages.sequence\[0\].routine: unknown routine 'grip'",
         ),
         (MessagesConfig(), r"messages.sequence: needs a routine with messages"),
     ],
