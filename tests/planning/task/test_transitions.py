@@ -1,3 +1,9 @@
+"""What holds of the transitions whatever is observed; the table itself is data."""
+
+import dataclasses as dc
+import functools
+import itertools
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -6,108 +12,138 @@ from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.transitions import TRANSITIONS, Observation, transition
 from drake_srg.types import Failure, Mode
 
-CONFIG = PlannerConfig(verify_time=0.1, gripper_timeout=1.5)
+ENDS = {Mode.DONE, Mode.FAILED}
 CYCLE = [mode for mode in Mode if mode is not Mode.FAILED]
+MOVING = {
+    *(Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER, Mode.PLACE),
+    *(Mode.RETREAT, Mode.HOME),
+}
+FINAL = {Failure.STOPPED, Failure.TIME_BUDGET}
+FLAGS = [f.name for f in dc.fields(Observation) if f.name != "failure"]
+LONG = 1e6  # s
 
+failures = st.none() | st.sampled_from(Failure)
 observations = st.builds(
-    Observation,
-    ready=st.booleans(),
-    arrived=st.booleans(),
-    still=st.booleans(),
-    holding=st.booleans(),
-    clear=st.booleans(),
-    at_goal=st.booleans(),
-    failure=st.none() | st.sampled_from(Failure),
+    Observation, failure=failures, **{name: st.booleans() for name in FLAGS}
 )
-times = st.floats(0, 5)
+waits = st.floats(0.0, 3.0)
+configs = st.builds(
+    PlannerConfig,
+    **dict.fromkeys(
+        ("gripper_reaction", "verify_time", "grip_wait", "release_wait"), waits
+    ),
+    gripper_timeout=st.floats(0.1, 3.0),
+)
+times = st.floats(0.0, 10.0)
 modes = st.sampled_from(Mode)
+under_way = st.sampled_from([mode for mode in Mode if mode not in ENDS])
 
 
-@pytest.mark.parametrize(
-    ("mode", "observed", "t", "expected"),
-    [
-        (Mode.IDLE, {}, 9, Mode.IDLE),
-        (Mode.IDLE, {"ready": True}, 0, Mode.PRE_GRASP),
-        (Mode.IDLE, {"failure": Failure.NOT_SEEN, "ready": True}, 0, Mode.FAILED),
-        (Mode.PRE_GRASP, {}, 9, Mode.PRE_GRASP),
-        (Mode.PRE_GRASP, {"arrived": True}, 0, Mode.GRASP),
-        (Mode.GRASP, {}, 9, Mode.GRASP),
-        (Mode.GRASP, {"arrived": True}, 0, Mode.CLOSE),
-        (Mode.CLOSE, {"still": True}, 1.4, Mode.CLOSE),
-        (Mode.CLOSE, {"holding": True}, 1.4, Mode.CLOSE),
-        # Open fingers beside an object, before they begin to move.
-        (Mode.CLOSE, {"holding": True, "still": True}, 0.1, Mode.CLOSE),
-        (Mode.CLOSE, {"holding": True, "still": True}, 0.2, Mode.VERIFY),
-        (Mode.CLOSE, {}, 1.5, Mode.VERIFY),
-        (Mode.VERIFY, {"holding": True}, 0.05, Mode.VERIFY),
-        (Mode.VERIFY, {"holding": True}, 0.1, Mode.LIFT),
-        (Mode.VERIFY, {}, 0, Mode.RELEASE),
-        (Mode.VERIFY, {}, 0.1, Mode.RELEASE),
-        (Mode.LIFT, {"holding": True}, 9, Mode.LIFT),
-        (Mode.LIFT, {}, 9, Mode.LIFT),
-        (Mode.LIFT, {"arrived": True}, 0, Mode.RELEASE),
-        (Mode.LIFT, {"arrived": True, "holding": True}, 0, Mode.TRANSFER),
-        (Mode.TRANSFER, {}, 9, Mode.TRANSFER),
-        (Mode.TRANSFER, {"arrived": True}, 0, Mode.RELEASE),
-        (Mode.TRANSFER, {"arrived": True, "holding": True}, 0, Mode.TRANSFER),
-        (
-            Mode.TRANSFER,
-            {"arrived": True, "holding": True, "ready": True},
-            0,
-            Mode.PLACE,
-        ),
-        (Mode.PLACE, {}, 9, Mode.PLACE),
-        (Mode.PLACE, {"arrived": True}, 0, Mode.RELEASE),
-        (Mode.RELEASE, {"clear": True}, 1.4, Mode.RELEASE),
-        (Mode.RELEASE, {"still": True}, 1.4, Mode.RELEASE),
-        (Mode.RELEASE, {"clear": True, "still": True}, 0, Mode.RETREAT),
-        (Mode.RELEASE, {}, 1.5, Mode.RETREAT),
-        (Mode.RETREAT, {}, 9, Mode.RETREAT),
-        (Mode.RETREAT, {"arrived": True}, 0, Mode.HOME),
-        (Mode.HOME, {"at_goal": True}, 9, Mode.HOME),
-        (Mode.HOME, {"arrived": True, "at_goal": True}, 0, Mode.DONE),
-        (
-            Mode.HOME,
-            {"arrived": True, "at_goal": True, "last_cycle": False},
-            0,
-            Mode.IDLE,
-        ),
-        (Mode.HOME, {"arrived": True}, 0, Mode.IDLE),
-        (Mode.IDLE, {"stuck": True}, 0, Mode.RETREAT),
-        (Mode.PRE_GRASP, {"moved": True}, 9, Mode.PRE_GRASP),
-        (Mode.PRE_GRASP, {"arrived": True, "moved": True}, 0, Mode.IDLE),
-        (Mode.HOME, {"arrived": True, "failure": Failure.DROPPED}, 0, Mode.FAILED),
-    ],
-)
-def test_transitions(mode, observed, t, expected):
-    assert transition(mode, Observation(**observed), t, CONFIG) is expected
+@functools.cache
+def successors(mode):
+    """Modes that follow a mode by any observation at all, at once or after long."""
+    found = set()
+    for failure in (None, *Failure):
+        for flags in itertools.product([False, True], repeat=len(FLAGS)):
+            o = Observation(failure=failure, **dict(zip(FLAGS, flags, strict=True)))
+            found |= {transition(mode, o, t) for t in (0.0, LONG)}
+    return found - {mode}
+
+
+def reachable(mode, avoiding=()):
+    reached, edge = set(), {mode}
+    while edge:
+        reached |= edge
+        edge = {m for e in edge for m in successors(e)} - reached - set(avoiding)
+    return reached
+
+
+# The graph.
+
+
+def test_every_mode_has_its_row():
+    assert TRANSITIONS.keys() == set(Mode)
 
 
 def test_every_mode_can_be_reached():
-    reached, edge = set(), {Mode.IDLE}
-    while edge:
-        reached |= edge
-        edge = {following for mode in edge for _, following in TRANSITIONS[mode]}
-        edge -= reached
-    assert reached == set(Mode)
+    assert reachable(Mode.IDLE) == set(Mode)
 
 
-@given(modes, observations, times)
-def test_what_follows_is_in_the_table(mode, o, t):
-    following = {mode, Mode.FAILED, *(m for _, m in TRANSITIONS[mode])}
-    assert transition(mode, o, t) in following
+@pytest.mark.parametrize("mode", [mode for mode in Mode if mode not in ENDS])
+def test_from_every_mode_the_task_can_be_done_and_can_fail(mode):
+    assert Mode.DONE in reachable(mode, avoiding=[Mode.FAILED])
+    assert Mode.FAILED in successors(mode)
 
 
-@given(st.sampled_from([Mode.DONE, Mode.FAILED]), observations, times)
+@pytest.mark.parametrize("mode", Mode)
+def test_no_row_of_the_table_is_hidden_by_those_above_it(mode):
+    assert {following for _, following in TRANSITIONS[mode]} <= successors(mode)
+
+
+def test_a_cycle_goes_through_its_modes_in_order():
+    for mode, following in itertools.pairwise(CYCLE):
+        assert following in successors(mode)
+
+
+# Single transitions.
+
+
+@given(modes, observations, times, configs)
+def test_the_same_is_decided_every_time(mode, o, t, config):
+    first, second = (
+        transition(mode, dc.replace(o), t, dc.replace(config)) for _ in range(2)
+    )
+    assert first is second
+
+
+@given(modes, observations, times, times, configs)
+def test_what_is_decided_stays_decided_as_time_goes_on(mode, o, t, later, config):
+    following = transition(mode, o, t, config)
+    if following is not mode:
+        assert transition(mode, o, t + later, config) is following
+
+
+@given(st.sampled_from(sorted(ENDS, key=str)), observations, times)
 def test_the_end_is_the_end(mode, o, t):
     assert transition(mode, o, t) is mode
 
 
-@given(st.sampled_from(CYCLE[:-1]), observations, times)
-def test_a_spent_budget_and_a_stop_end_every_mode(mode, o, t):
-    for failure in (Failure.TIME_BUDGET, Failure.STOPPED):
-        observed = Observation(**{**vars(o), "failure": failure})
-        assert transition(mode, observed, t) is Mode.FAILED
+@given(under_way, observations, times, st.sampled_from(sorted(FINAL, key=str)))
+def test_a_stop_and_a_spent_budget_end_every_mode(mode, o, t, failure):
+    assert transition(mode, dc.replace(o, failure=failure), t) is Mode.FAILED
+
+
+@given(under_way, observations, times)
+def test_nothing_fails_without_a_failure(mode, o, t):
+    assert transition(mode, dc.replace(o, failure=None), t) is not Mode.FAILED
+
+
+@given(observations, times, st.sampled_from(Failure))
+def test_a_failure_ends_what_has_no_way_on(o, t, failure):
+    """No plan, no way out, no place to put the object, no attempt left."""
+    o = dc.replace(o, failure=failure, arrived=True)
+    assert transition(Mode.IDLE, o, t) is Mode.FAILED
+    assert transition(Mode.RELEASE, o, t) is Mode.FAILED
+    held, misplaced = dc.replace(o, holding=True), dc.replace(o, at_goal=False)
+    assert transition(Mode.TRANSFER, held, t) is Mode.FAILED
+    assert transition(Mode.HOME, misplaced, t) is Mode.FAILED
+
+
+@given(st.sampled_from(sorted(MOVING, key=str)), observations, times)
+def test_a_motion_is_over_when_the_arm_has_arrived(mode, o, t):
+    o = dc.replace(o, arrived=False)
+    stopped = o.failure in FINAL
+    assert transition(mode, o, t) is (Mode.FAILED if stopped else mode)
+
+
+@given(modes, observations, times)
+def test_motions_begin_only_when_they_are_planned(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following is Mode.PRE_GRASP:
+        assert mode is Mode.IDLE
+        assert o.ready
+    if following is not mode and following is Mode.PLACE:
+        assert o.ready
 
 
 @given(modes, observations, times)
@@ -116,3 +152,96 @@ def test_the_arm_lifts_and_carries_only_what_it_holds(mode, o, t):
     if following is not mode and following in (Mode.LIFT, Mode.TRANSFER, Mode.PLACE):
         assert o.holding
         assert mode is CYCLE[CYCLE.index(following) - 1]
+
+
+@given(modes, observations, times)
+def test_what_is_held_is_let_go_only_where_it_is_placed(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following is Mode.RELEASE:
+        assert mode is Mode.PLACE or not o.holding
+
+
+@given(observations, times)
+def test_an_object_that_has_left_the_hand_is_not_placed(o, t):
+    o = dc.replace(o, holding=False, arrived=True, failure=None)
+    for mode in (Mode.VERIFY, Mode.LIFT, Mode.TRANSFER):
+        assert transition(mode, o, t) is Mode.RELEASE
+
+
+@given(observations, times)
+def test_an_object_that_has_moved_is_looked_for_again(o, t):
+    o = dc.replace(o, moved=True, failure=None)
+    following = transition(Mode.PRE_GRASP, o, t)
+    assert following is (Mode.IDLE if o.arrived else Mode.PRE_GRASP)
+
+
+@given(observations, times)
+def test_an_arm_that_is_stuck_goes_home_before_it_looks_again(o, t):
+    o = dc.replace(o, stuck=True, ready=False, failure=None)
+    assert transition(Mode.IDLE, o, t) is Mode.RETREAT
+    assert Mode.IDLE not in successors(Mode.RETREAT)
+
+
+@given(modes, observations, times)
+def test_the_task_is_done_when_the_object_is_on_its_last_goal(mode, o, t):
+    following = transition(mode, o, t)
+    if following is not mode and following is Mode.DONE:
+        assert mode is Mode.HOME
+        assert o.at_goal
+        assert o.last_cycle
+
+
+@given(observations, times)
+def test_at_home_the_task_goes_on_until_it_is_done(o, t):
+    o = dc.replace(o, arrived=True, failure=None)
+    done = o.at_goal and o.last_cycle
+    assert transition(Mode.HOME, o, t) is (Mode.DONE if done else Mode.IDLE)
+
+
+# Waits.
+
+
+@given(observations, configs)
+def test_fingers_are_never_waited_for_in_vain(o, config):
+    o = dc.replace(o, failure=None)
+    longest = config.gripper_timeout + max(
+        config.release_wait, config.grip_wait, config.verify_time
+    )
+    for mode in (Mode.CLOSE, Mode.VERIFY, Mode.RELEASE):
+        assert transition(mode, o, longest, config) is not mode
+
+
+@given(observations, times, configs)
+def test_fingers_have_closed_when_they_hold_something_and_rest(o, t, config):
+    o = dc.replace(o, failure=None)
+    if transition(Mode.CLOSE, o, t, config) is not Mode.CLOSE:
+        # Open fingers beside an object rest, too, before they begin to move.
+        closed = t >= config.gripper_reaction and o.holding and o.still
+        assert closed or t >= config.gripper_timeout
+
+
+@given(observations, times, configs)
+def test_the_arm_lifts_once_the_grasp_has_been_watched(o, t, config):
+    lifts = transition(Mode.VERIFY, o, t, config) is Mode.LIFT
+    if lifts:
+        assert t >= config.verify_time
+        assert t >= config.grip_wait
+
+
+@given(observations, times, configs)
+def test_the_hand_leaves_once_the_fingers_have_let_go(o, t, config):
+    if transition(Mode.RELEASE, o, t, config) is Mode.RETREAT:
+        assert t >= config.release_wait
+        opened = o.clear and o.still
+        assert opened or t >= config.gripper_timeout + config.release_wait
+
+
+@given(times, configs)
+def test_fingers_that_are_ready_are_not_waited_for(t, config):
+    o = Observation(still=True, holding=True, clear=True)
+    for mode, least in (
+        (Mode.CLOSE, config.gripper_reaction),
+        (Mode.VERIFY, max(config.verify_time, config.grip_wait)),
+        (Mode.RELEASE, config.release_wait),
+    ):
+        assert transition(mode, o, least + t, config) is not mode
