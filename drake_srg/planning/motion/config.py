@@ -1,4 +1,4 @@
-"""How the arm moves."""
+"""Distances, speeds and limits of the arm's motions."""
 
 import dataclasses as dc
 
@@ -7,20 +7,20 @@ from drake_srg.types import positive
 
 @dc.dataclass(kw_only=True)
 class TipLimits:
-    """How the tip may move along its path; the defaults are the five-axis thesis's.
+    """Limits of the tip along its path; the defaults are the five-axis thesis's.
 
     Distance on a path is that of `moveToPose` with metric [1, 1, 1, angle_weight]: the
-    norm of the tip's step and of the angle that the hand turns by, times the weight.
+    norm of the tip's step and of the hand's turn times that weight.
     """
 
     velocity: float = dc.field(default=0.1, metadata=positive())  # m/s
     acceleration: float = dc.field(default=0.1, metadata=positive())  # m/s²
     jerk: float = dc.field(default=0.1, metadata=positive())  # m/s³
-    # What a turn of the hand counts as [m/rad].
+    # Distance that a turn of the hand counts as [m/rad].
     angle_weight: float = dc.field(default=0.1, metadata={"ge": 0.0})
 
     def slowed(self, factor: float) -> "TipLimits":
-        """The limits of the same motions in `factor` times the time."""
+        """Return the limits of the same motions in `factor` times the time."""
         return dc.replace(
             self,
             velocity=self.velocity / factor,

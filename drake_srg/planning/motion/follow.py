@@ -1,4 +1,4 @@
-"""Follows a target that moves a little: Newton's method from the last posture."""
+"""Newton's method for targets of the hand near the last posture."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Vector
 
-_DAMPING = 1e-6  # m^2 and rad^2: felt only within a millimetre of a singularity
-_CLOSE = 1e-7  # m and rad; Newton's next step would be at rounding errors
+_DAMPING = 1e-6  # m² and rad²: matters only within a millimetre of a singularity
+_CLOSE = 1e-7  # m and rad; the next step would only add rounding errors
 
 
 def follow(
@@ -21,20 +21,27 @@ def follow(
     joint_margin: float = 0.02,
     max_iterations: int = 20,
 ) -> Vector | None:
-    """Moves the joints from `q` as little as takes the hand to `target`.
+    """Move the joints from `q` just as far as takes the hand to `target`.
 
-    Position and orientation are met exactly, whatever their tolerances; an axis is
-    turned only where it leaves its angle. A joint that meets its limit stays there
-    while the others go on. Collisions are not looked at.
+    Position and orientation are met exactly, whatever their tolerances; an axis turns
+    only where it exceeds its angle. A joint that meets its limit stays there while the
+    others go on. Collisions are not checked.
+
+    Args:
+        scene: The arm.
+        target: Where the hand must be.
+        q: Where the arm is, shape (N,) [rad].
+        joint_margin: Distance kept from the joint limits [rad].
+        max_iterations: Of Newton's method.
 
     Returns:
-        Joint angles near `q`, shape (N,) [rad], or None where Newton finds none.
+        Joint angles near `q`, shape (N,) [rad], or None if it does not converge.
     """
-    # A start beyond the margin may stay where it is, but goes no further.
+    # A start beyond the margin may stay there, but must go no further.
     lower = np.minimum(scene.lower + joint_margin, q)
     upper = np.maximum(scene.upper - joint_margin, q)
     for _ in range(max_iterations):
-        error, jacobian = _linearized(scene, target, q)
+        error, jacobian = _linearize(scene, target, q)
         if np.max(np.abs(error)) < _CLOSE:
             return q
         step = np.zeros_like(q)
@@ -53,10 +60,10 @@ def follow(
     return None
 
 
-def _linearized(
+def _linearize(
     scene: PlanningScene, target: HandTarget, q: Vector
 ) -> tuple[Vector, Vector]:
-    """What is missing, shape (m,) [m, rad], and its Jacobian, shape (m, N)."""
+    """Return what is missing, shape (m,) [m, rad], and its Jacobian, shape (m, N)."""
     X_WG = scene.X_WG(q)
     world = scene.plant.world_frame()
     J_W = scene.plant.CalcJacobianSpatialVelocity(
@@ -75,7 +82,7 @@ def _linearized(
         sine = float(np.linalg.norm(normal))
         beyond = np.arctan2(sine, axis_W @ axis.direction_W) - axis.angle
         if axis.angle == 0.0:
-            # All that is across the axis; its length alone would let it go around.
+            # The whole error across the axis: its length alone lets the axis go around.
             errors.append(beyond * normal / max(sine, 1e-12))
             across = np.eye(3) - np.outer(axis.direction_W, axis.direction_W)
             rows.append(across @ J_W[:3])

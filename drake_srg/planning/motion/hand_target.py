@@ -1,4 +1,4 @@
-"""Where the hand shall be: what inverse kinematics and straight paths ask for."""
+"""Targets of the hand, for inverse kinematics and straight paths."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from drake_srg.types import Vector
 
 @dc.dataclass(frozen=True)
 class AxisTarget:
-    """An axis of the hand that shall point along a direction of the world."""
+    """An axis of the hand that must point along a direction of the world."""
 
     axis_G: Vector  # shape (3,), in the hand
     direction_W: Vector  # shape (3,), in the world
@@ -21,9 +21,9 @@ class AxisTarget:
 
 @dc.dataclass(frozen=True)
 class HandTarget:
-    """Where the hand shall be: a point, and a full orientation, axes, or neither."""
+    """Where the hand must be: a point, and a full orientation, axes, or neither."""
 
-    p_WT: Vector  # where the hand's point T shall be [m], shape (3,)
+    p_WT: Vector  # target of the hand's point T [m], shape (3,)
     R_WG: RotationMatrix | None = None
     axes: tuple[AxisTarget, ...] = ()
     p_GT: Vector = dc.field(default_factory=lambda: np.zeros(3))  # T in the hand [m]
@@ -32,19 +32,19 @@ class HandTarget:
 
     @staticmethod
     def from_pose(X_WG: RigidTransform) -> HandTarget:
-        """The hand's origin and all its axes as in `X_WG`."""
+        """Return the target of the whole pose `X_WG` [m]."""
         return HandTarget(X_WG.translation(), X_WG.rotation())
 
     def shifted(self, p_W: Vector) -> HandTarget:
-        """The same target, moved by `p_W` [m]."""
+        """Return the same target, moved by `p_W` (3,) [m]."""
         return dc.replace(self, p_WT=self.p_WT + p_W)
 
     def distance(self, X_WG: RigidTransform) -> float:
-        """Distance of the hand's point T from where it shall be [m]."""
+        """Return the distance of the hand's point T from its target [m]."""
         return float(np.linalg.norm(X_WG @ self.p_GT - self.p_WT))
 
     def angle_violation(self, X_WG: RigidTransform) -> float:
-        """How far the hand is turned beyond what is tolerated [rad], 0 if it is not."""
+        """Return by how much the hand exceeds the angular tolerances [rad], or 0."""
         beyond = [0.0]
         if self.R_WG is not None:
             R_error = self.R_WG.inverse() @ X_WG.rotation()

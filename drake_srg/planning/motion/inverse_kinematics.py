@@ -1,4 +1,4 @@
-"""Finds joint angles that put the hand where it is wanted, or says what forbids it."""
+"""Inverse kinematics: joint angles for a target of the hand, or what forbids them."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from drake_srg.types import Failure, Vector
 # A solvable call needs 5 to 20 major iterations; one that needs more is lost.
 _OPTIONS = SolverOptions()
 _OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
-# The cosine of an angle has no slope at 0, and SNOPT meets it to 1e-6: an axis that is
-# wanted closer than this [rad] is kept at 90 degrees to two normals of its direction.
+# The cosine of an angle has no slope at 0, and SNOPT meets constraints to 1e-6: an axis
+# with a smaller tolerance [rad] is kept at 90 degrees to two normals of its direction.
 _SMALL_ANGLE = 1.4e-3
 _FINE = SolverOptions()
 _FINE.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
@@ -29,7 +29,7 @@ _FINE.SetOption(SnoptSolver.id(), "Major feasibility tolerance", 1e-9)
 
 
 class Requirement(enum.Enum):
-    """The kinds of constraint of the problem; a failure names one of them."""
+    """Kinds of constraint of the problem; a failure names one of them."""
 
     POSITION = "position"
     ORIENTATION = "orientation"
@@ -43,24 +43,24 @@ class IkSolution:
     """Joint angles that meet every requirement."""
 
     q: Vector  # shape (N,) [rad]
-    cost: float  # squared distance from the nominal posture [rad^2]
+    cost: float  # squared distance from the nominal posture [rad²]
     clearance: Clearance | None  # None where collisions were not asked for
-    starts: int  # how many starts it took
+    starts: int  # how many starts were needed
 
 
 @dc.dataclass(frozen=True)
 class IkFailure:
-    """The requirement that cannot be met, all others being met."""
+    """The requirement that cannot be met together with all others."""
 
     requirement: Requirement
-    violation: float  # by how much [m] or [rad], in the best compromise found
+    violation: float  # in the best compromise found [m] or [rad]
     message: str
     q: Vector  # that compromise, shape (N,) [rad]
     clearance: Clearance | None = None  # of the colliding pair
 
     @property
     def failure(self) -> Failure:
-        """What it means for the task: blocked by something, or out of reach."""
+        """What that means for the task: blocked by something, or out of reach."""
         if self.requirement is Requirement.MINIMUM_DISTANCE:
             return Failure.BLOCKED
         return Failure.OUT_OF_REACH
@@ -78,41 +78,39 @@ def solve_inverse_kinematics(
     check_clearance: bool = True,
     seed: int = 0,
 ) -> IkSolution | IkFailure:
-    """Solves for the posture nearest to a nominal one that reaches `target`.
+    """Solve for the posture nearest to a nominal one that reaches `target`.
 
-    SNOPT solves a program of position, orientation and joint limits; the scene then
-    judges the solution. Minimum distance is not part of the program: that takes ten
-    times longer than solving from another start. The first start is `q_guess`; each
-    further one is drawn at random, ever further away, and is also where its program
-    pulls to, which spreads the solutions of a redundant arm over its free motion.
+    SNOPT solves a program of position, orientation and joint limits, and the scene
+    judges the solution. Minimum distance is not part of the program: with it, solving
+    takes ten times longer than from another start without it. The first start is
+    `q_guess`. Each further one is drawn at random, further and further away, and also
+    replaces the nominal posture of its program, which spreads the solutions of a
+    redundant arm over its null space.
 
     Args:
-        scene: the arm, and what to keep clear of.
-        target: where the hand shall be.
-        q_nominal: the posture that costs nothing, shape (N,) [rad].
-        q_guess: the first start, shape (N,) [rad]; default, `q_nominal`.
-        joint_margin: distance kept from the joint limits [rad].
-        max_starts: how many starts to try.
-        good_cost: stop at the first solution that costs no more [rad^2]; the default
-            takes the first solution there is.
-        check_clearance: whether solutions have to be free in `scene`.
-        seed: of the random starts; the same call returns the same result.
+        scene: The arm, and what to keep clear of.
+        target: Where the hand must be.
+        q_nominal: The posture that costs nothing, shape (N,) [rad].
+        q_guess: The first start, shape (N,) [rad]; None: `q_nominal`.
+        joint_margin: Distance kept from the joint limits [rad].
+        max_starts: How many starts to try.
+        good_cost: Stop at the first solution that costs no more [rad²]; the default
+            takes the first solution found.
+        check_clearance: Whether solutions must be free in `scene`.
+        seed: Of the random starts; the same call returns the same result.
 
     Returns:
         The cheapest free solution among those tried, or what cannot be met.
 
     Raises:
-        ValueError: if a vector does not have N entries.
+        ValueError: If a vector does not have N entries.
     """
     guess = q_nominal if q_guess is None else q_guess
-    for name, vector in (
-        ("q_nominal", q_nominal),
-        ("q_guess", guess),
-    ):
+    for name, vector in (("q_nominal", q_nominal), ("q_guess", guess)):
         if np.shape(vector) != (scene.num_joints,):
             raise ValueError(
-                f"{name} needs one entry for each of {', '.join(scene.joint_names)}; "
-                f"its shape is {np.shape(vector)}."
+                f"{name} needs one entry per joint ({', '.join(scene.joint_names)}), "
+                f"got shape {np.shape(vector)}"
             )
     limits = (scene.lower + joint_margin, scene.upper - joint_margin)
     program = _Program(scene, target, limits)
@@ -150,14 +148,14 @@ def solve_inverse_kinematics(
 def _starts(
     limits: tuple[Vector, Vector], guess: Vector, rng: Generator, count: int
 ) -> Iterator[Vector]:
-    """The guess, then random postures further and further away from it."""
+    """Yield the guess, then random postures further and further away from it."""
     guess = np.clip(guess, *limits)
     for share in np.linspace(0.0, 1.0, count):
         yield guess + share * (rng.uniform(*limits) - guess)
 
 
 class _Program:
-    """One inverse kinematics program; a softened target costs instead of binding."""
+    """One inverse kinematics program; a soft target is a cost, not a constraint."""
 
     def __init__(
         self,
@@ -173,9 +171,9 @@ class _Program:
         ik = InverseKinematics(scene.plant, scene.context, with_joint_limits=False)
         self._ik, self._prog = ik, ik.get_mutable_prog()
         lower = scene.positions(limits[0])
-        upper = scene.positions(limits[1])  # all but the arm stands still
+        upper = scene.positions(limits[1])  # only the arm moves
         self._prog.AddBoundingBoxConstraint(lower, upper, ik.q())
-        # A softened program looks for the least violation, whatever the posture.
+        # A soft program looks for the least violation, whatever the posture.
         weight = 1e-6 if self._soft else 1.0
         self._weights = weight * np.eye(scene.num_joints)
         fine = any(axis.angle < _SMALL_ANGLE for axis in target.axes)
@@ -216,7 +214,7 @@ class _Program:
                     )
 
     def solve(self, start: Vector, pull: Vector) -> tuple[Vector, bool]:
-        """Solves from `start`, drawn towards `pull`; says whether it succeeded."""
+        """Return q (N,) from a start, drawn towards `pull`, and whether it is valid."""
         q_arm = self._ik.q()[self._scene.arm_indices]
         cost = self._prog.AddQuadraticErrorCost(self._weights, pull, q_arm)
         result = SnoptSolver().Solve(
@@ -232,7 +230,7 @@ def _diagnose(
     limits: tuple[Vector, Vector],
     guess: Vector,
 ) -> IkFailure:
-    """Drops one requirement after the other until the rest can be met."""
+    """Drop one requirement after the other until the rest can be met."""
     rng = default_rng(0)
     starts = list(_starts(limits, guess, rng, 4))
     turn = np.full(scene.num_joints, 2.0 * np.pi)

@@ -18,15 +18,20 @@ from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_tr
 from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-_SAME = 0.01  # difference of postures that a straight line may end with [rad]
+_SAME = 0.01  # how far off its goal a straight line may end [rad]
 
 
 class Moves:
-    """Paths and timings in a planning scene; those that do not exist raise.
+    """Paths and timings in a planning scene; moves that do not exist raise.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        p_GT: The hand's point that straight lines are for, shape (3,) [m].
+        config: Distances and speeds.
 
     Attributes:
         free: Limits of motions with an empty hand.
-        holding: Limits of motions with something in it.
+        holding: Limits of motions with something in the hand.
     """
 
     def __init__(
@@ -40,22 +45,22 @@ class Moves:
         self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
 
     def above(self, q: Vector, height: float | None = None) -> HandTarget:
-        """The hand as at `q` (N,) [rad], lifted by `height`, or `lift_height` [m]."""
+        """Return the hand as at `q` (N,) [rad], lifted by `height` or `lift_height`."""
         height = self._config.lift_height if height is None else height
         return self._like(q).shifted(height * _UP)
 
     def below(self, q: Vector) -> HandTarget:
-        """The hand as at `q` (N,) [rad], lowered by as much as `above` lifts it."""
+        """Return the hand as at `q` (N,) [rad], lowered by `lift_height`."""
         return self._like(q).shifted(-self._config.lift_height * _UP)
 
     def behind(self, q: Vector) -> HandTarget:
-        """The hand as at `q` (N,) [rad], drawn back from what is in front of it."""
+        """Return the hand as at `q` (N,) [rad], drawn back by `approach_distance`."""
         X_WG = self._scene.X_WG(q)
         back = -self._config.approach_distance * X_WG.rotation().col(0)
         return self._like(q).shifted(back)
 
     def _like(self, q: Vector) -> HandTarget:
-        """The hand's pose, or as much of it as the arm can keep along a line."""
+        """Return the hand's pose, or as much of it as the arm can keep along a line."""
         X_WG = self._scene.X_WG(q)
         if self._scene.reaches_any_pose:
             return HandTarget.from_pose(X_WG)
@@ -66,7 +71,7 @@ class Moves:
     def straight(
         self, q: Vector, target: HandTarget, *, turning: bool = False
     ) -> Vector:
-        """Path of the hand on a straight line from `q`, (K, N) [rad].
+        """Return the path of the hand on a straight line from `q`, (K, N) [rad].
 
         Args:
             q: Where it starts, (N,) [rad].
@@ -74,11 +79,11 @@ class Moves:
             turning: Whether axes may turn where they cannot be kept along the line.
 
         Raises:
-            NoPathError: If there is none.
+            NoPathError: If there is no such path.
         """
         path = plan_cartesian_path(self._scene, q, target)
         if isinstance(path, PlanningFailure) and turning and target.axes:
-            # Joints of an arm that is nearly stretched move far on a short way.
+            # Joints of an arm that is nearly stretched turn far on a short line.
             target = dc.replace(target, axes=())
             path = plan_cartesian_path(self._scene, q, target, spacing=0.005)
         if isinstance(path, PlanningFailure):
@@ -86,10 +91,10 @@ class Moves:
         return path
 
     def through(self, q: Vector, targets: Iterable[HandTarget]) -> Vector:
-        """Path of the hand on straight lines from `q` through targets, (K, N) [rad].
+        """Return the path on straight lines from `q` through targets, (K, N) [rad].
 
         Raises:
-            NoPathError: If there is none.
+            NoPathError: If there is no such path.
         """
         path = q[np.newaxis]
         for target in targets:
@@ -97,12 +102,12 @@ class Moves:
         return path
 
     def joint_path(self, q_start: Vector, q_goal: Vector) -> Vector:
-        """Any free path between two postures, (K, N) [rad].
+        """Return a free path between two postures, (K, N) [rad].
 
-        Where the hand's motion is limited, its straight line if there is one.
+        Where the hand's motion is limited, a straight line of the hand is preferred.
 
         Raises:
-            NoPathError: If there is none.
+            NoPathError: If there is no such path.
         """
         if self._config.tip_limits is not None:
             line = plan_cartesian_path(self._scene, q_start, self._like(q_goal))
@@ -118,15 +123,15 @@ class Moves:
     def timed(
         self, path: Vector, limits: MotionLimits, *, straight: bool = False
     ) -> Trajectory:
-        """The fastest motion along a path (K, N) [rad], from rest to rest.
+        """Return the fastest motion along a path, from rest to rest.
 
         Args:
-            path: Waypoints.
+            path: Waypoints, (K, N) [rad].
             limits: `free` or `holding`.
-            straight: Whether the hand's line between them is to be kept.
+            straight: Whether the hand must stay on the lines between them.
 
         Raises:
-            NoPathError: If there is none.
+            NoPathError: If there is no such motion.
         """
         trajectory: Trajectory | PlanningFailure
         if self._config.tip_limits is not None:

@@ -1,4 +1,4 @@
-"""Free paths: the joints' straight line, a way around, the hand's straight line."""
+"""Free paths: of the joints, straight or around obstacles; of the hand, straight."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ def plan_joint_path(
     shortcuts: int = 20,
     seed: int = 0,
 ) -> Vector | PlanningFailure:
-    """Finds waypoints that straight joint lines connect freely.
+    """Find waypoints that straight joint lines connect without collision.
 
-    The straight line if it is free; else RRT-Connect, shortened. The same call returns
-    the same path.
+    The path is the straight line if that is free, or else that of RRT-Connect,
+    shortened. The same call returns the same path.
 
     Args:
-        scene: the arm, and what to keep clear of.
-        q_start: first waypoint, shape (N,) [rad].
-        q_goal: last waypoint, shape (N,) [rad].
-        max_iterations: of RRT-Connect; about 5 ms each.
-        shortcuts: how many random shortcuts to try.
-        seed: of the search.
+        scene: The arm, and what to keep clear of.
+        q_start: First waypoint, shape (N,) [rad].
+        q_goal: Last waypoint, shape (N,) [rad].
+        max_iterations: Of RRT-Connect; about 5 ms each.
+        shortcuts: How many random shortcuts to try.
+        seed: Of the search.
 
     Returns:
-        Waypoints, shape (K, N) [rad], or why there are none.
+        Waypoints, shape (K, N) [rad], or why there is no path.
     """
     for name, q in (("start", q_start), ("goal", q_goal)):
         hit = scene.first_hit([q])
@@ -61,7 +61,7 @@ def plan_joint_path(
         upper=scene.upper,
         weights=scene.levers,
         is_edge_free=scene.is_edge_free,
-        step=0.5,  # metres of motion; a few make up any way around
+        step=0.5,  # m of motion; a few steps make up any way around
         max_iterations=max_iterations,
         rng=rng,
     )
@@ -87,24 +87,24 @@ def plan_cartesian_path(
     max_joint_step: float = 0.3,
     joint_margin: float = 0.02,
 ) -> Vector | PlanningFailure:
-    """Moves the hand's point T straight from where it is at `q_start` to `target`.
+    """Move the hand's point T straight from where it is at `q_start` to `target`.
 
     An orientation turns evenly about one axis from where it starts. Axes are kept
-    within their angles all along, so `q_start` has to have them there. To arrive at a
-    known posture instead of starting from it, plan backwards and reverse.
+    within their angles all along, so `q_start` must have them there. To end at a known
+    posture instead of starting from one, plan backwards and reverse the path.
 
     Args:
-        scene: the arm, and what to keep clear of.
-        q_start: first waypoint, shape (N,) [rad].
-        target: where the hand shall arrive.
-        spacing: distance of T between waypoints [m].
-        turn_spacing: turn of the hand between waypoints [rad].
-        max_joint_step: a joint that moves more between two waypoints is a jump: the
-            hand then would leave its line [rad].
-        joint_margin: distance kept from the joint limits [rad].
+        scene: The arm, and what to keep clear of.
+        q_start: First waypoint, shape (N,) [rad].
+        target: Where the hand must arrive.
+        spacing: Distance of T between waypoints [m].
+        turn_spacing: Turn of the hand between waypoints [rad].
+        max_joint_step: Largest step of a joint between waypoints [rad]; with a larger
+            one, the hand would leave its line in between.
+        joint_margin: Distance kept from the joint limits [rad].
 
     Returns:
-        Waypoints, shape (K, N) [rad], or why there are none.
+        Waypoints, shape (K, N) [rad], or why there is no path.
     """
     X_WG = scene.X_WG(q_start)
     p_start = X_WG @ target.p_GT

@@ -1,4 +1,4 @@
-"""RRT-Connect (Kuffner and LaValle, ICRA 2000) and shortcuts, on any free space."""
+"""RRT-Connect (Kuffner and LaValle, ICRA 2000) and shortcuts, in any free space."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EdgeTest = Callable[[Vector, Vector], bool]
 
 
 class _Tree:
-    """Vertices and their parents; the metric weighs joints by their levers."""
+    """Vertices and their parents; `weights` (N,) of the joints make the metric."""
 
     def __init__(self, root: Vector, weights: Vector) -> None:
         self.vertices = [root]
@@ -22,7 +22,7 @@ class _Tree:
         self._weights = weights
 
     def extend(self, target: Vector, step: float, is_edge_free: EdgeTest) -> bool:
-        """Grows one step towards `target`; False where something is in the way."""
+        """Grow one step towards `target`; return whether nothing is in the way."""
         offsets = np.array(self._weighted) - self._weights * target
         distances = np.linalg.norm(offsets, axis=1)
         nearest = int(np.argmin(distances))
@@ -37,7 +37,7 @@ class _Tree:
         return True
 
     def branch(self) -> list[Vector]:
-        """From the newest vertex down to the root."""
+        """Return the vertices from the newest down to the root."""
         branch, index = [], len(self.vertices) - 1
         while index >= 0:
             branch.append(self.vertices[index])
@@ -57,10 +57,22 @@ def rrt_connect(
     max_iterations: int,
     rng: Generator,
 ) -> Vector | None:
-    """Searches a free polyline from `q_start` to `q_goal`, both free themselves.
+    """Search for a free polyline from `q_start` to `q_goal`, both free themselves.
 
-    Two of three samples come from the box that start and goal span, widened by 1 rad:
-    the way around an obstacle is mostly near. The third comes from all of the limits.
+    Two of three samples come from the box that start and goal span, widened by 1 rad,
+    because the way around an obstacle is mostly near. The third comes from anywhere
+    within the limits.
+
+    Args:
+        q_start: First waypoint, shape (N,).
+        q_goal: Last waypoint, shape (N,).
+        lower: Lower limits, shape (N,).
+        upper: Upper limits, shape (N,).
+        weights: Of the coordinates in the metric, shape (N,).
+        is_edge_free: Tells whether a straight line is free.
+        step: Longest edge of a tree, in the metric.
+        max_iterations: How many samples to draw.
+        rng: Draws them.
 
     Returns:
         The waypoints, shape (K, N), or None after `max_iterations` samples.
@@ -87,9 +99,9 @@ def rrt_connect(
 def shortcut_path(
     path: Vector, *, is_edge_free: EdgeTest, attempts: int, rng: Generator
 ) -> Vector:
-    """Replaces stretches of a free polyline by straight lines where those are free.
+    """Replace stretches of a free polyline by straight lines where those are free.
 
-    First every vertex is joined to the furthest one it can see, then `attempts` pairs
+    First each vertex is joined to the furthest one that it sees, then `attempts` pairs
     of random points are joined. Start and end stay.
 
     Returns:

@@ -1,11 +1,11 @@
-"""Turns a free path into a smooth motion as fast as the arm's limits allow.
+"""Smooth motions along free paths, as fast as the arm's limits allow.
 
-Two approximations do the work, and both are the same: a cubic spline whose control
-points lie on the curve it approximates, at its knots' averages (Schoenberg, 1967).
-Such a spline reproduces straight lines, keeps within the convex hull of four
-neighbouring points, and its first and second derivatives are weighted averages of
-those of the curve. So it rounds the corners of a path by a bounded amount; and in time
-it turns the steps of a time-optimal acceleration into ramps without exceeding a limit.
+The same approximation serves twice: a cubic spline whose control points lie on the
+curve that it approximates, at averages of its knots (Schoenberg, 1967). Such a spline
+reproduces straight lines, stays within the convex hull of four neighbouring points, and
+its first and second derivatives are weighted averages of those of the curve. Along a
+path it rounds the corners by a bounded amount. In time it turns the steps of a
+time-optimal acceleration into ramps without exceeding a limit.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Failure, Vector
 
-# The polyline may touch its margin between the configurations that were checked; a
-# motion that is checked elsewhere on it must not fail for that [m].
+# Between the configurations that were checked, the polyline may break its margin by
+# this [m]; a motion that is checked there must not fail for that.
 _GRAZE = 1e-3
 
 
 @dc.dataclass(frozen=True)
 class MotionLimits:
-    """What a trajectory must not exceed; the same in both directions."""
+    """Limits of a trajectory, the same in both directions."""
 
     velocity: Vector  # shape (N,) [rad/s]
-    acceleration: Vector  # shape (N,) [rad/s^2]
+    acceleration: Vector  # shape (N,) [rad/s²]
     torque: Vector  # shape (N,) [N m]
 
     @staticmethod
     def of_plant(scene: PlanningScene) -> MotionLimits:
-        """The limits that the arm's model states."""
+        """Return the limits that the arm's model states."""
         plant, arm = scene.plant, scene.arm_indices
         torque = np.full(plant.num_positions(), np.inf)
         for index in plant.GetJointActuatorIndices():
@@ -56,7 +56,7 @@ class MotionLimits:
     def scaled(
         self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
     ) -> MotionLimits:
-        """Gentler limits, such as for a hand that carries something."""
+        """Return these limits times factors, as for a hand that carries something."""
         return dc.replace(
             self,
             velocity=velocity * self.velocity,
@@ -73,7 +73,7 @@ def time_optimal_trajectory(
     rounding: float = 0.2,
     ramp: float = 0.04,
 ) -> BsplineTrajectory | PlanningFailure:
-    """Moves from rest to rest along `waypoints`, as fast as `limits` allow.
+    """Move from rest to rest along `waypoints`, as fast as `limits` allow.
 
     The path's corners are rounded, less and less until the motion is free in `scene`.
     Drake's TOPPRA (Pham and Pham, 2018) finds the fastest motion along it; a spline
@@ -81,25 +81,27 @@ def time_optimal_trajectory(
     velocity and acceleration at every instant, and those of torque at every knot.
 
     Args:
-        scene: what the polyline `waypoints` is free in, held object and all.
-        waypoints: shape (K, N) [rad].
-        limits: what not to exceed.
-        rounding: how far the motion may leave the polyline [rad]; for a path of
+        scene: The scene in which the polyline is free, with the object in the hand.
+        waypoints: The polyline, shape (K, N) [rad].
+        limits: What the motion must not exceed.
+        rounding: How far the motion may leave the polyline [rad]. For a path of
             `plan_cartesian_path`, 1e-3 keeps the hand on its line to a millimetre.
-        ramp: duration of the shortest ramp from one acceleration to another [s].
-            The whole motion lasts two to three of it longer than the fastest.
+        ramp: Duration of the shortest ramp from one acceleration to another [s]. The
+            whole motion lasts two to three ramps longer than the fastest.
 
     Returns:
-        q(t), shape (N, 1) [rad], from t = 0; its velocity is EvalDerivative(t, 1). Or
-        why there is none.
+        q(t), shape (N, 1) [rad], from t = 0, with the velocity EvalDerivative(t, 1); or
+        why there is no motion.
 
     Raises:
-        ValueError: if a number is not positive or waypoints are not shape (K, N).
+        ValueError: If a number is not positive, or waypoints are not of shape (K, N).
     """
     if np.ndim(waypoints) != 2 or waypoints.shape[1] != scene.num_joints:
-        raise ValueError(f"waypoints need shape (K, N), not {np.shape(waypoints)}.")
+        raise ValueError(
+            f"waypoints: must have shape (K, N), got {np.shape(waypoints)}"
+        )
     if rounding <= 0.0 or ramp <= 0.0:
-        raise ValueError("rounding and ramp must be positive.")
+        raise ValueError("rounding and ramp must be positive")
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     waypoints = waypoints[np.append(True, lengths > 1e-9)]
     if len(waypoints) == 1:
@@ -115,7 +117,7 @@ def time_optimal_trajectory(
         if motion is None:
             return PlanningFailure(
                 Failure.OUT_OF_REACH,
-                "the arm's torque cannot hold it all along this path",
+                "the arm's torque cannot hold the arm all along this path",
             )
         trajectory = _within_limits(scene, motion, limits, ramp)
         # A straight line stays straight and has been checked.
@@ -128,7 +130,7 @@ def time_optimal_trajectory(
 
 
 def _rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
-    """A spline of `spans` equal spans over the polyline's length, and its deviation."""
+    """Return a spline of `spans` equal spans over the polyline, and its deviation."""
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     breaks = np.append(0.0, np.cumsum(lengths))
 
@@ -148,7 +150,7 @@ def _rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, flo
 def _fastest_motion(
     scene: PlanningScene, path: BsplineTrajectory, limits: MotionLimits
 ) -> Trajectory | None:
-    """All positions of the plant over time, from rest to rest; None if none exists."""
+    """Return all positions of the plant over time, from rest to rest, if possible."""
     control = [scene.positions(point[:, 0])[:, None] for point in path.control_points()]
     path = BsplineTrajectory(path.basis(), control)
     spans = path.num_control_points() - 3
@@ -162,7 +164,7 @@ def _fastest_motion(
 
 
 def _bounds(scene: PlanningScene, limit: Vector) -> tuple[Vector, Vector]:
-    """Bounds on all positions of the plant; loose ones on what does not move."""
+    """Return bounds on all positions of the plant, loose ones on what does not move."""
     upper = np.full(scene.plant.num_positions(), 1e6)
     upper[scene.arm_indices] = np.minimum(limit, 1e6)
     return -upper, upper
@@ -171,10 +173,10 @@ def _bounds(scene: PlanningScene, limit: Vector) -> tuple[Vector, Vector]:
 def _within_limits(
     scene: PlanningScene, motion: Trajectory, limits: MotionLimits, ramp: float
 ) -> BsplineTrajectory:
-    """The motion with ramped acceleration, stretched by the little that it exceeds.
+    """Return the motion with ramped acceleration, stretched until it keeps the limits.
 
-    TOPPRA keeps the limits at its grid points and may exceed them between these. Of a
-    uniform cubic spline, differences of the control points bound the derivatives.
+    TOPPRA keeps the limits at its grid points, and may exceed them a little in between.
+    Differences of a uniform cubic spline's control points bound its derivatives.
     """
     count = int(np.ceil(motion.end_time() / ramp))
     times = np.linspace(0.0, motion.end_time(), count + 1)
@@ -197,12 +199,9 @@ def _within_limits(
 def _torque_use(
     scene: PlanningScene, q: Vector, v: Vector, a: Vector, limit: Vector
 ) -> float:
-    """Torque of the motion over what gravity leaves of the limit, the largest."""
-    plant, context, arm = (
-        scene.plant,
-        scene.plant.CreateDefaultContext(),
-        scene.arm_indices,
-    )
+    """Return the largest share of the torque that gravity leaves of the limits."""
+    plant, arm = scene.plant, scene.arm_indices
+    context = plant.CreateDefaultContext()
     no_forces = MultibodyForces(plant)
     full = np.zeros(plant.num_velocities())
     use = 0.0
@@ -219,13 +218,13 @@ def _torque_use(
 
 
 def _ramped(control: Vector, step: float) -> BsplineTrajectory:
-    """The uniform cubic spline of control points (n, N), `step` seconds apart."""
+    """Return the uniform cubic spline of control points (n, N), `step` [s] apart."""
     knots = step * np.arange(-3.0, len(control) + 1.0)
     return BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
 
 
 def motion_samples(scene: PlanningScene, trajectory: Trajectory) -> Vector:
-    """Configurations along a motion, as close as the scene's step, shape (K, N)."""
+    """Return configurations along a motion, as dense as the scene's step, (K, N)."""
     times = np.linspace(0.0, trajectory.end_time(), 1000)
     q = trajectory.vector_values(times).T
     moved = np.append(0.0, np.cumsum(np.abs(np.diff(q, axis=0)) @ scene.levers))
