@@ -22,7 +22,7 @@ NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 each_notebook = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 NUMBER = re.compile(r"-?\d+(?:\.(\d+))?(?:e[+-]?\d+)?")
-# Rounding changes antialiased pixels by a few of 255 levels, and few pixels by more.
+# Rounding changes antialiased pixels by a few of 255 levels, and few of them by more.
 # The line that a test below draws into a figure changes 0.2 % of its pixels.
 LEVELS, SHARE = 24, 0.001
 
