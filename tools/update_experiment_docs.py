@@ -1,8 +1,8 @@
-"""Runs experiments and puts their figures and rows into docs/experiments.md.
+"""Run experiments and put their figures and rows into docs/experiments.md.
 
-Run as `python tools/update_experiment_docs.py [NAME]...`, for all experiments without a
-name. With `--keep`, results that are in out/experiments are taken as they are. A
-section that the page does not have yet is added at its end.
+`python tools/update_experiment_docs.py [NAME]...` runs the named experiments, or all of
+them. With `--keep`, it uses results that are already in out/experiments. It appends a
+section for an experiment that the page does not have yet.
 """
 
 import argparse
@@ -24,11 +24,11 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "experiments.md"
 FIGURES = ROOT / "docs" / "experiments"
 RESULTS = ROOT / "out" / "experiments"
-LARGEST = 100_000  # of a figure on the page [bytes]
+LARGEST = 100_000  # file size of a figure on the page [bytes]
 
 
 def update(page: str, name: str, description: str, rows: list[dict]) -> str:
-    """Return the page with the rows of an experiment in place of those it had."""
+    """Return the page with the rows of an experiment replaced."""
     if f"\n## {name}\n" not in page:
         page += (
             f"\n## {name}\n\n{description}\n"
@@ -43,12 +43,12 @@ def update(page: str, name: str, description: str, rows: list[dict]) -> str:
         flags=re.DOTALL,
     )
     if count != 1:
-        sys.exit(f"{PAGE.name}: {name}: one pair of markers is needed, found {count}")
+        sys.exit(f"{PAGE.name}: {name}: needs one pair of markers, got {count}")
     return page
 
 
 def table(rows: list[dict]) -> str:
-    """Return the rows in Markdown, folded, below a line that sums them up."""
+    """Return the rows as a Markdown table, folded below a summary."""
     failed = [row for row in rows if not row["pass"]]
     count = f"{len(rows) - len(failed)} of {len(rows)} rows pass"
     cells = ["name", "quantity", "measured", "unit", "expected", "pass"]
@@ -64,7 +64,7 @@ def table(rows: list[dict]) -> str:
 
 
 def shrink(figure: Image.Image) -> bytes:
-    """Return a figure as PNG, with as many colours as stay below `LARGEST`."""
+    """Return a figure as PNG with as many colours as `LARGEST` allows."""
     for colors in (256, 128, 64):
         file = io.BytesIO()
         few = figure.convert("RGB").quantize(colors, dither=Image.Dither.NONE)
@@ -77,7 +77,7 @@ def shrink(figure: Image.Image) -> bytes:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", metavar="NAME")
-    parser.add_argument("--keep", action="store_true", help="do not run what has run")
+    parser.add_argument("--keep", action="store_true", help="keep existing results")
     options = parser.parse_args()
     descriptions = {**list_experiments(), **list_measurements()}
     for name in options.names or descriptions:

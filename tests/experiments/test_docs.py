@@ -33,21 +33,21 @@ def tool(monkeypatch):
 
 
 @pytest.mark.parametrize("name", [*list_experiments(), *list_measurements()])
-def test_every_experiment_is_shown_with_its_rows(name):
+def test_the_page_shows_every_experiment_with_its_rows(name):
     assert f"\n## {name}\n" in PAGE
     assert f"(experiments/{name}.png)" in PAGE
     (rows,) = re.findall(rf"<!-- {name}: generated -->(.*?)<!-- end -->", PAGE, re.S)
     assert "rows pass" in rows
 
 
-def test_figures_are_there_and_small():
+def test_figures_exist_and_are_small():
     figures = re.findall(r"\((experiments/[^)]+)\)", PAGE)
     assert figures
     for figure in figures:
         assert (ROOT / "docs" / figure).stat().st_size < 100_000, figure
 
 
-def test_rows_replace_those_that_were_there(tool):
+def test_new_rows_replace_the_old_ones(tool):
     page = (
         "# Page\n\n## fake\n\nWords.\n\n<!-- fake: generated -->\nold\n<!-- end -->\n"
     )
@@ -66,6 +66,6 @@ def test_a_new_experiment_gets_a_section(tool):
     assert tool.update(page, "fake", "Fake.", ROWS) == page
 
 
-def test_a_lost_marker_is_named(tool):
-    with pytest.raises(SystemExit, match="fake: one pair of markers"):
+def test_a_missing_marker_is_reported(tool):
+    with pytest.raises(SystemExit, match="fake: needs one pair of markers"):
         tool.update("# Page\n\n## fake\n\n", "fake", "Fake.", ROWS)
