@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from drake_srg.experiments.data import household_objects
+from drake_srg.experiments.data import household_objects, read_csv, read_yaml
 from drake_srg.objects.models import simple_shape
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Cylinder
@@ -47,3 +47,15 @@ def test_household_objects_stand_still(name):
     # The ball stands on a facet, which is within 1 % of its radius.
     assert moved < (4e-4 if "ball" in name else 1e-4)
     assert set(rig.contact_forces()) == {"support"}
+
+
+def test_csv_files_are_read_without_their_comments():
+    header, first, *_ = read_csv("tendon_moment_arms.csv")
+    assert header == "joint,angle_rad,moment_arm_m"
+    assert first.startswith("base,0.000000,")
+
+
+@pytest.mark.parametrize("read", [read_csv, read_yaml])
+def test_a_missing_file_is_an_error(read):
+    with pytest.raises(FileNotFoundError):
+        read("missing.csv")

@@ -1,5 +1,3 @@
-import dataclasses as dc
-
 import numpy as np
 import pytest
 
@@ -52,27 +50,3 @@ def test_every_motion_has_a_table(result):
 
 
 LABELS = ("angle [rad]", "PWM")
-
-
-@pytest.mark.parametrize("name", ["minimum_jerk", "sine"])
-def test_speed_and_acceleration_are_derivatives_of_the_angle(name):
-    time = np.arange(0.0, 2.0, 1e-4)
-    q, v, a = MOTIONS[name].reference(time)
-    np.testing.assert_allclose(np.gradient(q, time)[1:-1], v[1:-1], atol=1e-3)
-    np.testing.assert_allclose(np.gradient(v, time)[1:-1], a[1:-1], atol=2e-2)
-    assert np.min(q) >= 0.0
-    assert np.max(q) < 1.7  # straight fingers meet at 1.76
-    assert np.max(np.abs(v)) < 3.67 + 1e-9
-
-
-@pytest.mark.parametrize("torque", [0.0, 0.1, -0.1])
-def test_without_a_servo_a_load_accelerates_the_joint(torque):
-    zero = [0.0] * 4
-    nothing = dc.replace(SHIPPED, kp=zero, kd=zero, kff1=zero, kff2=zero)
-    motion = Motion(at_rest, 1.0, load=lambda t: 0.0 * t + torque, duration=0.05)
-    response, joint = simulate(nothing, motion)
-    expected = 0.5 + 0.5 * torque / joint.inertia * response.time**2
-    # The joint's friction takes c v / torque, at most 13 %; a loose tip adds to that.
-    allowed = 0.2 * np.abs(expected[-1] - 0.5) + 1e-9
-    assert np.max(np.abs(response.q - expected)) < allowed
-    assert np.all(response.pwm == 0.0)
