@@ -1,1 +1,1 @@
-"""The SRG: proximity sensing, Algorithm 1, reference, servo and their wiring."""
+"""Grippers: finger sensors, control, drives, and the drivers made of them."""

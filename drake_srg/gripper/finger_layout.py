@@ -1,4 +1,4 @@
-"""Which joints and links of a gripper are measured, and in which order."""
+"""Which joints and links of a gripper carry sensors, and in which order."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
 
 @dc.dataclass(frozen=True, kw_only=True)
 class FingerLayout:
-    """A gripper as its drivers and their sensors see it.
+    """The joints, links and fingers of a gripper, for its drivers and sensors.
 
     Attributes:
-        joint_names: Joints with an encoder, in the order of all that has an entry a
-            joint.
-        sensor_links: The link in which each sensor is, in the order of all that has an
-            entry a sensor.
-        fingers: For each finger the indices of its sensors.
-        seen: The gripper's own links that a distance sensor sees, where it sees any: by
-            the sensor's name.
+        joint_names: Joints with an encoder, in the order of everything with one entry
+            per joint.
+        sensor_links: The link that carries each sensor, by the sensor's name, in the
+            order of everything with one entry per sensor.
+        fingers: The indices of the sensors of each finger.
+        seen: The gripper's own links that a distance sensor sees, by the sensor's name.
+            Sensors without an entry see none of them.
     """
 
     joint_names: tuple[str, ...]
@@ -29,7 +29,7 @@ class FingerLayout:
 
     @property
     def sensor_names(self) -> tuple[str, ...]:
-        """Names of the sensors, in order."""
+        """The sensors' names, in order."""
         return tuple(self.sensor_links)
 
 

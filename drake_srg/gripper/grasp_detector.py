@@ -1,4 +1,4 @@
-"""Whether something is between the fingers."""
+"""Detects whether something is between the fingers."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from drake_srg.types import positive
 class GraspDetectorConfig:
     """When a grasp counts."""
 
-    # Both sides must fire for this long [s]; the arm thesis's post-contact delay.
+    # All fingers must fire for this long [s]: the arm thesis's post-contact delay.
     post_contact_delay: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # Time between evaluations [s].
     period: float = dc.field(default=0.01, metadata=positive())
@@ -31,11 +31,14 @@ class GraspDetector(LeafSystem):
         output_ports:
         - grasped
 
-    `triggered` (m) is nonzero where a sensor fires; `fingers` groups the sensors'
-    indices. `grasped` (1) is 1 while at least one sensor of each finger has fired
-    without a break for `config.post_contact_delay`, else 0. A closed empty hand
-    senses its own other finger: whoever needs to tell it from a grasp looks at the
-    joint angles too.
+    `triggered` (m) is nonzero where a sensor fires. `grasped` (1) is 1 while at least
+    one sensor of each finger has fired without a break for `config.post_contact_delay`,
+    else 0. The fingers of a closed empty hand sense each other: to tell that from a
+    grasp, look at the joint angles, too.
+
+    Args:
+        fingers: The indices of each finger's sensors.
+        config: When a grasp counts.
     """
 
     def __init__(
@@ -46,7 +49,7 @@ class GraspDetector(LeafSystem):
         super().__init__()
         self.config = config or GraspDetectorConfig()
         self._fingers = [list(finger) for finger in fingers]
-        # Time since which all fingers have sensed something; inf while they do not.
+        # Time since when all fingers have sensed something; inf while they do not.
         state = self.DeclareDiscreteState([np.inf])
         self._triggered = self.DeclareVectorInputPort(
             name="triggered", size=sum(len(finger) for finger in fingers)

@@ -1,4 +1,4 @@
-"""The control of the master-slave linkage gripper: one finger leads, one follows."""
+"""Control of the master-slave linkage gripper: one finger leads, one follows."""
 
 import dataclasses as dc
 
@@ -8,23 +8,23 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
-# Entries of the discrete state: reference angles and speeds of both cranks, the time at
-# which these were chosen, the last closure, whether something is gripped.
+# Entries of the discrete state: reference angles and speeds of both cranks, the time
+# when these were chosen, the last closure, and whether something is gripped.
 _ANGLES, _SPEEDS, _TIME, _CLOSURE, _GRIPPED = slice(0, 2), slice(2, 4), 4, 5, 6
 
 
 @dc.dataclass(kw_only=True)
 class MasterSlaveConfig:
-    """How the fingers move; the arm thesis's values."""
+    """How the fingers move, with the arm thesis's values."""
 
-    # Crank angle of the master that closure 1 asks for [rad]: a little beyond that at
-    # which flat pads meet, 0.681.
+    # Crank angle of the master that closure 1 asks for [rad]: a little beyond 0.681,
+    # where flat pads meet.
     full_scale: float = dc.field(default=0.69, metadata=positive(le=0.69))
     # Speed of either crank [rad/s]: 60 degrees/s.
     max_velocity: float = dc.field(default=np.pi / 3, metadata=positive())
-    # Speed of the slave over its angle behind the master's [1/s].
+    # Speed of the slave per angle by which it is behind the master [1/s].
     slave_gain: float = dc.field(default=20.0, metadata=positive())
-    # Time between evaluations [s]: that of the proximity sensors.
+    # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
 
 
@@ -43,28 +43,27 @@ class MasterSlaveReference(LeafSystem):
         output_ports:
         - reference
 
-    Both cranks' angles are positive when closing, in the order master, slave; every
-    `config.period` their speeds are chosen:
+    The cranks are in the order master, slave. Their angles increase as they close.
+    Every `config.period`, the system chooses their speeds:
 
     * The master moves at `config.max_velocity` to the angle that `closure_commanded`
-      (1), 0 open .. 1 closed, clipped, a NaN ignored, asks of it.
-    * The slave follows at clip(gain (master - slave), +-max_velocity), the angles those
-      of `state_measured` (4), [q; v]. (The thesis has -master: its joints turn against
-      each other.) At full speed it is max_velocity / gain, 3 degrees, behind.
-    * From when `grasped` (1) is nonzero while the master is on its way to a closed
-      position both stand still: what their references ask for beyond the contact is the
-      grip. They let go when the command asks the master to open, and not before: an
-      object that is lost leaves them where they are.
-    * Opening, the slave does not follow while its reference still presses: it goes back
-      at full speed, as the master's does. So the grip fades on both sides alike, and an
-      object in the middle of it is not pushed by either. Nor does the slave, that lags,
-      ever close while the master opens.
+      (1) asks for: 0 open .. 1 closed, clipped, NaN ignored.
+    * The slave follows at clip(gain (master - slave), +-max_velocity), with the angles
+      of `state_measured` (4), [q; v]. (The thesis has -master because its joints turn
+      against each other.) At full speed it is max_velocity / gain behind, 3 degrees.
+    * Once `grasped` (1) is nonzero while the master closes, both stand still. What
+      their references ask for beyond the contact is the grip. They let go only when the
+      command asks the master to open: if the object is lost, they stay where they are.
+    * When opening, the slave does not follow while its reference still presses. It goes
+      back at full speed, as the master's does, so the grip fades on both sides alike
+      and neither finger pushes the object. The slave, which lags, never closes while
+      the master opens.
     * A finite entry of `joint_position_commanded` (2) [rad] overrides all that for its
       crank, which moves there at `config.max_velocity`.
-    * While `hold` (1) is nonzero both stand still, and a grip is kept.
+    * While `hold` (1) is nonzero, both stand still and keep their grip.
 
-    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo: q continuous in time
-    within 0 .. full_scale, a zero.
+    `reference` (6) is [q; v; a] in rad, rad/s, rad/s² for a servo. q is continuous in
+    time and within 0 .. full_scale; a is zero.
     """
 
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
@@ -92,7 +91,7 @@ class MasterSlaveReference(LeafSystem):
         )
 
     def _angles(self, context: Context) -> Vector:
-        """The references' angles now, (2)."""
+        """Return the angles of the references now, shape (2,) [rad]."""
         state = context.get_discrete_state(0).value()
         angles: Vector = state[_ANGLES] + state[_SPEEDS] * (
             context.get_time() - state[_TIME]

@@ -1,4 +1,4 @@
-"""The reference that the servo follows: minimum-jerk motion to the newest target."""
+"""The servo's reference: minimum-jerk motion to the newest target."""
 
 import dataclasses as dc
 
@@ -9,11 +9,11 @@ from drake_srg.common.srg_geometry import SRG
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
-# Columns of the discrete state, one row a joint.
+# Columns of the discrete state, which has one row per joint.
 _START, _DURATION, _TARGET = 0, 1, 2
 _COEFFICIENTS = slice(3, 9)
 
-# Peak speed of a rest-to-rest minimum-jerk motion is 15/8 of its mean speed.
+# The peak speed of a rest-to-rest minimum-jerk motion is 15/8 of its mean speed.
 _PEAK_TO_MEAN_SPEED = 15.0 / 8.0
 
 
@@ -21,22 +21,21 @@ _PEAK_TO_MEAN_SPEED = 15.0 / 8.0
 class MinimumJerkConfig:
     """How fast the reference moves."""
 
-    # Peak speed of a rest-to-rest motion [rad/s]. Default: the SRG's joint limit in
-    # SAKE's public URDF.
+    # Peak speed of a rest-to-rest motion [rad/s].
     max_velocity: float = dc.field(default=SRG.joint_speed, metadata=positive())
-    # Shortest motion [s]: the time in which small corrections are made.
+    # Shortest motion [s]: small corrections take this long.
     min_duration: float = dc.field(default=0.08, metadata=positive())
-    # Time between looks at the target [s]: Algorithm 1 changes it at 100 Hz.
+    # Time between readings of the target [s]: Algorithm 1 changes it at 100 Hz.
     period: float = dc.field(default=0.01, metadata=positive())
 
 
 def minimum_jerk_coefficients(
     q: Vector, v: Vector, a: Vector, target: Vector, duration: Vector
 ) -> Vector:
-    """Return the quintics that join (q, v, a) to rest at `target`.
+    """Return the quintics from (q, v, a) to rest at `target`.
 
-    The quintic is the motion of least integrated squared jerk between given end
-    states (T. Flash, N. Hogan, J. Neurosci. 5(7), 1985).
+    A quintic is the motion of least integrated squared jerk between given end states
+    (T. Flash, N. Hogan, J. Neurosci. 5(7), 1985).
 
     Args:
         q: Positions at the start, shape (n,) [rad].
@@ -76,13 +75,17 @@ class MinimumJerkReference(LeafSystem):
         output_ports:
         - reference
 
-    Every `config.period` the targets, `position_desired` (n) [rad], are compared with
-    those in use. A joint whose target has changed starts a new quintic from where its
-    reference is now (position, velocity and acceleration stay continuous) to rest at
-    the target; it takes the longer of `config.min_duration` and the time that keeps a
+    Every `config.period`, the system compares the targets, `position_desired` (n)
+    [rad], with those in use. A joint whose target has changed starts a new quintic from
+    its reference (position, velocity and acceleration stay continuous) to rest at the
+    target. It takes the longer of `config.min_duration` and the time that keeps a
     rest-to-rest motion below `config.max_velocity`.
 
     `reference` (3n) is [q; v; a] in rad, rad/s, rad/s², continuous in time.
+
+    Args:
+        initial_position: Of the joints, shape (n,) [rad].
+        config: How fast the reference moves.
     """
 
     def __init__(
@@ -112,7 +115,12 @@ class MinimumJerkReference(LeafSystem):
         self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
 
     def SetPosition(self, context: Context, position: Vector) -> None:
-        """Put the reference of this system's context at rest at `position`, (n,)."""
+        """Put the reference at rest.
+
+        Args:
+            context: This system's.
+            position: Of the joints, shape (n,) [rad].
+        """
         rows = self._rows(context).copy()
         rows[:, _TARGET] = position
         rows[:, _COEFFICIENTS] = 0.0
@@ -124,14 +132,14 @@ class MinimumJerkReference(LeafSystem):
         return value.reshape(self._n, 9)
 
     def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # Simulations need not start at time zero.
+        # A simulation need not start at time zero.
         rows = self._rows(context).copy()
         rows[:, _START] = context.get_time()
         discrete_state.set_value(rows.flatten())
 
     def _evaluate(self, rows: Vector, time: float) -> Vector:
         """Return q, v, a, shape (3, n)."""
-        # Joint by joint: for so few, numbers are faster than arrays.
+        # Joint by joint: for so few joints, floats are faster than arrays.
         return np.array([_evaluate_joint(row, time) for row in rows.tolist()]).T
 
     def _calc_reference(self, context: Context, output: BasicVector) -> None:
@@ -162,7 +170,7 @@ class MinimumJerkReference(LeafSystem):
 
 
 def _evaluate_joint(row: list[float], time: float) -> tuple[float, float, float]:
-    """Return q, v, a of a row of the state."""
+    """Return q, v, a of a row of the state at a time [s]."""
     start, duration, _, c0, c1, c2, c3, c4, c5 = row
     s = min(max((time - start) / duration, 0.0), 1.0)
     q = c0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * c5))))

@@ -1,9 +1,9 @@
-"""The moment arms of an SRG finger's wire, as functions of the joint angles.
+"""The moment arms of an SRG finger's wire as functions of the joint angles.
 
-Polynomials fitted by tools/fit_moment_arms.py to the arms of SAKE's public MuJoCo model
-(drake_srg/experiments/data/tendon_moment_arms.csv): within 0.02 % (base, up to 2.007
-rad) and 0.05 % (tip, up to 1.745 rad). They are separable: the base's arm depends on
-the base angle alone, the tip's on the tip angle.
+tools/fit_moment_arms.py fits these polynomials to the arms of SAKE's public MuJoCo
+model (drake_srg/experiments/data/tendon_moment_arms.csv), within 0.02 % (base, up to
+2.007 rad) and 0.05 % (tip, up to 1.745 rad). The arms are separable: the base's depends
+on the base angle alone, the tip's on the tip angle alone.
 """
 
 from __future__ import annotations
@@ -21,19 +21,23 @@ _TIP_TRAVEL = (0.0, *(c / (i + 1) for i, c in enumerate(_TIP)))
 
 
 def base_moment_arm(base: Any) -> Any:
-    """Arm of the wire about the base hinge at a base angle [rad] [m]."""
+    """Return the wire's arm about the base hinge [m] at a base angle [rad]."""
     return _polynomial(_BASE, base)
 
 
 def tip_moment_arm(tip: Any) -> Any:
-    """Arm of the wire about the tip hinge at a tip angle [rad] [m]."""
+    """Return the wire's arm about the tip hinge [m] at a tip angle [rad]."""
     return _polynomial(_TIP, tip)
 
 
 def wire_travel(base: Any, tip: Any) -> Any:
-    """Wire that a finger takes in from open and straight to these angles [rad] [m].
+    """Return the length of wire that moves a finger from open to these angles [m].
 
-    The integral of the moment arms, so that the wire's work is the joints' work.
+    It is the integral of the moment arms, so the wire's work is the joints' work.
+
+    Args:
+        base: Base angle [rad].
+        tip: Tip angle [rad].
     """
     return _polynomial(_BASE_TRAVEL, base) + _polynomial(_TIP_TRAVEL, tip)
 

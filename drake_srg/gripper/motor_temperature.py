@@ -1,4 +1,4 @@
-"""How warm the SRG's motor gets from what it pulls."""
+"""The temperature of the SRG's motor, which its current warms."""
 
 import dataclasses as dc
 import math
@@ -14,39 +14,40 @@ from drake_srg.types import positive
 class MotorTemperatureConfig:
     """A Dynamixel MX-64 in still air."""
 
-    # MX-64 at 12 V, data sheet: current when stalled [A]. Its windings, 2.9 ohm.
+    # Data sheet: current at stall and 12 V [A]. The windings then have 2.9 ohm.
     stall_current: float = dc.field(default=4.1, metadata=positive())
     supply_voltage: float = dc.field(default=12.0, metadata=positive())  # V
     ambient: float = 25.0  # degC
-    # From windings and housing, taken as one, to the air [K/W]: 0.0132 m² (40 x 61 x 41
-    # mm, data sheet) at 10 W/(m² K), common for free convection with radiation. A fifth
-    # of the stall torque, which ROBOTIS recommends at most, then warms it by 15 K.
+    # From the motor, windings and housing taken as one, to the air [K/W]: 0.0132 m²
+    # (40 x 61 x 41 mm, data sheet) at 10 W/(m² K), common for free convection with
+    # radiation. A fifth of the stall torque, the most that ROBOTIS recommends, then
+    # warms it by 15 K.
     thermal_resistance: float = dc.field(default=7.6, metadata=positive())
-    # [J/K]: 126 g (data sheet) of metal gears, windings and plastics at 0.9 J/(g K).
-    # The time constant, 14 min, agrees with the 20 min that the manual asks to wait
-    # after an alarm.
+    # Heat capacity [J/K]: 126 g (data sheet) of metal gears, windings and plastics at
+    # 0.9 J/(g K). The time constant, 14 min, agrees with the manual, which asks to wait
+    # 20 min after an alarm.
     heat_capacity: float = dc.field(default=113.0, metadata=positive())
     period: float = dc.field(default=0.1, metadata=positive())  # s
 
     @property
     def time_constant(self) -> float:
-        """In which the temperature goes 63 % of its way [s]."""
+        """Time in which the temperature goes 63 % of its way [s]."""
         return self.thermal_resistance * self.heat_capacity
 
 
 def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
-    """Torque of the motor, and its current, as fractions of what they are at stall.
+    """Return the motor's torque over its stall torque; the same holds for its current.
 
     Args:
         drive: The motor.
-        pwm: Fraction of its full scale, -1 .. 1.
+        pwm: Fraction of full scale, -1 .. 1.
         speed: Of the spool [rad/s].
     """
     return drive.full_scale * pwm - speed / drive.no_load_speed
 
 
 class MotorTemperature(LeafSystem):
-    """Copper loss warms the motor's housing, air cools it.
+    """Computes the motor's temperature: copper loss warms it, air cools it.
 
     .. pydrake_system::
 
@@ -57,13 +58,18 @@ class MotorTemperature(LeafSystem):
         output_ports:
         - motor_temperature
 
-    `pwm` (1) is a fraction of full scale, `motor_state` (2) [angle; speed] in rad,
-    rad/s; `motor_temperature` (1) [degC] starts at the air's. First order, with I the
-    current that gives the torque, R that of the windings:
+    `pwm` (1) is a fraction of full scale, and `motor_state` (2) is [angle; speed] in
+    rad, rad/s. `motor_temperature` (1) [degC] starts at that of the air. The model is
+    of first order, with the current I that gives the torque and the resistance R of the
+    windings:
 
         C T' = I² R - (T - T_air) / R_thermal
 
-    solved exactly for a current that stays the same through `config.period`.
+    It is solved exactly for a current that is constant during `config.period`.
+
+    Args:
+        drive: The motor's torque and speed.
+        config: Its thermal properties.
     """
 
     def __init__(

@@ -24,15 +24,14 @@ from drake_srg.types import positive
 class ProximityConfig(FingerSensorConfig):
     """Range, trigger and rate of the distance sensors."""
 
-    # Readings saturate here [m]. A longer range costs time: more pairs are near.
+    # Readings saturate here [m]. A longer range costs time because more pairs are near.
     range: float = dc.field(default=0.02, metadata=positive())
     # A sensor fires below this distance [m].
     trigger_distance: float = dc.field(default=0.003, metadata=positive())
-    # Time between readings [s]. 100 Hz: a reading costs 0.2 ms, a twelfth of the time
-    # that the plant needs for as long. Algorithm 1 and the reference, sampled at the
-    # same rate, each see the other's last value, so that a finger reacts 20 to 35 ms
-    # after it comes near something, at most 13 mm at its top speed (3.67 rad/s over
-    # 0.1 m).
+    # Time between readings [s]. A reading costs 0.2 ms, at 100 Hz a twelfth of the time
+    # that the plant needs. Algorithm 1 and the reference, sampled at the same rate,
+    # each see the other's last value, so a finger reacts 20 to 35 ms after it comes
+    # near something. Meanwhile, its end moves at most 13 mm (3.67 rad/s over 0.1 m).
     period: float = dc.field(default=0.01, metadata=positive())
 
     def AddSensor(
@@ -47,7 +46,7 @@ class ProximityConfig(FingerSensorConfig):
 
 
 class ProximitySensors(LeafSystem):
-    """Signed distances from finger links to whatever is near them.
+    """Measures signed distances from finger links to whatever is near them.
 
     .. pydrake_system::
 
@@ -58,14 +57,14 @@ class ProximitySensors(LeafSystem):
         - proximity
         - triggered
 
-    `proximity` (m) [m], one entry a sensor: the least signed distance from the
-    sensor's geometries to any other that it does not ignore, saturated at
-    `config.range`. Negative values are penetration. `triggered` (m) is 1 where the
-    distance is below `config.trigger_distance`, else 0. Sampled every `config.period`.
+    `proximity` (m) [m] is the least signed distance from each sensor's geometries to
+    any geometry that it does not ignore, saturated at `config.range`. Negative values
+    are penetration. `triggered` (m) is 1 where the distance is below
+    `config.trigger_distance`, else 0. Both are sampled every `config.period`.
 
     Args:
-        sensors: Name of each sensor and the geometries that it watches from.
-        ignored: For each sensor the geometries that it does not see.
+        sensors: The geometries from which each sensor measures, by its name.
+        ignored: The geometries that each sensor does not see, by its name.
         config: Range, trigger and rate.
     """
 
@@ -78,8 +77,8 @@ class ProximitySensors(LeafSystem):
         super().__init__()
         self.config = config or ProximityConfig()
         self.sensor_names = list(sensors)
-        # The ids' numbers: an id that a plant gave keeps the plant alive, and with it
-        # the diagram, out of the garbage collector's sight.
+        # Numbers, not ids: an id from a plant keeps the plant and its diagram alive,
+        # where the garbage collector does not see it.
         self._sensor_of = {
             g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
         }
@@ -131,9 +130,8 @@ def AddProximitySensors(
 ) -> ProximitySensors:
     """Add a gripper's distance sensors to a diagram with its (finalized) plant.
 
-    Each watches from its link, and sees anything but the gripper itself and what
-    `layout.seen` excepts of that. The caller connects `query_object` to the scene
-    graph.
+    Each sensor sees everything except the gripper's own links; `layout.seen` lists the
+    own links that it does see. The caller connects `query_object` to the scene graph.
     """
 
     def geometries(link: str) -> list[GeometryId]:

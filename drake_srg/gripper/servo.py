@@ -17,27 +17,27 @@ LAWS = ("pid", "printed")
 
 @dc.dataclass(kw_only=True)
 class GripperServoConfig:
-    """Gains of n servos; PWM is a fraction of full scale, -1 .. 1."""
+    """Gains of n servos. PWM is a fraction of full scale, -1 .. 1."""
 
     kp: list[float]  # K_P [1/rad]
     # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
-    # error that Algorithm 1 leaves on purpose to press on the object.
+    # error that Algorithm 1 leaves on purpose, to press on the object.
     ki: list[float]
     kd: list[float]  # K_D [s/rad]
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
     law: str = dc.field(default="pid", metadata={"among": LAWS})
-    # kappa where the port `force_limit` is not connected
+    # kappa if the port `force_limit` is not connected.
     force_limit: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})
-    # Anti-windup by back-calculation: time in which the integral follows the
-    # saturation [s].
+    # Anti-windup by back-calculation: the integral follows the saturation in this time
+    # [s].
     tracking_time: float = dc.field(default=0.05, metadata=positive())
-    # Share of K_FF1 that torque control applies to the measured speed. Where K_FF1
-    # makes up for back-EMF, 1 would be a perfect current control, and leave a motor on
-    # wires ringing for seconds: in place of a real one's friction, a fifth of the
-    # damping stays.
+    # Share of K_FF1 that torque control applies to the measured speed. If K_FF1 makes
+    # up for back-EMF, 1 would be a perfect current control and leave a motor on wires
+    # ringing for seconds. A fifth of the damping stays, in place of the friction that
+    # a real motor has.
     current_control: float = dc.field(default=0.8, metadata={"ge": 0.0, "le": 1.0})
-    # The printed law divides by q'; below this speed [rad/s] the division fades out.
+    # The printed law divides by q'. Below this speed [rad/s], the division fades out.
     printed_law_min_speed: float = dc.field(default=0.05, metadata=positive())
     period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
 
@@ -45,7 +45,7 @@ class GripperServoConfig:
 @TemplateSystem.define("GripperServo_")
 def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(LeafSystem_[T]):
-        """n sampled position servos with PWM output, for float, AutoDiffXd, Expression.
+        """Controls n positions by PWM, for float, AutoDiffXd and Expression.
 
         .. pydrake_system::
 
@@ -58,30 +58,31 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             output_ports:
             - pwm
 
-        `reference` (3n) is [q; v; a] of the minimum-jerk reference, `state_measured`
-        (2n) is [q; v], in rad, rad/s, rad/s². Every `config.period` the law of the
-        SRG thesis (equation 2.3) is evaluated and held:
+        `reference` (3n) is [q; v; a] of the minimum-jerk reference, and
+        `state_measured` (2n) is [q; v], in rad, rad/s, rad/s². Every `config.period`,
+        the servo evaluates the law of the SRG thesis (equation 2.3) and holds its
+        output:
 
             PWM = clip(K_FF1 q' + K_FF2 q'' + feedback, -kappa, kappa)
 
-        kappa is `force_limit` (1), clipped to 0 .. 1, or `config.force_limit` where
-        that is not connected or NaN.
+        kappa is `force_limit` (1), clipped to 0 .. 1, or `config.force_limit` if that
+        port is not connected or NaN.
 
-        * law `pid`: feedback = K_P e + K_I integral(e) + K_D (v - v_measured), e the
-          reference minus the measured position. The integral follows the saturation
-          (back-calculation), so that it does not wind up.
-        * law `printed`: the equation as the thesis prints it, feedback = K_P e +
-          K_I e q' + K_D e / q', q' the reference's velocity. The division is
-          evaluated as e q' / (q'² + s²) with a small s, so that it fades out at rest.
-          It is here to be compared, not to be used.
+        * Law `pid`: feedback = K_P e + K_I integral(e) + K_D (v - v_measured), where e
+          is the reference minus the measured position. The integral follows the
+          saturation (back-calculation), so it does not wind up.
+        * Law `printed`: the equation as the thesis prints it, feedback = K_P e +
+          K_I e q' + K_D e / q', where q' is the reference's velocity. The division is
+          evaluated as e q' / (q'² + s²) with a small s, so it fades out at rest. This
+          law is here for comparison, not for use.
 
         A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
-        full PWM, takes its servo from position to torque control:
+        full PWM, switches its servo from position to torque control:
 
             PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
 
-        with c = `config.current_control`, so that the torque hardly falls with the
-        speed. The integral rests meanwhile.
+        with c = `config.current_control`, so the torque hardly falls with the speed.
+        The integral does not change meanwhile.
 
         `pwm` (n) is the held PWM, a fraction of full scale.
         """
@@ -90,11 +91,13 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             LeafSystem_[T].__init__(self, converter)
             collectable(self)
             if config.law not in LAWS:
-                raise ValueError(f"law: {config.law!r} is not one of {LAWS}")
+                raise ValueError(
+                    f"law: must be one of {', '.join(LAWS)}, got {config.law!r}"
+                )
             gains = (config.kp, config.ki, config.kd, config.kff1, config.kff2)
             if len({len(gain) for gain in gains}) != 1:
                 raise ValueError(
-                    "kp, ki, kd, kff1, kff2 must have one entry a joint; got "
+                    "kp, ki, kd, kff1, kff2: need one entry per motor each, got "
                     f"{[len(gain) for gain in gains]}"
                 )
             self.config = config

@@ -1,4 +1,4 @@
-"""What closure, or somebody who commands the motor itself, asks of the spool."""
+"""The target of the spool, from closure or from commands to the motor itself."""
 
 import dataclasses as dc
 
@@ -13,12 +13,12 @@ from drake_srg.types import positive
 
 @dc.dataclass(kw_only=True)
 class SpoolCommandConfig:
-    """From closure to spool angle."""
+    """How closure becomes a spool angle."""
 
-    # Sum of base and tip angle that closure 1 asks of an empty hand [rad], and the
-    # base's limit, from where on the tip closes; as in UnderactuationConfig.
+    # Base plus tip angle that closure 1 asks of an empty hand [rad], and the limit of
+    # the base, beyond which the tip closes; as in `UnderactuationConfig`.
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
-    # (The fitted moment arms end at 2.007 rad.)
+    # The fitted moment arms end at 2.007 rad.
     base_limit: float = dc.field(default=SRG.joint_limit, metadata=positive(le=2.007))
     period: float = dc.field(default=0.01, metadata=positive())  # s
 
@@ -26,10 +26,15 @@ class SpoolCommandConfig:
 def spool_angle(
     closure: float, spool_radius: float, config: SpoolCommandConfig
 ) -> float:
-    """Spool angle at which an empty hand is closed as closure asks [rad].
+    """Return the spool angle that closes an empty hand as closure asks [rad].
 
     A wire that closes a finger on nothing moves the base to its limit and then the tip,
-    as Algorithm 1 does: with this, closure means the same for both drivers.
+    as Algorithm 1 does. So closure means the same for both drivers.
+
+    Args:
+        closure: 0 open .. 1 closed, clipped.
+        spool_radius: [m].
+        config: How closure becomes an angle.
     """
     total = config.full_scale * min(max(closure, 0.0), 1.0)
     base = min(total, config.base_limit)
@@ -37,7 +42,7 @@ def spool_angle(
 
 
 class SpoolCommand(LeafSystem):
-    """Turns closure, or what is asked of the motor, into a target of the spool.
+    """Turns closure, or commands to the motor, into a target of the spool.
 
     .. pydrake_system::
 
@@ -53,15 +58,22 @@ class SpoolCommand(LeafSystem):
         - angle_desired
         - torque_desired
 
-    `closure_commanded` (1) is 0 open .. 1 closed, clipped, a NaN ignored. A finite
-    `motor_position_commanded` (1), a spool angle [rad], goes before it. While
-    `motor_torque_commanded` (1) is finite, so that the motor obeys that, the target
-    goes with the spool, for position control to take over from there. While `hold`
-    (1) is nonzero, the target, or the torque if it winds, (and so the grip) is kept if
-    one of the sensors, `triggered` (4), fired when the hold began; else the spool stays
-    where it was then: the angle in `motor_state` (2). `angle_desired` (1) [rad] and
-    `torque_desired` (1), NaN where the motor goes by the angle, are updated every
-    `config.period`.
+    The outputs, updated every `config.period`, are `angle_desired` (1) [rad] and
+    `torque_desired` (1), a fraction of the torque at full PWM. The torque is NaN while
+    the motor goes by the angle. Commands, the strongest first:
+
+    * `hold` (1): while nonzero, the target stays as it is, or the torque if that winds
+      the spool, and so does the grip, provided that one of the sensors, `triggered`
+      (4), fired when the hold began. Otherwise, the spool stays at the angle that it
+      had then, from `motor_state` (2).
+    * `motor_torque_commanded` (1): while finite, the motor obeys it. The target follows
+      the spool, so that position control can take over from there.
+    * `motor_position_commanded` (1): a finite spool angle [rad].
+    * `closure_commanded` (1): 0 open .. 1 closed, clipped, NaN ignored.
+
+    Args:
+        spool_radius: [m].
+        config: How closure becomes a spool angle.
     """
 
     def __init__(
@@ -70,7 +82,7 @@ class SpoolCommand(LeafSystem):
         super().__init__()
         self.config = config or SpoolCommandConfig()
         self._spool_radius = spool_radius
-        # target [rad], holding, torque
+        # Target [rad], holding, torque.
         state = self.DeclareDiscreteState([0.0, 0.0, np.nan])
         self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
         self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)

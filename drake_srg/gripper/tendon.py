@@ -22,62 +22,62 @@ from drake_srg.types import positive
 class TorsionSpringConfig:
     """A spring in a hinge that opens the finger."""
 
-    # Torque at 0 rad, where the finger is open and straight [N m].
+    # Torque at 0 rad, with the finger open and straight [N m].
     preload: float = dc.field(metadata={"ge": 0.0})
     stiffness: float = dc.field(metadata={"ge": 0.0})  # N m / rad
 
 
 @dc.dataclass(kw_only=True)
 class TendonDriveConfig:
-    """Motor, wires and springs; defaults are the SRG's with a Dynamixel MX-64."""
+    """Motor, wires and springs. The defaults are the SRG's with a Dynamixel MX-64."""
 
-    # MX-64 at 12 V, data sheet: torque at rest [N m] and speed without load [rad/s].
+    # Data sheet of the MX-64, at 12 V: stall torque [N m] and no-load speed [rad/s].
     stall_torque: float = dc.field(default=6.0, metadata=positive())
     no_load_speed: float = dc.field(default=6.6, metadata=positive())
-    # Share of these that full PWM gives: SAKE's driver libezgripper uses 800 of 1023.
+    # Share of these at full PWM: SAKE's driver libezgripper uses 800 of 1023.
     full_scale: float = dc.field(default=800 / 1023, metadata=positive(le=1.0))
-    # At the spool [kg m²]: 200² times the rotor's. That is not published; a coreless
-    # motor of the size (21 mm) has about 2.5e-7 kg m².
+    # Inertia at the spool [kg m²]: 200² times the rotor's, which is not published. A
+    # coreless motor of that size (21 mm) has about 2.5e-7 kg m².
     reflected_inertia: float = dc.field(default=0.01, metadata=positive())
-    # 29.1 mm of wire in 2500 of 4096 encoder counts a turn [m].
+    # Radius [m]: 29.1 mm of wire in 2500 of the 4096 encoder counts per turn.
     spool_radius: float = dc.field(default=0.0076, metadata=positive())
-    # Braided polyethylene line of 0.8 mm, 0.2 m of it at 10 GPa [N/m], and its loss
-    # [N s/m]: a tenth of what would be critical for the finger that it pulls (1.2 kg
-    # seen from the wire).
+    # 0.2 m of braided polyethylene line, 0.8 mm thick, at 10 GPa [N/m]. Its damping
+    # [N s/m] is a tenth of the critical one for the finger that it pulls (1.2 kg seen
+    # from the wire).
     wire_stiffness: float = dc.field(default=2.5e4, metadata=positive())
     wire_damping: float = dc.field(default=35.0, metadata={"ge": 0.0})
-    # SAKE's public MuJoCo model, "from actual spring specs" of 2026: stiffness, and
-    # preload by a reference of -2.09 rad, where open is -pi/2 (base) and 0 (tip).
+    # SAKE's public MuJoCo model of 2026, "from actual spring specs": stiffness, and
+    # preload from a reference of -2.09 rad, where open is -pi/2 (base) and 0 (tip).
     base_spring: TorsionSpringConfig = dc.field(
         default_factory=lambda: TorsionSpringConfig(preload=0.00308, stiffness=0.00593)
     )
     tip_spring: TorsionSpringConfig = dc.field(
         default_factory=lambda: TorsionSpringConfig(preload=0.01611, stiffness=0.00771)
     )
-    # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so
-    # that it opens as fast as it can without ringing.
+    # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so it
+    # opens as fast as possible without ringing.
     joint_damping: float = dc.field(default=0.0022, metadata={"ge": 0.0})
 
     @property
     def full_torque(self) -> float:
-        """Motor torque at full PWM at rest [N m]."""
+        """Motor torque at rest at full PWM [N m]."""
         return self.full_scale * self.stall_torque
 
     @property
     def motor_damping(self) -> float:
-        """Torque that the motor loses with its speed, back-EMF [N m s/rad]."""
+        """Torque that the motor loses per speed, to back-EMF [N m s/rad]."""
         return self.stall_torque / self.no_load_speed
 
     @property
     def full_wire_force(self) -> float:
-        """Force of each wire when both balance the motor at rest at full PWM [N]."""
+        """Force of each wire when both balance the motor, at rest at full PWM [N]."""
         return self.full_torque / (2.0 * self.spool_radius)
 
     def force_limit_of(self, wire_force: float) -> float:
         """Return the servo's `force_limit` that pulls each wire with this force [N].
 
         Raises:
-            ScenarioError: If the servo cannot pull as hard, or the force is negative.
+            ScenarioError: If the servo cannot pull that hard, or the force is negative.
         """
         if not 0.0 <= wire_force <= self.full_wire_force:
             raise ScenarioError(
@@ -90,7 +90,7 @@ class TendonDriveConfig:
 @TemplateSystem.define("TendonDrive_")
 def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(LeafSystem_[T]):
-        """Motor, spool, wires and springs of an SRG: PWM to four joint torques.
+        """Turns PWM into four joint torques by motor, spool, wires and springs.
 
         .. pydrake_system::
 
@@ -103,13 +103,15 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             - motor_state
             - wire_force
 
-        `pwm` (1) is a fraction of full scale; `state_measured` (8) is [q; v] of the
-        finger joints in rad, rad/s, ordered left base, right base, left tip, right tip
-        as is `joint_torque` (4) [N m]. `motor_state` (2) is the spool's [angle; speed]
-        in rad, rad/s, 0 where the wires are taut with the fingers open. `wire_force`
-        (2) [N] is that of the left and the right wire.
+        `pwm` (1) is a fraction of full scale. `state_measured` (8) is [q; v] of the
+        finger joints in rad, rad/s. Joints, also of `joint_torque` (4) [N m], are
+        ordered left base, right base, left tip, right tip. `motor_state` (2) is
+        [angle; speed] of the spool in rad, rad/s; the angle is 0 where the wires are
+        taut with the fingers open. `wire_force` (2) [N] is that of the left and the
+        right wire.
 
-        A DC motor; the servo's limit of the PWM is one of the torque at rest:
+        The motor is a DC motor, so the servo's limit of the PWM limits its torque at
+        rest:
 
             J w' = tau_stall (scale pwm - w / w_0) - r_spool (F_left + F_right)
 
@@ -117,11 +119,12 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
 
             F = max(0, k x + c x')
 
-        and each joint gets F times its moment arm less its spring's torque. Nothing
-        here decides which joint of a finger moves first: springs, arms and contact do.
+        Each joint gets F times its moment arm, less its spring's torque. Nothing here
+        decides which joint of a finger moves first: springs, arms and contact do.
 
-        The motor's state is updated every `period` [s] (the plant's step), implicitly
-        in the back-EMF, which is faster than some steps (J w_0 / tau_stall is 11 ms).
+        The motor's state is updated every `period` [s] (the plant's step). The update
+        is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
+        is 11 ms.
         """
 
         def _construct(
@@ -134,7 +137,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             collectable(self)
             self.config = config
             self._period = period
-            state = self.DeclareDiscreteState(2)  # spool angle, speed
+            state = self.DeclareDiscreteState(2)  # spool angle and speed
             self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
             self._fingers = self.DeclareVectorInputPort(name="state_measured", size=8)
             motor, fingers = self.discrete_state_ticket(state), self._fingers.ticket()
@@ -157,7 +160,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             Impl._construct(self, other.config, other._period, converter=converter)
 
         def _wires(self, context: Any, state: list[Any]) -> list[tuple[Any, Any, Any]]:
-            """Force of each wire, and its moment arms at base and tip."""
+            """Return the force of each wire, and its moment arms at base and tip."""
             config = self.config
             angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
             wires = []

@@ -1,4 +1,4 @@
-"""Force sensors in the finger links, read from contact."""
+"""Force sensors in the finger links, which read the plant's contacts."""
 
 import dataclasses as dc
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,8 @@ from drake_srg.types import Vector, positive
 class TouchConfig(FingerSensorConfig):
     """When a touch counts."""
 
-    # A sensor fires from this force on [N]: thin-film force sensors begin to read at
-    # 0.1 to 0.5 N.
+    # A sensor fires at this force and above [N]. Thin-film force sensors begin to read
+    # at 0.1 to 0.5 N.
     trigger_force: float = dc.field(default=0.5, metadata=positive())
 
     def AddSensor(
@@ -38,7 +38,7 @@ class TouchConfig(FingerSensorConfig):
 
 
 class ContactForceSensors(LeafSystem):
-    """What contact does to each finger link.
+    """Measures the contact forces on each finger link.
 
     .. pydrake_system::
 
@@ -51,18 +51,18 @@ class ContactForceSensors(LeafSystem):
         - contact_wrench
         - triggered
 
-    `contact_results` and `body_poses` are the plant's. The outputs have an entry a
-    sensor and are computed when read:
+    `contact_results` and `body_poses` are the plant's. The outputs have one entry per
+    sensor and are computed when they are read:
 
     * `contact_force` (m) [N]: pressure on the closing side, as a force sensor under the
-      pad reads it, the sum of all contact forces along the link's -y, at least 0;
-    * `contact_wrench` (6m) [N m, N]: for each link [torque; force] of all contacts, at
+      pad reads it: the sum of all contact forces along the link's -y, at least 0;
+    * `contact_wrench` (6m) [N m, N]: [torque; force] of all contacts on each link, at
       the link's origin, in the link's frame;
     * `triggered` (m): 1 where the force is `config.trigger_force` or more, else 0.
 
     Args:
-        links: Name of each sensor, the index of its body and the body's collision
-            geometries.
+        links: The index of the body of each sensor and the body's collision geometries,
+            by the sensor's name.
         config: When a touch counts.
     """
 
@@ -98,7 +98,7 @@ class ContactForceSensors(LeafSystem):
             )
 
     def _wrenches(self, context: Context) -> Vector:
-        """[torque; force] on each link at its origin, in its frame, (m, 6)."""
+        """Return [torque; force] on each link at its origin, in its frame, (m, 6)."""
         contacts: ContactResults = self._contacts.Eval(context)
         wrenches = np.zeros((len(self._bodies), 6))
         applied: list[tuple[int, Vector, Vector, Vector]] = []
@@ -126,7 +126,7 @@ class ContactForceSensors(LeafSystem):
         return wrenches
 
     def _forces(self, context: Context) -> Vector:
-        # y points inwards, to the closing side: what presses there pushes along -y.
+        # y points inwards, to the closing side, so pressure there acts along -y.
         return np.maximum(-self._wrenches(context)[:, 4], 0.0)
 
     def _calc_contact_force(self, context: Context, output: BasicVector) -> None:

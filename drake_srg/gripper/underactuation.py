@@ -10,8 +10,8 @@ from drake_srg.common.srg_geometry import SRG
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
-# Order of joints and sensors, here and at every port. A finger is a (base, tip) pair
-# of indices into it.
+# Order of the SRG's joints and sensors, here and at every port. A finger is a pair of
+# indices (base, tip) into it.
 JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
 FINGERS = ((0, 2), (1, 3))
 
@@ -20,15 +20,15 @@ FINGERS = ((0, 2), (1, 3))
 class UnderactuationConfig:
     """Parameters of Algorithm 1."""
 
-    # Sum of base and tip angle that closure 1 asks for [rad]; from the thesis.
+    # Base plus tip angle that closure 1 asks for [rad].
     full_scale: float = dc.field(default=SRG.full_scale, metadata=positive())
-    # Joint limits of base and tip [rad]; targets saturate there. SAKE's public URDF.
+    # Targets of base and tip saturate here [rad].
     base_limit: float = SRG.joint_limit
     tip_limit: float = SRG.joint_limit
-    # The thesis tests `tip angle <= 0`; a measured angle of a finger that rests on
-    # its stop is zero only up to the stop's compliance [rad].
+    # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
+    # zero only up to the stop's compliance [rad].
     straight_tolerance: float = 0.002
-    # Time between evaluations [s]: that of the proximity sensors.
+    # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
 
 
@@ -40,18 +40,18 @@ def finger_targets(
     last: tuple[float, float],
     straight_tolerance: float = 0.0,
 ) -> tuple[float, float]:
-    """Evaluate Algorithm 1 for one finger, as the SRG thesis's Lua code runs it.
+    """Evaluate Algorithm 1 for one finger, as the Lua code of the SRG thesis does.
 
     Args:
-        target: Commanded sum of base and tip angle [rad].
+        target: Commanded base plus tip angle [rad].
         opening: Whether the command decreased when it last changed.
-        angles: Measured base and tip angle [rad].
-        fired: Whether the base's and the tip's sensor are triggered.
-        last: Base and tip target of the last evaluation [rad].
+        angles: Measured base and tip angles [rad].
+        fired: Whether the sensors of base and tip fire.
+        last: Base and tip targets of the last evaluation [rad].
         straight_tolerance: Tip angle up to which the finger counts as straight [rad].
 
     Returns:
-        The new base and tip target [rad].
+        The new base and tip targets [rad].
     """
     base, tip = angles
     base_target, tip_target = last
@@ -82,14 +82,21 @@ class UnderactuationLogic(LeafSystem):
         output_ports:
         - position_desired
 
-    Inputs: `closure_commanded` (1), 0 open .. 1 closed, clipped, a NaN ignored;
-    `state_measured` (8), [q; v]; `triggered` (4), nonzero where a sensor fires;
-    `joint_position_commanded` (4) [rad], whose finite entries override the algorithm;
-    `hold` (1): while nonzero, a finger that touches something keeps its targets (and so
-    its grip), the other keeps the angles it had when the hold began. Joints and sensors
-    are ordered left base, right base, left tip, right tip.
+    Inputs:
 
-    Output: `position_desired` (4) [rad], updated every `config.period`.
+    * `closure_commanded` (1): 0 open .. 1 closed, clipped, NaN ignored;
+    * `state_measured` (8): [q; v] in rad, rad/s;
+    * `triggered` (4): nonzero where a sensor fires;
+    * `joint_position_commanded` (4) [rad]: finite entries override the algorithm;
+    * `hold` (1): while nonzero, a finger that touches something keeps its targets, and
+      so its grip. A finger that does not keeps the angles that it had when the hold
+      began.
+
+    The output `position_desired` (4) [rad] is updated every `config.period`. Joints and
+    sensors are in the order of `JOINT_NAMES`.
+
+    Args:
+        config: Parameters of the algorithm.
     """
 
     def __init__(self, config: UnderactuationConfig | None = None) -> None:

@@ -147,7 +147,7 @@ def test_the_printed_division_is_guarded(speed, min_speed):
 
 
 def test_gains_of_different_lengths_are_refused():
-    with pytest.raises(ValueError, match=r"one entry a joint; got \[2, 2, 1, 2, 2\]"):
+    with pytest.raises(ValueError, match=r"one entry per motor each, got \[2, 2, 1, 2, 2\]"):
         make(kd=[0.1])
 
 
