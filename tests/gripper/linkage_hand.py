@@ -1,4 +1,4 @@
-"""A linkage gripper with a driver, and a cylinder on a table that can be lowered."""
+"""A linkage gripper with a driver, and a cylinder on a table that goes down."""
 
 import numpy as np
 from helpers import fix
@@ -28,7 +28,7 @@ TABLE = """
 
 
 class Hand:
-    """The palm fixed and level; the cylinder, if any, upright at the grasp point."""
+    """A gripper with its palm fixed and level, and a cylinder upright in the grasp."""
 
     def __init__(
         self,
@@ -99,7 +99,7 @@ class Hand:
         return self.object.EvalPoseInWorld(self.plant_context).translation()
 
     def loop_error(self):
-        """How far the halves of the couplers are apart at the pins [m]."""
+        """Return how far apart the halves of the couplers are at the pins [m]."""
         distances = []
         for finger in ("master", "slave"):
             X_GT, X_GC = (
@@ -113,7 +113,7 @@ class Hand:
         return np.max(distances)
 
     def advance(self, duration):
-        """Lets time pass, logging every 5 ms."""
+        """Let time pass, and log every 5 ms."""
         for _ in range(round(duration / 0.005)):
             self.simulator.AdvanceTo(self.root.get_time() + 0.005)
             self.log["time"].append(self.root.get_time())

@@ -1,4 +1,4 @@
-"""An SRG with a driver, and what it is given to hold."""
+"""An SRG with a driver, and a post to hold."""
 
 from helpers import fix
 from pydrake.math import RigidTransform
@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.gripper.drivers import AddGripperDriver, SrgPositionDriver
 from drake_srg.parsing import configure_parser
 
-# A cylinder across the hand, as far from the palm as a wrapped grasp has it.
+# A cylinder across the hand, as far from the palm as in a wrapped grasp.
 RADIUS = 0.033
 CYLINDER = f"""
 <sdf version="1.9" xmlns:drake="http://drake.mit.edu"><model name="post">
@@ -21,7 +21,7 @@ CYLINDER = f"""
 
 
 class Hand:
-    """An SRG with its palm fixed, x up; optionally with a post in the hand."""
+    """An SRG with its palm fixed and level, with or without a post in the hand."""
 
     def __init__(self, *, post=False, config=None, post_at=0.0791 + RADIUS + 0.006):
         builder = DiagramBuilder()
@@ -64,7 +64,7 @@ class Hand:
         return self.read("state_measured")[:4]
 
     def advance(self, duration):
-        """Lets time pass, logging every 10 ms."""
+        """Let time pass, and log every 10 ms."""
         for _ in range(round(duration / 0.01)):
             self.simulator.AdvanceTo(self.root.get_time() + 0.01)
             self.log["time"].append(self.root.get_time())

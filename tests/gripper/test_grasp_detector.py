@@ -12,7 +12,7 @@ NONE, LEFT, BOTH = [0, 0, 0, 0], [1, 0, 1, 0], [1, 1, 0, 0]
 
 
 def reports(readings, delay=0.1):
-    """What it reports 1 ms after each reading of 10 ms."""
+    """Return the reports 1 ms after each reading, one every 10 ms."""
     detector = GraspDetector(FINGERS, GraspDetectorConfig(post_contact_delay=delay))
     simulator = Simulator(detector)
     context = simulator.get_mutable_context()
@@ -42,11 +42,11 @@ def test_both_fingers_must_sense_something(reading):
 
 
 @pytest.mark.parametrize("reading", [[1, 1, 0, 0], [0, 0, 1, 1], [1, 0, 0, 1]])
-def test_any_sensor_of_a_finger_will_do(reading):
+def test_any_sensor_of_a_finger_counts(reading):
     assert reports([reading] * 12)[-1] == 1
 
 
-def test_sensors_may_take_turns():
+def test_the_sensors_of_a_finger_may_take_turns():
     assert reports([BOTH, [0, 0, 1, 1]] * 6)[-1] == 1
 
 

@@ -15,12 +15,12 @@ SIXTY_DEGREES = np.pi / 3
 
 
 class Fingers:
-    """Fingers that are where their references are, perfectly; unless `stuck`."""
+    """Fingers that follow their references perfectly, up to where they are stuck."""
 
     def __init__(self, closure=1.0, **optional):
         self.system = MasterSlaveReference()
         self.context = self.system.CreateDefaultContext()
-        self.stuck = np.full(2, np.inf)  # angles beyond which they cannot go
+        self.stuck = np.full(2, np.inf)  # the largest angles that they reach
         self.give(closure_commanded=closure, grasped=0.0, **optional)
 
     def give(self, **inputs):
@@ -35,7 +35,7 @@ class Fingers:
         return np.minimum(self.reference[:2], self.stuck)
 
     def advance(self, duration):
-        """Logs references and angles at the updates."""
+        """Let time pass; return references and angles after each update."""
         references, angles = [], []
         for _ in range(round(duration / T)):
             self.give(state_measured=[*self.q, 0.0, 0.0])
@@ -60,7 +60,7 @@ def test_ports():
     )
 
 
-def test_the_thesiss_speed_and_gain():
+def test_speed_and_gain_are_those_of_the_thesis():
     assert pytest.approx(SIXTY_DEGREES) == V
     assert CONFIG.slave_gain == 20.0
 
@@ -76,7 +76,7 @@ def test_the_master_moves_at_full_speed_and_stops_at_its_target():
 
 def test_the_slave_is_three_degrees_behind():
     _, angles = Fingers().advance(0.5)
-    # The speed over the gain: 60 degrees/s over 20 1/s.
+    # The speed over the gain: 60 degrees/s over 20/s.
     assert angles[-1, 0] - angles[-1, 1] == pytest.approx(np.radians(3.0), rel=1e-2)
 
 
@@ -101,7 +101,7 @@ def test_the_reference_is_continuous_between_updates():
     assert np.all(before[2:4] > 0.5)
 
 
-def test_gripped_they_stand_still():
+def test_both_stand_still_once_something_is_gripped():
     fingers = Fingers()
     fingers.advance(0.3)
     fingers.give(grasped=1.0)
@@ -136,7 +136,7 @@ def test_opening_lets_go_for_good():
     assert fingers.reference == pytest.approx(np.zeros(6), abs=1e-6)
 
 
-def test_letting_go_both_take_back_alike_what_they_press_with():
+def test_both_release_their_grip_at_the_same_speed():
     fingers = Fingers()
     fingers.stuck[:] = 0.25, 0.2
     fingers.advance(0.4)
@@ -150,7 +150,7 @@ def test_letting_go_both_take_back_alike_what_they_press_with():
     steps = np.diff(np.vstack([held, references[pressing, :2]]), axis=0)
     assert len(steps) > 5
     assert steps == pytest.approx(np.full(steps.shape, -V * T))
-    # The slave, behind, does not close while the master opens.
+    # The slave, which lags, does not close while the master opens.
     assert np.all(np.diff(angles, axis=0) <= 1e-12)
 
 
@@ -170,7 +170,7 @@ def test_hold_keeps_a_grip_though_the_command_opens():
 
 
 def test_a_grip_begins_when_the_fingers_stand_at_their_target():
-    """Closed as far as asked and sensing something, the slave presses no more."""
+    """Once it grips, the slave stops pressing harder."""
     fingers = Fingers(closure=0.3)
     fingers.stuck[1] = 0.1
     fingers.advance(0.5)
@@ -180,7 +180,7 @@ def test_a_grip_begins_when_the_fingers_stand_at_their_target():
     assert fingers.reference[1] == before
 
 
-def test_finite_entries_override():
+def test_finite_joint_positions_override_closure():
     fingers = Fingers(joint_position_commanded=[np.nan, 0.3])
     fingers.give(closure_commanded=0.0)
     references, _ = fingers.advance(0.5)
@@ -229,7 +229,7 @@ def test_speeds_and_angles_stay_within_their_limits(sequence):
         assert np.all(references[:, :2] <= CONFIG.full_scale + 1e-12)
 
 
-def test_it_is_freed():
+def test_a_master_slave_reference_is_freed():
     system = MasterSlaveReference()
     watch = weakref.ref(system)
     system.CreateDefaultContext()

@@ -19,7 +19,7 @@ G = 9.81
 
 @pytest.fixture(scope="module", params=MODELS)
 def holding(request):
-    """Closed on the cylinder, then the table lowered."""
+    """A hand that has closed on the cylinder, and then the table goes down."""
     hand = Hand(model=request.param, radius=RADIUS)
     hand.command(closure_commanded=1.0)
     hand.advance(1.0)
@@ -71,7 +71,7 @@ def test_cranks_are_measured_in_the_order_of_their_names():
 
 def test_it_holds_the_cylinder_when_the_table_goes(holding):
     before, after = holding.log["object"][holding.closed - 1], holding.p_GO()
-    # The pads' own compliance: 20 g shear 2 MPa rubber of 2.5 mm by micrometres.
+    # The compliance of the pads: 20 g shear 2.5 mm of 2 MPa rubber by micrometres.
     assert before[2] - after[2] < 1e-4
     assert holding.read("grasped") == [1.0]
     wrenches = holding.read("contact_wrench").reshape(2, 6)
@@ -83,19 +83,19 @@ def test_it_holds_the_cylinder_when_the_table_goes(holding):
 
 
 def up_of(hand, finger):
-    """The vertical in the frame of a fingertip."""
+    """Return the vertical in the frame of a fingertip."""
     tip = hand.plant.GetBodyByName(f"{finger}_tip")
     return tip.EvalPoseInWorld(hand.plant_context).rotation().matrix()[2]
 
 
-def test_it_is_the_servos_stiffness_that_presses(holding):
-    """Torque over the crank's length, of what the references ask beyond the contact."""
+def test_the_stiffness_of_the_servos_makes_the_grip(holding):
+    """References beyond the contact give a torque; over the crank, a force."""
     force, pwm = holding.read("contact_force"), holding.read("pwm")
     lever = CRANK * np.cos(STRAIGHT - holding.q)
     assert force == pytest.approx(pwm * STALL_TORQUE / lever, rel=0.02)
     # Enough for 200 g at a friction of 0.4.
     assert np.min(force) > 0.2 * G / 2 / 0.4
-    # Half of the stall torque at most: a hobby servo gets hot.
+    # At most half of the stall torque, because a hobby servo gets hot.
     assert np.max(pwm) < 0.5
 
 
@@ -113,7 +113,7 @@ def test_loops_stay_closed(holding):
 
 def test_the_speed_is_that_of_the_thesis(holding):
     v = holding.array("state_measured")[:, 2:]
-    # Half a second from open to the cylinder; the servo overshoots at the start.
+    # Half a second passes from open to the cylinder. The servo overshoots at the start.
     midway = (holding.array("time") > 0.2) & (holding.array("time") < 0.35)
     assert v[midway] == pytest.approx(np.radians(60.0), rel=0.02)
     assert np.max(v) < 1.1 * np.radians(60.0)
@@ -129,12 +129,12 @@ def test_a_grasp_counts_after_the_post_contact_delay(holding):
     time, grasped = holding.array("time"), holding.array("grasped")[:, 0]
     fired = np.all(holding.array("proximity") < 0.001, axis=1)
     first = time[np.flatnonzero(fired)[0]]
-    # Sensors and detector look every 10 ms.
+    # Sensors and detector are sampled every 10 ms.
     assert time[np.flatnonzero(grasped)[0]] - first == pytest.approx(0.1, abs=0.021)
     assert not grasped[time < first].any()
 
 
-def test_it_lets_go_without_pushing():
+def test_opening_does_not_push_the_object():
     hand = Hand(radius=RADIUS)
     hand.command(closure_commanded=1.0)
     hand.advance(0.9)
@@ -145,12 +145,12 @@ def test_it_lets_go_without_pushing():
     assert hand.q == pytest.approx([0.0, 0.0], abs=0.005)
     assert hand.read("grasped") == [0.0]
     assert hand.read("contact_force") == pytest.approx([0.0, 0.0])
-    # A tenth of how far closing shifts it.
+    # Within a tenth of the shift by closing.
     assert hand.p_GO() == pytest.approx(held, abs=CRANK * LAG / 2 / 10)
 
 
 @pytest.mark.parametrize(("mass", "friction"), [(0.2, 0.4), (0.02, 0.2)])
-def test_it_holds_what_its_force_can(mass, friction):
+def test_it_holds_a_heavy_and_a_slippery_object(mass, friction):
     hand = Hand(radius=RADIUS, mass=mass, friction=friction)
     hand.command(closure_commanded=1.0)
     hand.advance(0.9)
@@ -159,7 +159,7 @@ def test_it_holds_what_its_force_can(mass, friction):
     assert hand.p_GO()[2] > -1e-3
 
 
-def test_it_loses_what_has_no_friction():
+def test_it_loses_an_object_without_friction():
     hand = Hand(radius=RADIUS, friction=0.0)
     hand.command(closure_commanded=1.0)
     hand.advance(0.9)
@@ -173,8 +173,8 @@ def test_an_empty_hand_closes_further(model):
     hand = Hand(model=model)
     hand.command(closure_commanded=1.0)
     hand.advance(1.3)
-    # Sensing each other the fingers do report a grasp; their angles tell. Rims of
-    # curved pads, 40 degrees of the arc from its middle, meet before flat pads do.
+    # The fingers sense each other and report a grasp; their angles tell it apart. The
+    # rims of curved pads, 40 degrees from the middle of the arc, meet before flat pads.
     rims = RADIUS * (1.0 - np.cos(np.radians(40.0))) if model == MODELS[0] else 0.0
     empty = STRAIGHT + np.arcsin((RADIUS - rims) / CRANK)
     assert np.mean(hand.q) == pytest.approx(empty, abs=0.02)

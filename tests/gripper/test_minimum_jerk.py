@@ -29,7 +29,7 @@ def test_a_quintic_joins_its_ends(q, v, a, target, duration):
     p = quintic(q, v, a, target, duration)
     ends = [p.deriv(k)(0.0) if k else p(0.0) for k in range(3)]
     assert ends == pytest.approx([q, v, a], abs=1e-9)
-    # Rounding grows with 1/duration², 156 at most, times the coefficients' sizes.
+    # Rounding grows with 1/duration², at most 156, times the size of the coefficients.
     ends = [p.deriv(k)(duration) if k else p(duration) for k in range(3)]
     assert ends == pytest.approx([target, 0.0, 0.0], abs=1e-9)
 
@@ -45,7 +45,7 @@ def test_no_other_polynomial_between_the_same_ends_has_less_jerk(
 ):
     assume(max(map(abs, bend)) > 1e-3)
     p = quintic(*start, target, duration)
-    # Zero with its first two derivatives at both ends, so it changes neither.
+    # It and its first two derivatives are zero at both ends, so it changes neither.
     bump = Polynomial([0, 1 / duration]) ** 3 * Polynomial([1, -1 / duration]) ** 3
     other = p + bump * Polynomial(bend)
 
@@ -53,7 +53,7 @@ def test_no_other_polynomial_between_the_same_ends_has_less_jerk(
         integral = (motion.deriv(3) ** 2).integ()
         return integral(duration) - integral(0.0)
 
-    # The bump's own jerk is what is added; it is orthogonal to the quintic's.
+    # The bump adds its own jerk, which is orthogonal to the quintic's.
     assert cost(other) > cost(p) * (1 - 1e-12)
     assert cost(other) - cost(p) == pytest.approx(cost(other - p), rel=1e-3)
 
@@ -74,7 +74,7 @@ def retarget(system, context, target, time):
 
 
 def at(system, context, time):
-    """Rows q, v, a."""
+    """Return the rows q, v, a at a time."""
     context.SetTime(time)
     return read(system, context, "reference").reshape(3, -1)
 
@@ -92,7 +92,7 @@ def test_it_rests_where_it_starts():
     np.testing.assert_array_equal(at(system, context, 5.0), expected)
 
 
-def test_it_can_be_put_elsewhere():
+def test_the_reference_can_be_put_at_rest_elsewhere():
     system, context = make([0.0, 0.0])
     retarget(system, context, [1.0, 1.0], 0.0)
     system.SetPosition(context, np.array([0.5, 0.6]))
@@ -113,7 +113,7 @@ def test_position_velocity_and_acceleration_are_continuous(changes):
         time += wait
         before = at(system, context, time)
         retarget(system, context, target, time)
-        # Only rounding: accelerations reach some 1e3 rad/s².
+        # Only rounding differs: accelerations reach some 1e3 rad/s².
         np.testing.assert_allclose(at(system, context, time), before, atol=1e-9)
     end = at(system, context, time + 10.0)
     np.testing.assert_allclose(end[0], changes[-1][1:], atol=1e-12)
@@ -142,7 +142,7 @@ def test_from_rest_to_rest_the_peak_speed_is_the_limit(start, target, limit):
     ]
     assert max(speeds) <= limit * (1 + 1e-9)
     if duration > 0.08:
-        assert max(speeds) == pytest.approx(limit)  # half-way
+        assert max(speeds) == pytest.approx(limit)  # half way
     end = at(system, context, duration)[0]
     np.testing.assert_allclose(end, [target], atol=1e-12)
 

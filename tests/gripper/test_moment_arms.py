@@ -27,13 +27,13 @@ def table(joint):
 @pytest.mark.parametrize(
     ("joint", "arm"), [("base", base_moment_arm), ("tip", tip_moment_arm)]
 )
-def test_the_arms_are_the_vendors(joint, arm):
+def test_the_arms_are_those_of_the_vendors_table(joint, arm):
     angle, expected = table(joint)
     assert arm(angle) == pytest.approx(expected, rel=1e-3)
 
 
 def test_the_travel_is_that_of_the_table():
-    # From open to closed: the trapezium rule over the table, 0.0291 m.
+    # From open to closed, the trapezium rule over the table gives 0.0291 m.
     expected = sum(np.trapezoid(*table(joint)[::-1]) for joint in ("base", "tip"))
     assert wire_travel(2.007129, 1.745329) == pytest.approx(expected, rel=1e-3)
     assert wire_travel(0.0, 0.0) == 0.0

@@ -13,7 +13,7 @@ from drake_srg.gripper.motor_temperature import (
 from drake_srg.gripper.tendon import TendonDriveConfig
 
 DRIVE = TendonDriveConfig()
-# With period and capacity such that it settles within a few updates.
+# A period so long that the motor settles within a few updates.
 QUICK = MotorTemperatureConfig(period=2000.0)
 
 
@@ -37,33 +37,33 @@ def test_ports():
     )
 
 
-def test_it_starts_at_the_airs_temperature():
+def test_the_motor_starts_at_the_temperature_of_the_air():
     system, context = make(pwm=1.0)
     assert read(system, context, "motor_temperature") == [25.0]
 
 
-def test_a_stalled_motor_settles_where_the_air_takes_the_copper_loss():
-    # A fifth of the stall torque: 0.82 A through 12 V / 4.1 A, by 7.6 K/W.
+def test_a_stalled_motor_settles_where_the_air_takes_all_copper_loss():
+    # At a fifth of the stall torque, 0.82 A flow through 12 V / 4.1 A, at 7.6 K/W.
     loss = 0.82**2 * 12.0 / 4.1
     settled = temperature(*make(pwm=0.2 / DRIVE.full_scale, config=QUICK), updates=20)
     assert settled == pytest.approx(25.0 + 7.6 * loss)
     assert settled == pytest.approx(40.0, abs=0.1)
 
 
-def test_it_rises_as_its_heat_capacity_lets_it():
-    # In the first 0.1 s the air takes nothing: all loss goes into 113 J/K.
+def test_the_first_rise_is_the_loss_over_the_heat_capacity():
+    # In the first 0.1 s, the air takes nothing. All loss goes into 113 J/K.
     loss = DRIVE.full_scale**2 * 4.1 * 12.0
     rise = temperature(*make(pwm=1.0)) - 25.0
     assert rise == pytest.approx(loss * 0.1 / 113.0, rel=1e-3)
 
 
-def test_it_cools_with_its_time_constant():
+def test_the_motor_cools_with_its_time_constant():
     config = MotorTemperatureConfig()
     system, context = make(config=config)
     context.SetDiscreteState([80.0])
     cooled = temperature(system, context, updates=round(config.time_constant / 0.1))
     assert cooled - 25.0 == pytest.approx(55.0 / math.e, rel=1e-3)
-    # The manual asks to wait 20 minutes after an alarm; most of it is gone by then.
+    # Most of the heat is gone after the 20 minutes for which the manual asks to wait.
     assert 10 * 60 < config.time_constant < 20 * 60
 
 

@@ -32,9 +32,10 @@ def simulate(builder, plant, scene_graph, sensors):
 
 
 class Line:
-    """A ball of 10 mm radius on the x axis that watches a box and another ball.
+    """A ball of 10 mm radius on the x axis that sees a box and another ball.
 
-    The box's face is at x = 0.1 m; the other ball, 20 mm, is centred at x = -0.1 m.
+    The face of the box is at x = 0.1 m. The centre of the other ball, with a radius of
+    20 mm, is at x = -0.1 m.
     """
 
     def __init__(self, ignored=(), **config):
@@ -72,7 +73,7 @@ class Line:
         )
 
     def reading(self, x):
-        """Distance and trigger of a reading with the ball at x."""
+        """Return distance and trigger with the ball at x."""
         self.put(x)
         update(self.sensors, self.context)
         return tuple(read(self.sensors, self.context, name)[0] for name in PORTS)
@@ -92,10 +93,10 @@ def test_ports():
 @pytest.mark.parametrize(
     ("x", "distance"),
     [
-        (0.07, 0.02),  # 30 mm to the face less the radius
+        (0.07, 0.02),  # 30 mm to the face, less the radius
         (0.088, 0.002),
         (0.095, -0.005),  # penetration
-        (-0.04, 0.03),  # 60 mm to the ball's centre less both radii
+        (-0.04, 0.03),  # 60 mm to the ball's centre, less both radii
         (0.0, RANGE),  # nothing within the range
     ],
 )
@@ -105,7 +106,7 @@ def test_distances_are_signed_and_saturate(x, distance):
     assert triggered == (distance < 0.003)
 
 
-def test_the_nearest_counts():
+def test_the_nearest_geometry_counts():
     assert Line(range=0.2).reading(0.02)[0] == pytest.approx(0.07, abs=1e-6)
     assert Line(range=0.2).reading(-0.02)[0] == pytest.approx(0.05, abs=1e-6)
 
@@ -115,12 +116,12 @@ def test_the_trigger_distance_can_be_chosen():
     assert Line(trigger_distance=0.008).reading(0.081)[1] == 0.0
 
 
-def test_what_is_ignored_is_not_seen():
+def test_a_sensor_does_not_see_what_it_ignores():
     assert Line(ignored=["box"]).reading(0.095)[0] == RANGE
     assert Line(ignored=["sphere"]).reading(0.095)[0] < 0.0
 
 
-def test_readings_are_taken_once_a_period():
+def test_a_reading_is_taken_once_per_period():
     line = Line(period=0.02)
     line.put(0.07)
     line.simulator.AdvanceTo(0.01)
@@ -138,7 +139,7 @@ def test_readings_are_taken_once_a_period():
 
 
 def srg_readings(q, post=None, **config):
-    """The four distances with the joints at q, and a post of 10 mm at a point."""
+    """Return the four distances with the joints at q, and a ball at a point."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
     parser = Parser(plant)
@@ -166,13 +167,14 @@ def test_an_open_hand_sees_neither_itself_nor_its_palm():
     np.testing.assert_array_equal(srg_readings([0.0] * 4), [RANGE] * 4)
 
 
-def test_nor_does_a_bent_one():
-    # Tips bent 70 degrees back from fingers that are spread wide.
+def test_a_hand_with_bent_tips_does_not_see_itself():
+    # The fingers are spread wide, the tips bent by 70 degrees.
     assert np.all(srg_readings([0.0, 0.0, 1.2, 1.2], range=0.02) == 0.02)
 
 
 def test_the_tips_see_the_other_finger():
-    # Both fingers straight ahead: hinges 60 mm apart, faces 9.2 mm inward of them.
+    # With both fingers straight ahead, the hinges are 60 mm apart and the faces 9.2 mm
+    # inward of them.
     readings = srg_readings([np.pi / 2, np.pi / 2, 0.0, 0.0])
     np.testing.assert_array_equal(readings[:2], RANGE)
     assert readings[2:] == pytest.approx([0.0416, 0.0416], abs=1e-3)
@@ -181,7 +183,7 @@ def test_the_tips_see_the_other_finger():
 @pytest.mark.parametrize(
     ("post", "nearest"),
     [
-        # Open fingers point sideways from hinges at x = 73 mm, y = ±30 mm; a base
+        # Open fingers point sideways from the hinges at x = 73 mm, y = ±30 mm. A base
         # link is 52 mm long.
         ([0.10, 0.055, 0.0], 0),
         ([0.10, -0.055, 0.0], 1),
@@ -189,7 +191,7 @@ def test_the_tips_see_the_other_finger():
         ([0.10, -0.115, 0.0], 3),
     ],
 )
-def test_each_sensor_watches_its_own_link(post, nearest):
+def test_each_sensor_measures_from_its_own_link(post, nearest):
     readings = srg_readings([0.0] * 4, post)
     assert np.argmin(readings) == nearest
     assert readings[nearest] < 0.03

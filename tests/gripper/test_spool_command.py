@@ -42,7 +42,7 @@ def test_ports():
     )
 
 
-def test_closure_means_the_joint_angles_that_algorithm_1_would_ask_for():
+def test_closure_asks_for_the_joint_angles_of_algorithm_1():
     config = SpoolCommandConfig()
     for closure, base, tip in ((0.0, 0, 0), (0.5, 1.5, 0.0), (1.0, 1.94, 1.06)):
         expected = wire_travel(base, tip) / RADIUS
@@ -72,7 +72,7 @@ def test_hold_stays_where_the_spool_is():
     command, context = make(closure=0.8, motor=(1.2, 0.5))
     target(command, context)
     assert target(command, context, hold=1.0) == 1.2
-    # and goes on holding, wherever the spool drifts and whatever is commanded.
+    # It goes on holding, wherever the spool drifts and whatever is commanded.
     assert target(command, context, motor_state=[1.3, 0], closure_commanded=0) == 1.2
     assert target(command, context, hold=0.0) == 0.0
 
@@ -83,15 +83,15 @@ def test_hold_keeps_a_grip():
     assert target(command, context, hold=1.0) == before > 1.2
 
 
-def test_the_motors_own_position_goes_before_closure():
+def test_a_position_of_the_motor_overrides_closure():
     command, context = make(closure=0.4, motor_position_commanded=-0.7)
     assert target(command, context) == -0.7
-    # until it is no number.
+    # Until it is NaN.
     closed = target(*make(closure=0.4))
     assert target(command, context, motor_position_commanded=np.nan) == closed
 
 
-def test_hold_goes_before_the_motors_own_position():
+def test_hold_overrides_a_position_of_the_motor():
     command, context = make(motor=(1.2, 0.0), motor_position_commanded=2.0, hold=1.0)
     assert target(command, context) == 1.2
 
@@ -101,7 +101,7 @@ def torque(command, context, **inputs):
     return read(command, context, "torque_desired")[0]
 
 
-def test_the_motors_own_torque_is_obeyed_until_it_is_no_number():
+def test_the_motor_obeys_a_torque_until_it_is_nan():
     command, context = make()
     assert np.isnan(read(command, context, "torque_desired")[0])
     assert np.isnan(torque(command, context))
@@ -110,7 +110,7 @@ def test_the_motors_own_torque_is_obeyed_until_it_is_no_number():
 
 
 @pytest.mark.parametrize("triggered", [(0, 0, 0, 0), (0, 0, 1, 0)])
-def test_hold_goes_before_the_motors_own_torque(triggered):
+def test_hold_overrides_a_torque_of_the_motor(triggered):
     command, context = make(closure=0.5, triggered=triggered)
     target(command, context)
     before = target(command, context, hold=1.0)
@@ -136,7 +136,7 @@ def test_hold_keeps_a_grip_that_is_a_torque(touching, before, kept):
     assert target(command, context) == 1.2
 
 
-def test_under_torque_control_the_target_goes_with_the_spool():
+def test_under_torque_control_the_target_follows_the_spool():
     command, context = make(
         motor=(1.2, 0.5), motor_position_commanded=2.0, motor_torque_commanded=0.0
     )

@@ -62,11 +62,11 @@ def test_each_joint_is_driven_by_its_own_pwm(i):
             assert torque == pytest.approx(pwm * actuator.effort_limit())
 
 
-def test_it_closes_on_nothing_and_opens():
+def test_an_empty_hand_closes_and_opens():
     hand = Hand()
     hand.command(closure_commanded=0.25)
     hand.advance(0.6)
-    # The bases alone; the fingers' weight bends the servos by less than 0.01 rad.
+    # Only the bases close. The fingers' weight bends the servos by less than 0.01 rad.
     assert hand.q == pytest.approx([0.75, 0.75, 0.0, 0.0], abs=0.01)
     hand.command(closure_commanded=0.0)
     hand.advance(0.6)
@@ -81,7 +81,7 @@ def test_the_bases_move_no_faster_than_the_limit():
     for _ in range(60):
         hand.advance(0.01)
         speeds.append(np.max(hand.read("state_measured")[4:6]))
-    # 3.67 rad/s and a tenth for the servo's overshoot.
+    # 3.67 rad/s, and a tenth more for the servo's overshoot.
     assert 3.3 < max(speeds) < 4.04
 
 
@@ -101,12 +101,12 @@ def test_the_tips_close_after_the_bases_touch(wrapped):
         assert np.max(np.abs(q[: touched + 1, tip])) < 0.03
         assert q[-1, tip] > 0.5
         assert proximity[-1, tip] < 0.003
-    # Left and right do the same; contact meshes of the post are not symmetric.
+    # Left and right do the same, though the contact mesh of the post is not symmetric.
     assert q[-1, 0] == pytest.approx(q[-1, 1], abs=0.02)
     assert q[-1, 2] == pytest.approx(q[-1, 3], abs=0.02)
 
 
-def test_it_presses_with_the_force_limit(wrapped):
+def test_the_fingers_press_with_the_force_limit(wrapped):
     pwm = np.array(wrapped.log["pwm"])
     assert np.max(np.abs(pwm)) == pytest.approx(0.3)
     assert pwm[-1] == pytest.approx([0.3] * 4)
@@ -129,7 +129,7 @@ def test_hold_keeps_the_fingers_where_they_are():
     assert hand.q == pytest.approx(held, abs=1e-3)
 
 
-def test_the_configuration_arrives():
+def test_the_servo_has_the_limit_of_the_configuration():
     config = SrgPositionDriver()
     config.servo.force_limit = 0.02
     hand = Hand(config=config)
@@ -148,7 +148,7 @@ def test_a_diagram_with_the_driver_is_freed():
     assert [watch() for watch in watches] == [None] * len(watches)
 
 
-def test_the_driver_tells_the_order_of_joints_and_sensors():
+def test_the_configuration_has_the_order_of_joints_and_sensors():
     driver = SrgPositionDriver()
     assert driver.joint_names == (
         "left_base_joint",
@@ -163,7 +163,7 @@ def test_touch_can_trigger_algorithm_1():
     hand = Hand(post=True, config=SrgPositionDriver(trigger="touch"))
     hand.command(closure_commanded=1.0, force_limit=0.3)
     hand.advance(1.0)
-    # Blind to what is near, the bases press on the post before the tips close.
+    # Blind to distances, the bases press on the post before the tips close.
     force = hand.read("contact_force")
     assert np.all(force[:2] > 0.5)
     assert np.all(hand.q[2:] > 0.5)

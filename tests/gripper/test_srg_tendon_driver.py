@@ -21,7 +21,7 @@ def tendon_wrapped():
     return hand
 
 
-def test_the_tendon_driver_has_a_motors_ports():
+def test_the_tendon_driver_has_the_ports_of_a_motor():
     ports = port_table(Hand(config=TENDON).driver)
     assert ports[0]["force_limit"] == 1
     assert "joint_position_commanded" not in ports[0]
@@ -33,20 +33,20 @@ def test_wires_close_the_bases_first(tendon_wrapped):
     q, proximity = (np.array(tendon_wrapped.log[n]) for n in ("q", "proximity"))
     for base, tip in ((0, 2), (1, 3)):
         touched = np.flatnonzero(proximity[:, base] < 0.0)[0]
-        # Held by its spring, the tip does not leave its stop before.
+        # Its spring holds the tip on its stop until then.
         assert np.max(q[:touched, tip]) < 0.01
         assert q[-1, tip] > 0.5
 
 
-def test_the_plant_takes_all_that_the_wires_give():
-    # The model's effort limits are those of motors at the joints: not of wires, whose
-    # moment arm at the base doubles as the finger closes.
+def test_the_plant_applies_all_torque_of_the_wires():
+    # The model's effort limits are those of motors at the joints. They do not hold for
+    # wires, whose moment arm at the base doubles as the finger closes.
     hand = Hand(post=True, config=TENDON)
     hand.command(closure_commanded=1.0, force_limit=1.0)
     hand.advance(2.0)
     net = hand.plant.get_net_actuation_output_port(hand.model)
     applied = net.Eval(hand.plant.GetMyContextFromRoot(hand.root))
-    # Sampled a step apart; the force still rises.
+    # The samples are a step apart, and the force still rises.
     assert applied == pytest.approx(hand.read("actuation"), rel=0.01)
     assert np.max(applied) > 2.1
 
@@ -54,7 +54,7 @@ def test_the_plant_takes_all_that_the_wires_give():
 def test_wires_pull_with_the_force_limit(tendon_wrapped):
     expected = TENDON.servo.force_limit * TENDON.drive.full_wire_force
     force = tendon_wrapped.read("wire_force")
-    # Two seconds after the fingers close, seven times the wires' and motor's 0.3 s.
+    # Two seconds after the fingers close, seven time constants of wires and motor.
     assert force == pytest.approx([expected] * 2, rel=0.01)
 
 
@@ -66,7 +66,7 @@ def test_wires_let_go(tendon_wrapped):
 
 
 def test_wires_close_an_empty_hand_as_position_control_does():
-    # Level: x along the palm is horizontal, and gravity along the hinges.
+    # The palm is level, so gravity acts along the hinges.
     for config in (TENDON, SrgPositionDriver()):
         hand = Hand(config=config)
         hand.command(closure_commanded=0.4)
@@ -90,7 +90,7 @@ def test_the_motor_goes_where_it_is_told():
     hand = Hand(config=TENDON)
     hand.command(closure_commanded=1.0, motor_position_commanded=0.8)
     hand.advance(1.5)
-    # Within a count of the real servo's encoder, 4096 a turn.
+    # Within one count of the real servo's encoder, of 4096 per turn.
     assert hand.read("motor_state")[0] == pytest.approx(0.8, abs=2 * np.pi / 4096)
 
 
@@ -100,13 +100,13 @@ def test_wires_pull_with_the_torque_that_the_motor_is_told():
     hand.advance(3.0)
     expected = 0.2 * TENDON.drive.full_wire_force
     assert hand.read("wire_force") == pytest.approx([expected] * 2, rel=0.01)
-    # At rest, though wires and motor are a spring and a mass without a damper else.
+    # At rest, though wires and motor are a spring and a mass with no other damper.
     assert abs(hand.read("motor_state")[1]) < 1e-3
 
 
-def test_under_torque_control_a_weak_motor_is_not_slow():
-    # SAKE's driver closes the hand with 100 of 1023 in less than the 4 s that it waits;
-    # at the speed that this much PWM gives, the way would take longer.
+def test_torque_control_closes_the_hand_fast_with_little_torque():
+    # SAKE's driver closes the hand with 100 of 1023 in less than the 4 s that it waits.
+    # At the speed that this much PWM gives, it would take longer.
     hand = Hand(config=TENDON)
     hand.command(motor_torque_commanded=0.125)
     hand.advance(2.0)
@@ -121,8 +121,8 @@ def test_position_control_takes_over_where_torque_control_ends():
     hand.command(motor_torque_commanded=np.nan, motor_position_commanded=held)
     for _ in range(30):
         hand.advance(0.02)
-        # It does not go by what the wires give way under this torque, 0.94 N m: two
-        # of 2.5e4 N/m at 7.6 mm.
+        # The spool stays, though the wires give way under this torque, 0.94 N m: two of
+        # 2.5e4 N/m at 7.6 mm.
         assert abs(hand.read("motor_state")[0] - held) < 0.94 / 2.9
 
 
@@ -135,7 +135,7 @@ def test_hold_keeps_the_grip_of_a_torque_whatever_is_commanded():
     hand.advance(0.1)
     hand.command(motor_torque_commanded=-1.0)
     hand.advance(1.0)
-    # At rest before, and nothing changed: to a percent, as above.
+    # At rest as before, to a percent.
     assert hand.read("wire_force") == pytest.approx(grip, rel=0.01)
 
 
@@ -146,7 +146,7 @@ def test_without_torque_the_springs_turn_the_motor_back():
     wound, before = hand.read("motor_state")[0], hand.q
     hand.command(motor_torque_commanded=0.0)
     hand.advance(2.0)
-    # Slowly: two wires of 1 N at 7.6 mm against a fifth of 0.91 N m s/rad.
+    # Slowly, with two wires of 1 N at 7.6 mm against a fifth of 0.91 N m s/rad.
     assert -0.3 < hand.read("motor_state")[0] - wound < -0.1
     assert np.all(hand.q[:2] < before[:2] - 0.05)
 
@@ -155,7 +155,7 @@ def test_pulling_warms_the_motor(tendon_wrapped):
     assert tendon_wrapped.read("motor_temperature")[0] > 25.0
 
 
-def test_a_motor_at_each_joint_and_one_at_the_wires_is_one_too_many():
+def test_joints_with_rotors_of_their_own_are_refused():
     hand = Hand()
     with pytest.raises(ValueError, match="SetTendonDynamics"):
         AddSrgTendonDriver(DiagramBuilder(), hand.plant, hand.model)

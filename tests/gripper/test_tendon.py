@@ -45,7 +45,7 @@ def test_ports():
     )
 
 
-def test_the_figures_are_the_data_sheets():
+def test_the_drive_has_the_figures_of_the_data_sheets():
     # 800 of 1023 of 6.0 N m on two wires at 7.6 mm.
     assert CONFIG.full_torque == pytest.approx(4.692, abs=1e-3)
     assert CONFIG.full_wire_force == pytest.approx(308.7, abs=0.1)
@@ -60,14 +60,14 @@ def test_a_wire_force_beyond_the_servo_is_refused(force):
 
 
 def test_without_load_the_motor_reaches_its_speed():
-    # Wires that unwind are slack: nothing loads the motor.
+    # Wires that unwind are slack, so nothing loads the motor.
     drive, context = make(pwm=-0.5)
     speed = run(drive, context, 0.5)[1]
     assert speed == pytest.approx(-0.5 * 800 / 1023 * 6.6, rel=1e-3)
 
 
 def test_at_rest_the_wires_share_the_torque():
-    # Fingers that do not move: the motor stalls against its wires.
+    # With fingers that do not move, the motor stalls against its wires.
     drive, context = make(pwm=0.3)
     run(drive, context, 5.0)
     expected = [0.3 * CONFIG.full_wire_force] * 2
@@ -118,8 +118,8 @@ def test_slack_fingers_are_left_to_their_springs():
     assert read(drive, context, "joint_torque") == pytest.approx(expected)
 
 
-def test_free_closing_is_the_vendors():
-    """The vendor's forces and angles leave no torque on a joint that is free."""
+def test_free_closing_agrees_with_the_vendors_table():
+    """The vendor's forces and angles leave no torque on a free joint."""
     rows = list(csv.DictReader(data.read_csv("tendon_free_closing.csv")))
     checked = 0
     for row in rows:
@@ -136,7 +136,7 @@ def test_free_closing_is_the_vendors():
 
 
 @pytest.mark.parametrize("scalar", [AutoDiffXd, Expression])
-def test_it_converts(scalar):
+def test_it_converts_to_other_scalars(scalar):
     drive = TendonDrive(CONFIG, PERIOD).ToScalarType[scalar]()
     assert isinstance(drive, TendonDrive_[scalar])
     assert drive.config is CONFIG
@@ -152,7 +152,7 @@ def test_the_joint_torque_has_a_gradient():
     assert torque[0].derivatives() == pytest.approx([expected])
 
 
-def test_it_is_freed():
+def test_a_tendon_drive_is_freed():
     drive, context = make()
     read(drive, context, "wire_force")
     watch = weakref.ref(drive)

@@ -42,12 +42,12 @@ CUBE = ObjectConfig(
     friction=1.0,
     resolution=0.01,
 )
-# Where the ball rests on the tip's pad: its middle, from the tip's origin [m].
+# Where the ball rests on the tip's pad: the middle of its face in the tip's frame [m].
 PAD = np.array([SRG.pad_middle, SRG.face_offset, 0.0])
 
 
 def rest_on_a_pad(thing, side):
-    """A small ball, or a soft cube, at rest on a tip's pad, which faces up."""
+    """Return the sensors of a tip whose pad faces up, with a ball or a cube at rest."""
     builder = DiagramBuilder()
     config = MultibodyPlantConfig(
         time_step=0.002,
@@ -62,7 +62,7 @@ def rest_on_a_pad(thing, side):
         cube = AddObject(plant, "cube", CUBE)
     else:
         parser.AddModelsFromString(BALL, "sdf")
-    # Open, a finger's y (its closing side) is the palm's x: that goes up.
+    # The y of an open finger, its closing side, is the palm's x, which points up here.
     X_WP = RigidTransform(RollPitchYaw(0.0, -np.pi / 2, 0.0), [0.0, 0.0, 0.0])
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"), X_WP)
     for name in ("left_base", "right_base", "left_tip", "right_tip"):
@@ -102,7 +102,7 @@ def resting(request):
 
 @pytest.fixture
 def tip(request):
-    """Which entry is the tip's: of left base, right base, left tip, right tip."""
+    """The index of the tip among left base, right base, left tip, right tip."""
     return 3 if "right" in request.node.callspec.id else 2
 
 
@@ -150,7 +150,7 @@ def test_without_contact_there_is_no_force():
         assert not read(sensors, context, name).any()
 
 
-def test_it_is_freed():
+def test_contact_force_sensors_are_freed():
     sensors, context = make()
     read(sensors, context, "contact_force")
     watch = weakref.ref(sensors)

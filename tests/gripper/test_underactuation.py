@@ -26,17 +26,17 @@ four_angles = st.tuples(*[angle] * 4)
 @pytest.mark.parametrize(
     ("opening", "angles", "fired", "expected"),
     [
-        # Nothing touched, or only the tip: the base goes to the target.
+        # Nothing or only the tip touches: the base goes to the target.
         (CLOSE, (0.4, 0.3), (False, False), (1.5, LAST[1])),
         (CLOSE, (0.4, 0.3), (False, True), (1.5, LAST[1])),
-        # The base touches: the tip takes what is left.
+        # The base touches: the tip takes the rest.
         (CLOSE, (0.4, 0.3), (True, False), (LAST[0], 1.5 - 0.4)),
-        # Both touch: both press on, each with half of what is left, 1.5 - 0.4 - 0.3.
+        # Both touch: both press on, each with half of the rest, 1.5 - 0.4 - 0.3.
         (CLOSE, (0.4, 0.3), (True, True), (0.4 + 0.4, 0.3 + 0.4)),
-        # Opening a bent finger: the tip first. The sensors do not matter.
+        # A bent finger opens its tip first, whatever the sensors say.
         (OPEN, (0.4, 0.3), (False, False), (LAST[0], 1.5 - 0.4)),
         (OPEN, (0.4, 0.3), (True, True), (LAST[0], 1.5 - 0.4)),
-        # Opening a straight finger: the base.
+        # A straight finger opens its base.
         (OPEN, (0.4, 0.0), (False, False), (1.5, 0.0)),
         (OPEN, (0.4, -0.01), (True, True), (1.5, 0.0)),
     ],
@@ -55,7 +55,7 @@ def test_a_finger_within_the_tolerance_is_straight():
 def test_a_wrapped_finger_is_asked_for_the_whole_command(target, base, tip):
     result = finger_targets(target, CLOSE, (base, tip), (True, True), LAST)
     assert sum(result) == pytest.approx(target)
-    # Both joints have the same error, which is what squeezes.
+    # Both joints have the same error, which squeezes.
     assert result[0] - base == pytest.approx(result[1] - tip)
 
 
@@ -116,7 +116,7 @@ def test_targets_saturate_at_the_joint_limits():
 
 
 def test_each_finger_has_its_own_sensors():
-    # Left: the base touches. Right: base and tip touch.
+    # On the left, the base touches; on the right, base and tip do.
     q = [0.5, 0.6, 0.2, 0.3]
     result = targets(*make(closure=0.5, q=q, fired=[1, 1, 0, 1]))
     share = (1.5 - 0.6 - 0.3) / 2
@@ -181,7 +181,7 @@ def test_finite_overrides_win_and_the_others_follow_the_algorithm():
     fix(system, context, joint_position_commanded=[NAN, 0.2, 0.3, NAN])
     assert targets(system, context) == pytest.approx([1.5, 0.2, 0.3, 0.0])
     fix(system, context, joint_position_commanded=[NAN] * 4)
-    # An override leaves no trace in what the algorithm remembers.
+    # An override leaves no trace in the state of the algorithm.
     assert targets(system, context) == pytest.approx([1.5, 1.5, 0.0, 0.0])
 
 
