@@ -1,1 +1,1 @@
-"""LeRobot data sets of the recordings of sweeps."""
+"""LeRobot data sets, made from the recordings of sweeps."""

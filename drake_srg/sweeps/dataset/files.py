@@ -1,4 +1,4 @@
-"""Where the files of a LeRobot data set are, and its Parquet files."""
+"""The numbered files of a LeRobot data set."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-CHUNK_SIZE = 1000  # files a folder, as LeRobot's
+CHUNK_SIZE = 1000  # files per folder, as in LeRobot
 
 
 class FilePlace(NamedTuple):
-    """A file among those that hold one thing: the number of its folder and its own."""
+    """The place of a numbered file: the number of its folder and its own."""
 
     chunk: int
     file: int
@@ -23,7 +23,7 @@ class FilePlace(NamedTuple):
 
 
 def next_place(place: FilePlace | None) -> FilePlace:
-    """Return the place after one; the first after none."""
+    """Return the place after another one, or the first place after None."""
     if place is None:
         return FilePlace(0, 0)
     if place.file + 1 < CHUNK_SIZE:
@@ -32,15 +32,15 @@ def next_place(place: FilePlace | None) -> FilePlace:
 
 
 class ParquetFiles:
-    """Writes tables into Parquet files of a limited size, a row group each.
+    """Writes tables into Parquet files of limited size, one row group per table.
 
     The last file is complete after `close`.
 
     Args:
-        folder: Where chunk-000/file-000.parquet and so on are made.
-        schema: Of the tables.
-        limit: Size of a file [bytes], met by estimate from above; a table that is
-            larger has one of its own.
+        folder: Folder for chunk-000/file-000.parquet and so on.
+        schema: Schema of the tables.
+        limit: Largest size of a file [bytes], counted in memory, where tables are
+            larger; a table beyond the limit gets a file of its own.
 
     Raises:
         OSError: If a file cannot be written.
@@ -53,7 +53,7 @@ class ParquetFiles:
         self._writer: Any = None
 
     def place(self, size: int) -> FilePlace:
-        """Where a table of that size in memory [bytes] goes that is written next."""
+        """Return the place of the next table, given its size in memory [bytes]."""
         if self._place is None or (self._size and self._size + size > self._limit):
             self.close()
             self._place = next_place(self._place)
@@ -61,7 +61,7 @@ class ParquetFiles:
         return self._place
 
     def append(self, table: pa.Table) -> FilePlace:
-        """Append a table; returns where it is."""
+        """Append a table; returns its place."""
         place = self.place(table.nbytes)
         if self._writer is None:
             path = place.path(self._folder, ".parquet")
@@ -72,7 +72,7 @@ class ParquetFiles:
         return place
 
     def close(self) -> None:
-        """Finish the file that is open, if any."""
+        """Complete the open file, if any."""
         writer, self._writer = self._writer, None
         if writer is not None:
             writer.close()

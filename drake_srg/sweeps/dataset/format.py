@@ -1,16 +1,16 @@
 """The LeRobotDataset format, version 3.0: its features, tables and info.json.
 
-Published in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by LeRobot's own
-reader and writer (https://github.com/huggingface/lerobot, 0.4 and later):
+It is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
+LeRobot's own reader and writer (https://github.com/huggingface/lerobot, 0.4 and later):
 
 | file | |
 |---|---|
 | `meta/info.json` | version, features, frames per second, where files are |
 | `meta/stats.json` | statistics of all features, over all frames |
-| `meta/tasks.parquet` | what is to be done, in words, by number |
-| `meta/episodes/chunk-000/file-000.parquet` | an episode a row: where its frames are |
-| `data/chunk-000/file-000.parquet` | a frame a row: all features but images |
-| `videos/CAMERA/chunk-000/file-000.mp4` | images, many episodes in one file |
+| `meta/tasks.parquet` | the tasks in words, by number |
+| `meta/episodes/chunk-000/file-000.parquet` | one row per episode: its frames' place |
+| `data/chunk-000/file-000.parquet` | one row per frame: all features except images |
+| `videos/CAMERA/chunk-000/file-000.mp4` | images, many episodes per file |
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from drake_srg.sweeps.dataset.statistics import STATISTICS
 from drake_srg.sweeps.dataset.video import CODEC, PIXEL_FORMAT
 
 VERSION = "v3.0"
-MEGABYTE = 1024**2  # as LeRobot counts
-DATA_MB, VIDEO_MB = 100, 200  # the largest files, LeRobot's defaults
+MEGABYTE = 1024**2  # LeRobot's
+DATA_MB, VIDEO_MB = 100, 200  # largest files; LeRobot's defaults
 
 Feature = dict[str, Any]
 
-# What an episode tells of its trial: columns of ours beside LeRobot's, for filters.
+# Our own columns of an episode, beside LeRobot's, for filtering by trial.
 TRIAL = {
     "trial": pa.int64(),
     "seed": pa.int64(),
     "success": pa.bool_(),
-    "failure": pa.string(),  # the planner's word; null of a success
+    "failure": pa.string(),  # the planner's reason; null for a success
 }
 
 _SCALARS = {
@@ -53,12 +53,12 @@ _ARROW = {"bool": pa.bool_(), "float32": pa.float32(), "int64": pa.int64()}
 
 
 def video_key(camera: str) -> str:
-    """Return the feature of a camera's images."""
+    """Return the name of the feature with a camera's images."""
     return f"observation.images.{camera}"
 
 
 def make_features(layout: Layout, fps: int) -> dict[str, Feature]:
-    """Return the features of a data set, as info.json holds them."""
+    """Return the features of a data set, as in info.json."""
     features: dict[str, Feature] = {
         "observation.state": _vector(layout.joints),
         "action": _vector(layout.commands),
@@ -91,7 +91,15 @@ def _vector(names: Sequence[str]) -> Feature:
 def make_info(
     features: Mapping[str, Feature], fps: int, robot: str, episodes: int, frames: int
 ) -> dict[str, Any]:
-    """Return info.json of a data set with one task."""
+    """Return the content of info.json for a data set with one task.
+
+    Args:
+        features: From `make_features`.
+        fps: Frames per second.
+        robot: The robot's type.
+        episodes: Number of episodes.
+        frames: Number of frames.
+    """
     file = "chunk-{chunk_index:03d}/file-{file_index:03d}"
     return {
         "codebase_version": VERSION,
@@ -111,7 +119,7 @@ def make_info(
 
 
 def data_schema(features: Mapping[str, Feature]) -> pa.Schema:
-    """Return the columns of a frame."""
+    """Return the schema of frames."""
     return pa.schema(
         [(n, _column(f)) for n, f in features.items() if f["dtype"] != "video"]
     )
@@ -123,7 +131,7 @@ def _column(feature: Feature) -> pa.DataType:
 
 
 def episode_schema(features: Mapping[str, Feature]) -> pa.Schema:
-    """Return the columns of an episode."""
+    """Return the schema of episodes."""
     integer, number = pa.int64(), pa.float64()
     columns = {
         "episode_index": integer,
@@ -150,7 +158,7 @@ def episode_schema(features: Mapping[str, Feature]) -> pa.Schema:
 
 
 def _statistic(feature: Feature, statistic: str) -> pa.DataType:
-    """The column of one of an episode's statistics."""
+    """Return the type of a statistic of an episode."""
     if statistic == "count":
         return pa.list_(pa.int64())
     if feature["dtype"] == "video":
@@ -161,9 +169,9 @@ def _statistic(feature: Feature, statistic: str) -> pa.DataType:
 
 
 def tasks_table(tasks: Sequence[str]) -> pa.Table:
-    """Return tasks.parquet: a frame of pandas whose index is the task in words.
+    """Return tasks.parquet: a pandas data frame whose index is the task in words.
 
-    The schema's metadata says which column is the index:
+    The schema's metadata name the column that is the index:
     https://pandas.pydata.org/docs/development/developer.html
     """
     table = pa.table(
@@ -187,6 +195,6 @@ def tasks_table(tasks: Sequence[str]) -> pa.Table:
             column("task", "unicode", "object"),
         ],
         "creator": {"library": "pyarrow", "version": pa.__version__},
-        "pandas_version": "2.0.0",  # of the form of this entry
+        "pandas_version": "2.0.0",  # version of this entry's form
     }
     return table.replace_schema_metadata({"pandas": json.dumps(pandas)})

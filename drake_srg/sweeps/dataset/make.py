@@ -1,7 +1,7 @@
-"""Makes a LeRobot data set of the recordings of a sweep.
+"""Makes a LeRobot data set from the recordings of a sweep.
 
-Each trial is an episode, each image time a frame of it; see docs/dataset.md. The format
-is `drake_srg.sweeps.dataset.format`'s.
+Each trial becomes an episode, and each image time a frame; see docs/dataset.md and, for
+the format, `drake_srg.sweeps.dataset.format`.
 """
 
 from __future__ import annotations
@@ -28,14 +28,23 @@ _RECORDING, _METRICS = "recording.mcap", "metrics.json"
 
 @dc.dataclass(frozen=True)
 class Dataset:
-    """What was made: numbers of episodes, of those successful, and of frames."""
+    """A data set that has been made.
+
+    Attributes:
+        path: Its folder.
+        episodes: Number of episodes.
+        successes: Number of successful episodes.
+        frames: Number of frames.
+        fps: Frames per second.
+        left_out: How many recordings are no episodes and why, in words.
+    """
 
     path: Path
     episodes: int
     successes: int
     frames: int
     fps: int
-    left_out: str = ""  # recordings that are no episodes: how many and why, in words
+    left_out: str = ""
 
 
 def make_dataset(
@@ -46,28 +55,27 @@ def make_dataset(
     only_success: bool = False,
     progress: bool = False,
 ) -> Dataset:
-    """Make a LeRobot data set of the trials of a sweep that were recorded.
+    """Make a LeRobot data set from the recorded trials of a sweep.
 
-    It appears under its name when it is complete; what is interrupted leaves nothing.
-    Of a sweep that runs, it has the trials that are over when this begins.
+    The folder appears under its name when it is complete; an interruption leaves
+    nothing. The sweep may still be running: trials that have finished are included.
 
     Args:
-        sweep: Folder of a sweep made with `--record all` (or failures).
-        out: Folder to make; default: `dataset` in that of the sweep.
-        fps: Frames per second; None: all images. A divisor of the images' rate.
+        sweep: Folder of a sweep that ran with `--record all` or `failures`.
+        out: Folder to create; None: `dataset` in the sweep's folder.
+        fps: Frames per second, a divisor of the image rate; None: every image.
         only_success: Whether to leave out trials that failed.
         progress: Whether to show a progress bar.
 
     Raises:
         ImportError: If rosbags or PyAV is missing.
         OSError: If `out` cannot be written.
-        ScenarioError: If there are no recordings of trials that came to their end, or
-            not all alike; if the sweep's rows cannot be read; if `fps` does not fit; or
-            if `out` exists.
+        ScenarioError: If there are no recordings of finished trials, recordings differ
+            in their layout, rows cannot be read, `fps` does not fit, or `out` exists.
     """
     out = sweep / "dataset" if out is None else out
     if out.exists():
-        raise ScenarioError(f"-o {out}: exists; choose another folder, or remove it")
+        raise ScenarioError(f"-o {out}: already exists; remove it or choose another")
     task, robot = _task_and_robot(sweep)
     trials, left_out = _recorded_trials(sweep, only_success)
     layout = read_signals(trials[0] / _RECORDING).layout
@@ -87,12 +95,19 @@ def make_dataset(
 
 
 def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -> bool:
-    """Add a trial as an episode, one of so many images a frame; was it a success?"""
+    """Add a trial as an episode; returns whether it succeeded.
+
+    Args:
+        writer: Receives the episode.
+        trial: Folder of the recording.
+        layout: Layout of the data set.
+        every: Number of images per frame.
+    """
     signals = read_signals(trial / _RECORDING)
     if signals.layout != layout:
         raise ScenarioError(
-            f"{trial} has {signals.layout}, the trials before it have {layout}; "
-            "those of a data set must be recorded alike"
+            f"{trial}: all recordings of a data set must have the same layout: got "
+            f"{signals.layout}, expected {layout}"
         )
     metrics = _metrics(trial)
     writer.add(
@@ -109,37 +124,41 @@ def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -
 
 
 def _task_and_robot(sweep: Path) -> tuple[str, str]:
-    """What was done, in words, and the scenario's name."""
+    """Return the task in words and the scenario's name."""
     info = read_sweep(sweep)
-    pick = parse_yaml(info.tree, str(sweep))["task"]["pick"].replace("_", " ")
-    return f"Pick up the {pick} and place it on its goal.", Path(info.scenario).stem
+    name = Path(info.scenario).stem
+    task = parse_yaml(info.tree, str(sweep)).get("task") or {}
+    if not task.get("pick"):
+        return f"Follow the script of {name}.", name
+    pick = task["pick"].replace("_", " ")
+    return f"Pick up the {pick} and place it on its goal.", name
 
 
 def _recorded_trials(sweep: Path, only_success: bool) -> tuple[list[Path], str]:
-    """Folders of the trials' recordings, in order, and what is left out, in words.
+    """Return the folders of recordings in order, and in words what is left out.
 
-    A trial's recording is there before its row and does not change from then on, so
-    that the sweep may go on meanwhile.
+    The sweep may still be running: a trial's recording is complete before its row is
+    written.
     """
     over = set(read_rows(sweep)["trial"].to_pylist())
     folders = sorted((sweep / "recordings").glob("[0-9]*[0-9]"))
-    folders = [folder for folder in folders if folder.name.isdecimal()]  # no copies
+    folders = [folder for folder in folders if folder.name.isdecimal()]  # not copies
     rowed = [folder for folder in folders if int(folder.name) in over]
-    trials = [  # metrics.json is written last, and not where there is an error
+    trials = [  # metrics.json is written last, and not after an error
         folder
         for folder in rowed
         if (folder / _RECORDING).exists() and (folder / _METRICS).exists()
     ]
     counts = {
         "that ended in an error": len(rowed) - len(trials),
-        "not over": len(folders) - len(rowed),
+        "unfinished": len(folders) - len(rowed),
     }
     left_out = ", ".join(f"{n} {what}" for what, n in counts.items() if n)
     if not trials:
         raise ScenarioError(
-            f"{sweep}: has no recordings of trials to their end ({left_out})"
+            f"{sweep}: contains no recordings of finished trials ({left_out})"
             if left_out
-            else f"{sweep}: has no recordings; make the sweep with --record all"
+            else f"{sweep}: contains no recordings; sweep with --record all"
         )
     if only_success:
         trials = [folder for folder in trials if _metrics(folder)["success"]]
@@ -156,11 +175,11 @@ def _metrics(trial: Path) -> dict[str, Any]:
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
-        raise ScenarioError(f"{path}: is not a trial's: {one_line(error)}") from error
+        raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from error
 
 
 def _sync(root: Path) -> None:
-    """Have all files of a folder on the disk, should power fail."""
+    """Force all files of a folder to the disk, in case power fails."""
     for path in (*root.rglob("*"), root):
         descriptor = os.open(path, os.O_RDONLY)
         try:
@@ -172,17 +191,18 @@ def _sync(root: Path) -> None:
 def _whole_rate(rate: Fraction) -> int:
     if rate.denominator != 1:
         raise ScenarioError(
-            f"images come at {float(rate):g} Hz, and a data set has a whole number of "
-            f"frames per second; {_allowed(rate)}"
+            f"images are recorded at {float(rate):g} Hz, but a data set needs a whole "
+            f"number of frames per second; {_allowed(rate)}"
         )
     return rate.numerator
 
 
 def _stride(rate: Fraction, fps: int) -> int:
-    """Every how many images there is a frame."""
+    """Return the number of images per frame."""
     if fps < 1 or (rate / fps).denominator != 1:
         raise ScenarioError(
-            f"--fps {fps}: images come at {float(rate):g} Hz; {_allowed(rate)}"
+            f"--fps {fps}: must divide the image rate, {float(rate):g} Hz; "
+            f"{_allowed(rate)}"
         )
     return (rate / fps).numerator
 

@@ -1,4 +1,4 @@
-"""What a data set takes from the recording of a trial."""
+"""Reads what a data set needs from the recording of a trial."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ _ARM = "/arm/position_commanded"
 _CLOSURE = "/gripper/closure_commanded"
 _CAMERA = "/camera_(.+)/color/image_raw"
 
-# Simulated time accumulates steps, and messages are stamped in whole nanoseconds.
+# Simulated time adds up steps, and stamps are whole nanoseconds.
 _STAMP_TOLERANCE = 1e-6  # s
 
 
 @dc.dataclass(frozen=True)
 class Layout:
-    """What all recordings of a data set have in common.
+    """The layout that all recordings of a data set share.
 
     Attributes:
         joints: Names of the measured joints, arm first.
-        commands: Names of what is commanded: the arm's joints, then the gripper.
-        cameras: Name to (height, width) of its images [pixels], sorted.
+        commands: Names of the commanded values: the arm's joints, then the gripper.
+        cameras: Camera name to (height, width) of its images [pixels], sorted.
         rate: Images per simulated second.
     """
 
@@ -46,7 +46,7 @@ class Layout:
     rate: Fraction
 
     def __str__(self) -> str:
-        """The layout in one line, for messages."""
+        """Return the layout in one line, for messages."""
         sizes = [f"{name} {w}x{h}" for name, (h, w) in self.cameras.items()]
         return (
             f"{', '.join(sizes)} at {float(self.rate):g} Hz, "
@@ -60,10 +60,10 @@ class Signals:
 
     Attributes:
         layout: Names, cameras and rate.
-        state: Measured joint positions, shape (K, joints) [rad, or m], interpolated
-            between the messages around the image.
-        action: What was commanded when the image was taken, shape (K, commands): the
-            last message up to then; joint positions [rad, or m], closure 0 .. 1.
+        state: Measured joint positions [rad or m], shape (K, joints), interpolated
+            between the messages before and after the image.
+        action: Commanded joint positions [rad or m] and closure (0 .. 1), shape
+            (K, commands), from the last message up to the image.
     """
 
     layout: Layout
@@ -72,15 +72,15 @@ class Signals:
 
 
 def read_signals(path: Path) -> Signals:
-    """Read all but the images of a trial's recording.
+    """Read everything except the images from a trial's recording.
 
     Args:
-        path: A recording.mcap, see `drake_srg.recording.rosbag`.
+        path: A recording.mcap; see `drake_srg.recording.rosbag`.
 
     Raises:
         ImportError: If rosbags is missing.
-        ScenarioError: If it cannot be read, is no recording of a cell with cameras, or
-            if the images do not follow each other evenly.
+        ScenarioError: If it cannot be read, lacks joints, commands or images, or its
+            images are not evenly spaced.
     """
     times: dict[str, list[float]] = {}
     values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
@@ -92,19 +92,18 @@ def read_signals(path: Path) -> Signals:
                 message = decode()
                 joints = tuple(message.name)
                 values[topic].append(message.position)
-            elif topic in values:  # images are for later
+            elif topic in values:  # not an image
                 values[topic].append(np.atleast_1d(decode().data))
     for topic, rows in values.items():
         if not rows:
-            raise ScenarioError(f"{path}: has no messages on {topic}")
+            raise ScenarioError(f"{path}: contains no messages on {topic}")
 
     cameras = sorted(
         match[1] for topic in times if (match := re.fullmatch(_CAMERA, topic))
     )
     if not cameras:
         raise ScenarioError(
-            f"{path}: has no images; cameras in recording.bag_cameras are recorded, "
-            "every recording.bag_camera_period"
+            f"{path}: contains no images; recording.bag_cameras must name a camera"
         )
     rate, image_times = _even_times(path, {c: times[_topic(c)] for c in cameras})
     sizes = {c: next(read_images(path, c)).shape[:2] for c in cameras}
@@ -124,15 +123,15 @@ def read_signals(path: Path) -> Signals:
 
 
 def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
-    """The color images of a camera in order, each of shape (height, width, 3), RGB.
+    """Yield the color images of a camera in order: RGB, shape (height, width, 3).
 
-    One at a time, so that a recording of any length takes the same memory. Video needs
-    even sizes: an odd last row or column is left out.
+    Images are read one at a time, so memory does not grow with the recording. An odd
+    last row or column is left out, because video needs even sizes.
 
     Args:
         path: A recording.mcap.
-        camera: Its name.
-        every: Yields the first image and from then on each that is so many further.
+        camera: Name of the camera.
+        every: Yield the first image, and then every image that is so many further on.
     """
     with _readable(path):
         messages = _messages(path, re.escape(_topic(camera)))
@@ -150,12 +149,12 @@ def _topic(camera: str) -> str:
 def _messages(
     path: Path, topics: str
 ) -> Iterator[tuple[str, float, Callable[[], Any]]]:
-    """Topic, time [s] and what decodes it, of all messages on some topics, in order."""
+    """Yield topic, time [s] and decoder of all messages on matching topics."""
     rosbag2, typesys = require("rosbags.rosbag2"), require("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
     with rosbag2.Reader(path) as reader:
         chosen = [c for c in reader.connections if re.fullmatch(topics, c.topic)]
-        # Of no connections, messages() would yield all.
+        # Without connections, messages() would yield the messages of all topics.
         for connection, time, raw in reader.messages(chosen) if chosen else ():
             decode = partial(store.deserialize_cdr, raw, connection.msgtype)
             yield connection.topic, time * 1e-9, decode
@@ -163,10 +162,10 @@ def _messages(
 
 @contextlib.contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Raise a ScenarioError where a recording turns out to be damaged.
+    """Raise a ScenarioError if a recording is damaged.
 
-    What rosbags raises then is of any kind: ReaderError, SerdeError, ZstdError,
-    ValueError, KeyError ...
+    rosbags raises exceptions of any kind then: ReaderError, SerdeError, ZstdError,
+    ValueError, KeyError and others.
     """
     try:
         yield
@@ -179,15 +178,15 @@ def _readable(path: Path) -> Iterator[None]:
 def _even_times(
     path: Path, stamps: Mapping[str, list[float]]
 ) -> tuple[Fraction, npt.NDArray[np.float64]]:
-    """Images per second, and their times [s]: multiples of the recorder's period."""
+    """Return images per second, and their times [s]: multiples of the period."""
     first = next(iter(stamps.values()))
     rate = Fraction(1.0 / first[0]).limit_denominator(1000)
     times = np.arange(1, len(first) + 1) / float(rate)
     for camera, found in stamps.items():
         if len(found) != len(times) or np.abs(found - times).max() > _STAMP_TOLERANCE:
             raise ScenarioError(
-                f"{path}: the images of camera {camera} do not follow each other "
-                "evenly, together with those of the other cameras"
+                f"{path}: images of camera {camera} must be evenly spaced and at the "
+                "times of the other cameras' images"
             )
     return rate, times
 
@@ -195,6 +194,6 @@ def _even_times(
 def _held(
     at: npt.NDArray[np.float64], times: list[float], values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float64]:
-    """The last of some values up to each time; before the first one, that."""
+    """Return the last value up to each time; before the first value, the first."""
     index = np.searchsorted(times, at + _STAMP_TOLERANCE, side="right") - 1
     return values[np.maximum(index, 0)]

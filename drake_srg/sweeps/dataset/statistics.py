@@ -1,8 +1,8 @@
-"""Statistics of a data set's features, as LeRobot lays them out.
+"""Computes statistics of a data set's features, in LeRobot's layout.
 
-Per feature and dimension: min, max, mean, std, count and the quantiles q01, q10, q50,
-q90 and q99; of images per color channel, of values from 0 to 1, shape (3, 1, 1).
-LeRobot estimates them from samples; here all values count, each once.
+For each feature and dimension: min, max, mean, std, count and the quantiles q01, q10,
+q50, q90 and q99. For images, they are per color channel, with values from 0 to 1, shape
+(3, 1, 1). LeRobot estimates them from samples; here they cover all values.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def column_statistics(column: pa.ChunkedArray | pa.Array) -> Statistics:
         values = column.to_numpy(zero_copy_only=False).reshape(-1, 1)
     numbers = values.astype(np.float64)
     statistics = {
-        "min": values.min(axis=0),  # of the feature's own type, the others are means
+        "min": values.min(axis=0),  # min and max keep the feature's type
         "max": values.max(axis=0),
         "mean": numbers.mean(axis=0),
         "std": numbers.std(axis=0),
@@ -42,26 +42,26 @@ def column_statistics(column: pa.ChunkedArray | pa.Array) -> Statistics:
 
 
 class ImageStatistics:
-    """Statistics of images, exact and in constant memory: the counts of all values."""
+    """Exact statistics of images in constant memory: counts how often values occur."""
 
     def __init__(self) -> None:
         self._histogram = np.zeros((3, 256), dtype=np.int64)
         self._images = 0
 
     def add(self, image: Image) -> None:
-        """Count an image's values; shape (height, width, 3)."""
+        """Count the values of an image, shape (height, width, 3)."""
         for channel in range(3):
             counts = cv2.calcHist([image], [channel], None, [256], [0, 256])
             self._histogram[channel] += counts.ravel().astype(np.int64)
         self._images += 1
 
     def merge(self, other: ImageStatistics) -> None:
-        """Count all that another one has counted."""
+        """Add the counts of another instance."""
         self._histogram += other._histogram
         self._images += other._images
 
     def statistics(self) -> Statistics:
-        """Return the statistics; at least one image must have been counted."""
+        """Return the statistics; needs at least one image."""
         value = np.arange(256) / 255.0
         channels = [_weighted(value, counts) for counts in self._histogram]
         shaped = {
@@ -76,7 +76,7 @@ class ImageStatistics:
 def _weighted(
     value: npt.NDArray[np.float64], counts: npt.NDArray[np.int64]
 ) -> dict[str, float]:
-    """Statistics of values that occur so many times."""
+    """Return the statistics of values, given how often each occurs."""
     mean = np.average(value, weights=counts)
     seen = value[counts > 0]
     quantiles = np.quantile(

@@ -1,4 +1,4 @@
-"""The videos of a data set: many episodes in one file, any frame quickly found."""
+"""Writes the videos of a data set: many episodes per file, fast random access."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ CODEC, PIXEL_FORMAT = "h264", "yuv420p"
 _ENCODER = {
     "crf": "23",  # constant rate factor of x264, its own default
     "preset": "veryfast",
-    # A key frame every second frame, as in LeRobot's own videos: learning reads frames
-    # in random order. Without B-frames the order in the file is that of the times.
+    # Every second frame is a key frame, as in LeRobot's own videos, because learning
+    # reads frames in random order. Without B-frames, the file is in order of time.
     "g": "2",
     "bf": "0",
 }
-# ISO/IEC 23091-2 (and ffmpeg's AVCOL_*): ITU-R BT.601 in its limited range, which is
-# what RGB is converted to below. Players would guess by the size of the image.
+# ISO/IEC 23091-2 (and ffmpeg's AVCOL_*): ITU-R BT.601 in its limited range, to which
+# RGB is converted below. Without the tags, players would guess by the image size.
 _BT601, _LIMITED = 6, 1
 
 
@@ -35,11 +35,11 @@ def encode_episode(images: Iterable[Image], fps: int) -> tuple[bytes, int]:
     Equal images give equal bytes.
 
     Args:
-        images: RGB, shape (height, width, 3), both even.
+        images: RGB, shape (height, width, 3), with even height and width.
         fps: Frames per second.
 
     Returns:
-        The file, and how many frames it has.
+        The file, and its number of frames.
     """
     av = require("av")
     file = io.BytesIO()
@@ -62,14 +62,14 @@ def encode_episode(images: Iterable[Image], fps: int) -> tuple[bytes, int]:
 
 
 class VideoFiles:
-    """Joins encoded episodes of a camera in files of a limited size.
+    """Joins a camera's encoded episodes into files of limited size.
 
     The last file is complete after `close`.
 
     Args:
-        folder: Where chunk-000/file-000.mp4 and so on are made.
+        folder: Folder for chunk-000/file-000.mp4 and so on.
         fps: Frames per second.
-        limit: Size of a file [bytes]; an episode that is larger has one of its own.
+        limit: Largest size of a file [bytes]; an episode beyond it gets its own file.
 
     Raises:
         ImportError: If PyAV is missing.
@@ -85,7 +85,7 @@ class VideoFiles:
         self._stream: Any = None
 
     def append(self, episode: bytes) -> tuple[FilePlace, int]:
-        """Append an episode; where it is, and the frames before it in that file."""
+        """Append an episode; returns its place and the number of frames before it."""
         if self._place is None or self._size + len(episode) > self._limit:
             self.close()
             self._place = next_place(self._place)
@@ -95,7 +95,7 @@ class VideoFiles:
             if self._container is None:
                 self._open(source.streams.video[0])
             for packet in source.demux(video=0):
-                if packet.size:  # the last one only says that it is the last
+                if packet.size:  # the last packet is an empty end mark
                     packet.stream = self._stream
                     packet.time_base = Fraction(1, self._fps)
                     packet.pts = packet.dts = self._frames
@@ -106,7 +106,7 @@ class VideoFiles:
         return self._place, first
 
     def close(self) -> None:
-        """Finish the file that is open, if any."""
+        """Complete the open file, if any."""
         container, self._container = self._container, None
         if container is not None:
             container.close()

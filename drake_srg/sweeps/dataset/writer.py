@@ -1,4 +1,4 @@
-"""Writes a LeRobot data set, episode by episode."""
+"""Writes a LeRobot data set episode by episode."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from drake_srg.sweeps.dataset.video import VideoFiles, encode_episode
 class DatasetWriter:
     """Writes the files of a data set with one task.
 
-    Use it as a context manager; what it has written is complete after `finish`.
-    However many the episodes, little of them is in memory.
+    Use it as a context manager. The data set is complete after `finish`. However many
+    episodes there are, only a few of them are in memory.
 
     Args:
-        root: Folder to make.
-        layout: Of all episodes.
+        root: Folder to create.
+        layout: Layout of all episodes.
         fps: Frames per second.
-        task: What is done, in words.
-        robot: What does it.
-        data_limit: Size of a Parquet file [bytes].
-        video_limit: Size of a video [bytes].
+        task: The task in words.
+        robot: The robot's type.
+        data_limit: Largest size of a Parquet file [bytes].
+        video_limit: Largest size of a video [bytes].
         episodes_at_once: Episodes whose metadata form one row group.
 
     Raises:
@@ -85,7 +85,7 @@ class DatasetWriter:
 
     @property
     def frames(self) -> int:
-        """How many frames have been added."""
+        """Number of frames added so far."""
         return self._frames
 
     def add(
@@ -97,9 +97,9 @@ class DatasetWriter:
         """Add an episode.
 
         Args:
-            signals: One row a frame.
-            images: Camera to its images, one a frame.
-            about: What is told of the trial: the columns of `format.TRIAL`.
+            signals: One row per frame.
+            images: Camera name to its images, one per frame.
+            about: Values of the columns in `format.TRIAL`.
         """
         table = self._table(signals, about["success"])
         length = table.num_rows
@@ -125,7 +125,7 @@ class DatasetWriter:
             self._write_rows()
 
     def finish(self) -> None:
-        """Complete the files, and write what is known only at the end."""
+        """Complete the files, and write info.json, tasks and overall statistics."""
         self._write_rows()
         self._close()
         info = fmt.make_info(
@@ -133,7 +133,7 @@ class DatasetWriter:
         )
         _write_json(self._root / "meta" / "info.json", info)
         paths = sorted((self._root / "data").glob("*/*.parquet"))
-        statistics = {  # one column after the other, for the sake of memory
+        statistics = {  # one column at a time, to save memory
             name: column_statistics(
                 pa.concat_tables(
                     pq.ParquetFile(path).read(columns=[name]) for path in paths
@@ -149,7 +149,7 @@ class DatasetWriter:
         )
 
     def _close(self) -> None:
-        with contextlib.ExitStack() as stack:  # all, even if one fails
+        with contextlib.ExitStack() as stack:  # closes all, even if one fails
             stack.callback(self._data.close)
             stack.callback(self._episodes.close)
             for video in self._videos.values():
@@ -175,7 +175,7 @@ class DatasetWriter:
     def _add_video(
         self, camera: str, images: Iterator[Image], length: int
     ) -> dict[str, Any]:
-        """Add a camera's images of an episode; returns their metadata."""
+        """Add an episode's images from a camera; returns their metadata."""
         statistics = ImageStatistics()
 
         def counted() -> Iterator[Image]:
@@ -185,7 +185,7 @@ class DatasetWriter:
 
         episode, frames = encode_episode(counted(), self._fps)
         if frames != length:
-            raise ValueError(f"{camera} has {frames} images of {length} frames")
+            raise ValueError(f"{camera}: needs {length} images, got {frames}")
         self._images[camera].merge(statistics)
         place, first = self._videos[camera].append(episode)
         key = fmt.video_key(camera)
@@ -198,7 +198,7 @@ class DatasetWriter:
         }
 
     def _write_rows(self) -> None:
-        """Write the metadata of the episodes that are not written yet."""
+        """Write the metadata of episodes that wait for it."""
         if not self._rows:
             return
         rows, self._rows = self._rows, []

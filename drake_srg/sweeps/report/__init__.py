@@ -1,1 +1,1 @@
-"""The page that shows what a sweep has found."""
+"""The HTML page that shows the results of a sweep."""

@@ -1,4 +1,4 @@
-"""The section of a report that tells what the outcome of trials depends on."""
+"""The section of a report that shows what the outcome of trials depends on."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from drake_srg.sweeps.report.elements import (
 )
 from drake_srg.sweeps.report.trials import Trials
 
-_OPEN_EFFECTS = 12  # of the plots against quantities; more are folded away
+_OPEN_EFFECTS = 12  # plots that are open; the others are folded away
 
 
 def effects(trials: Trials) -> Element:
-    """What failures, placement error and cycle time depend on, ranked."""
+    """Return the section: what failures, placement error and cycle time depend on."""
     ranked = rank_effects(
         trials.quantities(),
         trials.success,
@@ -47,7 +47,7 @@ def effects(trials: Trials) -> Element:
     )
     title = "What matters"
     if not ranked:
-        few = "Too few trials are over to tell."
+        few = "Too few trials have finished to tell."
         none = "Nothing was varied between the trials."
         return section(title, paragraph(few if len(trials) < FEW else none))
     found = [effect for effect in ranked if effect.significant]
@@ -62,7 +62,7 @@ def effects(trials: Trials) -> Element:
 
 
 def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
-    """Success rates against all quantities."""
+    """Return plots of the success rate against every quantity."""
     binned = [success_bins(effect.values, trials.success) for effect in ranked]
     # A common axis, down to the lowest interval, in steps of 5 %.
     lowest = min(b.bounds[0] for row in binned for b in row)
@@ -71,7 +71,7 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
     for effect, row in zip(ranked, binned, strict=True):
         relation, words, kind = effect.failure, "no comparison", "words"
         if relation is not None and relation.significant:
-            words = f"fails more {_where(relation, 0.5)}, p {_p(relation.p)}"
+            words = f"more failures {_where(relation, 0.5)}, p {_p(relation.p)}"
             kind = "words found"
         elif relation is not None:
             words = f"no effect seen, p {_p(relation.p)}"
@@ -85,17 +85,18 @@ def _rates(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
         figures.append(figure(effect.name, words, plot, kind))
     told = any(effect.failure is not None for effect in ranked)
     return [
-        element("h3", "Success against each quantity"),
+        element("h3", "Success rate by quantity"),
         paragraph(
-            "Bins of about equal numbers of trials, with Wilson's 95 % interval; each "
-            "stroke at the foot is a failed trial. Those that matter most come first."
+            "Every bin has about the same number of trials, and is drawn with its 95 % "
+            "interval (Wilson). Each stroke at the bottom is a failed trial. The "
+            "quantities that matter most come first."
         ),
         *in_part(figures, _OPEN_EFFECTS if told else 0, _grid),
     ]
 
 
 def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
-    """Placement error and cycle time against the quantities that matter for them."""
+    """Return plots of placement error and cycle time, where a quantity matters."""
     figures = []
     for name, unit, outcome, relations in (
         (
@@ -124,8 +125,8 @@ def _medians(ranked: Sequence[Effect], trials: Trials) -> list[Element]:
     return [
         element("h3", "Placement error and cycle time"),
         paragraph(
-            "Medians of the trials that succeeded, in bins likewise; bars hold the "
-            "middle half of them. Only quantities that matter are drawn."
+            "Medians of successful trials in bins as above; each bar spans the middle "
+            "half of its trials. Only quantities that matter are shown."
         ),
         *in_part(figures, _OPEN_EFFECTS, _grid),
     ]
@@ -142,11 +143,11 @@ def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
     if failed == 0:
         words += "No trial failed, so none of them can be a cause of failures."
     elif failed == len(trials):
-        words += "All trials failed, so nothing tells which of them is a cause."
+        words += "All trials failed, so nothing shows which of them is a cause."
     elif causes:
         words += (
-            f"Failures depend on {causes} of them (of such findings, at most "
-            f"{100 * FALSE_DISCOVERIES:g} % are expected to be false)."
+            f"Failures depend on {causes} of them (at most "
+            f"{100 * FALSE_DISCOVERIES:g} % of such findings are expected to be false)."
         )
     else:
         words += (
@@ -154,12 +155,12 @@ def _verdict(ranked: Sequence[Effect], trials: Trials) -> Element:
             "differ in none of them by more than chance."
         )
         if failed < 10:
-            words += f" With {failed} failed, only strong effects would show."
+            words += f" With {failed} failed trials, only strong effects would show."
     return paragraph(words)
 
 
 def _found(found: Sequence[Effect], trials: Trials) -> Element:
-    """What each of the quantities that matter does, in words."""
+    """Return in words what each quantity that matters does."""
     items = []
     for effect in found:
         words: list[str] = []
@@ -179,13 +180,13 @@ def _found(found: Sequence[Effect], trials: Trials) -> Element:
 
 
 def _ends(rows: Sequence[Bin]) -> str:
-    """The worst and the best bin in words."""
+    """Return the worst and the best bin in words."""
 
     def words(b: Bin) -> str:
         rate = f"{percent(b.outcome, b.trials)} succeed"
         if b.low == b.high:
             return f"{rate} at {number(b.low)}"
-        return f"{rate} from {number(b.low)} to {number(b.high)}"
+        return f"{rate} between {number(b.low)} and {number(b.high)}"
 
     worst = min(rows, key=lambda b: b.outcome)
     best = max(rows, key=lambda b: b.outcome)
@@ -193,7 +194,7 @@ def _ends(rows: Sequence[Bin]) -> str:
 
 
 def _where(relation: Relation, neutral: float) -> str:
-    """Which values of a quantity have more of an outcome."""
+    """Return in words which values of a quantity have more of an outcome."""
     more = relation.strength > neutral
     if relation.ends:
         return "at both ends" if more else "in the middle"
@@ -227,13 +228,13 @@ def _all_effects(ranked: Sequence[Effect]) -> Element:
 
 def _method() -> Element:
     return paragraph(
-        "AUC: the probability that a failed trial has a larger value than one that "
-        "succeeded; 0.5 means no difference (test of Mann and Whitney, exact for few "
-        "failures). ρ: Spearman's rank correlation among trials that succeeded. Each "
-        "is calculated with the value and with its distance from the median (“of "
-        "ends”); the more significant one is shown, its p-value doubled. p is adjusted "
-        "for the number of quantities after Benjamini and Hochberg; bold: at most "
-        f"{FALSE_DISCOVERIES:g}. Effects of two quantities together are not sought."
+        "AUC: the probability that a failed trial has a larger value than a successful "
+        "one; 0.5 means no difference (Mann-Whitney test, exact for few failures). "
+        "ρ: Spearman's rank correlation among successful trials. Both are computed "
+        "twice, with the value and with its distance from the median (“of ends”); the "
+        "more significant result is shown, with its p-value doubled. p is adjusted for "
+        "the number of quantities (Benjamini and Hochberg) and bold if it is at most "
+        f"{FALSE_DISCOVERIES:g}. The combined effect of two quantities is not tested."
     )
 
 

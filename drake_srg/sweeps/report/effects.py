@@ -1,4 +1,4 @@
-"""Which of the sampled quantities the outcome of trials depends on."""
+"""Ranks the drawn quantities by how much the outcome of trials depends on them."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from drake_srg.sweeps.statistics import (
 )
 from drake_srg.types import Vector
 
-# The share of false ones that is accepted among the relations that are called so.
+# The accepted share of false relations among those called significant.
 FALSE_DISCOVERIES = 0.05
-FEW = 10  # trials, below which the p-value of a rank correlation is a guess
-_BIN_TRIALS = 25  # at least; their Wilson interval is at most 0.37 wide
+FEW = 10  # with fewer trials, the p-value of a rank correlation is a guess
+_BIN_TRIALS = 25  # at least; the Wilson interval is then at most 0.37 wide
 _MAX_BINS = 8
 
 Rows: TypeAlias = npt.NDArray[np.bool_]
@@ -28,44 +28,50 @@ Rows: TypeAlias = npt.NDArray[np.bool_]
 
 @dc.dataclass(frozen=True)
 class Relation:
-    """How one outcome goes with one quantity."""
+    """How one outcome depends on one quantity.
 
-    # AUC of failed against succeeded trials (0.5: none), or Spearman's correlation.
+    Attributes:
+        strength: AUC of failed against successful trials (0.5: none), or Spearman's
+            correlation (0: none).
+        p: The p-value, adjusted for the number of quantities.
+        ends: Whether the outcome depends on the distance from the quantity's median
+            instead of on the quantity.
+    """
+
     strength: float
-    p: float  # adjusted for the number of quantities
-    # It is with the distance from the quantity's median, not with the quantity.
+    p: float
     ends: bool = False
 
     @property
     def significant(self) -> bool:
-        """Whether more than chance shows."""
+        """Whether this is more than chance."""
         return self.p <= FALSE_DISCOVERIES
 
 
 @dc.dataclass(frozen=True)
 class Effect:
-    """What one quantity does to the outcomes; None where too few trials tell."""
+    """How the outcomes depend on one quantity; None with too few trials."""
 
     name: str
-    values: Vector  # one a trial, nan where it has none
+    values: Vector  # one per trial, nan for none
     failure: Relation | None
     placement: Relation | None
     cycle: Relation | None
 
     @property
     def significant(self) -> bool:
-        """Whether it matters for any outcome."""
+        """Whether any outcome depends on it."""
         relations = (self.failure, self.placement, self.cycle)
         return any(r is not None and r.significant for r in relations)
 
 
 @dc.dataclass(frozen=True)
 class Bin:
-    """Trials with neighbouring values of a quantity, and an outcome of theirs."""
+    """An outcome of trials with neighbouring values of a quantity."""
 
     low: float  # of the quantity
     high: float
-    middle: float  # their median
+    middle: float  # median of the quantity
     trials: int
     outcome: float
     bounds: tuple[float, float]  # of the outcome
@@ -79,16 +85,16 @@ def rank_effects(
 ) -> list[Effect]:
     """Return the effects of all quantities, those that matter most first.
 
-    A quantity may matter by being large or small, or by being far from its usual
-    value, as errors of either sign do. Both are tested, and the smaller p-value counts
-    twice. Each outcome's p-values are then adjusted for the number of quantities.
+    A quantity may matter by being large or small, or by being far from its usual value,
+    like errors of either sign. Both are tested, and the smaller p-value is doubled. The
+    p-values of each outcome are then adjusted for the number of quantities.
 
     Args:
-        quantities: By name; shape (n,), nan where a trial has none.
+        quantities: Values by name, shape (n,), nan where a trial has none.
         success: Shape (n,).
-        placement_error: [m], shape (n,). Of trials that succeeded it is set against
-            the quantities: where failed ones leave the object says little.
-        cycle_time: [s], shape (n,), likewise.
+        placement_error: [m], shape (n,). Only successful trials count, because where a
+            failed one leaves the object says little.
+        cycle_time: [s], shape (n,). Only successful trials count.
     """
 
     def failure(values: Vector, rows: Rows) -> _Test:
@@ -116,10 +122,10 @@ def rank_effects(
 
 
 def success_bins(values: Vector, success: Rows) -> list[Bin]:
-    """Return success rates of bins, with Wilson's 95 % intervals; see `_bins`.
+    """Return the success rate in bins of a quantity, with Wilson's 95 % interval.
 
     Args:
-        values: Of a quantity, shape (n,), nan where a trial has none.
+        values: The quantity, shape (n,), nan where a trial has none.
         success: Shape (n,).
     """
 
@@ -131,11 +137,11 @@ def success_bins(values: Vector, success: Rows) -> list[Bin]:
 
 
 def median_bins(values: Vector, outcome: Vector) -> list[Bin]:
-    """Return an outcome's medians in bins, with its quartiles; see `_bins`.
+    """Return the median of an outcome in bins of a quantity, with its quartiles.
 
     Args:
-        values: Of a quantity, shape (n,), nan where a trial has none.
-        outcome: Shape (n,), likewise.
+        values: The quantity, shape (n,), nan where a trial has none.
+        outcome: Shape (n,), nan where a trial has none.
     """
 
     def median(rows: Rows) -> tuple[float, tuple[float, float]]:
@@ -148,9 +154,9 @@ def median_bins(values: Vector, outcome: Vector) -> list[Bin]:
 def _bins(
     values: Vector, calc: Callable[[Rows], tuple[float, tuple[float, float]]]
 ) -> list[Bin]:
-    """Bins of about equal numbers of trials, from the smallest value on.
+    """Return bins with about equal numbers of trials, in order of the quantity.
 
-    A quantity of few values, each drawn again and again, has a bin for each of them.
+    A quantity with few distinct values has one bin for each of them.
     """
     finite = values[np.isfinite(values)]
     edges = np.unique(finite)
@@ -175,7 +181,7 @@ def _bins(
     return found
 
 
-# Strength and p-value, or None where too few trials tell.
+# Strength and p-value, or None with too few trials.
 _Test = tuple[float, float] | None
 _Measure = Callable[[Vector, Rows], _Test]
 
@@ -183,11 +189,11 @@ _Measure = Callable[[Vector, Rows], _Test]
 def _relations(
     quantities: Mapping[str, Vector], measure: _Measure
 ) -> dict[str, Relation | None]:
-    """Measure every quantity, and adjust the p-values."""
+    """Return the relation of an outcome to every quantity, with adjusted p-values."""
     found: dict[str, Relation | None] = {}
     for name, values in quantities.items():
         rows = np.isfinite(values)
-        # One of the values, so that no two others become equally far from it.
+        # One of the values: a mean of two would be equally far from both.
         median = np.quantile(values[rows], 0.5, method="inverted_cdf")
         tests = [(measure(values, rows), False)]
         if len(np.unique(values[rows])) > 2:
@@ -207,10 +213,10 @@ def _relations(
 
 
 def _rank(effect: Effect) -> list[float]:
-    """What is significant first: for failures, then for the others; then the rest."""
+    """Return a sort key: significant for failures, for the others, then the rest."""
     relations = (effect.failure, effect.placement, effect.cycle)
     found = [r.p if r is not None and r.significant else 1.0 for r in relations]
-    # These decide where p-values are equal, as they are at 0 and 1.
+    # Strengths decide between equal p-values, which occur at 0 and 1.
     strengths = [
         0.0 if relation is None else -abs(relation.strength - neutral)
         for relation, neutral in zip(relations, (0.5, 0.0, 0.0), strict=True)

@@ -1,4 +1,4 @@
-"""Elements of a page. What people or programs wrote stands in them escaped, always."""
+"""Elements of an HTML page; text from scenarios and trials is always escaped."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def element(tag: str, /, *children: Child, **attributes: Attribute) -> Element:
     """Return an element of HTML or SVG.
 
     Args:
-        tag: Its name.
-        children: Elements and text, in their order.
-        attributes: With `_` for `-`; one at the end, as in `class_`, is left out.
-            Numbers have the five digits that matter to a drawing.
+        tag: Name of the element.
+        children: Elements and text, in order.
+        attributes: `_` becomes `-`, and a final one, as in `class_`, is dropped.
+            Numbers are written with five digits, which is enough for a drawing.
     """
     made = Element(
         tag,
@@ -48,7 +48,14 @@ def element(tag: str, /, *children: Child, **attributes: Attribute) -> Element:
 def table(
     head: Sequence[Child], rows: Iterable[Sequence[Child]], label: str, class_: str = ""
 ) -> Element:
-    """Return a table that scrolls by itself where the page is narrow."""
+    """Return a table, which scrolls on its own if the page is too narrow.
+
+    Args:
+        head: Titles of the columns.
+        rows: Cells of each row.
+        label: What the table contains, for screen readers.
+        class_: CSS class of the table.
+    """
     return element(
         "div",
         element(
@@ -68,13 +75,13 @@ def table(
         ),
         class_="scroll",
         role="region",
-        tabindex="0",  # for those who scroll by keys
+        tabindex="0",  # allows scrolling with the keyboard
         aria_label=label,
     )
 
 
 def section(title: str, *children: Child) -> Element:
-    """Return a part of the page under its heading."""
+    """Return a section of the page with its heading."""
     name = title.lower().replace(" ", "-")
     heading = element("h2", title, id=name)
     return element("section", heading, *children, aria_labelledby=name)
@@ -86,12 +93,12 @@ def paragraph(*children: Child) -> Element:
 
 
 def folded(summary: str, *children: Child) -> Element:
-    """Return what only shows when somebody asks for it, or prints the page."""
+    """Return content that is hidden until the reader opens it or prints the page."""
     return element("details", element("summary", summary), *children)
 
 
 def definitions(rows: Sequence[tuple[str, Child]]) -> Element:
-    """Return names with their values."""
+    """Return a list of names and their values."""
     return element(
         "dl",
         *(
@@ -104,7 +111,13 @@ def definitions(rows: Sequence[tuple[str, Child]]) -> Element:
 def in_part(
     items: Sequence[Item], opened: int, show: Callable[[Sequence[Item]], Element]
 ) -> list[Element]:
-    """Show the first items, the others on request."""
+    """Return the first items, and the others folded away.
+
+    Args:
+        items: All items.
+        opened: How many are not folded.
+        show: Makes an element of some items.
+    """
     shown = [show(items[:opened])] if opened else []
     rest = items[opened:]
     if rest:
@@ -115,7 +128,7 @@ def in_part(
 def figure(
     name: str, words: str, plot: Element | None = None, class_: str = "words"
 ) -> Element:
-    """Return a plot below its name and what it shows in words."""
+    """Return a plot below its name and a description of what it shows."""
     caption = element(
         "figcaption",
         element("strong", name),
@@ -125,27 +138,27 @@ def figure(
 
 
 def code(text: str) -> Element:
-    """Return text as a command or a name in a program."""
+    """Return text in the font of commands and names."""
     return element("code", text)
 
 
 def percent(share: float, trials: int) -> str:
-    """Return a share as text, fine enough for one trial of so many to show."""
+    """Return a share as text, with enough digits to show one of so many trials."""
     digits = max(1, math.ceil(math.log10(max(trials, 1))) - 2)
     return f"{100.0 * share:.{digits}f} %"
 
 
 def quantile(values: Vector, share: float) -> float | None:
-    """Return a quantile of the finite ones of values; None where there is none."""
+    """Return a quantile of the finite values; None without any."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return None
-    # One that was seen, never a mean of two.
+    # A value that occurred, never a mean of two.
     return float(np.quantile(finite, share, method="inverted_cdf"))
 
 
 def number(value: float | None, unit: str = "") -> str:
-    """Return a number of three digits with its unit, `-` where there is none."""
+    """Return a number with three digits and its unit; `-` if it is not finite."""
     if value is None or not math.isfinite(value):
         return "-"
     digits = f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"

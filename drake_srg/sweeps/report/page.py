@@ -1,4 +1,4 @@
-"""The sections of a report that tell what was reached, and why not always."""
+"""The sections of a report: summary, failures, distributions, time and memory."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from drake_srg.sweeps.report.trials import Trials
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 
-_OPEN_FAILURES = 12  # of the failed trials' rows; more are folded away
+_OPEN_FAILURES = 12  # rows of failed trials that are open; the others are folded
 
 
 def summary(trials: Trials) -> Element:
-    """The figures that people want to know first."""
+    """Return the summary: success rate, false reports, placement error, cycle time."""
     n, k = len(trials), int(np.count_nonzero(trials.success))
     low, high = wilson_interval(k, n)
     claimed = int(np.count_nonzero(trials.claimed))
@@ -49,9 +49,9 @@ def summary(trials: Trials) -> Element:
             "tile lead",
         ),
         _tile(
-            "Said done, was not",
+            "Wrongly reported done",
             f"{claimed:,}",
-            "trials that the planner called done, with the object not in place",
+            "failed trials that the planner reported as done",
             "tile bad" if claimed else "tile",
         ),
         _tile(
@@ -79,11 +79,11 @@ def _tile(name: str, value: str, detail: str, class_: str = "tile") -> Element:
 
 
 def failures(trials: Trials, rerun: Callable[[int], str]) -> Element:
-    """How often trials failed for which reason, and each failed trial.
+    """Return the section on failures: how often for which reason, and each trial.
 
     Args:
-        trials: All of them.
-        rerun: Gives the command that repeats the trial of a seed.
+        trials: All trials.
+        rerun: Returns the command that repeats the trial of a seed.
     """
     rows = [row for row in trials.worst() if not trials.success[row]]
     n = len(trials)
@@ -92,8 +92,8 @@ def failures(trials: Trials, rerun: Callable[[int], str]) -> Element:
         return section(
             "Failures",
             paragraph(
-                f"None. With {n:,} trials, up to {percent(1.0 - low, n)} could "
-                "still fail (95 % confidence)."
+                f"None. With {n:,} trials, the failure rate may still be as high as "
+                f"{percent(1.0 - low, n)} (95 % confidence)."
             ),
         )
     reasons = collections.Counter(trials.failure[row] for row in rows)
@@ -118,17 +118,17 @@ def failures(trials: Trials, rerun: Callable[[int], str]) -> Element:
     return section(
         "Failures",
         table(
-            ["Reason", "", "Trials", "Share of all (95 % interval)", "Said done"],
+            ["Reason", "", "Trials", "Share of all (95 % interval)", "Reported done"],
             [reason(*item) for item in reasons.most_common()],
             "Failures by reason",
             "reasons",
         ),
-        element("h3", "Each failed trial"),
+        element("h3", "Failed trials, one by one"),
         *in_part(
             [_failed_trial(trials, row, rerun) for row in rows],
             _OPEN_FAILURES,
             lambda part: table(
-                ["Trial", "Reason", "What the planner said", "Repeat it"],
+                ["Trial", "Reason", "Planner's message", "Command to repeat it"],
                 part,
                 "Failed trials",
             ),
@@ -139,7 +139,7 @@ def failures(trials: Trials, rerun: Callable[[int], str]) -> Element:
 def _failed_trial(
     trials: Trials, row: int, rerun: Callable[[int], str]
 ) -> Sequence[Child]:
-    claim = ["; said done"] if trials.claimed[row] else []
+    claim = ["; reported done"] if trials.claimed[row] else []
     return (
         f"{trials.trial[row]}",
         element("span", code(trials.failure[row]), *claim),
@@ -149,19 +149,19 @@ def _failed_trial(
 
 
 def distributions(trials: Trials) -> Element:
-    """Histograms of what trials are judged by."""
+    """Return histograms of the metrics that trials are judged by."""
     good = trials.success
     kinds = (
         ("Cycle time", "s", trials.cycle_time, False),
         ("Placement error", "mm", 1e3 * trials.placement_error, False),
         ("Localisation error", "mm", 1e3 * trials.localization_error, False),
-        ("Other objects moved", "mm", 1e3 * trials.others_moved, False),
+        ("Motion of other objects", "mm", 1e3 * trials.others_moved, False),
         ("Attempts", "", trials.attempts, True),
     )
     figures = []
     for name, unit, values, whole in kinds:
         if not np.any(np.isfinite(values)):
-            figures.append(figure(name, "No trial has one."))
+            figures.append(figure(name, "No trial has a value."))
             continue
         own = values[good] if np.any(np.isfinite(values[good])) else values
         words = (
@@ -175,23 +175,23 @@ def distributions(trials: Trials) -> Element:
         "Distributions",
         paragraph(
             element("span", class_="key good"),
-            " trials that succeeded, to which axes, medians and quantiles belong; ",
+            " successful trials, which determine axes, medians and quantiles; ",
             element("span", class_="key bad"),
-            " failed trials, where they have a value. Errors are distances.",
+            " failed trials that have a value. Errors are distances.",
         ),
         element("div", *figures, class_="plots wide"),
     )
 
 
 def totals(trials: Trials, jobs: int | None) -> Element:
-    """Time, throughput and memory.
+    """Return the section on time, throughput and memory.
 
     Args:
-        trials: All of them.
-        jobs: How many ran at a time; None: one a worker.
+        trials: All trials.
+        jobs: How many ran at a time; None: one per worker.
     """
     own = trials.numbers("trial_time_s")
-    # Workers that are gone have others in their place.
+    # There are more names than workers if some were replaced.
     workers = len({w for w in trials.column("worker") if w is not None}) or 1
     workers = min(workers, jobs or workers)
     spent = float(np.nansum(own))
@@ -199,16 +199,19 @@ def totals(trials: Trials, jobs: int | None) -> Element:
     memory = trials.numbers("memory_mb")
     rows: list[tuple[str, str]] = [
         ("Simulated time", _duration(float(np.nansum(trials.numbers("sim_time_s"))))),
-        ("Computing time, of all workers", _duration(spent)),
-        ("A trial, build included", _median_and_most(own, "s")),
+        ("Computing time of all workers", _duration(spent)),
+        ("Time per trial, with build", _median_and_most(own, "s")),
         (
             "Throughput while running",
             f"{number(rate)} trials an hour, "
             + (f"{workers} workers" if workers > 1 else "one worker"),
         ),
         ("Real-time factor", _median_and_most(trials.numbers("real_time_factor"), "")),
-        ("Planning", _median_and_most(trials.numbers("planning_wall_s"), "s")),
-        ("Memory of a worker", _median_and_most(memory, "MB")),
+        (
+            "Planning time per trial",
+            _median_and_most(trials.numbers("planning_wall_s"), "s"),
+        ),
+        ("Memory per worker", _median_and_most(memory, "MB")),
     ]
     return section("Time and memory", definitions(rows))
 

@@ -1,4 +1,4 @@
-"""Plots of a report, as SVG that takes its colours from the page's style sheet."""
+"""Plots of a report, as SVG with the colours of the page's style sheet."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from drake_srg.sweeps.report.effects import Bin
 from drake_srg.sweeps.report.elements import Element, element, quantile
 from drake_srg.types import Vector
 
-# Of all plots, in SVG's own units; the page scales them to its columns.
+# Size and margins of all plots in SVG units; the page scales plots to its columns.
 _WIDTH, _HEIGHT = 320.0, 190.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 42.0, 12.0, 22.0, 26.0
-_BINS = 24  # of histograms: each 12 units wide, as fine as one sees
+_BINS = 24  # of a histogram, each about 11 units wide
 _NONE: Vector = np.empty(0)
-_LETTER = 6.5  # mean width of one
+_LETTER = 6.5  # mean width of a letter
 
 
 @dc.dataclass(frozen=True)
 class Scale:
-    """Maps an interval of data to one of a plot."""
+    """Maps an interval of data to an interval of a plot."""
 
     low: float
     high: float
@@ -31,13 +31,13 @@ class Scale:
     end: float
 
     def __call__(self, value: float) -> float:
-        """Where the value is drawn."""
+        """Return the coordinate of a value."""
         share = (value - self.low) / (self.high - self.low or 1.0)
         return self.start + share * (self.end - self.start)
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
-    """Return about `count` round values within an interval."""
+    """Return about `count` round values inside an interval."""
     if not high > low:
         return [low]
     rough = (high - low) / count
@@ -52,14 +52,14 @@ def histogram(
 ) -> Element:
     """Return the distribution of a metric, failed trials on top of the others.
 
-    The axis ends with the trials that succeeded; failed ones beyond are counted in a
-    bar of their own. Marks are at the median and at the 95 % quantile of the former.
+    The axis covers the successful trials, whose median and 95 % quantile are marked. A
+    bar of its own counts failed trials beyond the axis.
 
     Args:
         values: Shape (n,), nan where a trial has none.
         success: Shape (n,).
-        label: What is drawn, for those who do not see it.
-        whole: Whether the values are whole numbers: a bar for each.
+        label: What the plot shows, for screen readers.
+        whole: Whether the values are whole numbers, with one bar each.
     """
     shown = np.isfinite(values)
     axis = values[shown & success] if np.any(shown & success) else values[shown]
@@ -67,7 +67,7 @@ def histogram(
     if whole:
         edges = np.arange(low - 0.5, values[shown].max() + 1.0)
     else:
-        margin = 1e-3 * (high - low) or abs(high) * 1e-3 or 1e-9  # of equal values
+        margin = 1e-3 * (high - low) or abs(high) * 1e-3 or 1e-9  # if all are equal
         edges = np.linspace(low - margin, high + margin, _BINS + 1)
     counts = [
         np.histogram(values[shown & rows], edges)[0] for rows in (success, ~success)
@@ -89,7 +89,7 @@ def histogram(
 
 
 def _quantile_marks(x: Scale, values: Vector) -> list[Element]:
-    """Lines at the median and the 95 % quantile, their names where there is room."""
+    """Return lines at median and 95 % quantile, with names that do not overlap."""
     marks: list[Element] = []
     named = -math.inf
     for share, name in ((0.5, "median"), (0.95, "95 %")):
@@ -114,14 +114,14 @@ def against(
     label: str,
     strokes: Vector = _NONE,
 ) -> Element:
-    """Return an outcome against a quantity.
+    """Return a plot of an outcome against a quantity.
 
     Args:
-        bins: Of trials, by the quantity; at least one.
-        axis: The interval of the outcome that is drawn.
-        text: Of a number on that axis.
-        label: What is drawn, for those who do not see it.
-        strokes: Values of the quantity to mark by strokes at the foot.
+        bins: At least one, in order of the quantity.
+        axis: Lowest and highest outcome that the plot shows.
+        text: Formats a number on the outcome's axis.
+        label: What the plot shows, for screen readers.
+        strokes: Values of the quantity that are marked at the bottom.
     """
     low, high = bins[0].low, bins[-1].high
     margin = 0.03 * (high - low) or 1.0
@@ -151,7 +151,7 @@ def against(
 
 
 def _count(value: float) -> str:
-    """Return a number of trials as text; nothing where it is no whole number."""
+    """Return a whole number as text, and nothing for any other number."""
     return f"{value:,.0f}" if value == round(value) else ""
 
 
@@ -171,7 +171,7 @@ def _text(x: float, y: float, text: str, anchor: str = "middle") -> Element:
 
 
 def _stack(y: Scale, left: float, width: float, good: int, bad: int) -> list[Element]:
-    """A bar of trials that succeeded, and of failed ones on top."""
+    """Return a bar of successful trials with the failed ones on top."""
     gap = min(1.0, 0.1 * width)
     return [
         element(
@@ -179,7 +179,7 @@ def _stack(y: Scale, left: float, width: float, good: int, bad: int) -> list[Ele
             x=left + gap / 2.0,
             width=width - gap,
             y=y(top),
-            # A single trial of a thousand shall still be seen.
+            # A single trial of a thousand must still be visible.
             height=max(y(bottom) - y(top), 1.5),
             class_=kind,
         )
@@ -211,7 +211,7 @@ def _y_axis(
 def _x_axis(x: Scale, values: Sequence[float]) -> list[Element]:
     foot = _HEIGHT - _BOTTOM
     made = [element("line", x1=_LEFT, x2=x.end, y1=foot, y2=foot, class_="axis")]
-    free = -math.inf  # where the next number may begin
+    free = -math.inf  # where the next label may begin
     for value in values:
         at, text = x(value), f"{value:.6g}"
         made.append(

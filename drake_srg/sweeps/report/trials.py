@@ -1,4 +1,4 @@
-"""The rows of a sweep as a report needs them: arrays, with nan where nothing is."""
+"""The rows of a sweep as arrays, with nan for missing values."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class Trials:
     """The columns of a sweep's rows.
 
     Args:
-        table: A pyarrow.Table of rows, as `read_rows` returns it.
-        sampled: The names of its columns that hold sampled values.
+        table: A pyarrow.Table from `read_rows`.
+        sampled: Names of its columns that contain drawn values.
     """
 
     def __init__(self, table: Any, sampled: list[str]):
@@ -33,7 +33,7 @@ class Trials:
         self.success: npt.NDArray[np.bool_] = np.array(
             self.column("success"), dtype=bool
         )
-        # The planner said done, and was wrong.
+        # Failed trials that the planner reported as done.
         self.claimed: npt.NDArray[np.bool_] = ~self.success & np.array(
             [bool(claimed) for claimed in self.column("claimed")], dtype=bool
         )
@@ -49,17 +49,17 @@ class Trials:
         return len(self.trial)
 
     def column(self, name: str) -> list[Any]:
-        """The values of a column; None where it has none, or is not there."""
+        """Return the values of a column; None for every missing one."""
         if name not in self._table.column_names:
             return [None] * self._table.num_rows
         return list(self._table.column(name).to_pylist())
 
     def numbers(self, name: str) -> Vector:
-        """A column of numbers, shape (len(self),)."""
+        """Return a column of numbers, shape (len(self),)."""
         return _numbers(self.column(name))
 
     def norms(self, name: str) -> Vector:
-        """The lengths of a column's vectors, shape (len(self),)."""
+        """Return the lengths of a column's vectors, shape (len(self),)."""
         return np.array(
             [
                 np.nan if vector is None else np.linalg.norm(_numbers(vector))
@@ -68,11 +68,11 @@ class Trials:
         )
 
     def quantities(self) -> dict[str, Vector]:
-        """What was sampled and differs between trials, by name; shape (len(self),).
+        """Return the drawn quantities that vary, by name; shape (len(self),).
 
-        What has words for values becomes one quantity a word: 1 where it was drawn.
-        Where there is clutter, how near it is to another object is one, too. What
-        fewer than `FEW` trials have tells nothing and is left out.
+        A quantity whose values are words becomes one quantity per word: 1 where it was
+        drawn. With clutter, its smallest distance from another object is a quantity,
+        too. Quantities that fewer than `FEW` trials have are left out.
         """
         quantities: dict[str, Vector] = {_NEAREST: self._nearest_clutter()}
         for name in self._sampled:
@@ -95,10 +95,13 @@ class Trials:
         }
 
     def _nearest_clutter(self) -> Vector:
-        """The smallest distance of clutter from another object, on the table [m].
+        """Return the smallest distance between clutter and any other object [m].
 
-        Between centres; shape (len(self),), nan where a trial has no clutter.
-        Things of the clutter are drawn alike, so that none of them alone says much.
+        Distances are between centres on the table. All pieces of clutter are drawn
+        alike, so a single one says little.
+
+        Returns:
+            Shape (len(self),), nan where a trial has no clutter.
         """
         places: dict[str, list[Vector]] = {}
         for name in self._sampled:
@@ -114,10 +117,10 @@ class Trials:
         return nearest
 
     def worst(self) -> list[int]:
-        """All rows, the worst first.
+        """Return the indices of all rows, the worst first.
 
-        Those that the planner said done and was wrong about, other failures, then the
-        rest; each from the largest placement error on.
+        The order is: wrongly reported done, other failures, successes; and each group
+        by falling placement error.
         """
         error = np.nan_to_num(self.placement_error, nan=np.inf)
         order = np.lexsort((np.arange(len(self)), -error, self.success, ~self.claimed))
@@ -125,7 +128,7 @@ class Trials:
 
 
 def command(*words: str, overrides: Sequence[str]) -> str:
-    """Return a command line of ours."""
+    """Return a `drake-srg` command line."""
     sets = [word for override in overrides for word in ("--set", override)]
     return shlex.join(["drake-srg", *words, *sets])
 

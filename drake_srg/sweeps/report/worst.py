@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.report.elements import (
     Element,
     code,
@@ -21,34 +22,44 @@ from drake_srg.sweeps.report.trials import Trials
 
 _ROWS = 10
 _VIDEOS = 8
-VIDEO_BYTES = 24_000_000  # of all of them: what one can still send by mail
+VIDEO_BYTES = 24_000_000  # of all videos, so that the page can be sent by mail
 
 
 def worst(trials: Trials, folder: Path, rerun: Callable[[int], str]) -> Element:
-    """The worst trials in a table, and the videos of those that were recorded.
+    """Return the section with the worst trials, and their videos if recorded.
 
     Args:
-        trials: All of them.
-        folder: Of the sweep.
-        rerun: Gives the command that repeats the trial of a seed.
+        trials: All trials.
+        folder: Folder of the sweep.
+        rerun: Returns the command that repeats the trial of a seed.
+
+    Raises:
+        ScenarioError: If a video cannot be read.
     """
     rows = trials.worst()
     videos, left_out = _videos(trials, folder)
     if videos:
-        shown = "Videos of the worst of those that were recorded."
+        shown = "Videos of the worst recorded trials."
         if left_out:
-            shown += f" {len(left_out):,} more are in the sweep's folder, as "
+            shown += f" {len(left_out):,} more are in the sweep's folder: "
             shown += f"{', '.join(left_out[:3])}{', …' if left_out[3:] else '.'}"
     else:
         shown = (
-            "No recordings here. `drake-srg sweep --record failures` keeps those of "
-            "failed trials; the commands record theirs, too."
+            "No trial was recorded. `drake-srg sweep --record failures` records failed "
+            "trials; the commands above record a single one."
         )
     return section(
         "Worst trials",
         paragraph("Failed trials first, then those with the largest placement error."),
         table(
-            ["Trial", "Result", "Placement error", "Cycle time", "Attempts", "Repeat"],
+            [
+                "Trial",
+                "Result",
+                "Placement error",
+                "Cycle time",
+                "Attempts",
+                "Repeat it",
+            ],
             [
                 (
                     f"{trials.trial[row]}",
@@ -68,7 +79,7 @@ def worst(trials: Trials, folder: Path, rerun: Callable[[int], str]) -> Element:
 
 
 def _videos(trials: Trials, folder: Path) -> tuple[list[tuple[int, bytes]], list[str]]:
-    """The videos to show, the worst trial's first, and the paths of the others."""
+    """Return row and video of the trials to show, and the paths of other videos."""
     shown: list[tuple[int, bytes]] = []
     left_out: list[str] = []
     room = VIDEO_BYTES
@@ -79,29 +90,36 @@ def _videos(trials: Trials, folder: Path) -> tuple[list[tuple[int, bytes]], list
             continue
         size = path.stat().st_size
         if len(shown) < _VIDEOS and size <= room:
-            shown.append((row, path.read_bytes()))
+            shown.append((row, _read(path)))
             room -= size
         else:
             left_out.append(name)
     return shown, left_out
 
 
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
+
+
 def _player(trials: Trials, row: int, video: bytes) -> Element:
     what = "success" if trials.success[row] else trials.failure[row]
     if trials.claimed[row]:
-        what += ", though the planner said done"
+        what += ", although the planner reported done"
     if trials.message[row]:
         what += f": {trials.message[row]}"
     error = trials.placement_error[row]
     if np.isfinite(error):
-        what += f"; {number(1e3 * error, 'mm')} from its goal"
+        what += f"; {number(1e3 * error, 'mm')} from the goal"
     name = f"Trial {trials.trial[row]}, seed {trials.seed[row]}"
     data = base64.b64encode(video).decode()
     return element(
         "figure",
         element(
             "video",
-            f"Video of trial {trials.trial[row]}; this browser does not show it.",
+            f"Video of trial {trials.trial[row]}; this browser cannot play it.",
             controls="",
             preload="metadata",
             src=f"data:video/mp4;base64,{data}",

@@ -1,4 +1,4 @@
-"""Writes what a sweep has found into one HTML page that needs nothing else."""
+"""Writes the results of a sweep into one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from drake_srg.sweeps.report.trials import Trials, command
 from drake_srg.sweeps.report.worst import worst
 from drake_srg.sweeps.rows import SweepInfo, read_rows, read_sweep, sampled_columns
 
-# The page loads nothing, whatever stands in it.
+# The page loads nothing, whatever text it contains.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; media-src data:"
 
 
 def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
-    """Write the report of a sweep, also of one that is not over; returns its path.
+    """Write the report of a sweep, finished or not; returns its path.
 
     Args:
-        folder: Of the sweep, as `drake-srg sweep --out` was given it.
+        folder: Folder of the sweep.
         output: The .html file; None: report.html in `folder`.
 
     Raises:
-        ScenarioError: If there is no sweep, if no trial is over, or if a row cannot be
-            read.
+        ScenarioError: If there is no sweep, no trial has finished, or a row or a video
+            cannot be read.
         OSError: If the page cannot be written.
     """
     folder = Path(folder)
     sweep = read_sweep(folder)
     table = read_rows(folder)
     if not table.num_rows:
-        raise ScenarioError(f"{folder}: no trial of this sweep is over yet")
+        raise ScenarioError(f"{folder}: no trial has finished yet")
     html = _page(sweep, Trials(table, sampled_columns(table)), folder)
     file = OutputFile(folder / "report.html" if output is None else output)
     file.path.write_text(
         "<!DOCTYPE html>\n" + ElementTree.tostring(html, "unicode", "html") + "\n",
         encoding="utf-8",
-        errors="replace",  # names of files need not be UTF-8
+        errors="replace",  # file names need not be UTF-8
     )
     return file.commit()
 
@@ -98,20 +98,20 @@ def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
     done = f"{len(trials):,} trials"
     lines = [
         element("h1", sweep.scenario),
-        paragraph(f"{done}, seed {sweep.seed}, begun {_date(sweep)}"),
+        paragraph(f"{done}, seed {sweep.seed}, started {_date(sweep)}"),
         element("pre", code(repeat), class_="command"),
     ]
     if len(trials) < sweep.trials:
         lines.append(
             element(
                 "p",
-                f"{len(trials):,} of {sweep.trials:,} trials are over: the sweep runs, "
-                "or was interrupted. Quick ones may be too many among them. The "
-                "command above, with the sweep's ",
-                code("--out"),
-                " and ",
+                f"{len(trials):,} of {sweep.trials:,} trials have finished: the sweep "
+                "is still running or was interrupted. Quick trials may be "
+                "over-represented. To finish an interrupted sweep, add ",
                 code("--resume"),
-                ", finishes it.",
+                " and its ",
+                code("--out"),
+                " to the command above.",
                 class_="notice",
                 role="note",
             )
@@ -148,8 +148,8 @@ def _origin(sweep: SweepInfo) -> Element:
                 ("Overrides", " ".join(sweep.overrides) or "none"),
                 ("Versions", versions),
                 ("Engine", _engine(sweep)),
-                ("Begun", _date(sweep)),
+                ("Started", _date(sweep)),
             ]
         ),
-        folded("The scenario as it was swept", element("pre", code(sweep.tree))),
+        folded("The complete scenario", element("pre", code(sweep.tree))),
     )

@@ -1,4 +1,4 @@
-"""Fixtures of the tests of sweeps."""
+"""Fixtures for the tests of data sets."""
 
 import pytest
 
@@ -8,9 +8,10 @@ from sweeps.dataset.recorded_sweep import write_sweep, write_trial
 
 @pytest.fixture(scope="session")
 def sweep(tmp_path_factory):
-    """Trials 3, 4 and 7 of a sweep, of 8, 5 and 10 images; 4 failed. Not to be changed.
+    """Trials 3, 4 and 7 of a sweep, with 8, 5 and 10 images. Tests must not change it.
 
-    Trials 2 and 6 ended in an error; 8 has no row: the sweep runs, or was killed.
+    Trial 4 failed, trials 2 and 6 ended in an error, and trial 8 has no row: the sweep
+    is still running or was killed.
     """
     folder = write_sweep(tmp_path_factory.mktemp("sweep"))
     write_trial(folder, 3, 1.0)

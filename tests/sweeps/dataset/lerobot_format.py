@@ -1,9 +1,8 @@
 """Checks a folder against the published description of LeRobotDataset v3.0.
 
-https://huggingface.co/docs/lerobot/lerobot-dataset-v3 describes the files; types and
-columns are those that LeRobot 0.4.4 wrote for a data set made with its own
-`LeRobotDataset.create`, `add_frame`, `save_episode`, `finalize`. Nothing of our writer
-is used here.
+https://huggingface.co/docs/lerobot/lerobot-dataset-v3 describes the files. Types and
+columns are those that LeRobot 0.4.4 writes with `LeRobotDataset.create`, `add_frame`,
+`save_episode` and `finalize`. Nothing here uses our own writer.
 """
 
 import json
@@ -56,19 +55,19 @@ def read_info(root):
 
 
 def read_episodes(root):
-    """Rows of all episodes, as dicts."""
+    """Return the rows of all episodes, as dicts."""
     paths = sorted((root / "meta/episodes").glob("*/*.parquet"))
     return [row for path in paths for row in pq.read_table(path).to_pylist()]
 
 
 def read_frames(root):
-    """All frames as one table."""
+    """Return all frames as one table."""
     paths = sorted((root / "data").glob("*/*.parquet"))
     return pa.concat_tables([pq.read_table(path) for path in paths])
 
 
 def read_video_frames(root, episode, key):
-    """An episode's frames of a video, found by their times: frame k at from + k / fps.
+    """Find an episode's frames in a video by time: frame k at from_timestamp + k / fps.
 
     Yields:
         The deviation of the frame's time [s], and the frame, RGB.
@@ -196,7 +195,7 @@ def _check_episodes(root, info, frames, episodes, tasks):
 
 
 def _check_videos(root, info, key, feature, episodes):
-    ends = defaultdict(float)  # of what is in a file so far [s]
+    ends = defaultdict(float)  # end of each file so far [s]
     for episode in episodes:
         place = (
             episode[f"videos/{key}/chunk_index"],
@@ -266,7 +265,7 @@ def _check_numbers(statistics, values):
 
 
 def _check_image_statistics(statistics):
-    """Of values from 0 to 1 a channel: shape (3, 1, 1); quantiles are in order."""
+    """Check per-channel values from 0 to 1, shape (3, 1, 1), with ordered quantiles."""
     for name in STATISTICS - {"count"}:
         assert np.shape(statistics[name]) == (3, 1, 1)
     ordered = [statistics[name] for name in ("min", *QUANTILES, "max")]

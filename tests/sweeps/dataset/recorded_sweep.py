@@ -1,4 +1,4 @@
-"""Sweeps whose trials are recorded by our recorder, of signals that are known."""
+"""Sweeps with recordings of known signals, made by our recorder."""
 
 import json
 
@@ -18,11 +18,11 @@ from drake_srg.types import Mode
 
 ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
 SLOPE = np.array([1.0, -2.0, 0.3, 0.4])  # of the joints [rad/s]
-STEP = 0.1  # closure is commanded in steps that last so long [s]
+STEP = 0.1  # time between steps of the commanded closure [s]
 
 
 def joint_positions(time):
-    """Positions of all joints; linear, so that interpolation is exact."""
+    """Return the positions of all joints; linear, so that interpolation is exact."""
     return 0.5 + SLOPE * time
 
 
@@ -31,7 +31,7 @@ def closure(time):
 
 
 class Signal(LeafSystem):
-    """A function of time as a vector."""
+    """Outputs a function of time as a vector."""
 
     def __init__(self, function):
         super().__init__()
@@ -43,7 +43,7 @@ class Signal(LeafSystem):
 
 
 def picture(time, width, height, shade):
-    """A disc that moves over a gradient, RGB."""
+    """Return an RGB image of a disc that moves over a gradient."""
     y, x = np.mgrid[:height, :width]
     image = np.empty((height, width, 3), dtype=np.uint8)
     image[..., 0] = 255 * x // width
@@ -68,7 +68,7 @@ class Camera(LeafSystem):
 
 
 def record(path, until, *, cameras, shade=0, image_period=0.125, period=0.025):
-    """Record a trial of `until` seconds; `cameras` is name to (width, height)."""
+    """Record a trial of `until` seconds; `cameras` maps names to (width, height)."""
     topics = cell_topics(ARM, GRIPPER, 2, dict.fromkeys(cameras, image_period))
     q = joint_positions
     sources = {
@@ -92,11 +92,11 @@ def record(path, until, *, cameras, shade=0, image_period=0.125, period=0.025):
         Simulator(builder.Build()).AdvanceTo(until)
 
 
-CAMERAS = {"ceiling": (160, 128), "side": (131, 129)}  # one of odd size
+CAMERAS = {"ceiling": (160, 128), "side": (131, 129)}  # one has an odd size
 
 
 def write_trial(sweep, trial, until, *, failure=None, cameras=None, **how):
-    """Write recording and row of a trial, as `drake-srg sweep --record all` does."""
+    """Write recording and row of a trial, like `drake-srg sweep --record all`."""
     folder = sweep / "recordings" / f"{trial:06d}"
     cameras = CAMERAS if cameras is None else cameras
     record(folder / "recording.mcap", until, cameras=cameras, shade=9 * trial, **how)
@@ -107,7 +107,7 @@ def write_trial(sweep, trial, until, *, failure=None, cameras=None, **how):
 
 
 def write_sweep(folder):
-    """Write the folder of a sweep of which nothing is recorded yet."""
+    """Write the folder of a sweep without any recordings."""
     folder.mkdir(parents=True, exist_ok=True)
     about = {
         "schema_version": 1,

@@ -1,4 +1,4 @@
-"""What `make_dataset` and the command say of bad input, and leave behind: nothing."""
+"""Bad input gives `make_dataset` and the command a clear message and no files."""
 
 import pytest
 
@@ -13,7 +13,7 @@ from sweeps.dataset.recorded_sweep import write_sweep, write_trial
 
 
 def complaint(sweep, out=None, **options):
-    """What is said of bad input, in one line; nothing is left behind."""
+    """Return the message, in one line, of a data set that fails and leaves nothing."""
     before = sorted(sweep.rglob("*"))
     with pytest.raises(ScenarioError) as info:
         make_dataset(sweep, out, **options)
@@ -22,31 +22,33 @@ def complaint(sweep, out=None, **options):
     return str(info.value)
 
 
-def test_no_sweep_and_no_recordings(tmp_path):
+def test_a_folder_without_a_sweep_or_without_recordings_is_named(tmp_path):
     assert "no sweep" in complaint(tmp_path)
     sweep = write_sweep(tmp_path)
-    assert "no recordings; make the sweep with --record all" in complaint(sweep)
+    assert "contains no recordings; sweep with --record all" in complaint(sweep)
     write_trial(sweep, 0, 0.2, failure="blocked")
     assert "--only-success" in complaint(sweep, only_success=True)
 
 
-def test_recordings_of_no_trial_that_came_to_its_end(tmp_path):
+def test_recordings_of_unfinished_trials_alone_are_not_enough(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2, failure="error")
     (sweep / "recordings/000000/metrics.json").unlink()
-    assert "to their end (1 that ended in an error)" in complaint(sweep)
+    assert "no recordings of finished trials (1 that ended in an error)" in complaint(
+        sweep
+    )
     row_path(sweep, 0).unlink()
-    assert "to their end (1 not over)" in complaint(sweep)
+    assert "no recordings of finished trials (1 unfinished)" in complaint(sweep)
 
 
-def test_rows_that_cannot_be_read(tmp_path):
+def test_an_unreadable_row_is_named(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2)
     row_path(sweep, 0).write_bytes(b"PAR1")
     assert "000000.parquet: cannot be read" in complaint(sweep)
 
 
-def test_nothing_is_left_out_of_a_sweep_that_is_over(tmp_path):
+def test_a_finished_sweep_has_nothing_left_out(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2)
     write_rows(all_rows_path(sweep), read_rows(sweep))
@@ -55,50 +57,56 @@ def test_nothing_is_left_out_of_a_sweep_that_is_over(tmp_path):
     assert (made.episodes, made.left_out) == (1, "")
 
 
-def test_recording_without_images(tmp_path):
+def test_a_recording_without_images_is_named(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2, cameras={})
     said = complaint(sweep)
-    assert "000000/recording.mcap: has no images" in said
+    assert "000000/recording.mcap: contains no images" in said
     assert "recording.bag_cameras" in said
 
 
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"cameras": {"ceiling": (160, 130), "side": (131, 129)}}, "ceiling 160x130"),
-        ({"cameras": {"ceiling": (160, 128)}}, "000005 has ceiling 160x128 at 8 Hz"),
+        (
+            {"cameras": {"ceiling": (160, 130), "side": (131, 129)}},
+            "got ceiling 160x130",
+        ),
+        (
+            {"cameras": {"ceiling": (160, 128)}},
+            "000005: all recordings of a data set must",
+        ),
         ({"image_period": 0.0625}, "at 16 Hz"),
     ],
 )
-def test_recordings_that_are_not_alike(tmp_path, change, what):
+def test_recordings_with_different_layouts_are_rejected(tmp_path, change, what):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.3)
     write_trial(sweep, 5, 0.3, **change)
     said = complaint(sweep)
-    assert what in said and "recorded alike" in said
+    assert what in said and "must have the same layout" in said
 
 
 @pytest.mark.parametrize("fps", [0, -8, 3, 16])
-def test_frames_per_second_that_do_not_fit(sweep, fps):
+def test_frames_per_second_must_divide_the_image_rate(sweep, fps):
     assert complaint(sweep, fps=fps).endswith("8 Hz; allowed for --fps: 1, 2, 4, 8")
 
 
-def test_images_at_no_whole_rate(tmp_path):
+def test_a_fractional_image_rate_needs_fps_or_another_recording(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.5, image_period=0.4)
-    assert "images come at 2.5 Hz" in complaint(sweep)
+    assert "images are recorded at 2.5 Hz" in complaint(sweep)
     write_trial(sweep, 0, 0.5, image_period=2 / 15)
     assert "allowed" not in complaint(sweep, fps=7)
     assert "record with a recording.bag_camera_period" in complaint(sweep)
 
 
-def test_output_that_exists(sweep, tmp_path):
-    assert complaint(sweep, tmp_path).startswith(f"-o {tmp_path}: exists")
+def test_an_existing_folder_is_not_overwritten(sweep, tmp_path):
+    assert complaint(sweep, tmp_path).startswith(f"-o {tmp_path}: already exists")
 
 
 @pytest.mark.parametrize("length", [0, 100, 0.5, 0.999])
-def test_broken_recording(sweep, tmp_path, length):
+def test_a_truncated_recording_is_named(sweep, tmp_path, length):
     whole = (sweep / "recordings/000003/recording.mcap").read_bytes()
     broken = write_sweep(tmp_path)
     write_trial(broken, 0, 0.2)
@@ -107,7 +115,7 @@ def test_broken_recording(sweep, tmp_path, length):
     assert f"{path}: cannot be read" in complaint(broken)
 
 
-def test_flipped_bits_in_a_recording(tmp_path):
+def test_flipped_bits_in_a_recording_are_errors_of_one_line(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2, cameras={"ceiling": (16, 12)})
     path = sweep / "recordings/000000/recording.mcap"
@@ -128,15 +136,15 @@ def test_flipped_bits_in_a_recording(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]"])
-def test_broken_metrics(tmp_path, text):
+def test_broken_metrics_are_named(tmp_path, text):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2)
     (sweep / "recordings/000000/metrics.json").write_text(text)
-    assert "000000/metrics.json: is not a trial's" in complaint(sweep)
+    assert "000000/metrics.json: invalid content: " in complaint(sweep)
 
 
 def raise_(error):
-    """A method that does nothing else."""
+    """Return a method that raises an error."""
 
     def method(self, *arguments):
         raise error
@@ -144,7 +152,7 @@ def raise_(error):
     return method
 
 
-def test_nothing_half_written_stays(sweep, tmp_path, monkeypatch):
+def test_an_interruption_leaves_nothing(sweep, tmp_path, monkeypatch):
     whole = video.VideoFiles.append
     calls = []
 
@@ -164,13 +172,13 @@ def command(*arguments):
     return main(["dataset", *map(str, arguments)])
 
 
-def test_command(sweep, tmp_path, capsys):
+def test_the_command_prints_what_it_made(sweep, tmp_path, capsys):
     made = tmp_path / "made"
     assert command(sweep, "-o", made, "--fps", "4", "--only-success") == 0
     said = capsys.readouterr().out
     assert said.splitlines() == [
         "2 episodes (2 successful), 9 frames at 4 per second",
-        "recorded trials left out: 2 that ended in an error, 1 not over",
+        "recorded trials left out: 2 that ended in an error, 1 unfinished",
         str(made),
     ]
     lerobot.check(made)
@@ -179,12 +187,14 @@ def test_command(sweep, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--fps", "3"], "--fps 3: images come at 8 Hz; allowed for --fps: 1, 2, 4, 8"),
+        (["--fps", "3"], "--fps 3: must divide the image rate, 8 Hz; allowed for"),
         (["-o", "/proc/made"], "-o /proc/made: cannot be written: No such file or dir"),
         (["--fps", "fast"], "--fps"),
     ],
 )
-def test_command_says_what_is_wrong(sweep, tmp_path, capsys, arguments, said):
+def test_the_command_reports_errors_in_one_line(
+    sweep, tmp_path, capsys, arguments, said
+):
     arguments = [sweep, "-o", tmp_path / "made", *arguments]
     try:
         code = command(*arguments)
@@ -196,7 +206,7 @@ def test_command_says_what_is_wrong(sweep, tmp_path, capsys, arguments, said):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_command_on_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
+def test_the_command_reports_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
     full = OSError(28, "Error writing bytes. Detail: [errno 28] No space left")
     monkeypatch.setattr(files.ParquetFiles, "append", raise_(full))
     assert command(sweep, "-o", tmp_path / "made") == 2
@@ -204,7 +214,7 @@ def test_command_on_a_full_disk(sweep, tmp_path, monkeypatch, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_command_is_interrupted(sweep, tmp_path, monkeypatch, capsys):
+def test_an_interrupted_command_leaves_nothing(sweep, tmp_path, monkeypatch, capsys):
     stop = raise_(KeyboardInterrupt())
     monkeypatch.setattr(files.ParquetFiles, "append", stop)
     assert command(sweep, "-o", tmp_path / "made") == 2

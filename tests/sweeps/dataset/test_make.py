@@ -41,7 +41,7 @@ def root(sweep, tmp_path_factory):
         successes=2,
         frames=23,
         fps=FPS,
-        left_out="2 that ended in an error, 1 not over",
+        left_out="2 that ended in an error, 1 unfinished",
     )
     assert list(out.parent.iterdir()) == [out]
     return out
@@ -61,11 +61,11 @@ def psnr(image, other):
     return 10 * np.log10(255**2 / np.mean((image.astype(float) - other) ** 2))
 
 
-def test_data_set_is_valid(root):
+def test_the_data_set_follows_the_published_format(root):
     lerobot.check(root)
 
 
-def test_info_names_robot_cameras_and_dimensions(root):
+def test_the_info_names_robot_cameras_and_dimensions(root):
     info = lerobot.read_info(root)
     assert (info["robot_type"], info["fps"]) == ("kitchen_varied", FPS)
     features = info["features"]
@@ -78,7 +78,7 @@ def test_info_names_robot_cameras_and_dimensions(root):
     }
 
 
-def test_episodes_tell_of_their_trials(root):
+def test_episodes_identify_their_trials(root):
     episodes = lerobot.read_episodes(root)
     keys = ("trial", "seed", "success", "failure", "length", "tasks")
     task = ["Pick up the soup can and place it on its goal."]
@@ -89,14 +89,24 @@ def test_episodes_tell_of_their_trials(root):
     ]
 
 
-def test_only_the_last_frame_is_done(frames):
+def test_a_scenario_with_a_script_instead_of_a_picked_object_has_a_task(tmp_path):
+    folder = write_sweep(tmp_path)
+    path = folder / "sweep.json"
+    path.write_text(path.read_text().replace("task:\\n  pick: soup_can\\n", "{}"))
+    write_trial(folder, 0, 0.2)
+    made = make_dataset(folder)
+    (episode,) = lerobot.read_episodes(made.path)
+    assert episode["tasks"] == ["Follow the script of kitchen_varied."]
+
+
+def test_only_the_last_frame_of_an_episode_is_done(frames):
     last = {7, 12, 22}
     assert frames["next.done"].to_pylist() == [i in last for i in range(23)]
     success = {7, 22}
     assert frames["next.success"].to_pylist() == [i in success for i in range(23)]
 
 
-def test_states_and_actions_are_the_recorded_ones(sweep, root, frames):
+def test_states_and_actions_match_the_recording(sweep, root, frames):
     store = get_typestore(Stores.ROS2_HUMBLE)
     for episode in lerobot.read_episodes(root):
         said = {}
@@ -118,7 +128,7 @@ def test_states_and_actions_are_the_recorded_ones(sweep, root, frames):
         )
 
 
-def test_images_are_found_at_their_times(root):
+def test_images_can_be_found_by_time(root):
     for episode in lerobot.read_episodes(root):
         for camera, (width, height) in CAMERAS.items():
             key = f"observation.images.{camera}"
@@ -128,11 +138,12 @@ def test_images_are_found_at_their_times(root):
                 assert abs(late) < 0.5 / FPS
                 shown = picture((k + 1) / FPS, width, height, 9 * episode["trial"])
                 even = shown[: height // 2 * 2, : width // 2 * 2]
-                # Halved colors at the disc's edge cost most; another frame has 22 dB.
+                # The subsampled colors at the disc's edge cost most. Other frames have
+                # 22 dB.
                 assert psnr(image, even) > 28
 
 
-def test_statistics_of_images_are_those_of_the_pixels(root):
+def test_image_statistics_of_a_data_set_cover_all_pixels(root):
     stats = json.loads((root / "meta/stats.json").read_text())
     for camera, (width, height) in CAMERAS.items():
         shown = [
@@ -161,7 +172,7 @@ def test_image_statistics_are_exact(image):
         np.testing.assert_allclose(np.ravel(said[name]), expected)
 
 
-def test_recordings_give_equal_bytes(sweep, root, tmp_path):
+def test_equal_recordings_give_equal_bytes(sweep, root, tmp_path):
     make_dataset(sweep, tmp_path / "again")
     paths = [path for path in root.rglob("*") if path.is_file()]
     assert len(paths) == 7
@@ -170,7 +181,7 @@ def test_recordings_give_equal_bytes(sweep, root, tmp_path):
         assert again.read_bytes() == path.read_bytes(), path
 
 
-def test_fewer_frames_per_second(sweep, root, frames, tmp_path):
+def test_a_lower_frame_rate_takes_evenly_spaced_images(sweep, root, frames, tmp_path):
     made = make_dataset(sweep, tmp_path / "slow", fps=4)
     assert (made.frames, made.fps) == (4 + 3 + 5, 4)
     lerobot.check(made.path)
@@ -184,15 +195,14 @@ def test_fewer_frames_per_second(sweep, root, frames, tmp_path):
         assert psnr(image, picture((2 * k + 1) / FPS, 160, 128, 27)) > 28
 
 
-def test_only_successful_trials(sweep, tmp_path):
+def test_failed_trials_can_be_left_out(sweep, tmp_path):
     made = make_dataset(sweep, tmp_path / "good", only_success=True)
     assert (made.episodes, made.successes) == (2, 2)
     lerobot.check(made.path)
     assert [e["trial"] for e in lerobot.read_episodes(made.path)] == [3, 7]
 
 
-def test_signals_between_messages(tmp_path):
-    """Joints are interpolated; a command holds until the next one."""
+def test_joints_are_interpolated_and_commands_are_held(tmp_path):
     folder = write_sweep(tmp_path)
     write_trial(folder, 0, 0.6, image_period=0.125, period=0.04)
     signals = read_signals(folder / "recordings/000000/recording.mcap")
@@ -216,7 +226,7 @@ def test_large_data_sets_have_several_files(sweep, tmp_path):
         FPS,
         task="wait",
         robot="arm",
-        data_limit=1500,  # one episode has 64 bytes a frame; its metadata, more
+        data_limit=1500,  # an episode has 64 bytes per frame, and more metadata
         video_limit=int(2.5 * len(episode)),
         episodes_at_once=3,
     ) as writer:
@@ -226,14 +236,14 @@ def test_large_data_sets_have_several_files(sweep, tmp_path):
         writer.finish()
     lerobot.check(tmp_path / "made")
     videos = tmp_path / "made/videos/observation.images.ceiling/chunk-000"
-    assert len(list(videos.iterdir())) == 4  # of 2, 2, 2 and 1 episodes
+    assert len(list(videos.iterdir())) == 4  # with 2, 2, 2 and 1 episodes
     for video in videos.iterdir():
         assert video.stat().st_size <= 2.5 * len(episode)
     assert len(list((tmp_path / "made/data/chunk-000").iterdir())) == 4
     assert len(list((tmp_path / "made/meta/episodes/chunk-000").iterdir())) == 3
 
 
-def test_files_are_numbered_in_folders_of_a_thousand():
+def test_folders_hold_a_thousand_files():
     assert next_place(None) == (0, 0)
     assert next_place(FilePlace(0, 998)) == (0, 999)
     assert next_place(FilePlace(0, 999)) == (1, 0)

@@ -1,4 +1,4 @@
-"""Opens pages in Chromium, without a screen, and says what it makes of them."""
+"""Opens pages in Chromium without a screen, and returns what it makes of them."""
 
 import html
 import json
@@ -7,8 +7,8 @@ import subprocess
 
 from helpers import needs_debian
 
-# Shows the page in a frame of the asked width (Chromium's window cannot be as narrow as
-# a phone), and tells about it in an attribute of its own.
+# Shows the page in a frame of the given width (Chromium's window cannot be as narrow as
+# a phone), and stores what it finds in an attribute.
 _HARNESS = """<!DOCTYPE html><html><body style="margin:0">
 <iframe srcdoc="{page}" style="border:0;width:{width}px;height:900px"></iframe>
 <script>
@@ -35,7 +35,7 @@ function tell() {{
     text: page.body.innerText,
   }});
 }}
-// Plays nothing: frames are sought, which is to decode them, and their colors told.
+// Seeks frames, which decodes them without playing the video, and stores their colours.
 function seek(video) {{
   const shades = [];
   const next = (time) => new Promise((done) => {{
@@ -58,19 +58,19 @@ frame.onload = () => {{
 
 
 class Browser:
-    """Chromium with a profile of its own in a folder."""
+    """Chromium with its profile in a folder."""
 
     def __init__(self, folder):
         needs_debian("chromium")
         self._folder = folder
 
     def open(self, page, width=1400):
-        """What Chromium says of a page (HTML, a str), `width` pixels wide."""
+        """Return what Chromium finds in a page (HTML) that is `width` pixels wide."""
         harness = self._folder / "harness.html"
         harness.write_text(
             _HARNESS.format(page=html.escape(page), width=width), encoding="utf-8"
         )
-        # Virtual time passes as fast as there is nothing to do.
+        # Virtual time passes quickly while there is nothing to do.
         shown = self._run("--virtual-time-budget=8000", "--dump-dom", harness.as_uri())
         told = json.loads(
             html.unescape(re.search(r'data-told="([^"]*)"', shown.stdout)[1])

@@ -1,4 +1,4 @@
-"""Sweeps that never ran: rows whose causes of failures are known."""
+"""Made-up sweeps: rows with known causes of failure."""
 
 import json
 
@@ -21,11 +21,11 @@ objects:
 
 
 def made_rows(trials, *, effects=True, failure_rate=0.05, seed=0):
-    """Rows of trials, as a dict of columns.
+    """Return rows of trials, as a dict of columns.
 
-    Of them `failure_rate` fail: where there are `effects`, by low friction and by a
-    yaw of the camera to either side; otherwise by chance alone. With effects the
-    camera's yaw grows the placement error, and mass the cycle time.
+    A share `failure_rate` of them fails: with `effects`, because of low friction and a
+    yaw of the camera to either side, otherwise by chance alone. With effects, the
+    camera's yaw raises the placement error, and the mass raises the cycle time.
     """
     random = np.random.default_rng(seed)
     sampled = {
@@ -78,13 +78,13 @@ def made_rows(trials, *, effects=True, failure_rate=0.05, seed=0):
         k: v.tolist() if isinstance(v, np.ndarray) else list(v)
         for k, v in columns.items()
     }
-    # Clutter that some trials do not have.
+    # Some trials have no clutter.
     plain[MODEL] = [m if t % 3 else None for t, m in enumerate(plain[MODEL])]
     return plain
 
 
 def write_sweep(folder, columns, *, asked=None, **changes):
-    """Write a sweep's folder, as `drake-srg sweep` leaves it; returns it."""
+    """Write the folder that `drake-srg sweep` leaves; returns it."""
     folder.mkdir(parents=True, exist_ok=True)
     about = {
         "schema_version": 1,

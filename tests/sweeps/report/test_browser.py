@@ -1,4 +1,4 @@
-"""What a real browser makes of a report."""
+"""Reports in a real browser."""
 
 import http.server
 import threading
@@ -28,7 +28,7 @@ def page(tmp_path_factory):
 
 
 def write_video(path):
-    """Half a second, encoded as VideoRecorder does."""
+    """Write half a second of video, encoded as by VideoRecorder."""
     path.parent.mkdir(parents=True)
     with av.open(str(path), "w", options={"movflags": "faststart"}) as container:
         stream = container.add_stream("libx264", rate=20)
@@ -40,7 +40,7 @@ def write_video(path):
 
 
 @pytest.mark.parametrize("width", [400, 1400])
-def test_page_is_whole_and_fits(browser, page, width):
+def test_the_page_is_complete_and_fits_the_width(browser, page, width):
     told = browser.open(page, width)
     assert told["console"] == []
     assert told["loaded"] == []
@@ -60,7 +60,7 @@ def test_page_is_whole_and_fits(browser, page, width):
     ]
 
 
-def test_any_frame_of_a_video_is_shown(browser, page):
+def test_every_frame_of_a_video_can_be_shown(browser, page):
     # Chromium's virtual time does not wait for the decoder of a busy machine.
     for _ in range(5):
         videos = browser.open(page)["videos"]
@@ -70,13 +70,13 @@ def test_any_frame_of_a_video_is_shown(browser, page):
     for width, height, duration, controls, shades in videos:
         assert (width, height, controls) == (160, 120, True)
         assert duration == pytest.approx(0.5, abs=0.06)  # a frame
-        # Frame k is of the shade 20 k, and shown from k / 20 s on.
+        # Frame k has the shade 20 k, and is shown from k / 20 s on.
         assert [time for time, _ in shades] == [0.125, 0.425]
         for time, shade in shades:
             assert shade == pytest.approx(20 * int(20 * time), abs=5)  # H.264's loss
 
 
-def test_what_others_wrote_is_shown_as_they_wrote_it(browser, page):
+def test_text_of_scenarios_and_trials_is_shown_verbatim(browser, page):
     told = browser.open(page.replace("<details", "<details open"))
     assert told["title"] == "kitchen_varied: 300 trials"
     assert UNTRUSTED in told["text"]
@@ -86,7 +86,7 @@ def test_what_others_wrote_is_shown_as_they_wrote_it(browser, page):
 
 @pytest.fixture
 def server():
-    """A web server of this machine, with the paths that it was asked for."""
+    """A web server on this machine, with the paths that were requested."""
 
     class Handler(http.server.BaseHTTPRequestHandler):
         def do_GET(self):
@@ -105,18 +105,18 @@ def server():
         thread.join()
 
 
-def test_page_asks_no_network_whatever_stands_in_it(browser, page, server):
+def test_the_page_requests_nothing_whatever_text_it_contains(browser, page, server):
     picture = f'<img alt="" src="http://127.0.0.1:{server.server_port}/spy.png">'
     told = browser.open(page.replace("<main>", f"<main>{picture}"))
     assert server.asked == []
     assert "Content Security Policy" in told["console"][0]
-    # Without the page's policy it would have.
+    # Without the page's policy the browser requests it.
     told = browser.open(f"<!DOCTYPE html><body>{picture}")
     assert server.asked == ["/spy.png"]
     assert len(told["loaded"]) == 1
 
 
-def test_browser_tells_of_what_a_page_must_not_do(browser):
+def test_the_browser_finds_what_a_page_must_not_do(browser):
     told = browser.open(
         "<!DOCTYPE html><title>bad</title><p style='width:3000px'>x</p><svg></svg>"
         "<script>console.error('bad')</script>"

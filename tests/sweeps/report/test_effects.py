@@ -28,12 +28,12 @@ def ranked(rows):
     )
 
 
-def test_causes_are_ranked_first_and_told_apart():
+def test_causes_are_ranked_first_and_distinguished():
     effects = ranked(made_rows(1000))
     first, second, third = effects[:3]
     assert {first.name, second.name} == {CAMERA, FRICTION}
     camera, friction = sorted((first, second), key=lambda effect: effect.name)
-    # Either side of the yaw is bad, low friction alone; the yaw also shifts the hand.
+    # Yaw to either side is bad, and only low friction; yaw also shifts the hand.
     assert camera.failure.ends and camera.failure.strength > 0.5
     assert not friction.failure.ends and friction.failure.strength < 0.5
     assert camera.placement.ends and camera.placement.strength > 0.3
@@ -42,14 +42,14 @@ def test_causes_are_ranked_first_and_told_apart():
     assert third.cycle.significant and third.cycle.strength > 0.3
 
 
-def test_few_failures_of_a_strong_cause_are_enough():
+def test_few_failures_reveal_a_strong_cause():
     effects = ranked(made_rows(1000, failure_rate=0.006))
     causes = {e.name for e in effects if e.failure.significant}
     assert causes and causes <= {CAMERA, FRICTION}
 
 
-def test_noise_is_seldom_taken_for_a_cause():
-    # The share of sweeps with any false finding is what the adjustment bounds here.
+def test_noise_is_rarely_taken_for_a_cause():
+    # Without any effect, the adjustment bounds the share of sweeps with a finding.
     found = sum(
         any(effect.failure.significant for effect in ranked(rows))
         for rows in (
@@ -62,13 +62,13 @@ def test_noise_is_seldom_taken_for_a_cause():
 
 
 @pytest.mark.parametrize("rate", [0.0, 1.0])
-def test_without_both_kinds_of_trials_nothing_is_compared(rate):
+def test_failures_are_not_compared_without_both_outcomes(rate):
     effects = ranked(made_rows(30, failure_rate=rate))
     assert all(effect.failure is None for effect in effects)
     assert all((effect.cycle is None) == (rate == 1.0) for effect in effects)
 
 
-def test_words_are_quantities_of_their_own_and_what_is_constant_is_none():
+def test_every_word_is_a_quantity_and_a_constant_is_none():
     rows = made_rows(100) | {"objects.table.color": [1.0] * 100}
     names = trials_of(rows).quantities().keys()
     assert {f"{MODEL} = {word}" for word in ("mug", "cube", "banana")} <= names
@@ -76,13 +76,13 @@ def test_words_are_quantities_of_their_own_and_what_is_constant_is_none():
     assert "objects.table.color" not in names
 
 
-def test_what_few_trials_have_is_left_out():
+def test_quantities_of_few_trials_are_left_out():
     rows = made_rows(100)
     rows |= {"objects.rare.mass": [float(t) if t < 9 else None for t in range(100)]}
     assert "objects.rare.mass" not in trials_of(rows).quantities()
 
 
-def test_how_near_clutter_is_counts_for_all_of_it():
+def test_the_distance_of_clutter_covers_all_pieces():
     n = 20
     rows = made_rows(n) | {
         f"objects.{name}.position[{axis}]": values
@@ -98,7 +98,7 @@ def test_how_near_clutter_is_counts_for_all_of_it():
     assert not any("nearest" in n for n in trials_of(made_rows(n)).quantities())
 
 
-def test_a_trial_without_a_value_counts_for_the_others_alone():
+def test_trials_without_a_value_are_in_no_bin():
     values = np.array([np.nan, 1.0, 2.0, 1.0, 2.0])
     rows = success_bins(values, np.array([False, True, False, True, True]))
     assert [(b.low, b.trials, b.outcome) for b in rows] == [
@@ -107,7 +107,7 @@ def test_a_trial_without_a_value_counts_for_the_others_alone():
     ]
 
 
-def test_few_values_that_do_not_come_again_are_no_bins():
+def test_few_distinct_values_are_binned_together():
     assert len(success_bins(np.array([0.1, 0.2, 0.3, 0.4]), np.ones(4, bool))) == 2
 
 
@@ -132,7 +132,7 @@ def test_bins_hold_every_trial_once_in_order(pairs):
     assert all(a.high < b.low for a, b in itertools.pairwise(rows))
 
 
-def test_medians_are_of_trials_that_have_an_outcome():
+def test_medians_ignore_trials_without_an_outcome():
     values = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
     outcome = np.array([5.0, 7.0, np.nan, 9.0, 9.0, np.nan])
     rows = median_bins(values, outcome)
@@ -142,7 +142,7 @@ def test_medians_are_of_trials_that_have_an_outcome():
     ]
 
 
-def test_worst_trials_are_the_ones_wrongly_said_done_then_the_failed_ones():
+def test_trials_wrongly_reported_done_are_worst_then_other_failures():
     rows = {
         "trial": [0, 1, 2, 3, 4],
         "seed": [5, 6, 7, 8, 9],
@@ -153,7 +153,7 @@ def test_worst_trials_are_the_ones_wrongly_said_done_then_the_failed_ones():
         "placement_error_m": [[0.0, 0.0], [0.3, 0.4], [0.1, 0.0], [0.02, 0.0], None],
     }
     trials = trials_of(rows)
-    # Whose error nobody knows may be anywhere.
+    # An unknown error counts as the largest.
     assert trials.worst() == [2, 4, 1, 3, 0]
     assert trials.placement_error[1] == pytest.approx(0.5)
     assert trials.claimed.tolist() == [False, False, True, False, False]

@@ -1,5 +1,8 @@
+import errno
+import os
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +17,7 @@ from sweeps.report.made_sweep import CAMERA, FRICTION, UNTRUSTED, made_rows, wri
 
 
 class Page(HTMLParser):
-    """What stands in a page, as a browser would understand it."""
+    """The tags, ids and text of a page, as a browser would read them."""
 
     def __init__(self, html):
         super().__init__()
@@ -35,7 +38,7 @@ def report(folder, rows, **changes):
     return Page(path.read_text(encoding="utf-8"))
 
 
-def test_page_tells_success_claims_failures_and_causes(tmp_path):
+def test_the_page_shows_success_false_reports_failures_and_causes(tmp_path):
     rows = made_rows(1000)
     page = report(tmp_path, rows)
     # 950 of 1000 by Wilson's formula.
@@ -45,12 +48,12 @@ def test_page_tells_success_claims_failures_and_causes(tmp_path):
         for claimed, success in zip(rows["claimed"], rows["success"], strict=True)
     )
     assert claims == rows["failure"].count("misplaced") > 0
-    assert f"Said done, was not {claims} trials" in page.text
+    assert f"Wrongly reported done {claims} failed trials" in page.text
     for reason in ("misplaced", "dropped"):
         assert f"{reason} {rows['failure'].count(reason)} " in page.text
     assert "Failures depend on 2 of them" in page.text
     found = [page.text.index(f"{name} : failures are") for name in (CAMERA, FRICTION)]
-    assert max(found) < page.text.index("Success against each quantity")
+    assert max(found) < page.text.index("Success rate by quantity")
     assert page.tags.count("tr") > 50  # each failed trial has a row
     failed = [i for i, success in enumerate(rows["success"]) if not success]
     for trial in failed:
@@ -63,7 +66,7 @@ def test_page_tells_success_claims_failures_and_causes(tmp_path):
     ) in page.text
 
 
-def test_what_rows_and_yaml_hold_is_text_and_nothing_else(tmp_path):
+def test_markup_in_rows_and_yaml_stays_text(tmp_path):
     page = report(tmp_path, made_rows(60))
     assert UNTRUSTED in page.text
     assert "</pre><script>document.title = 'broken'</script>" in page.text
@@ -71,16 +74,16 @@ def test_what_rows_and_yaml_hold_is_text_and_nothing_else(tmp_path):
     assert len(page.ids) == len(set(page.ids))
 
 
-def test_noise_is_no_cause(tmp_path):
+def test_noise_is_not_shown_as_a_cause(tmp_path):
     page = report(tmp_path, made_rows(1000, effects=False, failure_rate=0.006))
     assert "Nothing stands out as a cause of failures" in page.text
-    assert "With 6 failed, only strong effects would show." in page.text
+    assert "With 6 failed trials, only strong effects would show." in page.text
 
 
-def test_sweep_that_is_not_over_says_so(tmp_path):
+def test_the_page_says_if_trials_are_missing(tmp_path):
     page = report(tmp_path, made_rows(412), asked=1000)
-    assert "412 of 1,000 trials are over" in page.text
-    assert "are over" not in report(tmp_path / "whole", made_rows(412)).text
+    assert "412 of 1,000 trials have finished" in page.text
+    assert "have finished" not in report(tmp_path / "whole", made_rows(412)).text
 
 
 @pytest.mark.parametrize(
@@ -88,13 +91,15 @@ def test_sweep_that_is_not_over_says_so(tmp_path):
     [(0.0, "No trial failed, so none"), (1.0, "All trials failed, so nothing")],
 )
 @pytest.mark.parametrize("trials", [1, 2, 30])
-def test_there_are_pages_of_extremes(tmp_path, rate, said, trials):
+def test_sweeps_without_or_with_only_failures_have_a_page(tmp_path, rate, said, trials):
     page = report(tmp_path, made_rows(trials, failure_rate=rate))
-    assert (said if trials == 30 else "Too few trials are over to tell") in page.text
+    assert (
+        said if trials == 30 else "Too few trials have finished to tell"
+    ) in page.text
     assert f"{0 if rate else trials} of {trials} trials" in page.text
 
 
-def test_there_are_pages_of_trials_that_only_raised_errors(tmp_path):
+def test_a_sweep_of_errors_has_a_page(tmp_path):
     rows = {
         "trial": list(range(10)),
         "seed": list(range(100, 110)),
@@ -105,16 +110,16 @@ def test_there_are_pages_of_trials_that_only_raised_errors(tmp_path):
     }
     page = report(tmp_path, rows)
     assert "Nothing was varied between the trials." in page.text
-    assert "No trial has one." in page.text
+    assert "No trial has a value." in page.text
 
 
-def test_the_same_rows_give_the_same_page(tmp_path):
+def test_equal_rows_give_equal_pages(tmp_path):
     folder = write_sweep(tmp_path, made_rows(100))
     once = write_report(folder).read_bytes()
     assert write_report(folder, tmp_path / "sub/other.html").read_bytes() == once
 
 
-def test_videos_of_the_worst_are_in_the_page_as_far_as_there_is_room(
+def test_the_page_contains_videos_of_the_worst_trials_up_to_a_size(
     tmp_path, monkeypatch
 ):
     rows = made_rows(400)
@@ -133,16 +138,16 @@ def test_videos_of_the_worst_are_in_the_page_as_far_as_there_is_room(
     assert "4 more are in the sweep" in videos()[1]
     monkeypatch.setattr(worst, "VIDEO_BYTES", 17)
     assert videos()[0] == 3
-    left_out = re.search(r"9 more are in the sweep's folder, as (\S+),", videos()[1])
+    left_out = re.search(r"9 more are in the sweep's folder: (\S+),", videos()[1])
     assert (folder / left_out[1]).is_file()
 
 
-def test_without_videos_the_page_tells_how_to_get_them(tmp_path):
+def test_without_videos_the_page_says_how_to_record_them(tmp_path):
     assert "--record failures" in report(tmp_path, made_rows(20)).text
 
 
 @pytest.mark.parametrize(("jobs", "words"), [(1, "one worker"), (None, "2 workers")])
-def test_workers_that_came_after_each_other_are_not_added_up(tmp_path, jobs, words):
+def test_throughput_does_not_count_replaced_workers(tmp_path, jobs, words):
     rows = made_rows(20) | {"trial_time_s": [9.0] * 20}
     page = report(tmp_path, rows, jobs=jobs)
     rate = 400 if jobs else 800
@@ -150,22 +155,22 @@ def test_workers_that_came_after_each_other_are_not_added_up(tmp_path, jobs, wor
 
 
 @pytest.mark.parametrize("started", ["", "yesterday"])
-def test_a_date_that_nobody_knows_is_no_obstacle(tmp_path, started):
+def test_an_unknown_date_is_shown_as_it_is(tmp_path, started):
     page = report(tmp_path, made_rows(3), started=started)
-    assert f"begun {started or 'at an unknown time'}" in page.text
+    assert f"started {started or 'at an unknown time'}" in page.text
 
 
-def test_where_no_sweep_or_no_trial_is_one_line_says_so(tmp_path):
+def test_a_folder_without_a_sweep_or_without_trials_is_an_error(tmp_path):
     with pytest.raises(ScenarioError, match="no sweep"):
         write_report(tmp_path)
     folder = write_sweep(tmp_path / "new", {"trial": []}, asked=10)
     (folder / "trials.parquet").unlink()
-    with pytest.raises(ScenarioError, match="no trial of this sweep is over"):
+    with pytest.raises(ScenarioError, match="no trial has finished yet"):
         write_report(folder)
     assert not (folder / "report.html").exists()
 
 
-def test_rows_that_cannot_be_read_are_named_with_the_way_out(tmp_path):
+def test_an_unreadable_row_is_named_with_advice(tmp_path):
     folder = write_sweep(tmp_path, made_rows(3), asked=4)
     broken = folder / "trials/000003.parquet"
     broken.parent.mkdir()
@@ -174,7 +179,7 @@ def test_rows_that_cannot_be_read_are_named_with_the_way_out(tmp_path):
         write_report(folder)
 
 
-def test_command_says_where_the_page_is(tmp_path, capsys):
+def test_the_command_prints_the_path_of_the_page(tmp_path, capsys):
     folder = write_sweep(tmp_path, made_rows(20))
     assert main(["report", str(folder)]) == SUCCESS
     assert capsys.readouterr().out == f"{folder / 'report.html'}\n"
@@ -183,7 +188,7 @@ def test_command_says_where_the_page_is(tmp_path, capsys):
     assert other.read_bytes() == (folder / "report.html").read_bytes()
 
 
-def test_command_complains_in_one_line(tmp_path, capsys):
+def test_the_command_reports_errors_in_one_line(tmp_path, capsys):
     folder = write_sweep(tmp_path / "sweep", made_rows(20))
     (tmp_path / "file").touch()
     for arguments, part in (
@@ -197,7 +202,26 @@ def test_command_complains_in_one_line(tmp_path, capsys):
         assert error.count("\n") == 1
 
 
-def test_elements_escape_text_and_attributes():
+def test_an_unreadable_video_is_named_and_not_the_page(tmp_path, capsys, monkeypatch):
+    folder = write_sweep(tmp_path, made_rows(20))
+    video = folder / "recordings/000003/video.mp4"
+    video.parent.mkdir(parents=True)
+    video.write_bytes(b"video")
+    read_bytes = Path.read_bytes
+
+    def forbidden(self):
+        if self == video:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(self))
+        return read_bytes(self)
+
+    monkeypatch.setattr(Path, "read_bytes", forbidden)
+    assert main(["report", str(folder)]) == BAD_INPUT
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"drake-srg: {video}: cannot be read: Permission denied"
+    assert not (folder / "report.html").exists()
+
+
+def test_elements_take_text_and_attributes():
     made = element("p", "a < b", element("b", "&"), " tail", title='"<>')
     assert (made.text, made[0].text, made[0].tail) == ("a < b", "&", " tail")
     assert element("rect", stroke_width=1 / 3, class_="x").attrib == {
@@ -210,18 +234,18 @@ def test_elements_escape_text_and_attributes():
     ("share", "trials", "text"),
     [(1.0, 10, "100.0 %"), (0.9999, 10_000, "99.99 %"), (0.991, 1000, "99.1 %")],
 )
-def test_percentages_show_a_single_trial(share, trials, text):
+def test_percentages_have_enough_digits_for_one_trial(share, trials, text):
     assert percent(share, trials) == text
 
 
-def test_numbers_have_three_digits():
+def test_numbers_have_three_digits_and_thousands_commas():
     assert number(0.00123456, "m") == "0.00123 m"
     assert number(12345.6) == "12,346"
     assert number(None, "s") == number(np.nan) == "-"
 
 
 def bars(figure):
-    """Heights of the bars of a histogram, of good and of failed trials."""
+    """Heights of a histogram's bars of successful and of failed trials."""
     return [
         [
             float(bar.get("height"))
@@ -232,11 +256,11 @@ def bars(figure):
     ]
 
 
-def test_histogram_shows_every_trial_once():
+def test_a_histogram_shows_every_trial_once():
     values = np.array([0.5, 1.0, 2.0, 2.0, 3.0, 99.0, np.nan])
     success = np.array([False, True, True, True, True, False, False])
     good, bad = bars(histogram(values, success, label="x"))
-    # One trial less than the axis has, one on it, one beyond.
+    # One failed trial is below the successful ones, one beyond the axis.
     assert good == [bad[0], 2.0 * bad[0], bad[0]]
     assert len(bad) == 2 and bad[0] == bad[1]
     good, bad = bars(histogram(np.round(values), success, label="x", whole=True))
