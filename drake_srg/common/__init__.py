@@ -1,1 +1,1 @@
-"""What every storey may use: errors, ports, contacts, imperfect joints."""
+"""Helpers for every package above: exceptions, ports, contacts, imperfect joints."""

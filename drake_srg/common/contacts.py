@@ -1,4 +1,4 @@
-"""Every contact of a plant's contact results in one form, however it was computed."""
+"""Contacts of a plant in one form, whichever way Drake computed them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from drake_srg.types import Vector
 
 
 class Contact(NamedTuple):
-    """What two geometries A and B do to each other; computed when called for.
+    """A contact between two geometries A and B. Calling an attribute computes it.
 
     Attributes:
-        id_A: Number of geometry A: its `GeometryId.get_value()`.
-        id_B: That of B.
-        p_WC: Returns the point C at which the force is told, in world, shape (3,) [m].
-        F_Ac_W: Returns the spatial force on A at C, in world [N m, N].
+        id_A: Number of geometry A, from `GeometryId.get_value()`.
+        id_B: Number of geometry B.
+        p_WC: Returns the point C of application in world, shape (3,) [m].
+        F_Ac_W: Returns the spatial force on A at C in world [N m, N].
     """
 
     id_A: int
@@ -30,7 +30,7 @@ class Contact(NamedTuple):
 
 
 def each_contact(results: ContactResults) -> Iterator[Contact]:
-    """Yield contacts over surfaces, of soft bodies and at points, in this order."""
+    """Yield hydroelastic contacts, then those of soft bodies, then point contacts."""
     for k in range(results.num_hydroelastic_contacts()):
         info = results.hydroelastic_contact_info(k)
         surface = info.contact_surface()
@@ -59,5 +59,5 @@ def each_contact(results: ContactResults) -> Iterator[Contact]:
 
 
 def _point_force(pair: PointPairContactInfo) -> SpatialForce:
-    # Drake tells the force on B.
+    # Drake reports the force on B.
     return SpatialForce(tau=np.zeros(3), f=-pair.contact_force())

@@ -1,4 +1,4 @@
-"""What real joints add to commands and measurements: latency, backlash, noise."""
+"""Imperfections of real joints: latency, backlash, sensor offset and noise."""
 
 import dataclasses as dc
 import math
@@ -21,33 +21,33 @@ from drake_srg.types import Vector, positive
 
 @dc.dataclass(kw_only=True)
 class JointErrorsConfig:
-    """Errors of a drive's link to its controller. Zero leaves everything as it is."""
+    """Imperfections of a drive and its encoders. At 0, each has no effect."""
 
-    # From a command to its effect, in whole periods of the driver, rounded up [s].
+    # Delay from a command to its effect [s], rounded up to whole driver periods.
     latency: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 1.0})
-    # Standard deviation of measured angles [rad]; of a 12-bit encoder, rounding alone:
-    # 2 pi / 4096 / sqrt(12) = 4.4e-4.
+    # Standard deviation of measured angles [rad]. For a 12-bit encoder, rounding alone
+    # gives 2 pi / 4096 / sqrt(12) = 4.4e-4.
     encoder_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Speeds are differences of angles over this time [s].
+    # Speeds are computed as differences of angles over this time [s].
     velocity_window: float = dc.field(default=0.05, metadata=positive())
 
 
 @dc.dataclass(kw_only=True)
 class ArmErrorsConfig(JointErrorsConfig):
-    """The same with gears of play."""
+    """Imperfections of an arm's joints, including gears and torque sensors."""
 
-    # From one flank of a gear to the other, at the joint [rad]. The joint rests where
-    # friction holds it: motor and encoder turn by this before it follows them back.
+    # Play from one flank of a gear to the other, at the joint [rad]. Friction holds the
+    # joint, so motor and encoder turn back by this much before the joint follows.
     backlash: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # Of sensed joint torques, over the joint's effort limit: an error that stays, and
-    # the standard deviation of noise. The iiwa's axis-specific torque accuracy is 2 %
+    # Constant offset and noise's standard deviation of sensed joint torques, as shares
+    # of the joint's effort limit. The iiwa's axis-specific torque accuracy is 2 %
     # (KUKA, LBR iiwa, technical data).
     torque_offset: float = dc.field(default=0.0, metadata={"ge": -1.0, "le": 1.0})
     torque_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
 
 
 class CommandErrors(LeafSystem):
-    """Delays n commands and takes up the play of gears.
+    """Delays n joint commands and models the backlash of their gears.
 
     .. pydrake_system::
 
@@ -58,17 +58,17 @@ class CommandErrors(LeafSystem):
         - delayed
         - play
 
-    `commanded` (n) is sampled every `period`; `delayed` (n) is what it was `latency`
-    ago, rounded up to whole periods. Where there is backlash b, it is the
-    joints' side of the gears: y follows u only as far as |u - y| <= b / 2 demands (the
-    play operator: G. Tao, P. Kokotovic, Adaptive Control of Systems with Actuator and
-    Sensor Nonlinearities, 1996, for a load that friction holds). `play` (n) is u - y.
+    `commanded` (n) is sampled every `period`; u is the sample of `latency` ago.
+    `delayed` (n) is y, the same on the joints' side of the gears. With backlash b, y
+    follows u only as far as |u - y| <= b / 2 demands: the play operator of G. Tao and
+    P. Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities,
+    1996, for a load held by friction. `play` (n) is u - y.
 
     Args:
-        size: n.
-        latency: [s].
-        backlash: b [rad].
-        period: [s].
+        size: Number of joints n.
+        latency: Delay, rounded up to whole periods [s].
+        backlash: Play b of the gears [rad].
+        period: Time between samples [s].
     """
 
     def __init__(
@@ -76,9 +76,9 @@ class CommandErrors(LeafSystem):
     ) -> None:
         super().__init__()
         self._n, self._half = size, 0.5 * backlash
-        # A period's fraction in a million counts for rounding.
+        # An excess of up to a millionth of a period is a rounding error.
         steps = math.ceil(latency / period - 1e-6)
-        # Commands of so many periods ago to now, and y.
+        # Rows of n: commands from `steps` periods ago to now, then y.
         state = self.DeclareDiscreteState(size * (steps + 2))
         self._commanded = self.DeclareVectorInputPort(name="commanded", size=size)
         prerequisites = {self.discrete_state_ticket(state)}
@@ -127,7 +127,7 @@ class CommandErrors(LeafSystem):
 
 
 class _NoisySensor(LeafSystem):
-    """What is sensed, with an offset and with noise that is drawn every `period`."""
+    """Adds a constant offset, and noise drawn every `period`, to sensed values."""
 
     def __init__(
         self,
@@ -157,7 +157,7 @@ class _NoisySensor(LeafSystem):
         )
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # Of the time alone, so that nothing is kept outside the context.
+        # The generator depends on the time alone, so that the context holds all state.
         step = round(context.get_time() / self._period)
         generator = np.random.default_rng([*self._stream, step])
         noise = self._sigma * generator.standard_normal(len(self._sigma))
@@ -169,7 +169,7 @@ class _NoisySensor(LeafSystem):
 
 
 class EncoderErrors(_NoisySensor):
-    """Angles and speeds as encoders on the motors' side tell them.
+    """Turns true joint states into readings of encoders on the motors' side.
 
     .. pydrake_system::
 
@@ -180,16 +180,15 @@ class EncoderErrors(_NoisySensor):
         output_ports:
         - state_measured
 
-    `state` (2n) is [q; v] of the joints, `play` (n) what motors are ahead of them by,
-    `state_measured` (2n) [q + play; v] with normal noise that is drawn every `period`
-    from a stream that `seed` and `name` choose.
+    `state` (2n) is the joints' [q; v], and `play` (n) how far the motors are ahead of
+    them. `state_measured` (2n) is [q + play; v] with normal noise.
 
     Args:
-        size: n.
-        config: Of the noise.
-        period: [s].
-        seed: Of the scenario.
-        name: Tells the streams of one scenario apart.
+        size: Number of joints n.
+        config: Standard deviation of the noise, and the window for speeds.
+        period: Time between draws of the noise [s].
+        seed: The scenario's random seed.
+        name: Distinguishes the random streams of one scenario.
     """
 
     def __init__(
@@ -214,7 +213,7 @@ class EncoderErrors(_NoisySensor):
 
 
 class TorqueErrors(_NoisySensor):
-    """Joint torques as sensors tell them.
+    """Turns true joint torques into readings of imperfect torque sensors.
 
     .. pydrake_system::
 
@@ -224,14 +223,13 @@ class TorqueErrors(_NoisySensor):
         output_ports:
         - torque_measured
 
-    Both (n) [N m]. What is added is drawn every `period` from a stream that `seed`
-    chooses.
+    Both ports have n entries [N m].
 
     Args:
-        full_scale: What `config`'s shares are of, shape (n,) [N m].
+        full_scale: Torques that `config`'s shares refer to, shape (n,) [N m].
         config: Offset and noise.
-        period: [s].
-        seed: Of the scenario.
+        period: Time between draws of the noise [s].
+        seed: The scenario's random seed.
     """
 
     def __init__(
@@ -249,7 +247,11 @@ class TorqueErrors(_NoisySensor):
 def AddLatency(
     builder: DiagramBuilder, command: InputPort, latency: float, period: float
 ) -> InputPort:
-    """Add `command_errors` before an input, and return what to export in its place."""
+    """Add `command_errors` before an input if there is latency.
+
+    Returns:
+        The input to use in its place.
+    """
     if latency == 0.0:
         return command
     errors = builder.AddNamedSystem(
@@ -267,7 +269,11 @@ def AddEncoderNoise(
     seed: int,
     name: str,
 ) -> OutputPort:
-    """Add `encoder_errors` after a state, and return what to take in its place."""
+    """Add `encoder_errors` after a state if there is noise.
+
+    Returns:
+        The output to use in its place.
+    """
     if config.encoder_noise == 0.0:
         return state
     size = state.size() // 2

@@ -1,4 +1,4 @@
-"""Ports of a system by name."""
+"""Access to a system's ports by name."""
 
 import functools
 

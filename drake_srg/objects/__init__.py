@@ -1,1 +1,1 @@
-"""Objects: models, poses, contacts, disturbances."""
+"""Movable objects: configuration, models, poses, contacts, disturbances."""

@@ -1,4 +1,4 @@
-"""What touches an object, and how hard: ground truth for metrics."""
+"""Contact forces on an object: ground truth for metrics."""
 
 import numpy as np
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
@@ -8,12 +8,17 @@ from drake_srg.common.contacts import each_contact
 
 
 class ContactReader:
-    """Reads from contact results what touches one object, and how hard."""
+    """Reads the contact forces on one object from a plant's contact results.
+
+    Args:
+        plant: The finalized plant that computes the results.
+        name: Model instance of the object.
+    """
 
     def __init__(self, plant: MultibodyPlant, name: str) -> None:
         own = plant.GetModelInstanceByName(name)
         self._name = name
-        self._keys: dict[int, str] = {}  # of each geometry's model, by its number
+        self._keys: dict[int, str] = {}  # by the geometry's number
         deformables = plant.deformable_model()
         for model in map(ModelInstanceIndex, range(plant.num_model_instances())):
             key = plant.GetModelInstanceName(model)
@@ -28,8 +33,12 @@ class ContactReader:
     def forces(self, contacts: ContactResults) -> dict[str, float]:
         """Return the largest contact force with each kind of body [N].
 
-        Keys are `gripper`, `arm`, the names of other objects, and `support` for
-        everything else.
+        Args:
+            contacts: Value of the plant's output port `contact_results`.
+
+        Returns:
+            Forces by `gripper`, `arm`, the names of other objects, and `support` for
+            everything else. Only bodies that touch the object appear.
         """
         forces: dict[str, float] = {}
         for contact in each_contact(contacts):

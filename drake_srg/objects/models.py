@@ -1,4 +1,4 @@
-"""Movable objects: models with a scenario's mass and friction, and known shapes."""
+"""Adds movable objects to a plant, and tells what shapes they have."""
 
 from __future__ import annotations
 
@@ -26,25 +26,29 @@ from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Shape, Sphere
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
-# shape: stiff beside the fingers' rubber (2 MPa), so that the pads deform, as they do
-# on hard household objects.
+# shape. Much stiffer than the fingers' rubber (2 MPa), so that the pads deform, as they
+# do on hard household objects.
 _MODULUS = 5.0e7
 _DISSIPATION = 5.0
-# Edges of the facets of what is round, over its radius: a circle gets 22 sides, within
-# 1 % of the radius; see the soup can's model.
+# Edge length of the facets of round shapes, over the radius. It gives a circle 22 sides
+# and an error within 1 % of the radius, as in the soup can's model.
 _RESOLUTION = 0.3
 
-# Drake cuts a cylinder along the points farthest from its surface, and gives up on the
-# slivers where its length comes this near to its diameter [m] (1.51.1). Equal is fine.
+# Drake (1.51.1) cuts a cylinder along its medial axis. If length and diameter differ by
+# less than this [m], it fails on the slivers. Equal lengths are fine.
 _NEARLY_AS_LONG = 1e-4
 
 
 def object_shape(name: str, config: ObjectConfig) -> Shape:
-    """Return the shape that the localizer and the planner take an object for.
+    """Return the shape that localizer and planner assume for the picked object.
+
+    Args:
+        name: The object's name, for error messages.
+        config: The object.
 
     Raises:
-        ScenarioError: If a model cannot be read or has not just one simple geometry, or
-            the object is soft or not known.
+        ScenarioError: If the model cannot be read or does not have exactly one simple
+            geometry, or the object is soft or not known.
     """
     if config.soft is not None:
         raise ScenarioError(
@@ -62,10 +66,13 @@ def object_shape(name: str, config: ObjectConfig) -> Shape:
 
 
 def known_shape(name: str, config: ObjectConfig) -> Shape | None:
-    """Return the shape that localizer and planner take an object for; None: neither.
+    """Return the shape that localizer and planner assume for an object.
+
+    Returns:
+        The shape, scaled by `known_scale`; None if they do not know the object.
 
     Raises:
-        ScenarioError: If a model cannot be read.
+        ScenarioError: If the model cannot be read.
     """
     if not config.known or (shape := simple_shape(name, config)) is None:
         return None
@@ -73,10 +80,10 @@ def known_shape(name: str, config: ObjectConfig) -> Shape | None:
 
 
 def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
-    """Return the shape of an object, None where it is not a single simple one.
+    """Return the true shape of an object; None unless it is a single simple one.
 
     Raises:
-        ScenarioError: If a model cannot be read.
+        ScenarioError: If the model cannot be read.
     """
     if config.shape is not None:
         return config.shape
@@ -98,12 +105,19 @@ def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
 def X_FO_start(
     config: ObjectConfig, shape: Shape | None, table_height: float
 ) -> RigidTransform:
-    """Pose of an object at the start, in world or in its pose's `base_frame`.
+    """Return the pose of an object at the start.
 
     Args:
-        config: Its configuration, the position drawn.
-        shape: Its shape, whose middle is its origin; None: its origin is under it.
-        table_height: Height in world of the table on which it stands [m].
+        config: The object, with its position drawn.
+        shape: The object's shape, centred on its origin; None if it has no simple
+            shape, in which case its origin is underneath it.
+        table_height: Height of the table in world [m].
+
+    Returns:
+        The pose in F, which is world or the `base_frame` of the object's `pose`.
+
+    Raises:
+        ValueError: If the position has not been drawn.
     """
     if config.pose is not None:
         return config.pose.GetDeterministicValue()
@@ -121,12 +135,12 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Mass (its inertia scaled with it), friction, resolution and modulus replace the
-    model's where given.
+    Where given, mass, friction, resolution and modulus replace the model's. Inertia
+    scales with mass.
 
     Raises:
-        ScenarioError: If a model cannot be read or has not just one link, or a soft
-            object cannot be simulated by such a plant.
+        ScenarioError: If the model cannot be read or does not have exactly one link, or
+            if the plant's settings do not suit a soft object.
     """
     if config.soft is not None:
         return AddSoftObject(plant, name, config)
@@ -164,7 +178,7 @@ def AddObject(
 def SetDefaultObjectPose(
     plant: MultibodyPlant, model: ModelInstanceIndex, X_WO: RigidTransform
 ) -> None:
-    """Set where an object of `AddObject` is at the start, before `Finalize`."""
+    """Set the pose at the start of an object of `AddObject`, before `Finalize`."""
     body = object_body(plant, model)
     if isinstance(body, BodyIndex):
         plant.SetDefaultFloatingBaseBodyPose(plant.get_body(body), X_WO)
@@ -175,7 +189,7 @@ def SetDefaultObjectPose(
 def object_body(
     plant: MultibodyPlant, model: ModelInstanceIndex
 ) -> BodyIndex | DeformableBody:
-    """Return the one body of an object: a rigid one's index, or the soft one."""
+    """Return the single body of an object: a rigid body's index, or a soft body."""
     deformables = plant.deformable_model()
     soft = [deformables.GetBody(i) for i in deformables.GetBodyIds(model)]
     (body,) = soft or plant.GetBodyIndices(model)
@@ -185,13 +199,13 @@ def object_body(
 def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
     key = f"objects.{name}.model"
     try:
-        plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
+        plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
         parser = Parser(plant)
         configure_parser(parser)
         path = parser.package_map().ResolveUrl(str(config.model))
         text = Path(path).read_text(encoding="utf-8")
         for _, (prefix, uri) in ET.iterparse(io.StringIO(text), events=["start-ns"]):
-            ET.register_namespace(prefix, uri)  # keeps `drake:` spelled so
+            ET.register_namespace(prefix, uri)  # so that `drake:` is kept
         root = ET.fromstring(text)
     except (RuntimeError, OSError, ET.ParseError) as error:
         reason = " ".join(str(error).split())[:200]
@@ -204,7 +218,11 @@ def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
 def _AddShape(
     plant: MultibodyPlant, name: str, config: ObjectConfig
 ) -> ModelInstanceIndex:
-    """Add an object that is one solid shape of uniform density."""
+    """Add an object that is one solid shape of uniform density.
+
+    Raises:
+        ValueError: If mass or friction is missing.
+    """
     assert config.shape is not None
     if config.mass is None or config.friction is None:
         raise ValueError("An object with a shape needs mass and friction.")
@@ -239,7 +257,7 @@ def _unit_inertia(shape: Shape) -> UnitInertia:
 def _contact_properties(
     shape: Shape, config: ObjectConfig, friction: float
 ) -> geometry.ProximityProperties:
-    # Drake cuts a box the same way at any resolution.
+    # A box has no radius; Drake meshes it the same way at any resolution.
     resolution = config.resolution or _RESOLUTION * getattr(shape, "radius", 1.0)
     properties = geometry.ProximityProperties()
     geometry.AddContactMaterial(
@@ -256,7 +274,7 @@ def _contact_properties(
 
 
 def to_drake(shape: Shape) -> geometry.Shape:
-    """Return the shape as Drake's geometry."""
+    """Return a shape as Drake's geometry."""
     match shape:
         case Cylinder(radius, length):
             return geometry.Cylinder(radius, length)

@@ -1,4 +1,4 @@
-"""The truth about objects, for metrics, experiments and disturbances only."""
+"""True poses of objects, for metrics, experiments and disturbances only."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from drake_srg.types import Vector
 
 
 class ObjectPoses(LeafSystem):
-    """Poses of named bodies, by name.
+    """Outputs the poses of bodies by name.
 
     .. pydrake_system::
 
@@ -27,18 +27,18 @@ class ObjectPoses(LeafSystem):
         output_ports:
         - object_poses
 
-    The inputs are the plant's (list[RigidTransform], GeometryConfigurationVector);
-    `object_poses` is dict[str, RigidTransform], X_WO by object name [m]. That of a soft
-    object is the rigid motion nearest to its vertices'.
+    The inputs are the plant's (list[RigidTransform], GeometryConfigurationVector).
+    `object_poses` is a dict[str, RigidTransform], X_WO by object name [m]. The pose of
+    a soft object is the rigid motion nearest to that of its vertices.
 
     Args:
-        bodies: Each object's body, rigid (its index) or soft.
+        bodies: The body of each object, rigid (its index) or soft.
     """
 
     def __init__(self, bodies: Mapping[str, BodyIndex | DeformableBody]) -> None:
         super().__init__()
         self._bodies = {n: b for n, b in bodies.items() if isinstance(b, BodyIndex)}
-        # The geometry's id, and where its vertices are in the object's frame.
+        # The geometry's id, and its undeformed vertices in the object's frame.
         self._soft: dict[str, tuple[GeometryId, Vector]] = {
             n: (b.geometry_id(), b.reference_positions().reshape(-1, 3).T)
             for n, b in bodies.items()

@@ -1,7 +1,7 @@
-"""Soft objects: deformable bodies of finite elements, made from a box.
+"""Soft objects: boxes of deformable finite elements.
 
-They have vertices in place of a pose. What asks for a pose gets that of the rigid
-motion nearest to the vertices' own.
+A soft object has vertices and no pose. Its pose is defined as the rigid motion nearest
+to the motion of its vertices.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 from drake_srg.types import Box, Vector
 
-# Measured: at 10 ms a soft cube slipped out of a hand that holds it at 5 ms, and with
-# `lagged` a sponge jumps about on its table, untouched and without an error.
+# Measured: a hand that holds a soft cube with steps of 5 ms loses it with 10 ms. With
+# `lagged`, an untouched sponge jumps about on its table, without an error from Drake.
 _LARGEST_STEP = 0.005  # s
 _APPROXIMATION = DiscreteContactApproximation.kSap
 
@@ -44,8 +44,9 @@ def AddSoftObject(
     """Add a soft object to a plant that is not finalized, as model instance `name`.
 
     Raises:
-        ScenarioError: If the plant's settings are not those that soft bodies need, or
-            the shape is not a box.
+        ScenarioError: If the plant's settings do not suit soft bodies, or the shape is
+            not a box.
+        ValueError: If `soft`, `mass` or `friction` is missing.
     """
     soft, key = config.soft, f"objects.{name}.soft"
     if soft is None or config.mass is None or config.friction is None:
@@ -82,7 +83,7 @@ def AddSoftObject(
     geometry.set_illustration_properties(illustration)
     geometry.set_perception_properties(perception)
     model = plant.AddModelInstance(name)
-    # The hint at a resolution is for shapes that Drake would mesh itself.
+    # The resolution hint only matters for shapes that Drake meshes itself.
     plant.mutable_deformable_model().RegisterDeformableBody(
         geometry, model, body, resolution_hint=1.0
     )
@@ -90,14 +91,14 @@ def AddSoftObject(
 
 
 def nearest_pose(p_RV: Vector, p_WV: Vector) -> RigidTransform:
-    """Pose X_WR that carries reference positions nearest to present ones.
+    """Return the pose X_WR that brings reference positions nearest to present ones.
 
     It minimises the sum of squared distances, by the singular value decomposition of
     Arun, Huang and Blostein (1987), IEEE T-PAMI 9(5).
 
     Args:
-        p_RV: Vertices as they were, in the object's frame, shape (3, n) [m].
-        p_WV: The same vertices in world, shape (3, n) [m].
+        p_RV: Undeformed vertices in the object's frame, shape (3, n) [m].
+        p_WV: The same vertices now, in world, shape (3, n) [m].
     """
     middle_R, middle_W = p_RV.mean(axis=1), p_WV.mean(axis=1)
     cross = (p_WV - middle_W[:, None]) @ (p_RV - middle_R[:, None]).T

@@ -1,11 +1,11 @@
-"""Tetrahedra that fill a box, for finite elements."""
+"""Tetrahedral meshes of boxes, for finite elements."""
 
 import numpy as np
 import numpy.typing as npt
 
 from drake_srg.types import Vector
 
-# The faces of a unit cell, corners in turn, counterclockwise from outside.
+# The faces of a unit cell: corners in order, counterclockwise as seen from outside.
 _FACES = np.array(
     [
         [[0, 0, 0], [0, 0, 1], [0, 1, 1], [0, 1, 0]],
@@ -23,17 +23,17 @@ def box_mesh(
 ) -> tuple[Vector, npt.NDArray[np.int64]]:
     """Fill a box around the origin with tetrahedra.
 
-    The box is cut into cells, and each cell into twelve tetrahedra from its middle to
-    its faces, cut in two. So every tetrahedron has a vertex inside the box, which
-    Drake's contact of deformable bodies needs to tell how deep something is in them.
+    The box is cut into cells. Each cell is cut into twelve tetrahedra, from its middle
+    to the two halves of each face. So every tetrahedron has a vertex inside the box;
+    Drake needs that to compute how deeply something penetrates a deformable body.
 
     Args:
-        size: Along x, y, z [m].
+        size: Extents along x, y, z [m].
         resolution: Longest edge of the cells [m].
 
     Returns:
-        Vertices, shape (n, 3) [m], and the four vertices of each tetrahedron, of
-        positive volume, shape (m, 4).
+        Vertices, shape (n, 3) [m], and the indices of the four vertices of each
+        tetrahedron, shape (m, 4), ordered so that its volume is positive.
     """
     size = np.asarray(size, dtype=float)
     counts = np.maximum(np.ceil(size / resolution - 1e-9), 1).astype(int)
@@ -44,7 +44,7 @@ def box_mesh(
     tetrahedra = []
     for middle, cell in enumerate(cells, len(corners)):
         for face in _FACES + cell:
-            # Cut from even corner to even corner, as the neighbour does.
+            # The cut joins two even corners, so that neighbours cut a face alike.
             a, b, c, d = np.roll(face, -(face[0].sum() % 2), axis=0)
             for triangle in ((a, b, c), (a, c, d)):
                 numbers = np.ravel_multi_index(np.transpose(triangle), counts + 1)
