@@ -9,7 +9,8 @@ from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import export_outputs
-from drake_srg.objects.disturbances import Disturber, Target
+from drake_srg.objects.disturbance_forces import Target
+from drake_srg.objects.disturber import Disturber
 from drake_srg.objects.models import object_body, simple_shape
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.station import MakeStation

@@ -86,9 +86,9 @@ class ObjectConfig:
     # [x, y] of the centre on the table in world [m]; null draws it in `task.region`.
     position: list[float] | None = dc.field(default=None, metadata={"length": 2})
     yaw: float = 0.0  # rad, about the vertical
-    # Pose at the start, in place of `position` and `yaw`, for an object that lies, is on
-    # top of something or is in the hand. In world, or in the frame `base_frame` of a
-    # model in `directives`.
+    # Pose at the start in place of `position` and `yaw`: for an object that lies, is on
+    # something or is in the hand. In world, or in the frame `base_frame` of a model in
+    # `directives`.
     pose: Transform | None = None
     present: bool = True  # false leaves the object out
     covered: bool = False  # true puts a lid over it that hides it from the cameras

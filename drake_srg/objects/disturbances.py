@@ -1,63 +1,34 @@
-"""What happens to objects in a run besides what the robot does, by forces alone."""
+"""Configuration of disturbances: forces on objects that the robot does not exert."""
 
 import dataclasses as dc
-import math
-from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
-import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
-from pydrake.multibody.math import SpatialForce
-from pydrake.multibody.plant import ExternallyAppliedSpatialForce
-from pydrake.multibody.tree import BodyIndex, SpatialInertia
-from pydrake.systems.framework import Context, EventStatus, State
-
-from drake_srg.common.minimum_jerk import minimum_jerk_blend
-from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Box, Cylinder, Mode, Shape, Vector, positive
-
-_GRAVITY = 9.81  # m/s²
-# A hand that moves something lifts it a little [m]. Sliding would depend on friction,
-# and plants with steps above 2 ms let a stiff object that slides on a table rattle.
-_PUSH_LIFT = 0.002
-# Of the spring between hand and object [rad/s]: a third of what is stable where a plant
-# with steps of 10 ms samples spring and damper, and quick beside a push of 0.3 s.
-_PUSH_FREQUENCY = 25.0
-# How long the hand stays where the path ends [s]: four time constants.
-_PUSH_HOLD = 4.0 / _PUSH_FREQUENCY
-# The most that a hand presses with, over the object's weight. Carrying takes one, and
-# speeding up less; what is held or blocked stays.
-_STRONGEST = 3.0
-# What topples grows by one weight in this time [s]: slowly beside the 0.1 s in which
-# things of a hand's size fall, so that the object is tipped and not hit.
-_TOPPLE_RAMP = 1.0
-_TOPPLE_PATIENCE = 2.0  # s; what has slid away by then instead is left alone
+from drake_srg.types import Mode, positive
 
 
 @dc.dataclass(kw_only=True)
 class Disturbance:
-    """What it is that something happens to, and when."""
+    """Which object is disturbed, and when."""
 
-    # The planner's mode that it waits for.
+    # The planner's mode that triggers it.
     at: str = dc.field(
         default=Mode.PRE_GRASP.value,
         metadata={
             "among": tuple(m.value for m in Mode if m not in (Mode.DONE, Mode.FAILED))
         },
     )
-    # From the mode's begin [s]; what the mode is by then does not matter.
+    # Delay from the mode's beginning [s]. By then, the mode may be another.
     after: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # How often it happens: in the first so many times that the mode begins.
+    # How often it happens: the first so many times that the mode begins.
     times: int = dc.field(default=1, metadata={"ge": 1})
     object: str | None = None  # null: the picked one
 
 
 @dc.dataclass(kw_only=True)
 class Push(Disturbance):
-    """A hand lifts the object a little, moves it aside, turning it no way, and lets go.
+    """A hand lifts the object a little, moves it without turning it, and lets go.
 
-    With a force of at most three times the weight: what is held firmly stays.
+    Its force is at most three times the object's weight, so a firmly held object stays.
     """
 
     # Of the object, in world [m].
@@ -79,7 +50,7 @@ class Topple(Disturbance):
 
 @dc.dataclass(kw_only=True)
 class Force(Disturbance):
-    """A constant force at the object's centre of mass, and a torque."""
+    """A constant force at the object's centre of mass, and a constant torque."""
 
     force: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
@@ -91,215 +62,3 @@ class Force(Disturbance):
 
 
 AnyDisturbance: TypeAlias = Push | Topple | Force
-
-
-@dc.dataclass(frozen=True)
-class Target:
-    """The object that something happens to."""
-
-    name: str
-    body: BodyIndex  # its frame is the object's
-    inertia: SpatialInertia  # about its origin
-    shape: Shape | None  # None: unknown, its origin is under it
-
-
-@dc.dataclass(frozen=True)
-class _Course:
-    """How far a disturbance has come."""
-
-    count: int = 0  # how often it has been due
-    begin: float = np.inf  # when it last began or will begin [s]; inf: it waits
-    # Of a push: where the object was, and what it lacked last, rotation [rad] before
-    # translation [m], shape (6,).
-    X_WO_begin: RigidTransform | None = None
-    error: Vector = dc.field(default_factory=lambda: np.zeros(6))
-
-
-@dc.dataclass(frozen=True)
-class _Memory:
-    """The state of the disturber. Never changed, only replaced, so copies share it."""
-
-    courses: tuple[_Course, ...]
-    mode: Mode | None = None
-    forces: tuple[ExternallyAppliedSpatialForce, ...] = ()
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "_Memory":
-        return self
-
-
-# A force [N] and a torque [N m], in world, and the point of the object where they act,
-# in its frame [m].
-_Wrench: TypeAlias = tuple[Vector, Vector, Vector]
-
-
-class Disturber(LeafSystem):
-    """Lets a scenario's disturbances happen.
-
-    .. pydrake_system::
-
-        name: Disturber
-        input_ports:
-        - mode
-        - object_poses
-        output_ports:
-        - object_forces
-
-    `mode` (Mode) is the planner's; `object_poses` (dict[str, RigidTransform]) are X_WO
-    by name [m]; `object_forces` (list[ExternallyAppliedSpatialForce]) are what a plant
-    takes. They are updated every `period`. A disturbance that is under way when its
-    mode begins anew is not begun again.
-
-    Args:
-        disturbances: Each with the object that it happens to.
-        period: Of updates [s]; best the plant's.
-
-    Raises:
-        ValueError: If an object cannot be toppled.
-    """
-
-    def __init__(
-        self, disturbances: Sequence[tuple[AnyDisturbance, Target]], period: float
-    ) -> None:
-        super().__init__()
-        self._period = period
-        for disturbance, target in disturbances:
-            falls = isinstance(target.shape, (Cylinder, Box))
-            if isinstance(disturbance, Topple) and not falls:
-                raise ValueError(
-                    f"disturbances: !Topple needs an object that is one cylinder or "
-                    f"box, got {target.name!r}"
-                )
-        self._disturbances = list(disturbances)
-        self._mode = self.DeclareAbstractInputPort(
-            name="mode", model_value=AbstractValue.Make(Mode.IDLE)
-        )
-        self._poses = self.DeclareAbstractInputPort(
-            name="object_poses", model_value=AbstractValue.Make({})
-        )
-        self._state = self.DeclareAbstractState(
-            AbstractValue.Make(_Memory((_Course(),) * len(disturbances)))
-        )
-        self.DeclareAbstractOutputPort(
-            name="object_forces",
-            alloc=lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
-            calc=self._calc_object_forces,
-            prerequisites_of_calc={self.abstract_state_ticket(self._state)},
-        )
-        self.DeclarePeriodicUnrestrictedUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
-
-    def _memory(self, context: Context) -> _Memory:
-        memory: _Memory = context.get_abstract_state(int(self._state)).get_value()
-        return memory
-
-    def _calc_object_forces(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(list(self._memory(context).forces))
-
-    def _update(self, context: Context, state: State) -> EventStatus:
-        time, memory = context.get_time(), self._memory(context)
-        mode: Mode = self._mode.Eval(context)
-        courses, forces = [], []
-        for (disturbance, target), course in zip(
-            self._disturbances, memory.courses, strict=True
-        ):
-            begins = mode is not memory.mode and mode.value == disturbance.at
-            waits = course.begin == np.inf and course.count < disturbance.times
-            if begins and waits:
-                course = _Course(course.count + 1, time + disturbance.after)  # noqa: PLW2901 # its next
-            # Times of updates are multiples of a period, rounded.
-            t = time + 1e-9 - course.begin
-            if t >= 0.0:
-                X_WO = self._poses.Eval(context)[target.name]
-                course, wrench = _act(  # noqa: PLW2901 # its next
-                    disturbance, target, t, X_WO, course, self._period
-                )
-                if wrench is not None:
-                    forces.append(_applied(target, wrench))
-            courses.append(course)
-        state.get_mutable_abstract_state(int(self._state)).set_value(
-            _Memory(tuple(courses), mode, tuple(forces))
-        )
-        return EventStatus.Succeeded()
-
-
-def _applied(target: Target, wrench: _Wrench) -> ExternallyAppliedSpatialForce:
-    force, torque, p_OQ = wrench
-    applied = ExternallyAppliedSpatialForce()
-    applied.body_index = target.body
-    applied.p_BoBq_B = p_OQ
-    applied.F_Bq_W = SpatialForce(tau=torque, f=force)
-    return applied
-
-
-def _act(
-    disturbance: AnyDisturbance,
-    target: Target,
-    t: float,
-    X_WO: RigidTransform,
-    course: _Course,
-    period: float,
-) -> tuple[_Course, _Wrench | None]:
-    """How a disturbance goes on, `t` [s] after its begin, and with what; None: over."""
-    wrench: _Wrench | None = None
-    match disturbance:
-        case Force():
-            if t < disturbance.duration:
-                force, torque = disturbance.force, disturbance.torque
-                p_OC = target.inertia.get_com()
-                wrench = np.array(force), np.array(torque), p_OC
-        case Topple():
-            wrench = _topple(disturbance, target, t, X_WO)
-        case Push():
-            if t < disturbance.duration + _PUSH_HOLD:
-                return _push(disturbance, target, t, X_WO, course, period)
-    return (_Course(course.count) if wrench is None else course), wrench
-
-
-def _topple(
-    topple: Topple, target: Target, t: float, X_WO: RigidTransform
-) -> _Wrench | None:
-    assert isinstance(target.shape, (Cylinder, Box))
-    R_WO = X_WO.rotation().matrix()
-    push_W = np.array([*topple.direction, 0.0]) / np.linalg.norm(topple.direction)
-    push_O = R_WO.T @ push_W
-    push_O[2] = 0.0
-    half_width = target.shape.half_extent(push_O / max(np.linalg.norm(push_O), 1e-9))
-    half_height = 0.5 * target.shape.height
-    # Once its centre is beyond the edge that it turns about, it falls by itself.
-    tilt = math.acos(min(abs(R_WO[2, 2]), 1.0))
-    if tilt > math.atan2(half_width, half_height) or t > _TOPPLE_PATIENCE:
-        return None
-    force = target.inertia.get_mass() * _GRAVITY * t / _TOPPLE_RAMP
-    p_OTop = np.array([0.0, 0.0, math.copysign(half_height, R_WO[2, 2])])
-    return force * push_W, np.zeros(3), p_OTop
-
-
-def _push(
-    push: Push,
-    target: Target,
-    t: float,
-    X_WO: RigidTransform,
-    course: _Course,
-    period: float,
-) -> tuple[_Course, _Wrench]:
-    """Spring and damper, critical, between the object and where it shall be."""
-    X_WO_begin, p_OC = course.X_WO_begin or X_WO, target.inertia.get_com()
-    s = t / push.duration
-    path = minimum_jerk_blend(s) * np.array(push.displacement)
-    # Up within the first quarter, down within the last.
-    path[2] += _PUSH_LIFT * minimum_jerk_blend(4.0 * min(s, 1.0 - s))
-    R_WO = X_WO.rotation()
-    turn = (X_WO_begin.rotation() @ R_WO.inverse()).ToAngleAxis()
-    p_error = X_WO_begin @ p_OC + path - X_WO @ p_OC
-    error = np.concatenate([turn.angle() * turn.axis(), p_error])
-    rate = (error - course.error) / period
-    acceleration = _PUSH_FREQUENCY**2 * error + 2.0 * _PUSH_FREQUENCY * rate
-    acceleration[5] += _GRAVITY
-    size = float(np.linalg.norm(acceleration[3:]))
-    acceleration *= min(1.0, _STRONGEST * _GRAVITY / max(size, _GRAVITY))
-    I_C = target.inertia.Shift(p_OC).CalcRotationalInertia().CopyToFullMatrix3()
-    torque = R_WO @ (I_C @ (R_WO.inverse() @ acceleration[:3]))
-    force = target.inertia.get_mass() * acceleration[3:]
-    course = dc.replace(course, X_WO_begin=X_WO_begin, error=error)
-    return course, (force, torque, p_OC)
