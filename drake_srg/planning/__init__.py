@@ -1,1 +1,1 @@
-"""Inverse kinematics, trajectories and the pick-and-place state machine."""
+"""Planning: motions, grasps, the pick-and-place task, and scripts in its place."""

@@ -33,14 +33,16 @@ class TipLimits:
 class MotionConfig:
     """Distances and speeds of moves."""
 
-    approach_distance: float = dc.field(default=0.08, metadata=positive())  # m
-    lift_height: float = dc.field(default=0.08, metadata=positive())  # m
+    # Length of the straight lines towards a grasp and back from it [m].
+    approach_distance: float = dc.field(default=0.08, metadata=positive())
+    # Height of straight lines up from the object and down to its goal [m].
+    lift_height: float = dc.field(default=0.08, metadata=positive())
     # Share of the arm's velocity and acceleration limits with an empty hand.
     speed: float = dc.field(default=0.9, metadata={"ge": 0.01, "le": 1.0})
-    # The same with something in the hand.
+    # Shares of these limits with something in the hand.
     holding_speed: float = dc.field(default=0.7, metadata={"ge": 0.01, "le": 1.0})
     holding_acceleration: float = dc.field(
         default=0.3, metadata={"ge": 0.01, "le": 1.0}
     )
-    # Limits of the hand's motion, in place of the fastest that the joints allow.
+    # Limits of the tip's motion; null: as fast as the joints allow.
     tip_limits: TipLimits | None = None

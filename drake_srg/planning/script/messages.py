@@ -1,8 +1,8 @@
 """The messages that a client of the SRG thesis sends, as a script.
 
-The thesis's clients know two topics: `/kuka`, joint positions of the arm, and `/grasp`,
-percent from 0 open to 100 closed. They send message after message at a fixed rate, in
-named routines, whatever comes of it. Degrees and percent are theirs.
+The thesis's clients use two topics: `/kuka`, joint positions of the arm [degrees], and
+`/grasp`, percent from 0 open to 100 closed. They send message after message at a fixed
+rate, in named routines, without looking at the outcome.
 """
 
 import dataclasses as dc
@@ -18,17 +18,18 @@ from drake_srg.types import Mode, positive
 class MessageConfig:
     """Messages on one of the two topics."""
 
-    # Joint positions [degrees], the same in each of `count` messages; or else `grasp`.
+    # Joint positions [degrees], the same in all `count` messages; or else `grasp`.
     kuka: list[float] | None = None
     count: int = dc.field(default=1, metadata={"ge": 1})
-    # First and last i of a ramp, up or down: a message an i, floor(i / 10) percent.
+    # First and last i of a ramp, up or down, with one message per i that says
+    # floor(i / 10) percent.
     grasp: list[int] | None = dc.field(
         default=None, metadata={"length": 2, "ge": 0, "le": 1000}
     )
 
     @property
     def number(self) -> int:
-        """How many messages these are."""
+        """The number of messages."""
         return self.count if self.grasp is None else len(_ramp(self.grasp))
 
 
@@ -37,36 +38,36 @@ class RoutineConfig:
     """One routine of the sequence."""
 
     routine: str = ""
-    # What it is about; metrics and recordings go by it.
+    # The mode that metrics and recordings show.
     mode: str = dc.field(default=Mode.TRANSFER.value, metadata={"among": SCRIPT_MODES})
 
 
 @dc.dataclass(kw_only=True)
 class MessagesConfig:
-    """Messages in the order in which they are sent."""
+    """Messages in the order in which they are sent, as routines."""
 
     rate: float = dc.field(default=25.0, metadata=positive())  # messages/s
     routines: dict[str, list[MessageConfig]] = dc.field(default_factory=dict)
     sequence: list[RoutineConfig] = dc.field(default_factory=list)
-    # How long the arm has to come to rest when the last message is sent [s].
+    # Time for the arm to come to rest after the last message [s].
     rest: float = dc.field(default=3.0, metadata=positive())
 
     def number(self) -> int:
-        """How many messages the whole sequence has."""
+        """Return the number of messages in the whole sequence."""
         calls = (self.routines[call.routine] for call in self.sequence)
         return sum(message.number for routine in calls for message in routine)
 
 
 def message_script(config: MessagesConfig, num_joints: int) -> list[ScriptStep]:
-    """Return what is commanded when, a step a change.
+    """Return the script of all commands, one step per change.
 
     Args:
-        config: What is sent.
-        num_joints: Of the arm.
+        config: The messages.
+        num_joints: Number of the arm's joints.
 
     Raises:
-        ValueError: If there are no messages, a routine is unknown, or one of its
-            messages is not on just one topic or does not fit the arm.
+        ValueError: If there are no messages, a routine is unknown, or a message is not
+            on exactly one topic or does not fit the arm.
     """
     for name, routine in config.routines.items():
         for i, message in enumerate(routine):

@@ -11,7 +11,7 @@ from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Mode, PlannerStatus, Vector, positive
 
-# The modes of a step: a cycle's, without its beginning and its ends.
+# The modes that steps may have: those of a cycle that is under way.
 SCRIPT_MODES = tuple(
     mode.value
     for mode in Mode
@@ -21,22 +21,22 @@ SCRIPT_MODES = tuple(
 
 @dc.dataclass(kw_only=True)
 class ScriptStep:
-    """What is commanded for a while."""
+    """Commands that hold for a while."""
 
-    # What the step is about; metrics and recordings go by it.
+    # The mode that metrics and recordings show.
     mode: str = dc.field(default=Mode.TRANSFER.value, metadata={"among": SCRIPT_MODES})
     duration: float = dc.field(default=1.0, metadata=positive())  # s
-    # Joint positions at the step's end [rad or m]; null: the arm stays.
+    # Joint positions at the end of the step [rad or m]; null: the arm stays.
     arm: list[float] | None = None
-    # Of the gripper, from the step's begin on, 0 open .. 1 closed; null: as before.
+    # Closure of the gripper during the step, 0 open .. 1 closed; null: as before.
     closure: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
-    # Fraction of full PWM, from the step's begin on; null: as before, at first
-    # what the driver has for its own.
+    # Fraction of full PWM during the step; null: as before, and in the first steps the
+    # driver's own limit.
     force_limit: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
 
 
 class ScriptedPlanner(LeafSystem):
-    """Plays a script, whatever comes of it.
+    """Plays a script without looking at the outcome.
 
     .. pydrake_system::
 
@@ -48,21 +48,21 @@ class ScriptedPlanner(LeafSystem):
         - mode
         - status
 
-    `position_commanded` (N) [rad or m] moves from rest to rest with minimum jerk, every
-    step from where the one before it ended, the first from `home` at time 0.
-    `closure_commanded` (1) and `force_limit` (1) change at once where a step begins;
-    `force_limit` is NaN, the driver's own, until a step names it.
-    `mode` (Mode) is the step's, and DONE after the last; `status` (PlannerStatus) says
-    no more than that.
+    `position_commanded` (N) [rad or m] moves from rest to rest with minimum jerk. Each
+    step starts where the one before it ended, the first from `home` at time 0.
+    `closure_commanded` (1) and `force_limit` (1) change as soon as a step begins;
+    `force_limit` is NaN, which means the driver's own limit, until a step names one.
+    `mode` (Mode) is that of the step, and DONE after the last; `status` (PlannerStatus)
+    has nothing but the mode.
 
     Args:
         home: Where the arm is at first, shape (N,) [rad or m].
         script: The steps, at least one.
-        jumps: Whether `position_commanded` changes at once where a step begins, too:
-            then it needs something that makes motion of that.
+        jumps: Whether `position_commanded`, too, changes as soon as a step begins. It
+            then needs a system that turns these jumps into motion.
 
     Raises:
-        ValueError: If there is no step, or one's arm position has another size.
+        ValueError: If there is no step, or an arm position does not have N entries.
     """
 
     def __init__(
@@ -75,12 +75,13 @@ class ScriptedPlanner(LeafSystem):
         for i, step in enumerate(script):
             if step.arm is not None and len(step.arm) != n:
                 raise ValueError(
-                    f"script[{i}].arm: has {len(step.arm)} entries, the arm has {n}"
+                    f"script[{i}].arm: needs one entry per joint of the arm ({n}), "
+                    f"got {len(step.arm)}"
                 )
         self._script = list(script)
         self._jumps = jumps
         self._ends = np.cumsum([step.duration for step in script])
-        # Row i: where step i begins; the last row: where the script ends.
+        # Row i is where step i begins, the last row where the script ends.
         self._positions = _filled(
             np.asarray(home, dtype=float), [step.arm for step in script]
         )
@@ -110,9 +111,9 @@ class ScriptedPlanner(LeafSystem):
         )
 
     def _step(self, context: Context) -> int:
-        """Index of the step under way; after the script, how many it has."""
-        # Times of updates are multiples of a period, rounded: they belong to the step
-        # that begins there.
+        """Return the index of the step under way, or that after the last."""
+        # Times of updates are rounded multiples of a period. One that is rounded down
+        # still belongs to the step that begins there.
         time = context.get_time() + 1e-9
         return int(np.searchsorted(self._ends, time, side="right"))
 
@@ -146,7 +147,7 @@ class ScriptedPlanner(LeafSystem):
 def _filled(
     start: Vector | float, values: Sequence[list[float] | float | None]
 ) -> Vector:
-    """Return `start` and the values, each None replaced by what is before it."""
+    """Return `start` and the values, each None replaced by the value before it."""
     rows = [np.asarray(start)]
     for value in values:
         rows.append(rows[-1] if value is None else np.asarray(value, dtype=float))

@@ -1,4 +1,4 @@
-"""The motions that one grasp takes, from the approach to the arm back at home."""
+"""The motions of one grasp, from the approach until the arm is back home."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, Mode, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-# What a carried object may lean more than where it was taken [rad].
+# How much more a carried object may lean than where it was taken [rad].
 _UPRIGHT = 0.004
-# How much higher what is carried may pass over what is in its way [m].
+# How much higher the object may be carried over what is in its way [m].
 _HIGHER = (0.0, 0.04, 0.08)
 
 
 class GraspMotions:
-    """Plans them with a planning scene; holds nothing between calls.
+    """Plans the motions of a grasp in a planning scene; holds nothing between calls.
 
     Args:
         scene: The arm, the gripper and what they may hit.
-        moves: In that scene.
+        moves: The moves in that scene.
         q_home: Where the arm rests, shape (N,) [rad].
         config: Distances.
     """
@@ -56,12 +56,12 @@ class GraspMotions:
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
-            shape: The object's.
-            X_WO_goal: Where it shall be [m].
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
             candidate: The grasp, and where the object is.
 
         Raises:
-            NoPathError: If there is none.
+            NoPathError: If a motion does not exist.
         """
         scene, grasp, X_WO = self._scene, candidate.grasp, candidate.X_WO
         motions: dict[Mode, Trajectory] = {}
@@ -101,12 +101,12 @@ class GraspMotions:
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
-            grasp: With the object's pose in the hand as it is.
-            shape: The object's.
-            X_WO_goal: Where it shall be [m].
+            grasp: The grasp, with the object's actual pose in the hand.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
 
         Raises:
-            NoPathError: If there is none.
+            NoPathError: If a motion does not exist.
         """
         goal = place_target(grasp, X_WO_goal, self._config.place_height)
         above = goal.shifted(self._config.lift_height * _UP)
@@ -118,7 +118,7 @@ class GraspMotions:
     def _leave(
         self, q_place: Vector, grasp: Grasp, shape: Shape, X_WO: RigidTransform
     ) -> dict[Mode, Trajectory]:
-        """Motions away from an object that has been placed, and home."""
+        """Return the motions away from an object that has been placed, and home."""
         scene, motions = self._scene, {}
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
@@ -139,13 +139,13 @@ class GraspMotions:
         X_WO_goal: RigidTransform,
         candidate: Candidate,
     ) -> tuple[Vector, Vector]:
-        """The way across, and down to the goal."""
+        """Return the paths across, and down to the goal, both (K, N) [rad]."""
         scene, grasp = self._scene, candidate.grasp
         lift = self._config.lift_height * _UP
         place = place_target(
             grasp, X_WO_goal, self._config.place_height, angle_tolerance=_UPRIGHT
         )
-        # Straight across keeps the object upright. Where that does not go, any way.
+        # Straight across keeps the object upright. Otherwise, any way will do.
         with carrying(scene, shape, grasp):
             across = self._across(q_lifted, place.shifted(lift))
         with carrying(scene, shape, grasp, supported=True):
@@ -160,7 +160,7 @@ class GraspMotions:
             return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
 
     def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
-        """The way above the goal that keeps the object upright, if there is one."""
+        """Return a path above the goal that keeps the object upright, or None."""
         scene = self._scene
         for higher in _HIGHER:
             lines = [above_goal]
@@ -176,10 +176,10 @@ class GraspMotions:
         else:
             return None
         if not scene.reaches_any_pose and self._config.tip_limits is None:
-            # Without a joint to spare, the hand's line costs detours of the joints.
+            # Without a spare joint, a straight line costs detours of the joints.
             line = scene.edge(q_lifted, across[-1])
             lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
-            kept = lean < 1e-6  # the line's end is as far off as is tolerated
+            kept = lean < 1e-6  # the end of the line uses up the tolerance
             if kept and scene.first_hit(line) is None:
                 return np.array([q_lifted, across[-1]])
         return across

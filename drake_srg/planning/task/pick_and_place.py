@@ -96,8 +96,8 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
         limits = config.max_external_torque
         if limits is not None and len(limits) != n:
             raise ValueError(
-                f"planner.max_external_torque: needs one entry per joint ({n}), "
-                f"got {len(limits)}"
+                "planner.max_external_torque: needs one entry per joint of the arm "
+                f"({n}), got {len(limits)}"
             )
         others = dict(obstacles or {})
         sightings = Sightings(object_name, shape, others, hand.upright_within)

@@ -1,4 +1,4 @@
-"""What the planner reads from blobs: where its object and the others are."""
+"""Where the planner's object and the others are, read from blobs."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ from drake_srg.types import (
     Vector,
 )
 
-# Blobs further apart are not of the same thing, seen twice [m].
+# Blobs further apart do not show the same object [m].
 _APART = 0.03
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dc.dataclass(frozen=True)
 class View:
-    """What is seen when the planner looks."""
+    """What the cameras show when the planner looks."""
 
     blobs: Sequence[Blob]
-    obstacles: Sequence[Obstacle] = ()  # what is none of the objects that are known
+    obstacles: Sequence[Obstacle] = ()  # everything that is not a known object
 
 
 class Sightings:
     """Reads views for one object to take and others to keep clear of.
 
     Args:
-        object_name: Whose blobs tell where the object is.
-        shape: The object's.
+        object_name: Name of the object's blobs.
+        shape: The object's shape.
         others: Names and shapes of the other objects.
         upright_within: Lean up to which an object counts as standing upright [rad].
     """
@@ -57,12 +57,12 @@ class Sightings:
     def best(
         self, view: View, rests: Callable[[RigidTransform], bool] | None = None
     ) -> Blob | None:
-        """The most trustworthy blob of the object, None where it is not seen.
+        """Return the most trustworthy blob of the object, None if it is not seen.
 
         Args:
             view: What is seen.
-            rests: Says of a pose X_WO whether the object may rest there; what looks
-                like it but floats, or is in the table, is something else.
+            rests: Tells whether the object may rest at a pose X_WO; a look-alike that
+                floats, or is in the table, is something else.
         """
 
         def likely(blob: Blob) -> tuple[bool, bool, tuple[bool, int, bool, float]]:
@@ -72,7 +72,7 @@ class Sightings:
         return max(self._own(view), key=likely, default=None)
 
     def nearest(self, view: View, p_WO: Vector) -> Blob | None:
-        """The blob of the object that is nearest to where it is believed to be.
+        """Return the object's blob nearest to where the object is believed to be.
 
         Args:
             view: What is seen.
@@ -88,16 +88,16 @@ class Sightings:
         return [blob for blob in view.blobs if blob.object_name == self.object_name]
 
     def pose(self, blob: Blob) -> RigidTransform:
-        """The object's pose X_WO [m]; its turn about its axis has no meaning."""
+        """Return the object's pose X_WO [m]; the turn about its axis has no meaning."""
         return self._pose(self.shape, blob)
 
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
-        """The other objects and the obstacles that are seen.
+        """Return the other objects and the obstacles that are seen.
 
         Args:
             view: What is seen.
-            p_WO: Where the object is believed to be, shape (3,) [m]: what looks like
-                it elsewhere is something, too, and an obstacle around it is itself.
+            p_WO: Where the object is believed to be, shape (3,) [m]. A look-alike
+                elsewhere is an obstacle, too; an obstacle around this place is not.
         """
         known = tuple(
             (shape, self._pose(shape, blob))
@@ -116,7 +116,7 @@ class Sightings:
         return (*known, *apart, *others)
 
     def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
-        # What stands on something level is upright, whatever an image says of it.
+        # What nearly stands on something level is upright, whatever an image says.
         stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
         return pose_along(blob.position, _UP if stands else blob.axis)
 
@@ -127,13 +127,13 @@ def _inside(box: Box, X_WO: RigidTransform, p_W: Vector) -> bool:
 
 
 def lean(axis_1: Vector, axis_2: Vector) -> float:
-    """Angle between two lines of directions (3,), 0 .. pi/2 [rad]."""
+    """Return the angle between two lines of directions (3,), 0 .. pi/2 [rad]."""
     sine = float(np.linalg.norm(np.cross(axis_1, axis_2)))
     return float(np.arctan2(sine, abs(float(axis_1 @ axis_2))))
 
 
 def standing_at(X_WO: RigidTransform, shape: Shape) -> RigidTransform:
-    """Where an object stands upright, on the same level, that is now at X_WO [m]."""
+    """Return where an object now at X_WO [m] stands upright on the same level."""
     p_WO, up_O = X_WO.translation(), X_WO.rotation().matrix()[2]
     below = shape.half_extent(up_O)
     return RigidTransform([*p_WO[:2], p_WO[2] - below + 0.5 * shape.height])

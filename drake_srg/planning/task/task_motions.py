@@ -27,12 +27,12 @@ from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.grasp_motions import GraspMotions
 from drake_srg.types import Failure, Mode, Shape, Vector
 
-# Grasps whose motions are planned before the planner gives up. More are there only
-# where the hand is turned about the object; a search for a way takes up to 5 s each.
+# Grasps whose motions are planned before giving up. There are more only where the hand
+# is turned about the object; each search for a way takes up to 5 s.
 _MOST_CANDIDATES = 8
 
 
-# Shapes that stand about, and their poses X_WO [m].
+# Shapes to keep clear of, and their poses X_WO [m].
 Obstacles: TypeAlias = Sequence[tuple[Shape, RigidTransform]]
 
 
@@ -45,7 +45,14 @@ class TaskMotions:
 
 
 class TaskPlanner:
-    """Plans picking and placing with a planning scene; holds nothing between calls."""
+    """Plans picking and placing with a planning scene; holds nothing between calls.
+
+    Args:
+        scene: The arm, the gripper and what they may hit.
+        hand: How that gripper takes objects.
+        q_home: Where the arm rests, shape (N,) [rad].
+        config: Distances and speeds.
+    """
 
     def __init__(
         self,
@@ -54,14 +61,6 @@ class TaskPlanner:
         q_home: Vector,
         config: PlannerConfig,
     ) -> None:
-        """Take what planning needs.
-
-        Args:
-            scene: The arm, the gripper and what they may hit.
-            hand: How that gripper takes things.
-            q_home: Where the arm rests, shape (N,) [rad].
-            config: Distances and speeds.
-        """
         self.scene = scene
         self.hand = hand
         self.q_home = np.asarray(q_home, dtype=float)
@@ -90,8 +89,8 @@ class TaskPlanner:
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
             X_WO: The object's pose [m]; how it is turned about its z does not count.
-            shape: Its shape.
-            X_WO_goal: Where it shall be [m].
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
             obstacles: Other objects and their poses [m].
             tried: Names of grasps that failed.
         """
@@ -110,9 +109,9 @@ class TaskPlanner:
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
-            grasp: With the object's pose in the hand as it is.
-            shape: The object's.
-            X_WO_goal: Where it shall be [m].
+            grasp: The grasp, with the object's actual pose in the hand.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
             obstacles: Other objects and their poses [m].
         """
         try:
@@ -147,28 +146,28 @@ class TaskPlanner:
                     return TaskMotions(candidate.grasp, motions)
                 except NoPathError as error:
                     no_path.append(error.failure)
-            # The grasps that came furthest tell what is in the way.
+            # The grasps that came furthest tell best what is in the way.
             reasons = reasons or no_path or failures
-            # From another side there may be a way past what blocks; nothing else.
+            # From another side there may be a way past obstacles, but no more reach.
             blocked = [f for f in reasons if f.failure is Failure.BLOCKED]
             if not blocked:
                 break
         if not reasons:
             return PlanningFailure(Failure.NO_GRASP, f"no known grasp takes a {shape}")
-        # What only the surroundings forbid is worth knowing before what no arm
-        # posture reaches.
+        # What only the surroundings forbid is more useful to know than what no
+        # posture of the arm reaches.
         return (blocked or reasons)[0]
 
     def rests(self, shape: Shape, X_WO: RigidTransform) -> bool:
-        """Whether a thing at `X_WO` [m] is on something, and in nothing."""
+        """Return whether an object at `X_WO` [m] is on something, and in nothing."""
         lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
         return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
 
     def _overlap(self, shape: Shape, X_WO: RigidTransform) -> Clearance | None:
-        """Return what a thing at `X_WO` [m] is in, None where it fits there.
+        """Return what an object at `X_WO` [m] is in, None where it fits there.
 
-        Fixed things are only checked against what moves, so it hangs from the distant
-        hand of an arm at home.
+        Fixed bodies are checked only against moving ones, so the object is attached to
+        the distant hand of an arm at home.
         """
         self.scene.SetFingers({})
         X_GO = self.scene.X_WG(self.q_home).inverse() @ X_WO
@@ -180,10 +179,11 @@ class TaskPlanner:
     def others(
         self, q: Vector, fingers: Mapping[str, float], obstacles: Obstacles
     ) -> Obstacles:
-        """Those of `obstacles` that are not the arm itself, seen by a camera.
+        """Return the obstacles that are not the arm itself, seen by a camera.
 
-        Images show it some pixels, a bent joint and a finger that gives beside where it
-        is believed to be. What is nearer than motions keep from all else is the arm.
+        In images the arm is a few pixels, a bent joint and a yielding finger away from
+        where it is believed to be. Whatever is nearer to it than motions come to
+        anything else is the arm.
 
         Args:
             q: Where the arm is, shape (N,) [rad].
@@ -200,13 +200,13 @@ class TaskPlanner:
     def obstruction(
         self, task: TaskMotions, shape: Shape, obstacles: Obstacles
     ) -> str | None:
-        """Say what of `obstacles` is in the way of motions, in words; None: nothing.
+        """Return what is in the way of motions, in words; None if nothing is.
 
-        Half of every margin may be used up by what images of the same thing differ by.
+        Half of every margin is left to differences between images of the same object.
 
         Args:
             task: The motions.
-            shape: The object's that is taken.
+            shape: Shape of the object that is taken.
             obstacles: Other objects and their poses [m].
         """
         slack = 0.5 * min(self.config.clearance, self.config.hand_clearance)
@@ -234,7 +234,7 @@ class TaskPlanner:
 
         Args:
             q: Where the arm is, shape (N,) [rad].
-            fingers: Angles of the gripper's joints, open, by name [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
             obstacles: Other objects and their poses [m].
         """
         self.scene.SetFingers(fingers)

@@ -103,7 +103,7 @@ def test_the_blend_starts_and_ends_at_rest():
 def test_a_script_has_steps_that_fit_the_arm():
     with pytest.raises(ValueError, match="script: needs at least one step"):
         ScriptedPlanner(HOME, [])
-    with pytest.raises(ValueError, match=r"script\[1\]\.arm: has 1 entries, .* has 2"):
+    with pytest.raises(ValueError, match=r"script\[1\]\.arm: needs .* \(2\), got 1"):
         ScriptedPlanner(HOME, [SCRIPT[0], ScriptStep(arm=[1.0])])
 
 
