@@ -1,4 +1,4 @@
-"""Scenarios: the schema of a scenario file, and how one is loaded."""
+"""Scenarios: the schema of scenario files, and how to load one."""
 
 from drake_srg.scenario.load import (
     SCENARIOS,

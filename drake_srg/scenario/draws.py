@@ -1,4 +1,4 @@
-"""Draws what a scenario leaves to chance, each key from its own stream."""
+"""Draws a scenario's random values, each key from its own random stream."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from pydrake.common.schema import (
 )
 from pydrake.common.yaml import yaml_dump, yaml_load_typed
 
-from drake_srg.scenario.yaml_tree import check_tree, fail, join, names
+from drake_srg.scenario.yaml_tree import fail, join, names
+from drake_srg.scenario.yaml_typed import check_tree
 
 _MOST_CLUTTER = 100
 
@@ -36,10 +37,10 @@ _DISTRIBUTIONS = {
 
 
 def key_generator(seed: int, key: str) -> RandomGenerator:
-    """Return the random generator that belongs to one key of a scenario.
+    """Return the random generator for one key of a scenario.
 
-    Each key draws from its own stream, so that a change of one field leaves what the
-    others draw as it was.
+    Each key draws from its own stream, so that changing one field does not change what
+    is drawn for the others.
     """
     digest = hashlib.sha256(f"{seed}/{key}".encode()).digest()
     return RandomGenerator(int.from_bytes(digest[:4], "little"))
@@ -55,14 +56,14 @@ def draw_distributions(
     """Return `tree` with every distribution of Drake's schema replaced by a draw.
 
     Args:
-        tree: As `parse_yaml` returns it.
-        seed: Of all draws.
-        origin: File or option to name in errors.
-        values: Gets what is drawn, by its key; of vectors each entry.
+        tree: A tree of `parse_yaml`; not changed.
+        seed: Seed of all draws.
+        origin: File or option at the start of error messages.
+        values: Receives the drawn numbers by key, one entry per number of a vector.
         key: Dotted path of `tree`.
 
     Raises:
-        ScenarioError: If a distribution's numbers do not make one.
+        ScenarioError: If the numbers of a distribution are invalid.
     """
     if isinstance(tree, Mapping):
         if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
@@ -118,19 +119,21 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
 def add_clutter(
     tree: Mapping[str, Any], seed: int, origin: str, values: dict[str, Any]
 ) -> dict[str, Any]:
-    """Return a scenario's tree with `clutter` among its `objects`, still to be drawn.
+    """Return a scenario's tree with the clutter added to its `objects`.
+
+    The kinds of the objects are drawn here, their own fields later.
 
     Args:
-        tree: Of the whole scenario; it is not changed.
-        seed: Of the draws.
-        origin: File or name to begin errors with.
-        values: Gets the number of things, where it is drawn, and their kinds, by keys.
+        tree: Tree of the whole scenario; not changed.
+        seed: Seed of the draws.
+        origin: File or name at the start of error messages.
+        values: Receives, by key, the count if it is drawn, and the kinds.
 
     Raises:
-        ScenarioError: If the number is none, or there is nothing to choose from.
+        ScenarioError: If the count is invalid, there are no kinds, or a name is taken.
     """
     tree, clutter = dict(tree), tree.get("clutter")
-    if not isinstance(clutter, Mapping):  # `load_typed` complains, where it must
+    if not isinstance(clutter, Mapping):  # `load_typed` reports it
         return tree
     key = "clutter.count"
     drawn = draw_distributions(clutter.get("count", 0), seed, origin, values, key)

@@ -1,4 +1,4 @@
-"""Loads scenario files: bases, overrides, draws, checks."""
+"""Loads scenario files: bases, overrides, random draws and checks."""
 
 import dataclasses as dc
 from collections.abc import Iterable, Mapping
@@ -14,7 +14,8 @@ from drake_srg.planning.script.messages import message_script
 from drake_srg.scenario.checks import check_scenario
 from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
 from drake_srg.scenario.schema import Scenario
-from drake_srg.scenario.yaml_tree import load_typed, merge, parse_yaml, set_key
+from drake_srg.scenario.yaml_tree import merge, parse_yaml, set_key
+from drake_srg.scenario.yaml_typed import load_typed
 from drake_srg.types import Vector
 
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -22,29 +23,30 @@ SCENARIOS = Path(__file__).parents[1] / "scenarios"
 
 @dc.dataclass(frozen=True)
 class Drawn:
-    """A scenario with nothing left to chance, and what chance made of it."""
+    """A scenario with all its random values drawn, and these values."""
 
     scenario: Scenario
-    # What was drawn, by the key that `--set` knows it by: `objects.soup_can.mass`; of
-    # vectors each entry, `objects.soup_can.position[0]`.
+    # By key as for `--set`, `objects.soup_can.mass`; the entries of vectors one by one,
+    # `objects.soup_can.position[0]`.
     values: Mapping[str, float | int | str]
 
 
 def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Drawn:
-    """Draw what is random in a tree of `load_tree`, load it and check it.
+    """Draw the random values of a scenario's tree, load it and check it.
 
     Args:
-        tree: It is not changed.
-        origin: File or name to begin errors with.
+        tree: A tree of `load_tree`; not changed.
+        origin: File or name at the start of error messages.
         seed: Replaces `random_seed`.
 
     Raises:
-        ScenarioError: With one line that says what is wrong, where, what is allowed.
+        ScenarioError: On the first mistake found: one line that says where it is, what
+            is wrong and what is allowed.
     """
     tree = dict(tree)
     if seed is not None:
         tree["random_seed"] = seed
-    # The seed is needed for the draws, so it is checked before them.
+    # The draws need the seed, so it is checked first.
     seed = load_typed(
         Scenario, {"random_seed": tree.get("random_seed", 0)}, origin
     ).random_seed
@@ -64,22 +66,23 @@ def load_scenario(
     seed: int | None = None,
     overrides: Iterable[str] = (),
 ) -> Scenario:
-    """Load a scenario, draw what is random and check it.
+    """Load a scenario, draw its random values and check it.
 
     Args:
-        name: Name of a scenario of the package, or path of a YAML file.
+        name: Name of one of the package's scenarios, or path of a YAML file.
         seed: Replaces `random_seed`.
-        overrides: `KEY=VALUE` each; the key dotted (`object.` is short for the picked
-            object's entry), the value YAML.
+        overrides: Entries `KEY=VALUE`, with a dotted key and a value in YAML. `object.`
+            is short for the picked object's entry.
 
     Raises:
-        ScenarioError: With one line that says what is wrong, where, what is allowed.
+        ScenarioError: On the first mistake found: one line that says where it is, what
+            is wrong and what is allowed.
     """
     return draw_scenario(load_tree(name, overrides), str(name), seed).scenario
 
 
 def _play_messages(scenario: Scenario, origin: str) -> None:
-    """Make the script of what is sent."""
+    """Turn the scenario's messages, if any, into its script."""
     if scenario.messages is None:
         return
     if scenario.script:
@@ -90,10 +93,10 @@ def _play_messages(scenario: Scenario, origin: str) -> None:
 
 
 def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> None:
-    """Draw where the objects without a position stand, clear of the others."""
+    """Draw places for the objects without one, clear of all others."""
     objects, pick = scenario.objects, scenario.task.pick
     homeless = [n for n, o in objects.items() if o.position is None and o.pose is None]
-    # The picked object comes first: the others must not change where it stands.
+    # The picked object comes first, so that the others do not change its place.
     for names in (
         [n for n in homeless if n == pick],
         [n for n in homeless if n != pick],
@@ -106,7 +109,7 @@ def _draw_positions(scenario: Scenario, origin: str, values: dict[str, Any]) -> 
 def _free_places(
     scenario: Scenario, origin: str, names: Iterable[str]
 ) -> dict[str, Vector]:
-    """Draw places for some objects, clear of each other and of those that have one."""
+    """Draw places for the named objects, clear of each other and of placed objects."""
     region, spacing = scenario.task.region, scenario.task.spacing
     uniform = UniformVectorX(np.array(region.min), np.array(region.max))
     generators: dict[str, RandomGenerator] = {
@@ -122,7 +125,7 @@ def _free_places(
                 return p
         return None
 
-    for _ in range(20):  # the places of the first may leave none for the last
+    for _ in range(20):  # the first places may leave no room for the last
         places: dict[str, Vector] = {}
         for name in names:
             p = free_place(name, [*fixed, *places.values()])
@@ -132,27 +135,28 @@ def _free_places(
         else:
             return places
     raise ScenarioError(
-        f"{origin}: task.region: no free place for {name!r}; make it larger"
+        f"{origin}: task.region: must be larger, no free place for {name!r}"
     )
 
 
 def list_scenarios() -> list[str]:
-    """Return the names of the scenarios that come with the package."""
+    """Return the names of the package's scenarios, sorted."""
     return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
 
 
 def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]:
-    """Read a scenario with its bases and overrides; nothing is drawn or checked.
-
-    Plain dicts, lists and values, which can be sent to other processes; a tag is the
-    entry `_tag` of its mapping.
+    """Read a scenario with its bases and overrides, without drawing or checking.
 
     Args:
-        name: Name of a scenario of the package, or path of a YAML file.
-        overrides: `KEY=VALUE` each; see `load_scenario`.
+        name: Name of one of the package's scenarios, or path of a YAML file.
+        overrides: Entries `KEY=VALUE`; see `load_scenario`.
+
+    Returns:
+        Plain dicts, lists and values, which can be sent to other processes. A tag is
+        the entry `_tag` of its mapping.
 
     Raises:
-        ScenarioError: If a file cannot be read, or a key leads nowhere.
+        ScenarioError: If a file cannot be read, or an override's key leads nowhere.
     """
     tree = _read(Path(name) if str(name).endswith(".yaml") else _builtin(name))
     for override in overrides:
@@ -183,7 +187,7 @@ def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         text = path.read_text(encoding="utf-8")
     except UnicodeError:
         raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
-    except (OSError, ValueError) as error:  # ValueError: of a null in the path
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
         reason = getattr(error, "strerror", None) or str(error)
         raise ScenarioError(f"{path}: cannot be read: {reason}") from None
     tree = parse_yaml(text, path.name)

@@ -1,8 +1,8 @@
-"""What is simulated: a scenario file and the dataclasses that it fills.
+"""The dataclasses that a scenario file fills.
 
-A scenario is YAML in Drake's own schema where Drake has one (plant, simulator, scene
-graph, model directives, cameras). `base: NAME` lays a file over another. Any numeric
-field may be one of Drake's distributions, drawn from `random_seed`.
+A scenario is YAML. Plant, simulator, scene graph, model directives and cameras follow
+Drake's own schema. `base: NAME` lays a file over another. Any numeric field may be one
+of Drake's distributions, drawn from `random_seed`.
 """
 
 import dataclasses as dc
@@ -29,29 +29,29 @@ from drake_srg.vision.config import LocalizerThresholds
 
 if typing.TYPE_CHECKING:
     _Driver = GripperDriver
-else:  # the classes among which a tag chooses
+else:  # the classes that a tag selects from
     _Driver = functools.reduce(operator.or_, DRIVERS)
 
 
 @dc.dataclass(kw_only=True)
 class PlaceConfig:
-    """Where the picked object goes."""
+    """The goal of the picked object."""
 
-    # [x, y] of the object's centre on the table, in world [m].
+    # [x, y] of the object's centre on the table in world [m].
     position: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
-    # Height of what it is set on there [m]; null: the table's.
+    # Height of the surface there in world [m]; null: the table's.
     height: float | None = None
-    # Distance from there within which the task counts as done [m].
+    # Distance from the goal within which the task counts as done [m].
     tolerance: float = dc.field(default=0.005, metadata=positive())
-    # Model that marks the place; empty: none.
+    # URL of a model that marks the place; empty: none.
     marker: str = ""
 
 
 @dc.dataclass(kw_only=True)
 class RegionConfig:
-    """A rectangle on the table, in world [m]."""
+    """A rectangle on the table: its corners [x, y] in world [m]."""
 
     min: list[float] = dc.field(
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
@@ -63,40 +63,40 @@ class RegionConfig:
 
 @dc.dataclass(kw_only=True)
 class TableConfig(RegionConfig):
-    """A horizontal table top, in world [m]."""
+    """A horizontal table top: its corners and height in world [m]."""
 
     height: float = 0.0
 
 
 @dc.dataclass(kw_only=True)
 class TaskConfig:
-    """What the planner is asked to do."""
+    """The planner's task: pick an object and place it."""
 
     pick: str = ""  # name of the object; empty: nothing to do
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
-    # How often; every second time the object goes back to where it was first found.
+    # Number of cycles. Every second cycle returns the object to where it was found.
     repeat: int = dc.field(default=1, metadata={"ge": 1})
-    # Where objects without a position may stand, and how far from each other's centres
-    # [m]: 0.15 leaves room for an open finger of the SRG between two of them.
+    # Where objects without a position are placed, and the distance between centres [m].
+    # 0.15 leaves room for an open finger of the SRG between two objects.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
     spacing: float = dc.field(default=0.15, metadata=positive())
 
 
 @dc.dataclass(kw_only=True)
 class LocalizerConfig:
-    """How objects are found in images."""
+    """Configuration of the localizer, which finds objects in images."""
 
     # Names in `cameras`, each once.
     cameras: list[str] = dc.field(default_factory=list)
     # Smallest blob [pixels].
     min_area: int = dc.field(default=50, metadata={"ge": 1})
-    # Whether things that are not known objects are looked for, to keep clear of them:
-    # in `task.region` and around the goal, `task.spacing` beyond.
+    # Whether unknown obstacles are detected, for the planner to avoid. Searched are
+    # `task.region`, extended by `task.spacing`, and that distance around the goal.
     obstacles: bool = False
-    # Whether `table`, and what is around the goal, tell how the cameras are tilted and
-    # how high they are.
+    # Whether the cameras' tilt and height are corrected by the level surfaces that they
+    # see: `table` and the goal's surroundings.
     level_cameras: bool = False
-    # Time between images [s]; 0 renders only when the blobs are asked for.
+    # Time between images [s]; 0 renders only when the blobs are read.
     period: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # For poor images and other objects than these scenarios have.
     thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
@@ -104,14 +104,15 @@ class LocalizerConfig:
 
 @dc.dataclass(kw_only=True)
 class RecordingConfig:
-    """What a run records. Times are simulated."""
+    """Configuration of the recordings of a run. Times are simulated."""
 
-    # Of the log [s]. Metrics are computed from the log, so that it must be fine enough.
+    # Time between samples of the log [s]. Must be short, because the metrics are
+    # computed from the log.
     period: float = dc.field(default=0.02, metadata={"ge": 0.001, "le": 0.05})
     # Camera of video.mp4; empty: no video.
     video_camera: str = ""
     video_fps: float = dc.field(default=20.0, metadata=positive(le=240.0))
-    # Cameras whose images go into recording.mcap, and how often [s].
+    # Cameras whose images go into recording.mcap, and the time between images [s].
     bag_cameras: list[str] = dc.field(default_factory=list)
     bag_camera_period: float = dc.field(default=0.5, metadata=positive())
 
@@ -120,45 +121,45 @@ class RecordingConfig:
 class Scenario:
     """A robot cell, its objects and its task; see the module's docstring."""
 
-    # Seed of everything that is random.
+    # Seed of all random draws.
     random_seed: int = dc.field(default=0, metadata={"ge": 0})
-    # Drake's configuration of plant, simulator and scene graph.
+    # Drake's configurations of plant, simulator and scene graph.
     plant_config: MultibodyPlantConfig = dc.field(default_factory=MultibodyPlantConfig)
     simulator_config: SimulatorConfig = dc.field(default_factory=SimulatorConfig)
     scene_graph_config: SceneGraphConfig = dc.field(default_factory=SceneGraphConfig)
-    # Pairs of names of collision geometry, MODEL::GEOMETRY with wildcards * and ?, that
-    # the simulation lets pass through each other: it need not look at them then. The
-    # planner keeps them apart all the same.
+    # Pairs of names of collision geometries, MODEL::GEOMETRY with wildcards * and ?. In
+    # the simulation they pass through each other, which saves time. The planner still
+    # keeps them apart.
     ignored_contacts: list[list[str]] = dc.field(default_factory=list)
-    # All models that are not `objects`. The driven ones are named `arm` and `gripper`.
+    # All models except `objects`. The actuated ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
     arm: ArmPositionDriver | None = None
     gripper: _Driver | None = None
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
-    # How they differ from ideal ones, by their names; those without an entry do not.
+    # Imperfections of cameras by name; a camera without an entry is ideal.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
-    # The top on which objects stand, of a table among the directives.
+    # Top of a table among the directives, on which objects stand.
     table: TableConfig = dc.field(default_factory=TableConfig)
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
-    # More objects, as many as are drawn; loaded, they are among `objects`.
+    # A random number of more objects; once loaded, they are among `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
     task: TaskConfig = dc.field(default_factory=TaskConfig)
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
-    # What arm and gripper do, step by step, instead of what localizer and planner find.
+    # Steps for arm and gripper, in place of localizer and planner.
     script: list[ScriptStep] = dc.field(default_factory=list)
-    # Messages that arm and gripper get, as a client of the thesis sends them: loaded,
-    # they are the script. The arm's targets are reached within `arm.limits`.
+    # Messages to arm and gripper, as the thesis's client sends them; once loaded, they
+    # are the script. The arm moves to its targets within `arm.limits`.
     messages: MessagesConfig | None = None
-    # What happens to objects besides.
+    # Forces on objects that the robot does not exert.
     disturbances: list[Push | Topple | Force] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)
 
 
 def accept_driver(driver: type[GripperDriver]) -> None:
-    """Let `gripper` of scenario files be a driver of your own, tagged by its name.
+    """Accept a driver of your own as `gripper` of scenario files, tagged by its name.
 
-    See `drake_srg.cell.register_gripper`, which calls this.
+    `drake_srg.cell.register_gripper` calls this.
     """
     (field,) = (field for field in dc.fields(Scenario) if field.name == "gripper")
     known = [*typing.get_args(field.type)[:-1]]  # None is the last
@@ -169,5 +170,5 @@ def accept_driver(driver: type[GripperDriver]) -> None:
 
 
 def is_continuous(scenario: Scenario) -> bool:
-    """Whether the plant is one that Drake's CENIC integrator advances."""
+    """Return whether the plant is continuous, to be advanced by Drake's CENIC."""
     return bool(scenario.plant_config.time_step == 0.0)

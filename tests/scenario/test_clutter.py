@@ -82,7 +82,10 @@ def test_a_tree_is_not_changed_by_a_draw():
         ),
         ({"count": 1, "kinds": 3}, "k: clutter.kinds: must be a mapping"),
         (3, "k: clutter: must be a mapping"),
-        ({"count": 90, "kinds": {"ball": BALL}}, "k: task.region: no free place for"),
+        (
+            {"count": 90, "kinds": {"ball": BALL}},
+            "k: task.region: must be larger, no free place",
+        ),
     ],
 )
 def test_errors_name_the_key(clutter, message):

@@ -211,7 +211,7 @@ def test_bad_bases(write, base, message):
     assert re.search(message, error_of(write(f"base: {base}")))
 
 
-# What can be wrong. The content of fields is in test_yaml_loading.py.
+# What can be wrong. The content of fields is in test_yaml_typed.py.
 
 
 @pytest.mark.parametrize("name", ["kitchn", "", "/", "..", "x" * 5000, "a\0b"])
@@ -381,7 +381,7 @@ def test_object_needs_a_picked_object(write, task):
 def test_a_full_region_is_reported():
     tiny = ["task.region={min: [0.5, 0], max: [0.5, 0]}", "object.position=[0.4, 0]"]
     tiny.append("objects.ball={shape: !Sphere {radius: 0.03}, mass: 1, friction: 1}")
-    assert "task.region: no free place for 'ball'" in error_of(
+    assert "task.region: must be larger, no free place for 'ball'" in error_of(
         "kitchen", overrides=tiny
     )
 

@@ -4,7 +4,8 @@ from importlib import resources
 from typing import Any
 
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.scenario.yaml_tree import load_typed, parse_yaml
+from drake_srg.scenario.yaml_tree import parse_yaml
+from drake_srg.scenario.yaml_typed import load_typed
 
 
 def household_objects() -> dict[str, ObjectConfig]:

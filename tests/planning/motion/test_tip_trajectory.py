@@ -14,7 +14,7 @@ from drake_srg.planning.motion.paths import (
 )
 from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
 from drake_srg.planning.motion.trajectories import MotionLimits
-from drake_srg.scenario.yaml_tree import load_typed
+from drake_srg.scenario.yaml_typed import load_typed
 from drake_srg.types import Sphere
 
 THESIS = TipLimits()

@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.scenario.yaml_tree import load_typed
+from drake_srg.scenario.yaml_typed import load_typed
 from drake_srg.vision.config import LocalizerThresholds
 from measure.thresholds import THRESHOLDS, Setting, show
 

@@ -1,0 +1,216 @@
+"""Parsed YAML into dataclasses, with errors that name the key.
+
+Drake's `yaml_load_typed` does the conversion. Its errors name neither the file nor the
+key, and it accepts mistyped tags, so `check_tree` checks everything first.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+import operator
+import types
+import typing
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.common.yaml import yaml_dump, yaml_load_typed
+
+from drake_srg.common.exceptions import suggest
+from drake_srg.scenario.yaml_tree import describe, fail, join, names
+
+# Tags of the distributions that can replace a number; see draws.py.
+DISTRIBUTION_TAGS = (
+    "!Deterministic",
+    "!Gaussian",
+    "!Uniform",
+    "!UniformDiscrete",
+    "!DeterministicVector",
+    "!GaussianVector",
+    "!UniformVector",
+)
+
+
+def check_tree(value: Any, schema: Any, origin: str, key: str = "") -> Any:
+    """Check parsed YAML against a schema and return it normalised.
+
+    Checks keys, types, tags, finiteness and the metadata `gt`, `ge`, `le`, `among`,
+    `length` and `nonempty` of dataclass fields, and the fields of Drake's own classes.
+
+    Args:
+        value: A tree of `parse_yaml`, with distributions drawn.
+        schema: A type: dataclass, Drake schema class, list, dict, Union, scalar.
+        origin: File or option at the start of error messages.
+        key: Dotted path of `value`.
+
+    Raises:
+        ScenarioError: On the first mistake found.
+    """
+    generic = typing.get_origin(schema)
+    if generic in (typing.Union, types.UnionType):
+        return _check_union(value, typing.get_args(schema), origin, key)
+    if generic is list or schema is np.ndarray:
+        (item,) = typing.get_args(schema) or (float,)
+        if not isinstance(value, list):
+            fail(origin, key, f"must be a list, got {describe(value)}")
+        return [check_tree(v, item, origin, f"{key}[{i}]") for i, v in enumerate(value)]
+    if generic is dict:
+        if not isinstance(value, Mapping):
+            fail(origin, key, f"must be a mapping, got {describe(value)}")
+        item = typing.get_args(schema)[1]
+        return {k: check_tree(v, item, origin, join(key, k)) for k, v in value.items()}
+    if schema in (bool, int, float, str):
+        return _check_scalar(value, schema, origin, key)
+    if _fields(schema) is not None:
+        return _check_fields(value, schema, origin, key)
+    return value
+
+
+def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
+    """Check a parsed tree and return it as an instance of the dataclass `schema`.
+
+    Raises:
+        ScenarioError: On the first mistake found.
+    """
+    checked = check_tree(tree, schema, origin)
+    try:
+        return yaml_load_typed(schema=schema, data=yaml_dump(checked))
+    except Exception as error:
+        line = " ".join(str(error).split())
+        fail(origin, _misfit(schema, checked), f"cannot be read: {line[:200]}")
+
+
+def _misfit(schema: type[Any], tree: Mapping[str, Any]) -> str:
+    """Return the key of a dataclass whose value `yaml_load_typed` refuses."""
+    for key, value in tree.items():
+        try:
+            yaml_load_typed(schema=schema, data=yaml_dump({key: value}))
+        except Exception:
+            return key
+    return ""
+
+
+def _fields(schema: Any) -> dict[str, tuple[Any, Mapping[str, Any]]] | None:
+    if dc.is_dataclass(schema):
+        hints = typing.get_type_hints(schema)
+        return {f.name: (hints[f.name], f.metadata) for f in dc.fields(schema)}
+    if hasattr(schema, "__fields__"):
+        return {f.name: (f.type, {}) for f in schema.__fields__}
+    return None
+
+
+def _check_fields(value: Any, schema: Any, origin: str, key: str) -> Any:
+    ours = dc.is_dataclass(schema)
+    if value is None:
+        value = {}
+    if not isinstance(value, Mapping):
+        fail(origin, key, f"must be a mapping, got {describe(value)}")
+    tag = value.get("_tag")
+    name = _base_name(schema)
+    if ours and tag not in (None, f"!{name}"):
+        fail(origin, key, f"must have the tag !{name} or none, got {tag}")
+    if not ours and tag is not None and tag != f"!{name}":
+        return value  # a tagged short form of a Drake class, such as !Rpy {deg: ...}
+    fields = _fields(schema) or {}
+    # A tag only matters in a union (`_check_union`); elsewhere it is redundant.
+    result: dict[str, Any] = {}
+    for field, item in value.items():
+        if field == "_tag":
+            continue
+        if field not in fields:
+            fail(origin, key, f"unknown key {field!r} {suggest(field, fields)}")
+        field_type, bounds = fields[field]
+        result[field] = check_tree(item, field_type, origin, join(key, field))
+        if ours:
+            _check_bounds(result[field], bounds, origin, join(key, field))
+    return result
+
+
+def _check_scalar(value: Any, schema: type, origin: str, key: str) -> Any:
+    def wrong(message: str) -> typing.NoReturn:
+        fail(origin, key, message)
+
+    if isinstance(value, Mapping) and value.get("_tag") not in (
+        None,
+        *DISTRIBUTION_TAGS,
+    ):
+        tag = value["_tag"]
+        wrong(f"unknown tag {tag} {suggest(tag, DISTRIBUTION_TAGS)}")
+    if schema is str:
+        if not isinstance(value, str):
+            wrong(f"must be text, got {describe(value)}")
+        return value
+    if schema is bool:
+        if not isinstance(value, bool):
+            wrong(f"must be true or false, got {describe(value)}")
+        return value
+    if isinstance(value, str):  # YAML 1.1 reads 1e-3 as text
+        try:
+            value = float(value)
+        except ValueError:
+            wrong(f"must be a number, got {describe(value)}")
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        wrong(f"must be a number, got {describe(value)}")
+    if math.isnan(value):
+        wrong("must be a number, got NaN")
+    if schema is int:
+        if math.isinf(value):
+            wrong(f"must be finite, got {value}")
+        if value != int(value):
+            wrong(f"must be a whole number, got {value}")
+        return int(value)
+    return float(value)
+
+
+def _check_union(value: Any, options: Sequence[Any], origin: str, key: str) -> Any:
+    if value is None and type(None) in options:
+        return None
+    options = [
+        option
+        for option in options
+        # Drake pads its unions with classes that only report an invalid choice.
+        if option is not type(None) and not _base_name(option).startswith("_Invalid")
+    ]
+    if len(options) == 1:
+        return check_tree(value, options[0], origin, key)
+    tags = {f"!{_base_name(option)}": option for option in options}
+    tag = value.get("_tag") if isinstance(value, Mapping) else None
+    if tag is not None:
+        if tag not in tags:
+            fail(origin, key, f"unknown tag {tag} {suggest(tag, tags)}")
+        checked = check_tree(value, tags[tag], origin, key)
+        return {**checked, "_tag": tag}
+    untagged = [option for option in options if _fields(option) is None]
+    if not isinstance(value, Mapping) and untagged:
+        return check_tree(value, untagged[0], origin, key)
+    if isinstance(value, Mapping) and not dc.is_dataclass(options[0]):
+        return check_tree(value, options[0], origin, key)  # Drake's default
+    return fail(origin, key, f"needs a tag (allowed: {names(tags)})")
+
+
+def _check_bounds(value: Any, bounds: Mapping[str, Any], origin: str, key: str) -> None:
+    if value is None:
+        return
+    length = bounds.get("length")
+    if length is not None and len(value) != length:
+        fail(origin, key, f"needs {length} numbers, got {len(value)}")
+    if bounds.get("nonempty") and not value:
+        fail(origin, key, "must not be empty")
+    tests = {
+        "gt": (operator.gt, "greater than"),
+        "ge": (operator.ge, "at least"),
+        "le": (operator.le, "at most"),
+    }
+    for item in value if isinstance(value, list) else [value]:
+        if item not in bounds.get("among", (item,)):
+            fail(origin, key, f"must be one of {names(bounds['among'])}; got {item!r}")
+        if isinstance(item, float) and math.isinf(item):
+            fail(origin, key, f"must be finite, got {item}")
+        for name, (test, words) in tests.items():
+            if name in bounds and not test(item, bounds[name]):
+                fail(origin, key, f"must be {words} {bounds[name]}, got {item}")
+
+
+def _base_name(schema: Any) -> str:
+    return str(getattr(schema, "__name__", schema)).split("𝓣")[0]
