@@ -1,21 +1,189 @@
-"""What is wrong in scenarios that are changed in Python; files are in test_scenario."""
-
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.script.scripted import ScriptStep
-from drake_srg.scenario import load_scenario
+from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.scenario.checks import check_scenario
 
 
-def test_every_loaded_scenario_passes_again():
+def error_of(*overrides):
+    with pytest.raises(ScenarioError) as error:
+        load_scenario("kitchen", overrides=overrides)
+    message = str(error.value)
+    assert "\n" not in message
+    return message
+
+
+def test_a_loaded_scenario_passes():
     for name in ("kitchen", "gripper_bench"):
         check_scenario(load_scenario(name), name)
 
 
-def test_a_change_in_python_can_be_checked():
+def test_a_scenario_changed_in_python_can_be_checked():
     bench = load_scenario("gripper_bench")
     bench.script.append(ScriptStep(arm=[0.0]))
     message = rf"^mine: script\[{len(bench.script) - 1}\]\.arm: .* the arm \(3\), got 1"
     with pytest.raises(ScenarioError, match=message):
         check_scenario(bench, "mine")
+
+
+def test_the_defaults_pass():
+    check_scenario(Scenario(), "defaults")
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("object", "--set object: must be KEY=VALUE"),
+        ("=3", "--set =3: must be KEY=VALUE"),
+        ("object.mass=[", "--set objects.soup_can.mass: not valid YAML: "),
+        ("random_seed.x=3", "--set random_seed.x: random_seed is a value without keys"),
+        ("object.mas=1", "kitchen: objects.soup_can: unknown key 'mas' (did you mean"),
+        ("object.mass=-1", "objects.soup_can.mass: must be greater than 0.0, got -1.0"),
+        ("object.mass=heavy", "objects.soup_can.mass: must be a number, got 'heavy'"),
+        ("object.mass=.nan", "objects.soup_can.mass: must be a number, got NaN"),
+        ("object.resolution=0", "objects.soup_can.resolution: must be greater than 0"),
+        ("object.friction=-0.1", "objects.soup_can.friction: must be at least 0.0"),
+        (
+            "object.mass=!Unifrom {min: 1, max: 2}",
+            "mass: unknown tag !Unifrom (did you",
+        ),
+        (
+            "object.position=[9, 0]",
+            "position: must be on the table, got [9.0, 0.0] (allowed: ",
+        ),
+        ("object.position=[0.5]", "position: needs 2 numbers, got 1"),
+        ("object.model=null", "objects.soup_can: needs either a model or a shape"),
+        ("object.shape=!Sphere {}", "soup_can: needs either a model or a shape"),
+        (
+            "objects.b={shape: !Sphere {}}",
+            "objects.b: an object with a shape needs mass",
+        ),
+        (
+            "gripper=!SrgPositonDriver {}",
+            "gripper: unknown tag !SrgPositonDriver (did",
+        ),
+        (
+            "arm=!Sphere {}",
+            "arm: must have the tag !ArmPositionDriver or none, got !Sphere",
+        ),
+        ("task=3", "task: must be a mapping, got 3"),
+        (
+            "task.pick=cup",
+            "task.pick: unknown object 'cup' (allowed: soup_can)",
+        ),
+        ("task.region={min: [1, 1]}", "task.region: min must not be above max"),
+        ("task.region.max=[1.4, 0]", "task.region: must be on the table"),
+        (
+            "localizer.cameras=[sky]",
+            "localizer.cameras: unknown camera 'sky'",
+        ),
+        (
+            "localizer.cameras=[ceiling, '']",
+            "localizer.cameras: unknown camera '' (allowed: ceiling, ",
+        ),
+        (
+            "localizer.cameras=[ceiling, ceiling]",
+            "localizer.cameras: must name each camera once, got [ceiling, ceiling]",
+        ),
+        ("recording.bag_cameras=['']", "recording.bag_cameras: unknown camera ''"),
+        ("cameras={}", "localizer.cameras: unknown camera 'ceiling'"),
+        ("objects={}", "task.pick: unknown object 'soup_can'"),
+        ("cameras.ceiling.width=0", "cameras.ceiling.width: must be at least 1 pixel"),
+        (
+            "cameras.ceiling.focal=!FovDegrees {x: 180}",
+            "cameras.ceiling.focal.x: must be between 0 and 180 degrees, got 180.0",
+        ),
+        ("recording.period=0.1", "recording.period: must be at most 0.05, got 0.1"),
+        ("recording.period=1e-4", "recording.period: must be at least 0.001"),
+        ("simulator_config.accuracy=0", "simulator_config.accuracy: must be greater"),
+        ("simulator_config.max_step_size=-1", "max_step_size: must be greater than"),
+        ("recording.video_fps=1e9", "recording.video_fps: must be at most 240.0"),
+        ("simulator_config.start_time=-1", "simulator_config.start_time: must be 0.0"),
+        ("arm.kp=[-1, 1, 1, 1, 1, 1, 1]", "arm.kp: must be at least 0.0, got -1.0"),
+        ("arm.kd=[-1, 1, 1, 1, 1, 1, 1]", "arm.kd: must be at least 0.0, got -1.0"),
+        ("recording.video_camera=sky", "allowed: ceiling, overview"),
+        (
+            "planner.approaches=[below]",
+            "planner.approaches: must be one of above, side",
+        ),
+        ("planner.time_budget=0", "planner.time_budget: must be greater than 0.0"),
+        (
+            "object.color_range={space: cmyk}",
+            "color_range.space: must be one of hsv, rgb",
+        ),
+        ("gripper.servo.law=pdi", "gripper.servo.law: must be one of pid, printed"),
+        ("gripper.trigger=smell", "gripper.trigger: must name a sensor, got 'smell'"),
+        (
+            "gripper.servo.kp=[1, 2]",
+            "gripper.servo.kp: needs one entry per motor (4), got 2",
+        ),
+        ("gripper.servo.period=0", "gripper.servo.period: must be greater than 0.0"),
+        ("gripper.proximity.range=-1", "gripper.proximity.range: must be greater than"),
+        ("gripper.minimum_jerk.max_velocity=0", "max_velocity: must be greater than 0"),
+        ("arm.period=0", "arm.period: must be greater than 0.0"),
+        ("plant_config.time_step=0", "plant_config.time_step: must be greater than 0"),
+        ("directives=[3]", "directives[0]: must be a mapping, got 3"),
+        (
+            "directives.99.x=3",
+            "directives: entries are overridden by name, got '99' (allowed: table, ",
+        ),
+        (
+            "directives.table.add_modl.file=x",
+            "directives[0]: unknown key 'add_modl' (did you mean 'add_model'",
+        ),
+        (
+            "objects.soup_can={position: [0.5, 0], pose: {}}",
+            "objects.soup_can: needs either a pose, or position and yaw",
+        ),
+        ("object={yaw: 1, pose: {}}", "needs either a pose, or position and yaw"),
+        ("script=[{mode: fly}]", "script[0].mode: must be one of close, grasp, home"),
+        ("script=[{duration: 0}]", "script[0].duration: must be greater than 0.0"),
+        ("script=[{closure: 2}]", "script[0].closure: must be at most 1.0, got 2.0"),
+        (
+            "script=[{arm: [1]}]",
+            "script[0].arm: needs one entry per joint of the arm (7)",
+        ),
+        (
+            "script=[{duration: 50}]",
+            "script: must last at most planner.time_budget (40 s)",
+        ),
+        ("cameras.ceiling.X_PB.translation=[1, 2]", "cameras: cannot be read: "),
+    ],
+)
+def test_a_bad_override_is_reported_with_its_key_and_what_is_allowed(override, message):
+    assert message in error_of(override)
+
+
+def test_a_full_region_is_reported():
+    tiny = ["task.region={min: [0.5, 0], max: [0.5, 0]}", "object.position=[0.4, 0]"]
+    tiny.append("objects.ball={shape: !Sphere {radius: 0.03}, mass: 1, friction: 1}")
+    assert "task.region: must be larger, no free place for 'ball'" in error_of(*tiny)
+
+
+KEYS = """
+object objects task task.pick task.place task.region arm arm.kp gripper cameras
+cameras.ceiling cameras.ceiling.X_PB directives planner planner.latency table a.b .
+object.mass object.position object.shape object.color random_seed plant_config foo
+simulator_config scene_graph_config recording localizer.cameras object."""
+VALUES = """\
+!Uniform {min: 0, max: 1}|!Uniform {}|!Sphere {}|!Foo {}|.nan|.inf|-1|null|[]
+|{}|true|{1: 2}|&a [*a]|1e999|!!set {a}|2001-01-01|{x: {}}|[0.5, 0]|!!binary aGk=
+|kitchen
+|!UniformVector {min: [0, 0], max: [1, 0]}"""
+keys = st.sampled_from(KEYS.split())
+values = st.one_of(
+    st.text(alphabet="0123456789.-[]{}:, !abefinUx*&'#|", max_size=12),
+    st.sampled_from(VALUES.split("|")),
+)
+
+
+@given(st.lists(st.builds("{}={}".format, keys, values), min_size=1, max_size=3))
+@settings(max_examples=150)
+def test_bad_overrides_only_raise_scenario_errors(overrides):
+    try:
+        load_scenario("kitchen", overrides=overrides)
+    except ScenarioError as error:
+        assert "\n" not in str(error)

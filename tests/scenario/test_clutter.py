@@ -24,7 +24,7 @@ def kitchen(clutter):
 
 @given(st.integers(0, 1000))
 @settings(max_examples=25, deadline=None)
-def test_things_are_drawn_each_for_itself_and_stand_clear(seed):
+def test_clutter_is_drawn_from_separate_streams_and_stands_clear(seed):
     drawn = draw_scenario(kitchen({"count": SOME, "kinds": BOTH}), "k", seed)
     objects = drawn.scenario.objects
     names = [name for name in objects if name.startswith("clutter_")]
@@ -56,7 +56,7 @@ def test_the_picked_object_stands_where_it_stood_without_clutter():
     assert cluttered.objects["soup_can"] == plain.objects["soup_can"]
 
 
-def test_a_tree_is_not_changed_by_a_draw():
+def test_a_draw_does_not_change_the_tree():
     tree = kitchen({"count": SOME, "kinds": BOTH})
     first = draw_scenario(tree, "k", 1).values
     draw_scenario(tree, "k", 2)
@@ -94,7 +94,7 @@ def test_errors_name_the_key(clutter, message):
     assert str(error.value).startswith(message)
 
 
-def test_a_name_can_be_taken():
+def test_the_names_of_clutter_are_reserved():
     tree = kitchen({"count": 1, "kinds": BOXES})
     tree["objects"] = {**tree["objects"], "clutter_1": BALL}
     with pytest.raises(
@@ -103,8 +103,8 @@ def test_a_name_can_be_taken():
         draw_scenario(tree, "k", 0)
 
 
-def test_first_places_that_leave_no_room_are_drawn_anew():
-    # Two fit into the strip where they are nearly at its ends, 0.35 m apart.
+def test_first_places_that_leave_no_room_are_drawn_again():
+    # Two fit into the strip only near its ends, which are 0.35 m apart.
     tree = kitchen({"count": 1, "kinds": BOXES})
     tree["task"] = {
         **tree["task"],

@@ -46,7 +46,7 @@ def test_draws_are_spread_evenly():
     assert np.mean(draws) == pytest.approx(0.5, abs=0.072)
 
 
-def test_generators_of_huge_seeds_exist():
+def test_huge_seeds_have_generators_of_their_own():
     assert key_generator(2**80, "k")() != key_generator(2**80 + 1, "k")()
 
 
@@ -66,6 +66,6 @@ def test_generators_of_huge_seeds_exist():
         "!Gaussian {mean: 1, stddev: -1}",
     ],
 )
-def test_impossible_distributions_are_refused(text):
+def test_invalid_distributions_are_refused(text):
     with pytest.raises(ScenarioError, match=rf"^f: k: {text.split()[0]} needs finite"):
         draw(text)

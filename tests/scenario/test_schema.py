@@ -1,0 +1,61 @@
+import dataclasses as dc
+
+import pytest
+from pydrake.common.yaml import yaml_dump_typed
+
+from drake_srg.gripper.drivers import SrgPositionDriver
+from drake_srg.scenario import Scenario, is_continuous, load_scenario
+from drake_srg.scenario.schema import accept_driver
+from drake_srg.scenario.yaml_tree import parse_yaml
+from drake_srg.scenario.yaml_typed import load_typed
+
+
+def test_the_defaults_are_valid_values():
+    text = yaml_dump_typed(Scenario())
+    loaded = load_typed(Scenario, parse_yaml(text, "defaults"), "defaults")
+    assert yaml_dump_typed(loaded) == text
+
+
+@pytest.mark.parametrize(
+    ("name", "continuous"),
+    [("kitchen", False), ("kitchen_fast", True), ("gripper_bench", False)],
+)
+def test_only_scenarios_without_time_step_are_continuous(name, continuous):
+    assert is_continuous(load_scenario(name)) is continuous
+
+
+@dc.dataclass(kw_only=True)
+class Squeezer(SrgPositionDriver):
+    """A driver of one's own."""
+
+    squeeze: float = 0.5
+
+
+@pytest.fixture
+def gripper_type(monkeypatch):
+    """Restores the type of `Scenario.gripper` after the test."""
+    (field,) = (field for field in dc.fields(Scenario) if field.name == "gripper")
+    monkeypatch.setattr(field, "type", field.type)
+    monkeypatch.setitem(Scenario.__annotations__, "gripper", field.type)
+
+
+def test_an_accepted_driver_is_chosen_by_its_tag(gripper_type):
+    accept_driver(Squeezer)
+    override = "gripper=!Squeezer {squeeze: 0.7, trigger: touch}"
+    driver = load_scenario("kitchen", overrides=[override]).gripper
+    assert isinstance(driver, Squeezer)
+    assert (driver.squeeze, driver.trigger) == (0.7, "touch")
+    assert type(load_scenario("kitchen").gripper) is SrgPositionDriver
+
+
+def test_a_driver_accepted_again_replaces_the_one_of_that_name(gripper_type):
+    accept_driver(Squeezer)
+
+    @dc.dataclass(kw_only=True)
+    class Stronger(SrgPositionDriver):
+        strength: float = 1.0
+
+    Stronger.__name__ = "Squeezer"
+    accept_driver(Stronger)
+    override = "gripper=!Squeezer {strength: 2.0}"
+    assert load_scenario("kitchen", overrides=[override]).gripper.strength == 2.0
