@@ -86,7 +86,7 @@ def _AddLeveling(
     name: str,
     camera: CameraModel,
 ) -> OutputPort:
-    """Add what corrects a camera's pose by its tables, and return the pose's port."""
+    """Add a CameraLeveling and return the port of the camera's corrected pose."""
     config = scenario.localizer.thresholds.leveling
     leveling = builder.AddNamedSystem(
         f"camera_leveling_{name}",

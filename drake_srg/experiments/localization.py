@@ -1,4 +1,4 @@
-"""Where the five-axis cell's camera sees its cylinder: standing, tilted and lying.
+"""How accurately the five-axis cell's camera locates its standing or lying cylinder.
 
 The scenario's ceiling camera and localizer locate the cylinder in many poses, with
 images of three sizes. Then the cameras of both varied scenarios look at scenes with

@@ -98,7 +98,8 @@ class LocalizerConfig:
     level_cameras: bool = False
     # Time between images [s]; 0 renders only when the blobs are read.
     period: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # For poor images and other objects than these scenarios have.
+    # Thresholds of the steps of perception. The defaults serve all scenarios of the
+    # package.
     thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
 
 

@@ -29,7 +29,7 @@ _MOST_LOST = 0.5
 
 @dc.dataclass(kw_only=True)
 class CameraErrorsConfig:
-    """How a camera differs from an ideal one. All zero, it does not.
+    """How a camera differs from an ideal one; with all zeros, not at all.
 
     The z of the camera's body B points into the scene, x to the right and y down the
     image.

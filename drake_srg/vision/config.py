@@ -57,8 +57,8 @@ class CandidatesConfig:
     step: float = dc.field(default=0.25, metadata=positive())
     # A step also exceeds this many standard deviations of noise.
     deviations: float = dc.field(default=6.0, metadata={"ge": 0.0})
-    # Least area of a region, as a share of the object's smallest face. Less does not
-    # show what it is.
+    # Least area of a region, as a share of the object's smallest face. A smaller region
+    # does not show what it is.
     least_area: float = dc.field(default=0.08, metadata={"ge": 0.0})
     # Share of a region's surroundings that must lie behind it, at least, and share that
     # may lie level with it, at most. The rest may hide it or touch it.
@@ -87,14 +87,14 @@ class GuessesConfig:
 class SightConfig:
     """Thresholds for telling a solid's surface from everything else."""
 
-    # Least distance that a visible point of the solid may be off its surface [m], and
+    # Distance that a visible point of the solid may always be off its surface [m], and
     # the same as a share of its radius. A renderer's depth has no noise, but Drake
     # draws circles with 50 sides, up to 0.2 % inside the radius.
     finest: float = dc.field(default=1e-4, metadata=positive())
     finest_share: float = dc.field(default=3e-3, metadata={"ge": 0.0})
-    # Greatest such distance [m].
+    # Distance that it may be off if the points scatter or the pose is in doubt [m].
     coarsest: float = dc.field(default=3e-3, metadata=positive())
-    # Instead of both, this many standard deviations of noise where that is more.
+    # Both are at least this many standard deviations of noise.
     deviations: float = dc.field(default=4.0, metadata={"ge": 0.0})
     # A surface is visible where ray times outward normal is less than this. It is not 0
     # because depth is too coarse where a surface is seen edge-on.
@@ -110,7 +110,7 @@ class AlignmentConfig:
     # Where Huber's cost turns linear [standard deviations]; 95 % efficient for normally
     # distributed noise.
     huber: float = dc.field(default=1.345, metadata=positive())
-    # Points, and pixels, that take part at most. More tell little more.
+    # Greatest number of points, and of pixels, that take part. More add little.
     samples: int = dc.field(default=400, metadata={"ge": 10})
     # Steps of Newton's method at one softness, at most.
     steps: int = dc.field(default=12, metadata={"ge": 1})
@@ -123,8 +123,8 @@ class FitConfig:
     """Thresholds for fitting a solid to a blob and for judging the fit."""
 
     # Softness of the outline in the stages of a fit [pixels]: a guess is a few pixels
-    # off. One label tells where an edge is with a standard deviation of 0.29 pixels,
-    # all labels together tell more.
+    # off. One label shows where an edge is with a standard deviation of 0.29 pixels,
+    # all labels together show more.
     coarse_softness: list[float] = dc.field(
         default_factory=lambda: [3.0, 1.0], metadata=_SOFTNESS
     )
@@ -150,12 +150,12 @@ class FitConfig:
     # A solid this far below its surroundings is not in a recess, and this far above
     # them it stands on nothing [m].
     apart: float = dc.field(default=0.01, metadata=positive())
-    # Pixels of a solid's top, and of its surroundings, that are needed to tell its
+    # Pixels of a solid's top, and of its surroundings, that are needed to judge its
     # height.
     least_pixels: int = dc.field(default=8, metadata={"ge": 1})
     # Guesses that are aligned in noisy images, the nearest ones. Each takes time.
     noisy_guesses: int = dc.field(default=3, metadata={"ge": 1})
-    # A solid that leans more than this does not stand [rad]; as boxes are taken to.
+    # A solid that leans more than this does not stand [rad].
     most_standing_lean: float = dc.field(
         default=math.radians(15.0), metadata={"ge": 0.0, "le": 1.5}
     )
@@ -210,8 +210,8 @@ class ObstacleFinderConfig:
     deviations: float = dc.field(default=5.0, metadata={"ge": 0.0})
     # Points of an obstacle, at least. Noise makes groups of a few.
     least_pixels: int = dc.field(default=8, metadata={"ge": 1})
-    # Points this near to a surface are mostly its own, and tell how well its height is
-    # seen [m].
+    # Points this near to a surface are mostly its own and show how well its height is
+    # measured [m].
     near: float = dc.field(default=0.03, metadata=positive())
     # Quantile of an obstacle's heights that counts as its top. The highest of many
     # noisy points is a millimetre higher still.
@@ -229,7 +229,8 @@ class CameraLevelingConfig:
     # differs more is not the surface.
     most_offset: float = dc.field(default=0.02, metadata=positive())
     most_tilt: float = dc.field(default=math.radians(2.0), metadata=positive(le=0.5))
-    # Points that take part. Fewer say too little about a tilt, more say little more.
+    # Least and greatest number of points that take part. Fewer say too little about a
+    # tilt, more add little.
     least_points: int = dc.field(default=200, metadata={"ge": 3})
     most_points: int = dc.field(default=80_000, metadata={"ge": 3})
     # Points within this many standard deviations of the plane fit it.

@@ -27,7 +27,7 @@ def step():
 
 @pytest.mark.parametrize("slope", [0.0, 1e-3])
 @pytest.mark.parametrize("noise", [1e-4, 2e-3])
-def test_noise_is_measured_whatever_the_slope(slope, noise):
+def test_noise_is_measured_at_any_slope(slope, noise):
     measured = depth_noise(noisy(plane(slope), noise), CONFIG.lag)
     assert measured == pytest.approx(noise, rel=0.05)
     assert depth_noise(plane(slope), CONFIG.lag) < 1e-6

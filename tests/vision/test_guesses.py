@@ -28,7 +28,7 @@ def can_points(roll=0.0, pitch=0.0, noise=0.0, seed=0):
 
 
 @given(degrees, degrees)
-def test_the_top_is_told_from_the_side(roll, pitch):
+def test_the_plane_is_that_of_the_top_and_not_of_the_side(roll, pitch):
     points, expected = can_points(roll, pitch)
     normal, center, thickness = fit_plane(points, 0.0678, GuessesConfig())
     assert normal @ expected > np.cos(np.deg2rad(0.2))

@@ -57,7 +57,7 @@ def corners(thing):
     return square @ R.T + np.array(thing.position)[:2]
 
 
-def test_the_ports_are_the_documented_ones():
+def test_its_ports():
     finder = ObstacleFinder({"top": MODEL}, [TABLE], {})
     names = [finder.get_input_port(i).get_name() for i in range(3)]
     assert names == ["top.depth_image", "top.body_pose_in_world", "blobs"]
@@ -92,7 +92,7 @@ def test_any_shape_is_found(shape):
     assert obstacle.shape.size[:2] == pytest.approx([2 * shape.radius] * 2, abs=0.004)
 
 
-def test_neighbours_are_told_apart_and_two_cameras_see_one_thing_once():
+def test_neighbours_are_separate_and_two_cameras_see_each_thing_once():
     things = [standing(BOX, x, 0.0) for x in (-0.1, 0.0, 0.1)]
     cameras = {"top": CAMERA, "slanted": SLANTED}
     found = find(things, cameras=cameras)

@@ -27,7 +27,7 @@ def distance(shape, p):
         (SOLIDS[2], [0.0, 0.03, 0.04], 0.02),
     ],
 )
-def test_distances(shape, point, expected):
+def test_distances_are_exact(shape, point, expected):
     assert distance(shape, np.array([point])) == pytest.approx(expected)
 
 

@@ -82,7 +82,7 @@ def test_a_pale_cylinder_is_found_in_any_light(light, intensity):
 
 
 @pytest.mark.parametrize("light", [WARM, COLD], ids=["warm", "cold"])
-def test_a_can_is_told_from_other_things_of_its_colour(light):
+def test_a_can_is_distinguished_from_other_things_of_its_colour(light):
     can = standing(CAN, 0.1, 0.05)
     others = [
         standing(Box([0.045, 0.045, 0.1018]), -0.1, 0.0, color=RED),

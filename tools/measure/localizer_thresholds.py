@@ -1,4 +1,4 @@
-"""What half and twice each of the localizer's thresholds do to what it sees.
+"""How other values of each vision threshold change what the localizer sees.
 
 Scenes of the varied scenarios are drawn from seeds, rendered once, and perceived with
 one threshold after another changed: with and without the camera's errors, and with the

@@ -1,4 +1,4 @@
-"""What recording a trial of a sweep costs, part by part, beside an unrecorded one.
+"""Cost of recording a trial of a sweep, part by part, relative to an unrecorded one.
 
 The cost is processor time of all threads in a worker of a sweep, with one thread each
 for rendering and linear algebra. It varies by a tenth between equal runs.
@@ -112,9 +112,9 @@ def judge(costs: Mapping[str, Mapping[str, Vector]]) -> Sequence[Row]:
 
 def draw(costs: Mapping[str, Mapping[str, Vector]]) -> Any:
     """Draw the ratios as bars, with a colour for each scenario."""
-    figure = make_figure(8.0, 3.2, "What recording a trial costs")
+    figure = make_figure(8.0, 3.2, "Cost of recording a trial")
     axes = figure.add_subplot()
-    style_axes(axes, xlabel="processor time over that of the same trial, unrecorded")
+    style_axes(axes, xlabel="processor time relative to the same trial, unrecorded")
     places = np.arange(len(PARTS))
     for i, (name, cost) in enumerate(costs.items()):
         values = list(ratios(cost).values())

@@ -1,4 +1,4 @@
-"""Sweeps with one worker and with two: trials a second, and memory over 200 trials.
+"""Sweeps with one worker and with two: trials per second and memory over 200 trials.
 
 The wall clock covers the whole sweep, including checks and the start of the workers,
 with one thread for each worker. It is meaningful only on an otherwise idle machine with

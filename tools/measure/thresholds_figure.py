@@ -25,7 +25,7 @@ def draw(
     """
     names = list(changes)
     figure = make_figure(
-        11.0, 1.2 + 0.19 * len(names), "What other values of thresholds change"
+        11.0, 1.2 + 0.19 * len(names), "Effect of other values of thresholds"
     )
     all_axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
     at = np.arange(len(names))
