@@ -1,4 +1,4 @@
-"""Arms to plan for: the iiwa with the SRG on a table, a pendulum, the kitchen's."""
+"""Arms to plan for: an iiwa with the SRG on a table, a pendulum, the kitchen's arm."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ directives:
     X_PC: {rotation: !Rpy {deg: [0, -90, 0]}}
 """
 
-# Two hinges about y, a massless-looking arm and 2 kg at 0.5 m: 9.81 N m when level.
+# Two hinges about y, an arm of almost no mass, 2 kg at 0.5 m: 9.81 N m when level.
 _PENDULUM = """
 <robot name="{name}">{body}</robot>
 """
@@ -87,19 +87,19 @@ def loaded_pendulum() -> PlanningScene:
 
 @pytest.fixture
 def home() -> np.ndarray:
-    """Elbow up, hand pointing down, clear of the table."""
+    """Return a posture with the elbow up and the hand down, clear of the table."""
     return np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
 
 
 @pytest.fixture(scope="session")
 def planner() -> TaskPlanner:
-    """The kitchen's."""
+    """Make the kitchen's task planner."""
     return MakeTaskPlanner(load_scenario("kitchen"))
 
 
 @pytest.fixture(scope="session")
 def task(planner: TaskPlanner) -> TaskMotions:
-    """From where the kitchen's can stands to its mark."""
+    """Plan from where the kitchen's can stands to its mark."""
     motions = planner.plan(planner.q_home, START, CAN, GOAL)
     assert isinstance(motions, TaskMotions)
     return motions

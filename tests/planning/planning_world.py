@@ -1,4 +1,4 @@
-"""A world for the planner; everything goes as planned, unless told otherwise."""
+"""A world for the planner, in which all goes well unless a test changes it."""
 
 import numpy as np
 from helpers import fix
@@ -35,27 +35,27 @@ def blob(position, name="can", quality=0.9, axis=(0.0, 0.0, 1.0)):
 
 
 def motion(start, end):
-    """From one posture to another in 0.1 s."""
+    """Return a motion from one posture to another in 0.1 s."""
     return PiecewisePolynomial.FirstOrderHold([0.0, 0.1], np.column_stack([start, end]))
 
 
 class FakeScene:
-    """The hand is as far out as the first joint is turned."""
+    """Its hand is as far out [m] as the first joint is turned [rad]."""
 
     def X_WG(self, q):  # as in PlanningScene
         return RigidTransform([q[0], 0.0, 0.0])
 
 
 class FakeTaskPlanner:
-    """Plans motions of a two-joint arm: 1 rad on in each mode, home in the last."""
+    """Plans for a two-joint arm: 1 rad out and back, mode by mode, then home."""
 
     def __init__(self):
         self.q_home = np.array([0.5, -0.5])
         self.scene = FakeScene()
         self.hand = SrgHand(["above"], [], 0.4)
         self.grasp = self.hand.grasps(CAN, np.array([0.0, 0.0, 1.0]))[0]
-        self.result = self.escape = self.place = None  # in place of motions
-        self.hit = None  # what is said to be in the way
+        self.result = self.escape = self.place = None  # failures, in place of motions
+        self.hit = None  # what is in the way
         self.calls, self.places = [], []
 
     def plan(self, q_start, X_WO, shape, X_WO_goal, obstacles=(), tried=()):
@@ -111,7 +111,7 @@ def make_planner(task_planner=None, repeat=1, **config):
 
 
 class Camera(LeafSystem):
-    """Sees what it is told to, and counts how often it is asked for blobs."""
+    """Shows the blobs it is given, and counts how often they are asked for."""
 
     def __init__(self):
         super().__init__()
@@ -135,10 +135,15 @@ class Camera(LeafSystem):
 class World:
     """A planner between a camera, an arm that follows and fingers that hold.
 
-    What happens otherwise is told by replacing `where` (the blobs seen in a mode),
-    `unknown` (the obstacles seen in a mode),
-    `holding` (whether the fingers hold something in a mode), `base_angle` and
-    `arm_follows`. `like` makes a world with the systems of another.
+    Tests replace `where` (the blobs seen in a mode), `unknown` (the obstacles seen in a
+    mode), `holding` (whether the fingers hold something in a mode), `base_angle` (of
+    the fingers in a mode [rad]), `external_torque` (on the arm in a mode [N m]; None
+    leaves the port unconnected) and `arm_follows`.
+
+    Args:
+        like: A world whose systems this one shares.
+        start: Time at which the simulation begins [s].
+        config: Of the planner.
     """
 
     def __init__(self, *, like=None, start=0.0, **config):
@@ -166,7 +171,8 @@ class World:
         self.where = lambda mode: [blob(GOAL if mode is Mode.HOME else START)]
         self.unknown = lambda mode: []
         self.holding = lambda mode: True
-        self.base_angle = self.task_planner.grasp.base_angle
+        self.base_angle = lambda mode: self.task_planner.grasp.base_angle
+        self.external_torque = None
         self.arm_follows = True
 
     @property
@@ -178,7 +184,7 @@ class World:
         return self._context.get_time() - self._start
 
     def run(self, limit=60.0):
-        """Lets time pass until the planner has ended; returns its status."""
+        """Let time pass until the planner has ended; return its status."""
         self.camera.blobs = self._look
         self.camera.obstacles = lambda: self.unknown(self.status.mode)
         self._sense()
@@ -208,7 +214,7 @@ class World:
         mode = self.status.mode
         held = self.holding(mode) and mode in _CLOSED
         q = self.read("position_commanded") if self.arm_follows else [9.0, 9.0]
-        base = [self.base_angle] * 2
+        base = [self.base_angle(mode)] * 2
         fix(
             self.planner,
             self._context,
@@ -217,3 +223,6 @@ class World:
             grasped=float(held),
             proximity=[0.0 if held else 0.05] * 4,
         )
+        if self.external_torque is not None:
+            torque = self.external_torque(mode)
+            fix(self.planner, self._context, external_torque=torque)

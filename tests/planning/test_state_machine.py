@@ -101,7 +101,7 @@ def test_a_machine_has_one_port():
 
 
 @pytest.mark.parametrize("begin", [0.0, 100.0, 12.25])
-def test_modes_follow_one_another_from_whenever_the_simulation_begins(begin):
+def test_modes_follow_one_another_whenever_the_simulation_begins(begin):
     light = make_light()
     simulator = start(light, begin)
     context = simulator.get_context()
@@ -135,7 +135,7 @@ def test_before_it_is_initialized_a_machine_is_in_its_initial_mode():
     assert light.state(context).memory == Log()
 
 
-def test_a_context_that_is_under_way_goes_on_when_it_is_initialized_again():
+def test_initializing_a_context_again_lets_it_go_on():
     light = make_light()
     simulator = start(light)
     advance(simulator, 2.5)
@@ -164,7 +164,7 @@ def test_clones_of_a_context_go_their_own_ways():
     assert ends[0].since == ends[1].since == 2.0
 
 
-def test_clones_do_not_share_memory_that_could_be_changed():
+def test_clones_do_not_share_mutable_memory():
     light = make_light(memory={"entries": []}, modes=dict.fromkeys(Light, Still()))
     context = light.CreateDefaultContext()
     clone = context.Clone()
@@ -199,7 +199,7 @@ def test_an_unknown_initial_mode_is_refused():
         make_light(initial="blue")
 
 
-def test_a_transition_to_an_unknown_mode_is_told():
+def test_a_transition_to_an_unknown_mode_raises():
     simulator = start(make_light(transition=lambda mode, o, t: "blue"))
     with pytest.raises(ValueError, match="no actions for mode blue"):
         simulator.AdvanceTo(1.0)
@@ -237,13 +237,13 @@ def pass_on(*passes):
     ("passes", "ends_in"),
     [((False, True), 0), ((True, False), 1), ((True, True, False, True), 2)],
 )
-def test_what_an_entry_action_found_may_end_the_mode_at_once(passes, ends_in):
+def test_an_entry_action_may_end_the_mode_at_once(passes, ends_in):
     state = pass_on(*passes)
     assert (state.mode, state.since) == (ends_in, 7.0)
     assert state.memory == passes[: ends_in + 1]
 
 
-def test_entry_actions_that_lead_in_a_circle_are_told():
+def test_entry_actions_that_lead_in_a_circle_raise():
     with pytest.raises(RuntimeError, match="in a circle"):
         pass_on(True, True, True)
 

@@ -17,14 +17,14 @@ from drake_srg.planning.motion.inverse_kinematics import (
 from drake_srg.types import Failure, Sphere
 
 DOWN = AxisTarget(np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0]), 0.05)
-# SNOPT meets constraints to 1e-6; of the cosine of an angle that is 1e-3 rad at 0.
+# SNOPT meets constraints to 1e-6; for the cosine of an angle near 0 that is 1e-3 rad.
 ANGLE_SLACK = 1e-3
 
 unit = st.floats(-1.0, 1.0)
 
 
 def from_above(x: float, y: float, z: float, yaw: float) -> RigidTransform:
-    """Palm +x down, its y turned by yaw."""
+    """Return a pose with the palm's x down, and its y turned by `yaw`."""
     side = np.array([np.cos(yaw), np.sin(yaw), 0.0])
     down = np.array([0.0, 0.0, -1.0])
     R_WG = RotationMatrix(np.column_stack([down, side, np.cross(down, side)]))
@@ -47,7 +47,7 @@ def test_every_can_is_reached_from_above_freely_and_within_limits(iiwa, x, y, ya
     assert found.cost == pytest.approx(np.sum((found.q - home) ** 2))
 
 
-def test_same_call_same_solution(iiwa, home):
+def test_the_same_call_returns_the_same_solution(iiwa, home):
     target = HandTarget.from_pose(from_above(0.55, 0.1, 0.2, 2.5))
     first, second = (
         solve_inverse_kinematics(iiwa, target, q_nominal=home) for _ in range(2)
@@ -69,7 +69,7 @@ def test_more_starts_find_a_posture_at_least_as_good(iiwa, home):
     assert best.cost <= first.cost
 
 
-def test_an_axis_leaves_the_turn_about_it_free(iiwa, home):
+def test_an_axis_target_leaves_the_turn_about_the_axis_free(iiwa, home):
     tip = np.array([0.16, 0.0, 0.0])
     target = HandTarget(np.array([0.6, 0.1, 0.1]), axes=(DOWN,), p_GT=tip)
     found = solve_inverse_kinematics(iiwa, target, q_nominal=home)
@@ -120,7 +120,7 @@ def test_a_failure_names_what_cannot_be_met(
     assert (failure.clearance is not None) == blocked
 
 
-def test_what_blocks_is_named(iiwa, home):
+def test_the_blocking_body_is_named(iiwa, home):
     X_WG = from_above(0.6, 0.0, 0.3, 0.0)
     with iiwa.standing(Sphere(0.05), X_WG):
         failure = solve_inverse_kinematics(
@@ -135,7 +135,7 @@ def test_what_blocks_is_named(iiwa, home):
     assert isinstance(unchecked, IkSolution)
 
 
-def test_two_joints_reach_what_lies_in_their_plane(pendulum):
+def test_two_joints_reach_targets_in_their_plane_only(pendulum):
     nominal = np.array([0.5, 0.5])
     p_WT = np.array([0.25, 0.0, -0.25])  # the elbow bends by a right angle
     found = solve_inverse_kinematics(pendulum, HandTarget(p_WT), q_nominal=nominal)
@@ -146,7 +146,7 @@ def test_two_joints_reach_what_lies_in_their_plane(pendulum):
     assert failure.violation == pytest.approx(0.1, abs=1e-3)
 
 
-def test_a_vector_of_the_wrong_size_is_refused_with_the_joints_names(iiwa):
+def test_a_vector_of_the_wrong_size_is_refused_with_the_joint_names(iiwa):
     with pytest.raises(ValueError, match=r"q_nominal needs one entry.*joint_1"):
         solve_inverse_kinematics(iiwa, HandTarget(np.zeros(3)), q_nominal=np.zeros(6))
 
@@ -178,7 +178,7 @@ def test_follow_stops_a_joint_at_its_limit_and_goes_on_with_the_others(iiwa, hom
     assert target.distance(iiwa.X_WG(found)) < 2e-6
 
 
-def test_follow_says_none_where_there_is_nothing(iiwa, home):
+def test_follow_returns_none_out_of_reach(iiwa, home):
     assert follow(iiwa, HandTarget(np.array([2.0, 0.0, 0.0])), home) is None
 
 

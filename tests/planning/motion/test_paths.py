@@ -22,7 +22,7 @@ X_WALL = RigidTransform([0.6, 0.0, 0.25])
 
 @pytest.fixture(scope="module")
 def sides(iiwa):
-    """Postures left and right of a wall."""
+    """Return postures left and right of a wall."""
     home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
     return [
         solve_inverse_kinematics(
@@ -38,7 +38,7 @@ def test_a_free_straight_line_is_the_path(iiwa, sides):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_wall_is_gone_around_freely_and_the_same_way_again(iiwa, sides, seed):
+def test_the_path_around_a_wall_is_free_and_repeatable(iiwa, sides, seed):
     with iiwa.standing(WALL, X_WALL):
         path = plan_joint_path(iiwa, *sides, seed=seed)
         again = plan_joint_path(iiwa, *sides, seed=seed)
@@ -61,7 +61,7 @@ def test_a_blocked_goal_is_named(iiwa, sides):
     assert failure.failure is Failure.BLOCKED
 
 
-def test_a_search_that_ends_names_what_is_on_the_straight_line(iiwa, sides):
+def test_a_failed_search_names_what_is_on_the_straight_line(iiwa, sides):
     with iiwa.standing(WALL, X_WALL):
         failure = plan_joint_path(iiwa, *sides, max_iterations=0)
     assert isinstance(failure, PlanningFailure)
@@ -79,8 +79,8 @@ def test_the_hand_goes_straight_and_turns_evenly(iiwa, sides):
     np.testing.assert_array_equal(path[0], sides[0])
     way = target.p_WT - X_start.translation()
     for q_1, q_2 in itertools.pairwise(path):
-        # Half way between waypoints, where the hand is furthest from its line: the
-        # sagitta of 0.1 rad over the arm's 0.2 m between wrist and hand is 0.25 mm.
+        # Half way between waypoints the hand is furthest from its line. The sagitta of
+        # 0.1 rad over the 0.2 m between wrist and hand is 0.25 mm.
         X_WG = iiwa.X_WG((q_1 + q_2) / 2)
         offset = X_WG.translation() - X_start.translation()
         share = (offset @ way) / (way @ way)
@@ -100,7 +100,7 @@ def test_an_axis_is_kept_while_the_hand_moves(iiwa, sides):
         assert target.angle_violation(iiwa.X_WG(q)) < 1e-5
 
 
-def test_a_line_into_the_table_is_blocked_where_it_meets_it(iiwa, sides):
+def test_a_line_into_the_table_is_blocked(iiwa, sides):
     target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -0.25]))
     failure = plan_cartesian_path(iiwa, sides[0], target)
     assert isinstance(failure, PlanningFailure)
@@ -108,14 +108,14 @@ def test_a_line_into_the_table_is_blocked_where_it_meets_it(iiwa, sides):
     assert "along the line" in failure.message
 
 
-def test_a_line_out_of_reach_says_so(iiwa, sides):
+def test_a_line_out_of_reach_fails_as_out_of_reach(iiwa, sides):
     target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0.6, 0, 0]))
     failure = plan_cartesian_path(iiwa, sides[0], target)
     assert isinstance(failure, PlanningFailure)
     assert failure.failure is Failure.OUT_OF_REACH
 
 
-def test_standing_still_is_a_path(iiwa, sides):
+def test_a_target_where_the_hand_is_gives_a_path(iiwa, sides):
     path = plan_cartesian_path(
         iiwa, sides[0], HandTarget.from_pose(iiwa.X_WG(sides[0]))
     )

@@ -16,7 +16,7 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, Cylinder, Shape, Sphere
 
 CAN = Cylinder(0.033, 0.102)
-# Above the grasp: the can's axis along the hand's x, its centre in front of the palm.
+# A grasp from above: the can's axis along the hand's x, its centre ahead of the palm.
 X_GO_ABOVE = RigidTransform(
     RigidTransform([0.176, 0.0, 0.0]).rotation().MakeYRotation(-np.pi / 2),
     [0.176, 0.0, 0.0],
@@ -26,7 +26,7 @@ X_GO_ABOVE = RigidTransform(
 def posture_above(
     scene: PlanningScene, home: np.ndarray, can_bottom: float
 ) -> np.ndarray:
-    """Posture with a can held as in X_GO_ABOVE, its bottom at that height."""
+    """Return a posture with a can held as in X_GO_ABOVE, its bottom at a height."""
     X_WO = RigidTransform([0.55, 0.0, can_bottom + 0.051])
     X_WG = X_WO @ X_GO_ABOVE.inverse()
     found = solve_inverse_kinematics(
@@ -36,13 +36,13 @@ def posture_above(
     return found.q
 
 
-def test_arm_joints_are_in_order_and_limits_are_theirs(iiwa):
+def test_the_arm_s_joints_are_in_order_with_their_limits(iiwa):
     assert iiwa.joint_names == [f"joint_{i}" for i in range(1, 8)]
     assert iiwa.lower.shape == iiwa.upper.shape == (7,)
     assert iiwa.upper[3] == pytest.approx(2.0944, abs=1e-4)
 
 
-def test_hand_pose_of_the_stretched_arm_is_the_sum_of_its_links(iiwa):
+def test_the_hand_of_the_stretched_arm_is_as_far_as_its_links_are_long(iiwa):
     # 0.36 + 0.42 + 0.4 + 0.081 + 0.045 of the data sheet's and the flange's heights.
     X_WG = iiwa.X_WG(np.zeros(7))
     np.testing.assert_allclose(X_WG.translation(), [0.0, 0.0, 1.306], atol=1e-6)
@@ -92,7 +92,7 @@ def test_an_obstacle_blocks_and_leaves_with_its_context(
     assert iiwa.is_free(home)
 
 
-def test_what_is_touchable_blocks_the_arm_but_not_the_gripper(iiwa, home):
+def test_a_touchable_object_blocks_the_arm_but_not_the_gripper(iiwa, home):
     at_hand = iiwa.X_WG(home) @ RigidTransform([0.12, 0.0, 0.0])
     at_forearm = RigidTransform([0.2, 0.0, 0.85])
     with iiwa.standing(CAN, at_hand, touchable=True):
@@ -102,7 +102,7 @@ def test_what_is_touchable_blocks_the_arm_but_not_the_gripper(iiwa, home):
         assert "standing_object" in iiwa.clearance(home).bodies
 
 
-def test_contexts_nest_and_leave_in_any_way(iiwa, home):
+def test_contexts_nest_and_survive_exceptions(iiwa, home):
     X_WO = iiwa.X_WG(home) @ RigidTransform([0.1, 0.0, 0.0])
     with (
         pytest.raises(KeyError),
@@ -133,7 +133,7 @@ def test_a_held_object_must_not_hit_the_arm(iiwa, home):
         assert not iiwa.is_free(home)
 
 
-def test_fingers_stand_where_they_are_set(iiwa, home):
+def test_fingers_stay_where_they_are_set(iiwa, home):
     reaching = posture_above(iiwa, home, can_bottom=-0.06)
     try:
         iiwa.fingers = np.full(4, 0.0)
@@ -148,7 +148,7 @@ def test_fingers_stand_where_they_are_set(iiwa, home):
     assert not with_straight  # straight fingers reach 0.06 m further than open ones
 
 
-def test_margins_are_checked_before_anything_is_built():
+def test_invalid_margins_are_refused_before_anything_is_built():
     with pytest.raises(ValueError, match="must not be negative"):
         PlanningScene(RobotDiagramBuilder(), margin=-0.01)
     with pytest.raises(ValueError, match="step must be positive"):

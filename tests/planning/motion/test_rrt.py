@@ -1,4 +1,4 @@
-"""A point among walls in the plane."""
+"""RRT-Connect with a point and a wall in the plane."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ START, GOAL = np.array([-0.8, 0.0]), np.array([0.8, 0.0])
 
 
 def wall(gap: float):
-    """A wall of |x| < 0.05 that ends `gap` below y = 1, met exactly."""
+    """Return the edge test of a wall, |x| < 0.05, that ends `gap` below y = 1."""
 
     def is_edge_free(q1: np.ndarray, q2: np.ndarray) -> bool:
         left, right = sorted((q1, q2), key=lambda q: q[0])
         inside = np.clip([-0.05, 0.05], left[0], right[0])
         if abs(inside.sum()) > 0.1 - 1e-12 and np.ptp(inside) < 1e-12:
-            return True  # all of it on one side
+            return True  # on one side of the wall
         height = np.interp(inside, [left[0], right[0]], [left[1], right[1]])
         return bool(np.min(height) >= 1.0 - gap - 1e-9)
 
@@ -40,7 +40,7 @@ def search(gap: float, seed: int) -> np.ndarray | None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_goes_around_the_wall_freely_from_start_to_goal(seed):
+def test_the_search_goes_around_the_wall(seed):
     path = search(0.3, seed)
     assert path is not None
     np.testing.assert_array_equal(path[0], START)
@@ -49,17 +49,17 @@ def test_goes_around_the_wall_freely_from_start_to_goal(seed):
     assert np.all((path >= LOWER) & (path <= UPPER))
 
 
-def test_finds_nothing_where_there_is_no_gap():
+def test_the_search_finds_nothing_without_a_gap():
     assert search(-0.1, 0) is None
 
 
-def test_same_seed_same_path_and_another_seed_another():
+def test_the_seed_determines_the_path():
     np.testing.assert_array_equal(search(0.3, 1), search(0.3, 1))
     assert not np.array_equal(search(0.3, 1), search(0.3, 2))
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_a_shortcut_is_free_and_no_longer_and_keeps_the_ends(seed):
+def test_a_shortcut_is_free_no_longer_and_keeps_the_ends(seed):
     path = search(0.3, seed)
     short = shortcut_path(
         path, is_edge_free=wall(0.3), attempts=50, rng=np.random.default_rng(seed)

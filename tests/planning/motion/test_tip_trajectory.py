@@ -34,7 +34,7 @@ def limits_of(scene):
 
 
 def line(scene, q, offset, turn=None):
-    """A straight path of the hand from `q`, turned by `turn` if it is given."""
+    """Return a straight path of the hand from `q`, with a turn if it is given."""
     X_WG = scene.X_WG(q)
     R_WG = X_WG.rotation() if turn is None else turn @ X_WG.rotation()
     target = HandTarget(X_WG.translation() + offset, R_WG)
@@ -52,7 +52,10 @@ def reach_left(scene, q):
 
 
 def duration(d, tip):
-    """Of a double-S profile from rest to rest (Biagiotti, Melchiorri 2008, ch. 3.4)."""
+    """Return the duration of a double-S profile from rest to rest.
+
+    See Biagiotti and Melchiorri (2008), chapter 3.4.
+    """
     v, a, j = tip.velocity, tip.acceleration, tip.jerk
     ramp = 2.0 * np.sqrt(v / j) if v * j < a * a else a / j + v / a
     if d >= v * ramp:
@@ -63,7 +66,7 @@ def duration(d, tip):
 
 
 def sampled(trajectory, count=1000):
-    """Times and q, v, a at them, each shape (count, N)."""
+    """Return times, and q, v and a at these, each of shape (count, N)."""
     times = np.linspace(0.0, trajectory.end_time(), count)
     derivatives = [
         np.array([trajectory.EvalDerivative(t, order)[:, 0] for t in times])
@@ -73,7 +76,7 @@ def sampled(trajectory, count=1000):
 
 
 def along_line(scene, q, direction, p_GT=(0.0, 0.0, 0.0)):
-    """Position of the tip along a direction, and its distance from the line [m]."""
+    """Return the tip's position along a direction, and its distance from it [m]."""
     p_WT = np.array([scene.X_WG(x) @ np.array(p_GT) for x in q])
     offsets = p_WT - p_WT[0]
     along = offsets @ direction
@@ -113,7 +116,7 @@ def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
     times = np.linspace(0.0, trajectory.end_time(), 1001)
     q = trajectory.vector_values(times).T
     along, off = along_line(iiwa, q, direction)
-    # Joint lines 0.02 m long leave the hand's by 0.1 mm, the spline by less.
+    # Joint lines of 0.02 m leave the hand's line by 0.1 mm, the spline by less.
     assert np.max(off) < 1e-4
     motion = along
     bounds = (THESIS.velocity, THESIS.acceleration, THESIS.jerk)
@@ -129,7 +132,7 @@ def test_the_tip_moves_as_fast_as_it_may(iiwa, home):
     times = np.linspace(0.0, trajectory.end_time(), 501)
     direction = np.array([1.0, 2.0, 2.0]) / 3.0
     along, _ = along_line(iiwa, trajectory.vector_values(times).T, direction)
-    # A second of jerk up and one down, as the seven phases go.
+    # The jerk is positive for a second, then negative for a second.
     assert np.interp(1.0, times, along) == pytest.approx(0.1 / 6.0, rel=1e-3)
     assert np.interp(2.0, times, along) == pytest.approx(0.1, rel=1e-3)
     assert np.interp(2.5, times, along) == pytest.approx(0.15, rel=1e-3)
@@ -137,7 +140,9 @@ def test_the_tip_moves_as_fast_as_it_may(iiwa, home):
 
 @settings(max_examples=25)
 @given(limit, limit, limit, st.floats(0.02, 0.3))
-def test_it_takes_what_seven_phases_take(pendulum, velocity, acceleration, jerk, d):
+def test_a_motion_takes_the_time_of_its_seven_phases(
+    pendulum, velocity, acceleration, jerk, d
+):
     tip = TipLimits(
         velocity=velocity, acceleration=acceleration, jerk=jerk, angle_weight=0.0
     )
@@ -188,7 +193,7 @@ def test_joints_keep_their_limits_however_fast_the_tip_may_be(iiwa, direction, s
     trajectory = tip_limited_trajectory(iiwa, waypoints, limits, fast)
     assert_at_rest(trajectory, waypoints)
     assert_joints_within(trajectory, limits)
-    # It is no slower than it has to be: some joint is near a limit somewhere.
+    # It is no slower than it must be: some joint is near a limit somewhere.
     _, _, v, a = sampled(trajectory)
     use = max(
         np.max(np.abs(v) / limits.velocity),
@@ -206,7 +211,7 @@ def test_a_path_around_something_goes_through_its_waypoints(iiwa, home):
     assert_joints_within(trajectory, limits_of(iiwa))
     _, q, _, _ = sampled(trajectory, 2000)
     assert np.min(np.linalg.norm(q - corner, axis=1)) < 2e-3
-    # Elsewhere, too, it stays near the lines between them.
+    # Elsewhere it stays near the lines between them.
     path = np.concatenate(
         [np.linspace(a, b, 500) for a, b in [(home, corner), (corner, end)]]
     )
@@ -227,7 +232,7 @@ def test_a_joint_line_between_far_postures_is_followed(iiwa, home):
     assert np.max(speed) > 0.8 * THESIS.velocity  # the hand's turn counts, too
 
 
-def test_motion_that_leaves_the_tip_where_it_is_takes_the_joints_time(iiwa, home):
+def test_a_turn_about_the_tip_takes_the_time_that_the_joints_need(iiwa, home):
     waypoints = np.array([home, home + np.eye(7)[6]])
     tip = TipLimits(angle_weight=0.0, velocity=10.0, acceleration=100.0, jerk=2000.0)
     trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), tip)
@@ -246,7 +251,7 @@ def test_standing_still_takes_next_to_no_time(iiwa, home, count):
 
 @settings(max_examples=20)
 @given(st.floats(-9.0, -1.0))
-def test_small_moves_are_moves(iiwa, exponent):
+def test_tiny_moves_reach_their_end(iiwa, exponent):
     home = np.array([0.0, -0.1, 0.0, -1.9, 0.0, 1.3, 0.0])
     waypoints = np.array([home, home + 10.0**exponent])
     trajectory = tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
@@ -267,7 +272,7 @@ def test_the_same_path_gives_the_same_motion(iiwa, home):
     )
 
 
-def test_what_stands_in_the_way_is_named(iiwa, home):
+def test_the_obstacle_in_the_way_is_named(iiwa, home):
     waypoints = line(iiwa, home, np.array([0.0, 0.3, 0.0]))
     middle = iiwa.X_WG(waypoints[len(waypoints) // 2]).translation()
     with iiwa.standing(Sphere(0.02), RigidTransform(middle)):
@@ -278,12 +283,12 @@ def test_what_stands_in_the_way_is_named(iiwa, home):
 
 
 @pytest.mark.parametrize("waypoints", [np.zeros(7), np.zeros((2, 6))])
-def test_nonsense_is_refused(iiwa, waypoints):
+def test_invalid_arguments_are_refused(iiwa, waypoints):
     with pytest.raises(ValueError, match="shape"):
         tip_limited_trajectory(iiwa, waypoints, limits_of(iiwa), THESIS)
 
 
-def test_limits_are_read_from_yaml():
+def test_limits_are_loaded_from_yaml():
     tip = load_typed(TipLimits, {"velocity": 0.2, "jerk": 1}, "file")
     assert tip == TipLimits(velocity=0.2, jerk=1.0)
     with pytest.raises(ScenarioError, match=r"file: jerk: must be greater than 0\.0"):

@@ -19,7 +19,7 @@ from drake_srg.planning.motion.paths import (
 from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_trajectory
 from drake_srg.types import Box, Failure
 
-# Velocity and acceleration limits hold by construction; this is rounding of sums.
+# Velocity and acceleration limits hold by construction, but for rounded sums.
 ROUNDING = 1e-9
 # Torque limits hold at the knots, 0.04 s apart. Between them the acceleration is
 # linear, but gravity and Coriolis torques bend a little.
@@ -30,7 +30,7 @@ unit = st.floats(-1.0, 1.0)
 
 
 def free_postures(scene, values):
-    """Free postures around one over the table, from numbers in -1..1, shape (k, N)."""
+    """Return free postures over the table, (k, N), from numbers in -1 .. 1."""
     middle = np.array([0.0, 0.2, 0.0, -1.5, 0.0, 1.2, 0.0])
     spread = np.array([1.5, 0.4, 0.5, 0.5, 1.0, 0.7, 1.5])
     postures = middle + spread * np.array(values).reshape(-1, 7)
@@ -39,7 +39,7 @@ def free_postures(scene, values):
 
 
 def sampled(trajectory, count=1000):
-    """Times and q, v, a at them, each shape (count, N)."""
+    """Return times, and q, v and a at these, each of shape (count, N)."""
     times = np.linspace(0.0, trajectory.end_time(), count)
     derivatives = [
         np.array([trajectory.EvalDerivative(t, order)[:, 0] for t in times])
@@ -49,7 +49,7 @@ def sampled(trajectory, count=1000):
 
 
 def trapezoid_time(q_1, q_2, limits):
-    """Least time for a straight joint line under velocity and acceleration limits."""
+    """Return the least time for a straight joint line within the limits [s]."""
     move = np.abs(q_2 - q_1)
     if np.max(move) < 1e-6:
         return 0.0
@@ -59,7 +59,7 @@ def trapezoid_time(q_1, q_2, limits):
 
 
 def torques_of(scene, q, v, a):
-    """Joint torques of the motion, shape like q [N m]."""
+    """Return the joint torques of the motion, of the shape of q [N m]."""
     plant, context = scene.plant, scene.plant.CreateDefaultContext()
     torques = []
     for q_i, v_i, a_i in zip(q, v, a, strict=True):
@@ -81,7 +81,7 @@ def assert_within(scene, trajectory, limits):
     tau = torques_of(scene, q[::10], v[::10], a[::10])
     assert np.all(np.abs(tau) <= limits.torque * (1.0 + TORQUE_SLACK))
     assert trajectory.start_time() == 0.0
-    # At rest, and smoothly so.
+    # It begins and ends at rest, without acceleration.
     for x in (v[0], v[-1], a[0], a[-1]):
         np.testing.assert_allclose(x, 0.0, atol=1e-9)
 
@@ -101,14 +101,14 @@ def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
     along = (q - q_1) @ (q_2 - q_1) / np.sum((q_2 - q_1) ** 2)
     np.testing.assert_allclose(q, q_1 + along[:, None] * (q_2 - q_1), atol=1e-9)
     assert np.all(np.diff(along) >= -1e-9)
-    # The ramps cost two intervals; the grid of TOPPRA costs a little.
+    # The ramps cost two intervals, TOPPRA's grid a little.
     fastest = trapezoid_time(q_1, q_2, limits)
     assert fastest <= trajectory.end_time() <= 1.03 * fastest + 2.2 * RAMP
 
 
 @settings(max_examples=15, deadline=None)
 @given(st.lists(unit, min_size=28, max_size=28), st.sampled_from([0.02, 0.2]))
-def test_polylines_keep_the_limits_and_stay_near_and_are_no_slower_than_stopping(
+def test_polylines_keep_the_limits_stay_near_and_are_no_slower_than_stopping(
     iiwa, values, rounding
 ):
     waypoints = free_postures(iiwa, values)
@@ -125,7 +125,7 @@ def test_polylines_keep_the_limits_and_stay_near_and_are_no_slower_than_stopping
     assert all(iiwa.clearance(x).spare >= -0.002 for x in q[::5])
     ways = np.diff(waypoints, axis=0)
     if rounding == 0.2 and np.all(np.sum(ways[:-1] * ways[1:], axis=1) >= 0.0):
-        # Going on beats stopping, unless a corner turns back on a narrow curve.
+        # Going on is faster than stopping, unless a corner turns back sharply.
         stopping = sum(trapezoid_time(*edge, limits) + 2 * RAMP for edge in edges)
         assert trajectory.end_time() <= stopping
 
@@ -152,7 +152,7 @@ def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
         trajectory = time_optimal_trajectory(iiwa, path, limits)
         again = time_optimal_trajectory(iiwa, path, limits)
         _, q, _, _ = sampled(trajectory)
-        # Grazing by 1 mm is allowed, and as much again between the checks.
+        # The margin may be broken by 1 mm, and by another 1 mm between checks.
         assert min(iiwa.clearance(x).spare for x in q) >= -0.002
     assert_within(iiwa, trajectory, limits)
     for first, second in zip(
@@ -161,7 +161,7 @@ def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
         np.testing.assert_array_equal(first, second)
 
 
-def test_a_line_of_the_hand_stays_a_line_in_time(iiwa, home):
+def test_a_timed_line_of_the_hand_stays_a_line(iiwa, home):
     X_start = iiwa.X_WG(home)
     target = HandTarget.from_pose(X_start).shifted(np.array([0.1, 0.05, -0.1]))
     path = plan_cartesian_path(iiwa, home, target)
@@ -171,7 +171,7 @@ def test_a_line_of_the_hand_stays_a_line_in_time(iiwa, home):
     way /= np.linalg.norm(way)
     for q in sampled(trajectory, 100)[1]:
         offset = iiwa.X_WG(q).translation() - X_start.translation()
-        # 1e-3 rad of rounding, at up to 1 m from the joint that it turns.
+        # Rounding is 1e-3 rad, at up to 1 m from the joint that turns.
         assert np.linalg.norm(offset - (offset @ way) * way) < 1e-3
     assert_within(iiwa, trajectory, limits)
 
@@ -183,8 +183,8 @@ def test_jerk_falls_with_the_ramp(iiwa, home):
         trajectory = time_optimal_trajectory(iiwa, waypoints, limits, ramp=ramp)
         times, _, _, a = sampled(trajectory)
         jerk = np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None]
-        # From one limit to the other within a ramp, at worst; the interval is
-        # rounded down to a whole number of them.
+        # At worst, acceleration goes from one limit to the other within a ramp. The
+        # motion is divided into a whole number of ramps, which may be shorter.
         assert np.all(jerk <= 2.5 * limits.acceleration / ramp)
 
 
@@ -198,14 +198,14 @@ def test_standing_still_takes_no_more_than_two_ramps(iiwa, home):
     np.testing.assert_allclose(v, 0.0, atol=1e-12)
 
 
-def test_the_pendulum_states_its_limits(pendulum):
+def test_limits_are_those_of_the_model(pendulum):
     limits = MotionLimits.of_plant(pendulum)
     np.testing.assert_allclose(limits.velocity, [2.0, 3.0])
     np.testing.assert_allclose(limits.acceleration, [10.0, 20.0])
     np.testing.assert_allclose(limits.torque, [13.0, 13.0])
 
 
-def test_torque_slows_what_lifts_a_weight(pendulum):
+def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(pendulum):
     # Level, 2 kg at 0.5 m take 9.81 N m to hold; of 13 N m, 3.2 are left to lift.
     # About y, a negative angle is up.
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
@@ -229,7 +229,7 @@ def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
     assert "torque" in failure.message
 
 
-def test_a_payload_slows_and_can_be_too_much(pendulum, loaded_pendulum):
+def test_a_payload_slows_the_arm_and_can_be_too_heavy(pendulum, loaded_pendulum):
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
     limits = MotionLimits.of_plant(pendulum)
     bare = time_optimal_trajectory(pendulum, waypoints, limits)
@@ -254,6 +254,6 @@ def test_a_payload_slows_and_can_be_too_much(pendulum, loaded_pendulum):
         (np.zeros((2, 7)), {"ramp": -0.1}, "positive"),
     ],
 )
-def test_nonsense_is_refused(iiwa, waypoints, changes, message):
+def test_invalid_arguments_are_refused(iiwa, waypoints, changes, message):
     with pytest.raises(ValueError, match=message):
         time_optimal_trajectory(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)

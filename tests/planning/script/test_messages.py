@@ -33,7 +33,7 @@ def config(*messages, rate=25.0):
 
 
 def sent(messages):
-    """What a client sends, message by message: (topic, value)."""
+    """Yield what a client sends, message by message: (topic, value)."""
     for message in messages:
         if message.kuka is not None:
             yield from [("kuka", message.kuka)] * message.count
@@ -45,7 +45,7 @@ def sent(messages):
 
 
 @given(routines, st.sampled_from([10.0, 25.0, 100.0]))
-def test_at_any_time_the_last_messages_hold(messages, rate):
+def test_the_last_messages_hold_at_any_time(messages, rate):
     planner = ScriptedPlanner(
         np.zeros(2), message_script(config(*messages, rate=rate), 2), jumps=True
     )
@@ -57,7 +57,7 @@ def test_at_any_time_the_last_messages_hold(messages, rate):
             position = np.deg2rad(value)
         else:
             closure = value / 100
-        # In the middle of the time till the next, and as that begins; not each.
+        # Check some messages only, at their time and half way to the next.
         if k % 37 and k < len(all_sent) - 1:
             continue
         for time in (k / rate, (k + 0.5) / rate):
@@ -69,14 +69,14 @@ def test_at_any_time_the_last_messages_hold(messages, rate):
 
 
 @given(routines)
-def test_a_script_takes_the_time_of_its_messages(messages):
+def test_a_script_takes_as_long_as_its_messages(messages):
     messages = config(*messages)
     duration = sum(step.duration for step in message_script(messages, 2))
     assert duration == pytest.approx(messages.number() / 25.0 + messages.rest)
     assert messages.number() == len(list(sent(messages.routines["all"])))
 
 
-def test_a_ramp_has_a_message_an_integer():
+def test_a_ramp_has_one_message_per_integer():
     script = message_script(config(MessageConfig(grasp=[0, 1000])), 7)[:-1]
     assert [step.closure for step in script] == [i / 100 for i in range(101)]
     np.testing.assert_allclose([s.duration for s in script[:-1]], 0.4)
@@ -108,14 +108,14 @@ def test_a_ramp_has_a_message_an_integer():
         (MessagesConfig(), r"messages.sequence: needs a routine with messages"),
     ],
 )
-def test_what_cannot_be_sent_is_named(messages, error):
+def test_invalid_messages_are_refused(messages, error):
     with pytest.raises(ValueError, match=error):
         message_script(messages, 2)
 
 
 @pytest.mark.parametrize("name", ["thesis_kitchen", "thesis_kitchen_tendon"])
-def test_the_demonstration_is_the_theses(name):
-    """Counted by hand from the thesis's client: messages of each call, and all."""
+def test_the_demonstration_is_that_of_the_thesis(name):
+    """Numbers of messages per call and in all, counted in the thesis's client."""
     scenario = load_scenario(name)
     messages = scenario.messages
     assert messages.rate == 25.0

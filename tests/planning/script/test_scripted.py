@@ -23,7 +23,7 @@ SCRIPT = [
 
 @pytest.fixture
 def at():
-    """Reads an output port at a time."""
+    """Return a function that reads an output port at a time."""
     planner = ScriptedPlanner(HOME, SCRIPT)
     context = planner.CreateDefaultContext()
 
@@ -34,7 +34,7 @@ def at():
     return read_at
 
 
-def test_the_ports_are_a_planners():
+def test_its_ports_are_those_of_a_planner():
     _, outputs = port_table(ScriptedPlanner(HOME, SCRIPT))
     assert outputs == {
         "position_commanded": 2,
@@ -74,7 +74,7 @@ def test_a_step_begins_at_a_time_that_is_rounded(at):
     ("time", "position"),
     [
         (0.0, HOME),
-        (0.5, [0.3, -0.1]),  # half way at half time
+        (0.5, [0.3, -0.1]),  # half way after half of the time
         (1.0, [0.5, 0.0]),
         (1.3, [0.5, 0.0]),  # stays
         (2.5, [0.5, 0.2]),
@@ -87,8 +87,8 @@ def test_the_arm_moves_from_step_to_step(at, time, position):
 
 
 @given(st.floats(-0.5, 1.5))
-def test_the_blend_goes_from_rest_to_rest_without_going_back(s):
-    # The classic: 10 s³ - 15 s⁴ + 6 s⁵.
+def test_the_blend_never_goes_back(s):
+    # The minimum-jerk polynomial is 10 s³ - 15 s⁴ + 6 s⁵.
     x = np.clip(s, 0.0, 1.0)
     assert minimum_jerk_blend(s) == pytest.approx(10 * x**3 - 15 * x**4 + 6 * x**5)
     assert 0.0 <= minimum_jerk_blend(s) <= minimum_jerk_blend(s + 0.01) <= 1.0 + 1e-12
@@ -100,13 +100,13 @@ def test_the_blend_starts_and_ends_at_rest():
         assert abs(speed) < 1e-6
 
 
-def test_a_script_has_steps_that_fit_the_arm():
+def test_a_script_needs_steps_that_fit_the_arm():
     with pytest.raises(ValueError, match="script: needs at least one step"):
         ScriptedPlanner(HOME, [])
     with pytest.raises(ValueError, match=r"script\[1\]\.arm: needs .* \(2\), got 1"):
         ScriptedPlanner(HOME, [SCRIPT[0], ScriptStep(arm=[1.0])])
 
 
-def test_a_steps_modes_are_those_of_a_cycle_under_way():
+def test_steps_have_modes_of_a_cycle_under_way():
     assert {"grasp", "close", "lift", "transfer", "place", "home"} < set(SCRIPT_MODES)
     assert not {"idle", "done", "failed"} & set(SCRIPT_MODES)

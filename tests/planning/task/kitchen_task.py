@@ -1,4 +1,4 @@
-"""The kitchen's can, taken to its mark; and what to look at in the motions."""
+"""The task of the kitchen's can, and helpers to look at its motions."""
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -19,7 +19,7 @@ def samples(trajectory, count=40):
 
 
 def assert_joined(planner, task):
-    """Each motion begins where the last one ends, from home to home."""
+    """Assert that each motion begins where the last one ends, from home to home."""
     q = planner.q_home
     for mode in MOVING:
         start, end = ends(task.motions[mode])

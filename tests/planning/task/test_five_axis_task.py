@@ -24,13 +24,13 @@ from planning.task.kitchen_task import assert_joined, ends
 SCENARIO = load_scenario("assistive_arm")
 CYLINDER = Cylinder(0.0125, 0.05)
 GOAL = goal_pose(SCENARIO, CYLINDER)
-BASE = np.array([0.0, -0.17282])  # joint 1's axis
+BASE = np.array([0.0, -0.17282])  # of joint 1's axis, x and y [m]
 UP = np.array([0.0, 0.0, 1.0])
 HELD = [Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
 
 
 def at(radius, azimuth=0.0, lean=0.0, off=0.0, up=1):
-    """A cylinder on table 1; angles in degrees.
+    """Return the pose of a cylinder on table 1; angles are in degrees.
 
     Args:
         radius: Of its middle from joint 1's axis [m].
@@ -76,7 +76,7 @@ def tasks(planner):
 
 @pytest.fixture(params=POSES)
 def posed(request, tasks):
-    """A pose, and the task that is planned for it."""
+    """Return a pose, and the task that is planned for it."""
     task = tasks[request.param]
     assert not isinstance(task, PlanningFailure), task.message
     return POSES[request.param], task
@@ -88,7 +88,7 @@ def samples(trajectory, count=25):
 
 
 def axis_angle(X_WO, axis_W):
-    """Angle between an object's axis and a line [rad]."""
+    """Return the angle between an object's axis and a line [rad]."""
     z = X_WO.rotation().matrix()[:, 2]
     return np.arctan2(np.linalg.norm(np.cross(z, axis_W)), abs(z @ axis_W))
 
@@ -108,8 +108,8 @@ def test_the_hand_grasps_at_the_middle_with_the_pads_along_the_axis(planner, pos
     axis_W = X_WO.rotation().matrix()[:, 2]
     angle = axis_angle(X_held, axis_W)
     if abs(axis_W[2]) < 0.1:
-        # Closing pads turn what lies across them, by up to 16 degrees, when the palm is
-        # right above it. SNOPT's cosines are right to 1e-6: here 1e-3 rad.
+        # With the palm right above it, closing pads turn an object that lies across
+        # them, by up to 16 degrees. SNOPT's cosines are right to 1e-6: here 1e-3 rad.
         assert angle < np.deg2rad(16.0) + 1e-3
         down = X_WG.rotation().matrix()[:, 0]
         np.testing.assert_allclose(down, -UP, atol=0.004)
@@ -117,7 +117,7 @@ def test_the_hand_grasps_at_the_middle_with_the_pads_along_the_axis(planner, pos
         assert angle < 0.004
 
 
-def test_the_object_stands_where_it_is_let_go(planner, posed):
+def test_the_object_stands_upright_when_it_is_released(planner, posed):
     _, task = posed
     X_WO = planner.scene.X_WG(ends(task.motions[Mode.PLACE])[1]) @ task.grasp.X_GO
     above = planner.config.place_height * UP
@@ -127,7 +127,7 @@ def test_the_object_stands_where_it_is_let_go(planner, posed):
     assert axis_angle(X_WO, UP) < 0.006
 
 
-def test_it_goes_straight_into_the_recess(planner, posed):
+def test_the_object_goes_straight_into_the_recess(planner, posed):
     _, task = posed
     for q in samples(task.motions[Mode.PLACE]):
         X_WO = planner.scene.X_WG(q) @ task.grasp.X_GO
@@ -137,7 +137,7 @@ def test_it_goes_straight_into_the_recess(planner, posed):
         assert axis_angle(X_WO, UP) < 0.01
 
 
-def test_all_keeps_clear(planner, posed):
+def test_all_motions_keep_clear(planner, posed):
     _, task = posed
     scene = planner.scene
     for mode in MOVING:
@@ -145,11 +145,11 @@ def test_all_keeps_clear(planner, posed):
         scene.SetFingers(task.grasp.fingers_closed if held else task.grasp.fingers_open)
         for q in samples(task.motions[mode]):
             clearance = scene.clearance(q)
-            # Corners of timed paths are rounded: some of the margin goes, not all.
+            # Rounded corners of timed paths use up some of the margin, not all.
             assert clearance.distance > 0.0, (mode, str(clearance))
 
 
-def test_what_is_carried_hits_nothing(planner, posed):
+def test_the_carried_object_hits_nothing(planner, posed):
     _, task = posed
     scene = planner.scene
     scene.SetFingers(task.grasp.fingers_closed)
@@ -169,7 +169,7 @@ def test_what_is_carried_hits_nothing(planner, posed):
         (at(0.6), Failure.OUT_OF_REACH, "mm"),
     ],
 )
-def test_it_says_why_not(planner, X_WO, failure, words):
+def test_a_failure_gives_its_reason(planner, X_WO, failure, words):
     result = planner.plan(planner.q_home, X_WO, CYLINDER, GOAL)
     assert isinstance(result, PlanningFailure)
     assert result.failure is failure
@@ -177,14 +177,14 @@ def test_it_says_why_not(planner, X_WO, failure, words):
 
 
 def exactly(scene, q, p_GT):
-    """The five-joint task at the posture `q`: the tip, and the pads' axis."""
+    """Return the five-joint task at the posture `q`: the tip, and the pads' axis."""
     X_WG = scene.X_WG(q)
     axis = AxisTarget(UP, X_WG.rotation().matrix()[:, 2], angle=0.0)
     return HandTarget(X_WG @ p_GT, axes=(axis,), p_GT=p_GT, position_tolerance=0.0)
 
 
 def least_gain(scene, q, p_GT):
-    """Smallest singular value of the task's Jacobian, (5, 5) [m/rad, rad/rad]."""
+    """Return the least singular value of the task's Jacobian [m/rad, rad/rad]."""
     X_WG, plant = scene.X_WG(q), scene.plant
     J = plant.CalcJacobianSpatialVelocity(
         scene.context, JacobianWrtVariable.kQDot, scene.hand_frame, p_GT,
@@ -199,10 +199,10 @@ fives = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5).map(np.array)
 
 @settings(max_examples=60)
 @given(fives, fives)
-def test_both_inverse_kinematics_agree_on_the_five_joint_task(planner, where, aside):
+def test_both_solvers_agree_on_the_five_joint_task(planner, where, aside):
     scene, p_GT = planner.scene, planner.hand.p_GT
     middle, half = 0.5 * (scene.upper + scene.lower), 0.5 * (scene.upper - scene.lower)
-    # Starts stay within the limits, and poses where joints can move the hand at all.
+    # Starts stay within the limits, and away from singular postures.
     q = middle + (half - 0.15) * where
     assume(least_gain(scene, q, p_GT) > 0.05)
     target, start = exactly(scene, q, p_GT), q + 0.1 * aside
@@ -221,7 +221,7 @@ def test_both_inverse_kinematics_agree_on_the_five_joint_task(planner, where, as
         np.testing.assert_allclose(z, axis_W, atol=1e-6)
 
 
-def test_an_exact_axis_is_not_met_by_its_opposite(planner):
+def test_the_opposite_of_an_exact_axis_is_no_solution(planner):
     scene, p_GT = planner.scene, planner.hand.p_GT
     target = exactly(scene, np.deg2rad([0.0, 0.0, 0.0, -70.0, 5.0]), p_GT)
     # From here, the opposite is nearer.

@@ -34,7 +34,7 @@ def test_the_grasp_is_at_the_object_and_the_release_at_the_goal(planner, task):
     options = planner.config
     _, q_grasp = ends(task.motions[Mode.GRASP])
     _, q_place = ends(task.motions[Mode.PLACE])
-    # Inverse kinematics and the line's follower allow 0.1 mm each.
+    # Inverse kinematics and following a line allow 0.1 mm each.
     grasped = object_in_world(planner, task, q_grasp)
     np.testing.assert_allclose(grasped, START.translation(), atol=2.5e-4)
     placed = object_in_world(planner, task, q_place)
@@ -45,7 +45,7 @@ def test_the_grasp_is_at_the_object_and_the_release_at_the_goal(planner, task):
 def test_lifting_goes_straight_up(planner, task):
     path = [object_in_world(planner, task, q) for q in samples(task.motions[Mode.LIFT])]
     path = np.array(path)
-    # A millimetre is the rounding of a straight path's corners, 1e-3 rad over 1 m.
+    # Rounding a straight path's corners by 1e-3 rad over 1 m makes 1 mm.
     np.testing.assert_allclose(path[:, :2] - path[0, :2], 0.0, atol=1e-3)
     assert path[-1, 2] - path[0, 2] == pytest.approx(
         planner.config.lift_height, abs=1e-3
@@ -75,7 +75,7 @@ def test_motions_keep_clear_of_other_objects(planner, task):
             assert planner.scene.clearance(q).distance > 0.0
 
 
-def test_what_is_carried_keeps_clear_of_what_it_passes_over(planner, task):
+def test_a_carried_object_keeps_clear_of_what_it_passes_over(planner, task):
     # As high as the bottom of the carried can, in the middle of its way across.
     p_way = object_in_world(planner, task, samples(task.motions[Mode.TRANSFER], 3)[1])
     top = p_way[2] - 0.5 * CAN.length
@@ -89,7 +89,7 @@ def test_what_is_carried_keeps_clear_of_what_it_passes_over(planner, task):
     ):
         for q in samples(over.motions[Mode.TRANSFER]):
             found = scene.clearance(q)
-            # Rounded corners may graze what keeps its distance by a millimetre.
+            # Rounded corners may break the margin by a millimetre.
             assert found.distance > planner.config.hand_clearance - 1e-3, found
             up = (scene.X_WG(q) @ over.grasp.X_GO).rotation().matrix()[:, 2]
             assert up[2] > np.cos(np.deg2rad(1.0))  # over it, not around it

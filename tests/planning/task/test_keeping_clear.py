@@ -1,4 +1,4 @@
-"""What the planner makes of obstacles: the system in its world, and real motions."""
+"""Keeping clear of obstacles: the planner in its world, and real motions."""
 
 import dataclasses as dc
 
@@ -16,24 +16,24 @@ WALL = Obstacle(Box([0.1, 0.02, 0.3]), RigidTransform([0.5, 0.3, 0.15]))
 AWAY = Obstacle(Box([0.05, 0.05, 0.1]), RigidTransform([0.4, -0.3, 0.05]))
 
 
-# The system.
+# The planner in its world.
 
 
-def test_obstacles_that_are_seen_are_planned_around():
+def test_visible_obstacles_are_planned_around():
     world = World()
     world.unknown = lambda mode: [WALL]
     assert world.run().mode is Mode.DONE
     assert world.task_planner.obstacles == ((WALL.shape, WALL.X_WO),)
 
 
-def test_what_gets_in_the_way_during_the_approach_is_planned_around():
+def test_an_obstacle_that_appears_during_the_approach_is_planned_around():
     world = World(look_before_grasp=True)
     world.unknown = lambda mode: [WALL] if Mode.PRE_GRASP in world.trace else []
     calls = []
     world.task_planner.plan = record(calls, world.task_planner.plan)
     world.task_planner.hit = "lift: palm and obstacle"
     status = world.run()
-    # The fake says of every way that it is blocked: after three it is tried.
+    # The fake calls every way blocked; after three detours the planner tries anyway.
     assert world.trace.count(Mode.PRE_GRASP) == 4
     assert (status.mode, status.attempts) == (Mode.DONE, 1)
     assert calls[0] == ()
@@ -49,14 +49,14 @@ def record(calls, plan):
     return recorded
 
 
-def test_what_is_not_in_the_way_changes_nothing():
+def test_an_obstacle_out_of_the_way_changes_nothing():
     world = World(look_before_grasp=True)
     world.unknown = lambda mode: [AWAY]
     assert world.run().mode is Mode.DONE
     assert world.trace == CYCLE
 
 
-def test_what_the_arm_may_hide_is_remembered():
+def test_an_obstacle_that_the_arm_may_hide_is_remembered():
     world = World(look_before_grasp=True)
     moved, there = START + np.array([0.03, 0.0, 0.0]), world.where
     world.unknown = lambda mode: [WALL] if Mode.PRE_GRASP not in world.trace else []
@@ -72,7 +72,7 @@ def test_what_the_arm_may_hide_is_remembered():
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_what_gets_onto_the_goal_meanwhile_blocks_it(hidden):
+def test_an_obstacle_that_appears_on_the_goal_blocks_it(hidden):
     world = World(look_before_place=True)
     there, flags = world.where, frozenset({BlobFlag.UNCERTAIN})
 
@@ -93,7 +93,7 @@ def test_what_gets_onto_the_goal_meanwhile_blocks_it(hidden):
     assert world.trace[-2] is Mode.TRANSFER
 
 
-def test_what_looks_like_the_object_but_is_in_the_table_is_an_obstacle():
+def test_a_look_alike_inside_the_table_is_an_obstacle():
     world = World()
     seen = [blob([0.5, 0.2, 0.03], quality=0.95), blob(START, quality=0.5)]
     around = Obstacle(Box([0.07, 0.07, 0.1]), RigidTransform(START))
@@ -115,7 +115,7 @@ def planner():
 
 
 def cage(*angles):
-    """Walls as high as the can, 9 cm beside it, in directions given in degrees."""
+    """Return walls as high as the can, 9 cm beside it, at angles in degrees."""
     walls = []
     for angle in np.deg2rad(angles):
         aside = 0.09 * np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -130,14 +130,14 @@ HERE, THERE = RigidTransform(START), RigidTransform([0.55, -0.42, 0.05])
 
 
 @pytest.mark.parametrize("turn", [0, 30, 60])
-def test_the_hand_turns_to_where_it_fits_between_obstacles(planner, turn):
+def test_the_hand_turns_until_it_fits_between_obstacles(planner, turn):
     walls = cage(turn, turn + 90, turn + 180)
     task = planner.plan(planner.q_home, HERE, CAN, THERE, walls)
     assert not isinstance(task, PlanningFailure), task.message
     assert planner.obstruction(task, CAN, walls) is None
 
 
-def test_an_obstacle_on_the_way_is_told(planner):
+def test_an_obstacle_on_the_way_is_named(planner):
     task = planner.plan(planner.q_home, HERE, CAN, THERE)
     motion = task.motions[Mode.TRANSFER]
     q = motion.value(0.5 * motion.end_time())[:, 0]
@@ -156,15 +156,15 @@ def test_the_arm_is_not_its_own_obstacle(planner):
 
 
 @pytest.mark.parametrize(("gap", "itself"), [(0.005, True), (0.1, False)])
-def test_what_is_seen_just_beside_the_hand_is_the_hand(planner, gap, itself):
-    """Of a finger, an image shows its rim some pixels from where it is."""
+def test_a_speck_just_beside_the_hand_is_the_hand(planner, gap, itself):
+    """Images show the rim of a finger some pixels away from where it is."""
     q, X_WG = planner.q_home, planner.scene.X_WG(planner.q_home)
 
     def speck(y):
         return Box([0.004] * 3), X_WG @ RigidTransform([0.05, y, 0.0])
 
     planner.scene.SetFingers({})
-    # Along the palm's y, how far out the hand reaches.
+    # How far the hand reaches along the palm's y.
     side = next(
         y for y in np.arange(0.3, 0.0, -0.0005) if planner.scene.touches(q, *speck(y))
     )
@@ -177,11 +177,11 @@ def test_what_is_seen_just_beside_the_hand_is_the_hand(planner, gap, itself):
     ("height", "rests"),
     [(0.0, True), (0.002, True), (-0.002, True), (0.008, False), (-0.006, False)],
 )
-def test_things_rest_on_the_table(planner, height, rests):
+def test_an_object_rests_on_the_table_within_tolerance(planner, height, rests):
     assert planner.rests(CAN, RigidTransform(START + height * UP)) == rests
 
 
-def test_a_goal_that_is_taken_is_told(planner):
+def test_an_occupied_goal_blocks_the_plan(planner):
     taken = (Box([0.05, 0.05, 0.1]), THERE)
     task = planner.plan(planner.q_home, HERE, CAN, THERE, [taken])
     assert task.failure is Failure.BLOCKED

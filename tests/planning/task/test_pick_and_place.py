@@ -12,9 +12,6 @@ CARRYING = [Mode.PRE_GRASP, Mode.GRASP, Mode.CLOSE, Mode.VERIFY, Mode.LIFT]
 ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
 
 
-# The system, in a world where everything goes as planned unless told otherwise.
-
-
 def test_ports():
     planner = make_planner()
     inputs = {
@@ -27,7 +24,7 @@ def test_ports():
     assert planner.GetOutputPort("position_commanded").size() == 2
 
 
-def test_a_cycle_where_all_goes_well():
+def test_a_smooth_cycle_goes_through_all_modes():
     world = World()
     status = world.run()
     assert world.trace == CYCLE
@@ -38,7 +35,7 @@ def test_a_cycle_where_all_goes_well():
     np.testing.assert_array_equal(call[1].translation(), START)
 
 
-def test_the_fingers_close_on_the_object_and_open_to_let_go():
+def test_the_fingers_close_on_the_object_and_open_to_release_it():
     world = World()
     world.run()
     grasp = world.task_planner.grasp
@@ -68,17 +65,17 @@ def test_planning_takes_simulated_time():
         world = World(latency=latency)
         world.run()
         begun = world.began[Mode.PRE_GRASP]
-        # Two events at most lie between the decision and the motion.
+        # At most two updates lie between the decision and the motion.
         assert latency <= begun + 1e-9 <= latency + 2 * world.period
 
 
-def test_time_may_begin_anywhere():
+def test_the_simulation_may_begin_at_any_time():
     world = World(start=100.0, time_budget=10.0)
     assert world.run().mode is Mode.DONE
     assert world.status.localized_at == 100.0
 
 
-def test_images_are_asked_for_only_when_they_are_needed():
+def test_cameras_are_evaluated_only_when_the_planner_looks():
     world = World()
     status = world.run()
     # Once before the grasp and once at home, to see the object on its goal.
@@ -86,7 +83,7 @@ def test_images_are_asked_for_only_when_they_are_needed():
     assert status.looks == 2
 
 
-def test_an_object_that_is_nowhere_is_looked_for_and_given_up():
+def test_an_object_that_is_nowhere_is_given_up_after_the_search_time():
     world = World(search_time=0.5, search_period=0.25)
     world.where = lambda mode: []
     status = world.run()
@@ -106,7 +103,7 @@ def test_an_object_that_appears_later_is_found():
     assert status.localized_at == pytest.approx(0.25, abs=world.period)
 
 
-def test_the_best_blob_of_the_right_name_counts():
+def test_the_best_blob_of_the_right_name_is_taken():
     world = World()
     good, bad = blob(START), blob([9.0, 9.0, 9.0], quality=0.5)
     other = blob([8.0, 8.0, 8.0], name="cup", quality=1.0)
@@ -116,7 +113,7 @@ def test_the_best_blob_of_the_right_name_counts():
 
 
 @pytest.mark.parametrize("failure", [Failure.BLOCKED, Failure.OUT_OF_REACH])
-def test_where_there_is_no_plan_the_reason_is_told(failure):
+def test_a_task_without_a_plan_fails_for_the_planner_s_reason(failure):
     world = World()
     world.task_planner.result = PlanningFailure(failure, "there is a wall")
     status = world.run()
@@ -133,12 +130,12 @@ def test_after_a_failed_grasp_the_arm_escapes_and_tries_again():
     assert world.trace == [*CYCLE[:5], *ESCAPE, *CYCLE]
     assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 2)
     assert len(world.task_planner.calls) == 2
-    # The way out is planned for the fingers as they are then.
+    # The escape is planned for open fingers.
     assert world.task_planner.fingers == world.task_planner.grasp.fingers_open
 
 
 @pytest.mark.parametrize("attempts", [1, 2])
-def test_no_grasp_after_all_attempts(attempts):
+def test_the_task_fails_after_all_attempts_to_grasp(attempts):
     world = World(max_attempts=attempts)
     world.holding = lambda mode: False
     status = world.run()
@@ -150,10 +147,11 @@ def test_no_grasp_after_all_attempts(attempts):
 
 @pytest.mark.parametrize(("share", "held"), [(0.4, True), (0.6, False), (1.0, False)])
 def test_fingers_that_close_too_far_hold_nothing(share, held):
-    """`share` of the way from the angle at contact to that of an empty hand."""
+    """Close by a share of the way from contact to the angle of an empty hand."""
     world = World(max_attempts=1)
     expected = world.task_planner.grasp.base_angle
-    world.base_angle = (1.0 - share) * expected + share * EMPTY_BASE_ANGLE
+    angle = (1.0 - share) * expected + share * EMPTY_BASE_ANGLE
+    world.base_angle = lambda mode: angle
     assert (world.run().failure is None) == held
     assert (Mode.LIFT in world.trace) == held
 
@@ -170,7 +168,7 @@ def test_an_object_lost_on_the_way_is_dropped(lost_in):
     assert "got lost" in status.message
 
 
-def test_a_dropped_object_that_is_not_seen_again_was_dropped():
+def test_a_dropped_object_that_is_not_seen_again_is_reported_as_dropped():
     world = World(max_attempts=2)
     world.holding = lambda mode: mode in (Mode.CLOSE, Mode.VERIFY)
     there = world.where
@@ -180,7 +178,7 @@ def test_a_dropped_object_that_is_not_seen_again_was_dropped():
 
 
 @pytest.mark.parametrize(("off", "failure"), [(4e-3, None), (6e-3, Failure.MISPLACED)])
-def test_the_goal_is_met_within_the_tolerance(off, failure):
+def test_the_object_must_be_within_the_tolerance_of_its_goal(off, failure):
     world = World(max_attempts=2)
     where = world.where
     seen = blob(GOAL + off * np.array([0.6, 0.0, 0.8]))
@@ -198,7 +196,7 @@ def test_an_object_that_lies_on_its_goal_is_misplaced():
     assert world.run().failure is Failure.MISPLACED
 
 
-def test_an_arm_that_does_not_arrive_is_stopped_by_something():
+def test_an_arm_that_does_not_arrive_fails_as_stopped():
     world = World(arrival_timeout=0.5)
     world.arm_follows = False
     status = world.run()
@@ -207,7 +205,7 @@ def test_an_arm_that_does_not_arrive_is_stopped_by_something():
     assert "in its way" in status.message
 
 
-def test_a_spent_time_budget_is_told():
+def test_a_spent_time_budget_ends_the_task():
     world = World(time_budget=0.3, latency=0.1)
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
@@ -215,7 +213,7 @@ def test_a_spent_time_budget_is_told():
     assert "time budget" in status.message
 
 
-def test_what_ends_the_way_home_is_told():
+def test_a_time_budget_spent_on_the_way_home_ends_the_task():
     usual = World()
     usual.run()
     began = usual.began[Mode.HOME]
@@ -234,11 +232,11 @@ def test_a_stop_in_the_middle_of_a_motion_brakes_gently():
         positions.append(world.read("position_commanded")[0])
     speeds = np.diff(positions) / np.diff(times)
     assert positions[0] == pytest.approx(world.commands[-1][0])  # no jump
-    # Evenly from 10 rad/s to rest in 0.4 s: 0.25 rad/s less after every 0.01 s.
+    # An even stop from 10 rad/s in 0.4 s takes off 0.25 rad/s every 0.01 s.
     np.testing.assert_allclose(speeds, 9.875 - 0.25 * np.arange(4))
 
 
-def test_the_way_out_is_planned_while_the_latency_passes():
+def test_planning_an_escape_takes_the_latency():
     world = World(latency=0.4, max_attempts=1)
     world.holding = lambda mode: False
     status = world.run()
@@ -247,7 +245,7 @@ def test_the_way_out_is_planned_while_the_latency_passes():
     assert status.planning_wall > 0.0
 
 
-def test_the_first_localisation_counts():
+def test_the_first_localisation_is_reported():
     world = World(max_attempts=2)
     world.holding = lambda mode: world.status.attempts > 1
     status = world.run()
@@ -255,7 +253,7 @@ def test_the_first_localisation_counts():
     assert status.localized_at == 0.0
 
 
-def test_blobs_without_flags_are_believed_first():
+def test_blobs_without_flags_are_preferred():
     world = World()
     flags = frozenset({BlobFlag.OCCLUDED})
     doubtful = dc.replace(blob(START + 0.1, quality=0.9), flags=flags)
@@ -276,7 +274,7 @@ def test_other_objects_are_obstacles_where_they_are_seen():
     np.testing.assert_array_equal(X_WO.translation(), [0.5, 0.2, 0.05])
 
 
-def test_a_way_out_that_is_blocked_ends_the_task():
+def test_an_arm_without_an_escape_ends_the_task():
     world = World()
     world.holding = lambda mode: False
     world.task_planner.escape = PlanningFailure(Failure.BLOCKED, "stuck")
@@ -294,7 +292,7 @@ def test_all_state_is_in_the_context():
     np.testing.assert_array_equal(first.commands, second.commands)
 
 
-def test_cycle_after_cycle_the_object_goes_there_and_back():
+def test_every_second_cycle_takes_the_object_back():
     world = World(repeat=3)
     world.where = lambda mode: [
         blob(GOAL if (world.status.cycles + (mode is Mode.HOME)) % 2 else START)

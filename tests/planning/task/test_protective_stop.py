@@ -1,8 +1,7 @@
-"""What the planner makes of torques from outside: alone, and in a cell."""
+"""External torques that stop the arm: the planner alone, and in a cell."""
 
 import numpy as np
 import pytest
-from helpers import fix
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
@@ -14,57 +13,50 @@ from planning.planning_world import CYCLE, MOVING, World, make_planner
 
 def feeling(world, torque, when):
     """Let the arm feel `torque` (2) [N m] in the modes `when`."""
-    sense = world._sense
-
-    def sensed():
-        sense()
-        felt = torque if world.status.mode in when else [0.0, 0.0]
-        fix(world.planner, world._context, external_torque=felt)
-
-    world._sense = sensed
+    world.external_torque = lambda mode: torque if mode in when else [0.0, 0.0]
     return world
 
 
 @pytest.mark.parametrize("mode", MOVING)
-def test_a_moving_arm_that_meets_something_stops_where_it_is(mode):
+def test_a_moving_arm_stops_where_it_touches_something(mode):
     world = feeling(World(max_external_torque=[10.0, 5.0]), [4.0, -6.0], [mode])
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.STOPPED)
     assert world.trace == [*CYCLE[: CYCLE.index(mode) + 1], Mode.FAILED]
     assert "joint 2" in status.message
     assert "6 N m" in status.message
-    # It is told of and done within a period.
+    # The arm stops and the task ends within two periods.
     assert world.time - world.began[mode] <= 2.0 * world.period
     np.testing.assert_array_equal(world.read("position_commanded"), world.commands[-2])
 
 
-def test_torques_below_one_newton_metre_are_told_as_they_are():
+def test_torques_below_one_newton_metre_are_reported_unrounded():
     world = feeling(World(max_external_torque=[0.4, 0.5]), [0.45, 0.0], [Mode.TRANSFER])
     message = world.run().message
     assert "joint 1 feels 0.45 N m from outside (allowed: 0.4 N m)" in message
 
 
-def test_an_arm_at_rest_may_feel_what_its_fingers_do():
+def test_an_arm_at_rest_may_feel_its_fingers():
     world = World(max_external_torque=[10.0, 5.0])
     still = [Mode.CLOSE, Mode.VERIFY, Mode.RELEASE]
     assert feeling(world, [99.0, 99.0], still).run().mode is Mode.DONE
 
 
-def test_what_is_carried_counts_but_is_allowed():
+def test_torques_within_the_limits_do_not_stop_the_arm():
     world = feeling(World(max_external_torque=[10.0, 5.0]), [9.0, -4.9], MOVING)
     assert world.run().mode is Mode.DONE
 
 
-def test_without_limits_nothing_is_looked_at():
+def test_without_limits_torques_do_not_matter():
     assert feeling(World(), [99.0, 99.0], MOVING).run().mode is Mode.DONE
 
 
-def test_limits_are_one_a_joint():
+def test_each_joint_needs_a_limit():
     with pytest.raises(ValueError, match=r"one entry per joint .* \(2\), got 3"):
         make_planner(max_external_torque=[1.0] * 3)
 
 
-def test_the_number_of_limits_in_a_scenario_is_checked():
+def test_a_scenario_needs_one_limit_per_joint():
     scenario = load_scenario(
         "kitchen_fast", overrides=["planner.max_external_torque=[30, 30]"]
     )
@@ -72,7 +64,7 @@ def test_the_number_of_limits_in_a_scenario_is_checked():
         Simulate(scenario)
 
 
-# A cell with a post between object and goal that nobody knows of.
+# A cell with an unknown post between object and goal.
 
 _POST = (
     "objects.post={{shape: !Box {{size: [0.06, 0.2, {height}]}}, mass: 30.0, "
@@ -81,7 +73,7 @@ _POST = (
 
 
 def collision(limit, height=0.4, seen=False, name="kitchen_fast"):
-    """A run with limits of all joints [N m] and a post's height [m]."""
+    """Run with a post; `limit` is that of all joints [N m], `height` in m."""
     scenario = load_scenario(
         name,
         seed=0,
@@ -108,36 +100,36 @@ def test_an_arm_that_hits_a_post_stops():
     ]
     # The post weighs 30 kg and slides; an arm that goes on tips it over.
     assert moved[0] < 0.2 * moved[1]
-    # The arm met it at 1 rad/s; it does not press on, though the post still rocks.
+    # The arm met it at 1 rad/s. It does not press on, though the post still rocks.
     speeds = stopped.log["arm.state_measured"][-1, 7:]
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)
 
 
-def test_an_arm_with_steps_stops_too():
-    """There, torques from outside are an estimate, not the contacts' own."""
+def test_an_arm_on_a_discrete_plant_stops_too():
+    """There, external torques are estimated, not taken from the contacts."""
     stopped = collision(30.0, name="kitchen")
     assert stopped.metrics.failure == "stopped"
     speeds = stopped.log["arm.state_measured"][-1, 7:]
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)
 
 
-def test_a_post_that_the_camera_sees_is_passed():
+def test_the_arm_passes_a_visible_post():
     run = collision(30.0, height=0.25, seen=True)
     assert run.metrics.success
     post = run.log["object_pose.post"]
-    # Untouched, it only settles.
+    # An untouched post only settles.
     np.testing.assert_allclose(post[-1, :3], post[0, :3], atol=1e-4)
 
 
-# What the hand holds, on the fast physics.
+# A load in the hand, with the fast physics.
 
 _CARRYING = (Mode.LIFT, Mode.TRANSFER, Mode.PLACE)
 _WEIGHT = 0.349 * 9.81  # of the can [N]
-_FREE = 3.0 * _WEIGHT  # more than it pulls with at less than 1 m [N m]
+_FREE = 3.0 * _WEIGHT  # more than its torque at less than 1 m [N m]
 
 
 def carry(limit, *overrides):
-    """A run of the fast kitchen with limits of all joints [N m]."""
+    """Run the fast kitchen; `limit` is that of all joints [N m]."""
     scenario = load_scenario(
         "kitchen_fast",
         seed=0,
@@ -152,20 +144,19 @@ def carry(limit, *overrides):
     return Simulate(scenario)
 
 
-def test_what_is_carried_is_felt_as_its_weight_and_what_speeds_it_up():
+def test_the_arm_feels_the_weight_and_the_inertia_of_its_load():
     run = carry(_FREE)
     assert run.metrics.success
     carrying = np.isin(run.log["mode"], [MODES.index(mode) for mode in _CARRYING])
     felt = run.log["arm.external_torque"][carrying]
     reach = np.linalg.norm(run.log["object_pose.soup_can"][carrying, :2], axis=1)
-    # Gravity pulls at the shoulder's second joint; half as much again, and no more,
-    # comes of acceleration.
+    # Gravity loads the shoulder's second joint; acceleration adds up to half of that.
     share = np.abs(felt[:, 1]) / (_WEIGHT * reach)
     assert np.median(share) == pytest.approx(1.0, abs=0.2)
     assert np.max(share) < 1.5
 
 
-def test_what_is_set_down_on_something_unseen_stops_the_arm():
+def test_setting_the_object_down_on_something_unseen_stops_the_arm():
     plate = (
         "objects.plate={shape: !Box {size: [0.12, 0.12, 0.02]}, mass: 30.0, "
         "friction: 1.0, color: [0.3, 0.3, 0.3], position: [0.3, -0.5], known: false}"
@@ -174,7 +165,7 @@ def test_what_is_set_down_on_something_unseen_stops_the_arm():
     assert stopped.metrics.failure == "stopped"
 
 
-def test_a_pull_at_what_is_held_stops_the_arm():
+def test_a_pull_on_the_held_object_stops_the_arm():
     pull = "{at: transfer, force: [0, 0, -15], duration: 0.3}"
     stopped = carry(_FREE, f"disturbances=[!Force {pull}]")
     assert stopped.metrics.failure == "stopped"

@@ -1,4 +1,4 @@
-"""What the planner makes of what it sees under way; the system around it is real."""
+"""What the planner does about what it sees on the way."""
 
 import dataclasses as dc
 
@@ -10,7 +10,7 @@ from drake_srg.types import BlobFlag, Failure, Mode
 from planning.planning_world import CYCLE, GOAL, START, World, blob
 
 
-def test_an_object_that_moved_during_the_approach_is_planned_for_anew():
+def test_an_object_that_moved_during_the_approach_is_planned_for_again():
     world = World(look_before_grasp=True)
     moved = START + np.array([0.03, 0.0, 0.0])
     there = world.where
@@ -29,7 +29,7 @@ def test_an_object_that_moved_during_the_approach_is_planned_for_anew():
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.002])
-def test_an_object_that_did_not_move_is_taken(shift):
+def test_an_object_that_hardly_moved_is_taken(shift):
     world = World(look_before_grasp=True)
     there = world.where
     world.where = lambda mode: (
@@ -40,7 +40,7 @@ def test_an_object_that_did_not_move_is_taken(shift):
     assert world.camera.evaluations == 3
 
 
-def test_an_object_that_was_knocked_over_is_planned_for_anew():
+def test_an_object_that_was_knocked_over_is_planned_for_again():
     world = World(look_before_grasp=True)
     there = world.where
     lying = blob(START, axis=[0.0, 1.0, 0.0])
@@ -54,7 +54,7 @@ def test_an_object_that_was_knocked_over_is_planned_for_anew():
     np.testing.assert_allclose(axis, [0.0, 1.0, 0.0], atol=1e-12)
 
 
-def test_an_object_that_never_stands_still_is_grasped_at_in_the_end():
+def test_an_object_that_never_stands_still_is_tried_in_the_end():
     world = World(look_before_grasp=True, max_attempts=2)
     there = world.where
     world.where = lambda mode: (
@@ -65,7 +65,7 @@ def test_an_object_that_never_stands_still_is_grasped_at_in_the_end():
     assert (status.mode, status.attempts) == (Mode.DONE, 1)
 
 
-def test_what_cannot_be_planned_in_front_of_the_object_is_planned_from_home():
+def test_without_a_plan_near_the_object_the_arm_plans_from_home():
     world = World(look_before_grasp=True)
     moved = START + np.array([0.03, 0.0, 0.0])
     there, plan = world.where, world.task_planner.plan
@@ -87,7 +87,7 @@ def test_what_cannot_be_planned_in_front_of_the_object_is_planned_from_home():
     assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 1)
 
 
-def test_the_object_is_placed_from_where_it_is_in_the_hand():
+def test_placing_accounts_for_where_the_object_is_in_the_hand():
     world = World(look_before_place=True)
     grasp, there = world.task_planner.grasp, world.where
     shift = np.array([0.002, -0.001, 0.001])
@@ -107,11 +107,11 @@ def test_the_object_is_placed_from_where_it_is_in_the_hand():
     np.testing.assert_allclose(corrected.axis_G, grasp.axis_G, atol=1e-12)
     np.testing.assert_array_equal(goal.translation(), GOAL)
     waited = world.began[Mode.PLACE] - world.began[Mode.TRANSFER]
-    assert waited >= 0.1 + world.planner.config.latency  # the motion, then planning
+    assert waited >= 0.1 + world.planner.config.latency  # motion, then planning
 
 
 @pytest.mark.parametrize("hidden", [False, True])
-def test_a_twin_that_is_seen_better_is_not_what_is_in_the_hand(hidden):
+def test_a_look_alike_in_better_view_is_not_taken_for_the_held_object(hidden):
     world = World(look_before_place=True)
     grasp, there = world.task_planner.grasp, world.where
     shift = np.array([0.002, -0.001, 0.001])
@@ -132,7 +132,7 @@ def test_a_twin_that_is_seen_better_is_not_what_is_in_the_hand(hidden):
     np.testing.assert_allclose(corrected, expected, atol=1e-12)
 
 
-def test_an_object_that_is_hidden_in_the_hand_is_placed_as_planned():
+def test_an_object_hidden_in_the_hand_is_placed_as_planned():
     world = World(look_before_place=True)
     there = world.where
     world.where = lambda mode: [] if mode is Mode.TRANSFER else there(mode)
@@ -140,7 +140,7 @@ def test_an_object_that_is_hidden_in_the_hand_is_placed_as_planned():
     assert world.task_planner.places == []
 
 
-def test_an_old_failure_is_not_told_of_a_new_one():
+def test_a_new_failure_does_not_report_an_old_one():
     world = World(repeat=2, max_attempts=2)
     world.holding = lambda mode: world.status.attempts > 1 or mode is Mode.CLOSE
     there = world.where
@@ -160,7 +160,7 @@ def test_every_cycle_has_the_whole_time_budget():
     assert world.run().failure is None
 
 
-def test_what_is_uncertain_under_way_changes_nothing():
+def test_uncertain_blobs_on_the_way_change_nothing():
     world = World(look_before_grasp=True, look_before_place=True)
     there, flags = world.where, frozenset({BlobFlag.UNCERTAIN})
     world.where = lambda mode: [dc.replace(b, flags=flags) for b in there(mode)]
@@ -169,7 +169,7 @@ def test_what_is_uncertain_under_way_changes_nothing():
     assert world.task_planner.places == []
 
 
-def test_an_object_seen_elsewhere_than_in_the_hand_is_lost():
+def test_an_object_seen_outside_the_hand_is_lost():
     world = World(look_before_place=True, max_attempts=1)
     world.where = lambda mode: [blob(START)]
     status = world.run()

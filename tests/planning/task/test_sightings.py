@@ -30,7 +30,7 @@ def test_the_best_blob_is_one_without_flags():
     assert sightings().best(View([blob([0, 0, 0], name="cup")])) is None
 
 
-def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
+def test_a_partly_hidden_blob_is_better_than_an_uncertain_one():
     hidden, uncertain = (
         dc.replace(blob([0, 0, 0], quality=quality), flags=frozenset({flag}))
         for quality, flag in ((0.4, BlobFlag.OCCLUDED), (0.9, BlobFlag.UNCERTAIN))
@@ -38,7 +38,7 @@ def test_what_is_hidden_in_part_is_better_than_what_is_uncertain():
     assert sightings().best(View([uncertain, hidden])) is hidden
 
 
-def test_what_has_the_shape_is_better_than_what_is_seen_whole():
+def test_a_blob_that_fits_the_shape_is_better_than_one_in_full_view():
     hidden = dc.replace(
         blob([0, 0, 0], quality=0.5), flags=frozenset({BlobFlag.OCCLUDED}), misfit=0.01
     )
@@ -46,7 +46,7 @@ def test_what_has_the_shape_is_better_than_what_is_seen_whole():
     assert sightings().best(View([whole, hidden])) is hidden
 
 
-def test_the_nearest_blob_is_the_object_s_whatever_looks_better():
+def test_the_nearest_blob_is_chosen_however_bad_it_looks():
     uncertain = frozenset({BlobFlag.UNCERTAIN})
     here = dc.replace(blob([0.01, 0, 0], quality=0.2), flags=uncertain, misfit=0.6)
     twin = blob([0.2, 0, 0], quality=1.0)
@@ -59,19 +59,19 @@ def test_the_nearest_blob_is_the_object_s_whatever_looks_better():
 @pytest.mark.parametrize(
     ("degrees", "stands"), [(0.0, True), (4.0, True), (6.0, False)]
 )
-def test_what_hardly_leans_stands(degrees, stands):
+def test_an_object_that_hardly_leans_stands_upright(degrees, stands):
     X_WO = sightings().pose(blob([0.1, 0.2, 0.3], axis=leaning(degrees)))
     np.testing.assert_array_equal(X_WO.translation(), [0.1, 0.2, 0.3])
     axis = X_WO.rotation().col(2)
     np.testing.assert_allclose(axis, UP if stands else leaning(degrees), atol=1e-12)
 
 
-def test_a_ball_is_upright_whatever_is_said_of_its_axis():
+def test_a_ball_is_upright_whatever_its_axis():
     X_WO = sightings(Sphere(0.03)).pose(blob([0, 0, 0], axis=leaning(70.0)))
     np.testing.assert_allclose(X_WO.rotation().col(2), UP)
 
 
-def test_obstacles_are_the_others():
+def test_obstacles_are_other_objects_and_unknown_boxes():
     seen = [blob([0, 0, 0]), blob([1, 0, 0], name="cup"), blob([2, 0, 0], name="fork")]
     unknown = Obstacle(Box(), RigidTransform([3, 0, 0]))
     (cup, X_WO), box = sightings().obstacles(View(seen, [unknown]))

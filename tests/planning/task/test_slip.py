@@ -1,10 +1,11 @@
-"""What the planner makes of an object that slips out of the hand on the way."""
+"""Objects that slip out of the hand on the way."""
 
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.cell import MakeTaskPlanner
+from drake_srg.planning.grasps.grasp_search import GraspSearch
 from drake_srg.planning.task.task_motions import TaskMotions
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Cylinder, Failure, Mode
@@ -12,14 +13,11 @@ from planning.planning_world import CYCLE, GOAL, START, World, blob
 
 ESCAPE = [Mode.RELEASE, Mode.RETREAT, Mode.HOME]
 CARRYING = [Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
-_STOP = 0.4  # s, of a motion that is broken off
+_STOP = 0.4  # duration of a stop in the middle of a motion [s]
 
 
 def losing_in(mode, world, attempts=1):
-    """From a mode on nothing is sensed; the object is back at its start.
-
-    So it goes for so many attempts.
-    """
+    """Let the first attempts lose the object in a mode; it is back at its start."""
     before = CYCLE[: CYCLE.index(mode)]
     world.holding = lambda now: now in before or world.status.attempts > attempts
     world.where = lambda now: [
@@ -28,48 +26,42 @@ def losing_in(mode, world, attempts=1):
 
 
 @pytest.mark.parametrize("mode", CARRYING)
-def test_the_arm_stops_and_takes_the_object_again(mode):
+def test_the_arm_stops_and_takes_the_lost_object_again(mode):
     world = World(slip_time=0.03)
     losing_in(mode, world)
     status = world.run()
     assert world.trace == [*CYCLE[: CYCLE.index(mode) + 1], *ESCAPE, *CYCLE]
     assert (status.mode, status.failure, status.attempts) == (Mode.DONE, None, 2)
-    # Two events until the loss is noticed, and one until the end is.
+    # It takes two updates to notice the loss, and one to notice the end of the stop.
     stopped = world.began[Mode.RELEASE] - world.began[mode]
     assert stopped == pytest.approx(0.03 + _STOP, abs=3 * world.period)
 
 
-def test_the_arm_brakes_along_its_path():
+def test_an_arm_that_loses_the_object_brakes_along_its_path():
     world = World(slip_time=0.03, max_attempts=1)
     losing_in(Mode.TRANSFER, world)
     status = world.run()
     assert (status.mode, status.failure) == (Mode.FAILED, Failure.DROPPED)
     assert "got lost" in status.message
-    # The fake motions move 1 rad in 0.1 s: never faster, and nowhere a jump.
+    # The fake motions move 1 rad in 0.1 s; steps are no larger anywhere.
     until = round(world.began[Mode.RELEASE] / world.period)
     steps = np.abs(np.diff(world.commands[:until], axis=0))
     assert np.max(steps) <= 0.1 + 1e-9
 
 
 @pytest.mark.parametrize(("closed", "lost"), [(0.02, False), (0.1, True)])
-def test_fingers_that_close_on_the_way_have_lost_what_they_held(closed, lost):
+def test_fingers_that_close_on_the_way_have_lost_the_object(closed, lost):
     # Base links close by 0.1 rad: 0.05 rad on average of base and tip.
     world = World(max_attempts=1)
     hold, world.where = world.base_angle, lambda mode: [blob(START)]
-    world.holding = lambda mode: True
-
-    def sense():
-        slips = world.status.mode in (Mode.TRANSFER, Mode.PLACE)
-        world.base_angle = hold + (closed if slips else 0.0)
-        World._sense(world)
-
-    world._sense = sense
+    slips = (Mode.TRANSFER, Mode.PLACE)
+    world.base_angle = lambda mode: hold(mode) + (closed if mode in slips else 0.0)
     status = world.run()
     assert (status.failure is Failure.DROPPED) == lost
     assert (Mode.PLACE in world.trace) != lost
 
 
-def test_a_sensor_that_fails_for_a_moment_does_not_count():
+def test_a_sensor_that_fails_for_a_moment_changes_nothing():
     world = World(slip_time=0.05)
     world.holding = lambda mode: (
         mode is not Mode.TRANSFER or world.time - world.began[mode] > 0.04
@@ -78,7 +70,7 @@ def test_a_sensor_that_fails_for_a_moment_does_not_count():
     assert world.trace == CYCLE
 
 
-def test_what_was_dropped_on_its_goal_is_there():
+def test_an_object_dropped_onto_its_goal_is_placed():
     world = World(slip_time=0.03)
     losing_in(Mode.PLACE, world)
     world.where = lambda mode: [
@@ -89,7 +81,7 @@ def test_what_was_dropped_on_its_goal_is_there():
     assert (status.cycles, status.message) == (1, "")
 
 
-def test_grasps_that_failed_are_told_to_the_task_planner_until_the_cycle_is_over():
+def test_the_task_planner_learns_which_grasps_failed_in_this_cycle():
     world = World(repeat=2)
     losing_in(Mode.LIFT, world)
     tried, plan = [], world.task_planner.plan
@@ -112,13 +104,13 @@ def test_fingers_that_settle_slowly_lose_nothing(rate, lost):
     hold, began = world.base_angle, world.began
     world.where = lambda mode: [blob(START if Mode.PLACE not in world.trace else GOAL)]
 
-    def sense():
-        if world.status.mode in CARRYING:
-            since = world.time - began.get(Mode.LIFT, world.time)
-            world.base_angle = hold + min(2.0 * rate * since, 0.11)
-        World._sense(world)
+    def closing(mode):
+        if mode not in CARRYING:
+            return hold(mode)
+        since = world.time - began.get(Mode.LIFT, world.time)
+        return hold(mode) + min(2.0 * rate * since, 0.11)
 
-    world._sense = sense
+    world.base_angle = closing
     assert (world.run().failure is Failure.DROPPED) == lost
 
 
@@ -130,8 +122,15 @@ def planner():
     return MakeTaskPlanner(load_scenario("kitchen"))
 
 
-def test_another_grasp_is_tried_next_and_more_firmly(planner):
-    search, can = planner._search, Cylinder(0.034, 0.1)
+def test_after_a_failure_another_grasp_is_tried_more_firmly(planner):
+    config, can = planner.config, Cylinder(0.034, 0.1)
+    search = GraspSearch(
+        planner.scene,
+        planner.hand,
+        planner.q_home,
+        place_height=config.place_height,
+        regrasp_squeeze=config.regrasp_squeeze,
+    )
     ends = [RigidTransform(START), can, RigidTransform([0.55, -0.42, 0.05])]
     first, _ = search.candidates(*ends)
     names = [candidate.grasp.name for candidate in first]

@@ -10,7 +10,7 @@ from planning.task.kitchen_task import GOAL, START, ends, samples
 HEIGHT = START.translation()[2]
 
 
-def test_planning_again_gives_the_same(planner, task):
+def test_the_same_call_plans_the_same_motions(planner, task):
     again = planner.plan(planner.q_home, START, CAN, GOAL)
     for mode in MOVING:
         first, second = task.motions[mode], again.motions[mode]
@@ -23,10 +23,10 @@ def test_planning_again_gives_the_same(planner, task):
     [
         ([1.2, 0.6, HEIGHT], GOAL, Failure.OUT_OF_REACH),
         (START, [1.2, -0.7, HEIGHT], Failure.OUT_OF_REACH),
-        (START, [0.0, 0.0, HEIGHT], Failure.BLOCKED),  # in the robot's foot
+        (START, [0.0, 0.0, HEIGHT], Failure.BLOCKED),  # in the foot of the arm
     ],
 )
-def test_what_cannot_be_done_is_named(planner, start, goal, failure):
+def test_a_failure_names_what_is_impossible(planner, start, goal, failure):
     start, goal = (
         pose if isinstance(pose, RigidTransform) else RigidTransform(pose)
         for pose in (start, goal)
@@ -37,14 +37,14 @@ def test_what_cannot_be_done_is_named(planner, start, goal, failure):
     assert result.message
 
 
-def test_an_object_without_known_grasps(planner):
+def test_an_object_without_known_grasps_is_not_taken(planner):
     box = Box([0.05, 0.05, 0.1])
     result = planner.plan(planner.q_home, START, box, GOAL)
     assert result.failure is Failure.NO_GRASP
     assert "Box" in result.message
 
 
-def test_the_way_out_backs_off_and_goes_home(planner, task):
+def test_the_escape_backs_off_and_goes_home(planner, task):
     _, q_grasp = ends(task.motions[Mode.GRASP])
     back, home = planner.plan_escape(q_grasp, task.grasp.fingers_open)
     np.testing.assert_allclose(ends(back)[0], q_grasp, atol=1e-6)
