@@ -91,8 +91,8 @@ class BridgeOptions:
                     motor = None if gripper is None else gripper.wire_motor
                     if motor is None:
                         raise ValueError(
-                            "--servo: needs a gripper with a motor (!SrgTendonDriver, "
-                            "as in kitchen_tendon)"
+                            "--servo: needs a gripper with a wire motor "
+                            "(!SrgTendonDriver, as in kitchen_tendon)"
                         )
                     add(ServoBridge(inbox, self.servo, motor))
             except ValueError as error:

@@ -53,8 +53,8 @@ def AddServedStation(
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    unseeing = dc.replace(scenario, cameras={})
-    station = builder.AddNamedSystem("station", make_station(unseeing))
+    without_cameras = dc.replace(scenario, cameras={})
+    station = builder.AddNamedSystem("station", make_station(without_cameras))
     export_outputs(builder, station)
     inputs = input_ports(station)
     if scenario.arm is not None:

@@ -190,7 +190,7 @@ def open_wire(wire: str, experiment: str) -> Iterator[Wire]:
 
 
 class Client:
-    """Commands a served kitchen, and records what its drivers are told.
+    """Commands a served kitchen, and records the commands to its drivers.
 
     Args:
         make_bridge: Makes the client's side of the wire.
@@ -213,7 +213,7 @@ class Client:
             "/position_grasp": float64_array("/position_grasp", "", 4),
             "/kuka": float64_array("/kuka", "", 7),
         }
-        heard = [
+        published = [
             CommandTopic("/arm/position_commanded", array, _append_to(self.arm)),
             CommandTopic(
                 "/gripper/closure_commanded",
@@ -221,10 +221,10 @@ class Client:
                 _append_to(self.closure),
             ),
         ]
-        inbox = CommandInbox(heard, Warnings(lambda text: None))
+        inbox = CommandInbox(published, Warnings(lambda text: None))
         self._bridge = make_bridge(inbox, list(self._topics.values()))
         try:
-            wait_for(lambda: bool(self.arm and self.closure) and self._is_heard())
+            wait_for(lambda: bool(self.arm and self.closure) and self._is_subscribed())
         except ScenarioError:
             self.close()
             raise
@@ -238,7 +238,7 @@ class Client:
         """Disconnect."""
         self._bridge.close()
 
-    def _is_heard(self) -> bool:
+    def _is_subscribed(self) -> bool:
         return all(self._bridge.has_subscribers(name) for name in self._topics)
 
 
@@ -257,8 +257,8 @@ def watch(make_bridge: MakeBridge, topic: str, type: str) -> Iterator[None]:
 
 
 def _watch(make_bridge: MakeBridge, topic: str, type: str) -> None:
-    heard = CommandTopic(topic, type, lambda data: {})
-    bridge = make_bridge(CommandInbox([heard], Warnings(lambda text: None)), [])
+    watched = CommandTopic(topic, type, lambda data: {})
+    bridge = make_bridge(CommandInbox([watched], Warnings(lambda text: None)), [])
     with contextlib.closing(bridge):
         threading.Event().wait()  # until the process is terminated
 

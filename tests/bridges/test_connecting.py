@@ -37,7 +37,7 @@ def test_the_bridges_are_those_that_the_options_name():
     ("options", "words"),
     [
         ({"name": "my node"}, "serve: --name: must be a letter, .*, got 'my node'"),
-        ({"servo": "tcp:0"}, "serve: --servo: needs a gripper with a motor"),
+        ({"servo": "tcp:0"}, "serve: --servo: needs a gripper with a wire motor"),
         ({"ros1": True, "master": "roscore"}, "serve: ROS 1 master: must be"),
         ({"ros2": True, "domain": 233}, "serve: ROS 2 domain: must be 0 to 232"),
     ],

@@ -24,7 +24,7 @@ def test_coroutines_run_in_the_named_thread(io):
 def test_a_posted_function_runs(io):
     done = threading.Event()
     io.post(done.set)
-    assert done.wait(5.0)
+    assert done.wait(20.0)
 
 
 def test_a_call_that_times_out_leaves_the_thread_running(io):
@@ -44,7 +44,7 @@ def test_stop_cancels_running_tasks_and_may_be_repeated(io):
             ended.set()
 
     io.post(io.loop.create_task, forever())
-    assert started.wait(5.0)
+    assert started.wait(20.0)
     io.stop()
     io.stop()
     assert ended.is_set()

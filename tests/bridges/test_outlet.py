@@ -55,13 +55,3 @@ def test_a_failing_bridge_is_reported_once_a_task_and_stops_no_other(warnings, t
 def test_the_status_joins_those_of_the_bridges(warnings):
     outlet = Outlet([FakeBridge(), Bridge(), FakeBridge()], warnings)
     assert outlet.status == "fake, fake"
-
-
-def test_a_plain_bridge_has_no_clients(warnings):
-    bridge = Bridge()
-    assert not bridge.closed
-    assert not bridge.has_subscribers("/clock")
-    bridge.publish(CLOCK, 0.0, [])
-    bridge.update(0.0, {})
-    bridge.close()
-    bridge.close()

@@ -3,7 +3,7 @@
 import time
 
 
-def wait_until(condition, timeout=5.0):
+def wait_until(condition, timeout=20.0):
     """Wait until `condition()` is true; return its last value."""
     end = time.monotonic() + timeout
     while not (value := condition()) and time.monotonic() < end:

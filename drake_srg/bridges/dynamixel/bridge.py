@@ -44,7 +44,7 @@ class ServoBridge(Bridge):
         inbox: Where its commands go.
         where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
             IPv6 address needs brackets, PORT 0 takes a free port.
-        motor: What it drives; None: the motor of a default `SrgTendonDriver`.
+        motor: The motor to drive; None takes that of a default `SrgTendonDriver`.
 
     Attributes:
         address: Where clients find the servo, "HOST:PORT" or a device.

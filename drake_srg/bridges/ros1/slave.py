@@ -62,7 +62,7 @@ class SlaveApi:
             for topic, publication in self._publications.items()
         ]
         received = [
-            # The third entry would be an estimate of lost messages; -1 is none.
+            # The third entry is the number of lost messages; -1 means unknown.
             [topic, [[*_stats(c)[:2], -1, True] for c in subscription.connections]]
             for topic, subscription in self._subscriptions.items()
         ]

@@ -112,6 +112,8 @@ class Subscription:
                 if publisher.connection is None and not worked:
                     text = one_line(error) or "no answer"
                     self._warn("unreachable", f"{uri} cannot be reached: {text}")
+            except Exception as error:  # only close() and the master may end this loop
+                self._warn("fault", f"{uri}: {error!r}; connection closed")
             worked, publisher.connection = publisher.connection is not None, None
             if worked:
                 retry = self._timing.retry

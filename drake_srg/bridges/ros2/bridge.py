@@ -91,8 +91,8 @@ class Ros2Bridge(Bridge):
             self._participant = stack.enter_context(
                 open_participant(self.domain, interface, name, limit)
             )
-            kinds = {topic.name: topic.type for topic in inbox.topics.values()}
-            subscribed = {topic: self._topic(topic, kinds[topic]) for topic in kinds}
+            types = {topic.name: topic.type for topic in inbox.topics.values()}
+            subscribed = {topic: self._topic(topic, types[topic]) for topic in types}
             self._writers = {
                 topic.name: DataWriter(
                     self._participant,
@@ -103,7 +103,7 @@ class Ros2Bridge(Bridge):
             }
 
             def make_reader(topic: str, *policies: Any) -> DataReader[Any]:
-                qos = self._qos(kinds[topic], *policies)
+                qos = self._qos(types[topic], *policies)
                 return DataReader(self._participant, subscribed[topic], qos)
 
             reader = CommandReader(self._participant, inbox, self._store, make_reader)
@@ -140,19 +140,19 @@ class Ros2Bridge(Bridge):
         """Leave the domain. A second call does nothing."""
         self._stack.close()
 
-    def _make(self, kind: str, *values: Any, **fields: Any) -> Any:
-        return self._store.types[kind](*values, **fields)
+    def _make(self, type: str, *values: Any, **fields: Any) -> Any:
+        return self._store.types[type](*values, **fields)
 
-    def _topic(self, name: str, kind: str) -> DdsTopic[Any]:
-        return DdsTopic(self._participant, f"rt{name}", payload_type(self._store, kind))
+    def _topic(self, name: str, type: str) -> DdsTopic[Any]:
+        return DdsTopic(self._participant, f"rt{name}", payload_type(self._store, type))
 
-    def _qos(self, kind: str, *policies: Any) -> Qos:
+    def _qos(self, type: str, *policies: Any) -> Qos:
         return Qos(
             *policies,
             Policy.DataRepresentation(
                 use_cdrv0_representation=True, use_xcdrv2_representation=False
             ),
-            Policy.Userdata(f"typehash={self._store.hash_rihs01(kind)};".encode()),
+            Policy.Userdata(f"typehash={self._store.hash_rihs01(type)};".encode()),
         )
 
 

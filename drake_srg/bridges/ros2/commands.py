@@ -71,9 +71,9 @@ class CommandReader:
         # matches all writers but may miss samples. So each topic has both, and each
         # writer counts at one of them.
         self._readers = [
-            (name, kind, make_reader(name, policy, Policy.History.KeepLast(_DEPTH)))
+            (name, mode, make_reader(name, policy, Policy.History.KeepLast(_DEPTH)))
             for name in inbox.topics
-            for kind, policy in _RELIABILITIES.items()
+            for mode, policy in _RELIABILITIES.items()
         ]
         self._is_best_effort: dict[int, bool] = {}  # by publication handle
         self._closed = threading.Event()
@@ -115,11 +115,11 @@ class CommandReader:
 
     def _waiting(self) -> Iterator[tuple[int, str, bytes]]:
         """Yield source time [ns], topic and data of each sample in the readers."""
-        for name, kind, reader in self._readers:
+        for name, mode, reader in self._readers:
             for sample in reader.take(_BATCH):
                 info = sample.sample_info
                 if not info.valid_data or (
-                    kind == "best effort" and not self._offers_best_effort(reader, info)
+                    mode == "best effort" and not self._offers_best_effort(reader, info)
                 ):
                     continue
                 if len(sample.cdr) > COMMAND_LIMIT:
@@ -129,11 +129,11 @@ class CommandReader:
                     yield info.source_timestamp, name, sample.cdr
 
     def _receive(self, topic: str, cdr: bytes) -> None:
-        kind = self._inbox.topics[topic].type
+        type = self._inbox.topics[topic].type
         try:
-            message: Any = self._store.deserialize_cdr(cdr, kind)
+            message: Any = self._store.deserialize_cdr(cdr, type)
         except SerdeError:
-            self._inbox.refuse(topic, "malformed", f"must be a {kind}")
+            self._inbox.refuse(topic, "malformed", f"must be a {type}")
         else:
             self._inbox.receive(topic, message.data)
 

@@ -78,7 +78,7 @@ class FakeStation(threading.Thread):
 
 def connect(bridge):
     host, _, port = bridge.address.rpartition(":")
-    return socket.create_connection((host.strip("[]"), int(port)), timeout=5.0)
+    return socket.create_connection((host.strip("[]"), int(port)), timeout=20.0)
 
 
 def answers(connection):

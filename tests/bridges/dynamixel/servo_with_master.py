@@ -19,14 +19,14 @@ class ServoWithMaster(Mx64):
     """A servo whose registers can be written and read by name through packets.
 
     Attributes:
-        heard: Kinds of the warnings so far.
+        warned: Kinds of the warnings so far.
         now: Simulated time [s].
     """
 
     def __init__(self, **heat):
-        self.heard = []
+        self.warned = []
         heat = MotorTemperatureConfig(**heat)
-        super().__init__(DRIVE, heat, lambda kind, message: self.heard.append(kind))
+        super().__init__(DRIVE, heat, lambda kind, message: self.warned.append(kind))
         self.now = 0.0
 
     def send(self, code, parameters=b"", number=1):

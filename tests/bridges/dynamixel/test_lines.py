@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+import serial
 from helpers import needs_pty
 
 from bridges.dynamixel.fake_station import (
@@ -22,6 +23,7 @@ from bridges.dynamixel.fake_station import (
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel import bridge as servo_bridge
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
+from drake_srg.bridges.dynamixel.mx64 import Mx64
 from drake_srg.bridges.dynamixel.protocol import Instruction, Packet, PacketReader
 
 # Where it listens.
@@ -141,6 +143,26 @@ def test_a_client_that_reads_no_replies_delays_nobody(line):
         with contextlib.suppress(TimeoutError):
             slow.sendall(PING * 2000)
         assert answers(other)
+
+
+@pytest.mark.parametrize("where", ["tcp:0", "pty"])
+def test_an_unexpected_error_is_reported_and_ends_no_line(where, monkeypatch):
+    answer = Mx64.answer
+
+    def fail_once(self, packet):
+        monkeypatch.setattr(Mx64, "answer", answer)
+        raise RuntimeError("unforeseen")
+
+    with FakeStation(where) as station:
+        url = station.bridge.address if where == "pty" else None
+        client = client_of(station, url)
+        monkeypatch.setattr(Mx64, "answer", fail_once)
+        with contextlib.suppress(serial.SerialException):  # the connection is closed
+            client.read(3, 1)
+        client.close()
+        client_of(station, url).close()
+    (text,) = station.warnings
+    assert "unforeseen" in text
 
 
 def test_clients_are_accepted_again_after_too_many_open_files(

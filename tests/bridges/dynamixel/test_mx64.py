@@ -196,7 +196,7 @@ def test_an_overload_shuts_down_until_a_torque_limit_is_written(servo):
     assert overload(servo) == (0, Error.OVERLOAD)
     assert servo.read("torque_enable") == 0
     assert servo.command().torque == servo.command().limit == 0.0
-    assert servo.heard == ["overload"]
+    assert servo.warned == ["overload"]
     # The sequence of check_overload_and_recover() in SAKE's driver.
     servo.write("goal_torque", 0)
     servo.write("torque_control_mode", 0)
@@ -253,4 +253,4 @@ def test_overheating_shuts_down_until_the_motor_has_cooled(servo):
     assert servo.command().limit == 0.0
     servo.move(temperature=79.0)
     assert servo.write("torque_limit", 500) == Error(0)
-    assert servo.heard == ["overheating"] * 2
+    assert servo.warned == ["overheating"] * 2

@@ -79,7 +79,7 @@ def test_an_invalid_instruction_is_answered_by_an_error(servo, code, parameters,
     (status,) = servo.send(code, parameters)
     assert status.code == error
     assert status.parameters == b""
-    assert servo.heard == [error.name.lower().replace("_", " ")]
+    assert servo.warned == [error.name.lower().replace("_", " ")]
 
 
 def test_a_wrong_checksum_is_answered_with_an_error(servo):

@@ -178,7 +178,7 @@ class Publisher:
 
     def __init__(self):
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.settimeout(5.0)
+        self._listener.settimeout(20.0)
         self._connections = []
         port = self._listener.getsockname()[1]
         self._api = Api(requestTopic=lambda *_: [1, "", ["TCPROS", "127.0.0.1", port]])
@@ -187,7 +187,7 @@ class Publisher:
     def accept(self, **answer):
         """Return the next connection; read its header, and answer with fields."""
         connection, _ = self._listener.accept()
-        connection.settimeout(5.0)
+        connection.settimeout(20.0)
         self._connections.append(connection)
         self.header = receive_header(connection)
         if answer:
@@ -202,7 +202,7 @@ class Publisher:
 
 def subscribe(node, topic, **fields):
     """Connect to a node and send a header; return the socket and its answer."""
-    connection = socket.create_connection(tcpros_address(node, topic), timeout=5.0)
+    connection = socket.create_connection(tcpros_address(node, topic), timeout=20.0)
     connection.sendall(header(topic=topic, **{"callerid": "/peer", **fields}))
     return connection, receive_header(connection)
 

@@ -100,7 +100,7 @@ class RospyClient:
     def receive(self, topic):
         """Return the next message of a topic, skipping others."""
         while True:
-            name, message = self._received.get(timeout=10.0)
+            name, message = self._received.get(timeout=20.0)
             if name == topic:
                 return message
 

@@ -76,7 +76,7 @@ def test_an_unsuitable_subscriber_is_refused_with_a_reason(
 ):
     address = peers.tcpros_address(master.node, "/clock")
     for _ in range(2):
-        with socket.create_connection(address, timeout=5.0) as connection:
+        with socket.create_connection(address, timeout=20.0) as connection:
             connection.sendall(peers.header(callerid="/peer", topic=topic, **fields))
             assert error in peers.receive_header(connection)["error"]
             assert connection.recv(1) == b""
@@ -86,7 +86,7 @@ def test_an_unsuitable_subscriber_is_refused_with_a_reason(
 
 def test_a_header_may_arrive_byte_by_byte(bridge, master):
     address = peers.tcpros_address(master.node, "/clock")
-    with socket.create_connection(address, timeout=5.0) as connection:
+    with socket.create_connection(address, timeout=20.0) as connection:
         for byte in peers.header(callerid="/peer", topic="/clock", md5sum="*"):
             connection.sendall(bytes([byte]))
         assert peers.receive_header(connection)["type"] == "rosgraph_msgs/Clock"
@@ -99,7 +99,7 @@ def test_garbage_instead_of_a_header_ends_its_connection_only(
     new_bridge(master=master.uri, timing=dc.replace(timing, handshake=0.5))
     assert wait_until(lambda: len(master.registered) == 6)
     address = peers.tcpros_address(master.node, "/clock")
-    with socket.create_connection(address, timeout=5.0) as connection:
+    with socket.create_connection(address, timeout=20.0) as connection:
         connection.sendall(garbage)
         with contextlib.suppress(ConnectionResetError):
             while connection.recv(100):

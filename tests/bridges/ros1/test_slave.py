@@ -56,7 +56,7 @@ def test_garbage_instead_of_a_request_is_refused_with_one_warning(
     for _ in range(2):
         with (
             contextlib.suppress(OSError),  # possibly closed before all is sent
-            socket.create_connection((uri.hostname, uri.port), timeout=5.0) as peer,
+            socket.create_connection((uri.hostname, uri.port), timeout=20.0) as peer,
         ):
             peer.sendall(garbage)
             peer.shutdown(socket.SHUT_WR)

@@ -108,6 +108,33 @@ def test_an_unsuitable_publisher_is_tried_again_with_one_warning(
     assert warning in text
 
 
+def test_commands_go_on_after_an_unexpected_error(
+    bridge, inbox, master, publisher, told, monkeypatch
+):
+    receive = inbox.receive
+
+    def fail_once(topic, data):
+        monkeypatch.setattr(inbox, "receive", receive)
+        raise RuntimeError("unforeseen")
+
+    monkeypatch.setattr(inbox, "receive", fail_once)
+    master.tell("/grasp", publisher.uri)
+    publisher.accept(**INT32).sendall(int32(1))
+    publisher.accept(**INT32).sendall(int32(2))
+    assert taken(inbox, "closure") == [0.02]
+    (text,) = told
+    assert "unforeseen" in text
+
+
+@pytest.mark.parametrize("answer", [[], ["UDPROS"], ["TCPROS", "127.0.0.1", 0], 7])
+def test_a_publisher_without_a_tcpros_address_is_reported(bridge, master, told, answer):
+    peer = peers.Api(requestTopic=lambda *_: [1, "", answer])
+    with contextlib.closing(peer):
+        master.tell("/grasp", peer.uri)
+        assert wait_until(lambda: told)
+    assert f"invalid answer to requestTopic: {answer}" in told[0]
+
+
 def test_publishers_come_and_go(bridge, inbox, master, publisher, told):
     master.tell("/grasp", publisher.uri)
     vanishing = publisher.accept(**INT32)
