@@ -26,6 +26,7 @@ from rosbags.typesys.store import Typestore
 from drake_srg.bridges.commands import CommandInbox
 from drake_srg.bridges.ros2.dds_types import type_name
 
+# Reliable first: its samples show which writers need no best-effort reader.
 _RELIABILITIES = {
     "reliable": Policy.Reliability.Reliable(max_blocking_time=0),
     "best effort": Policy.Reliability.BestEffort,
@@ -118,9 +119,11 @@ class CommandReader:
         for name, mode, reader in self._readers:
             for sample in reader.take(_BATCH):
                 info = sample.sample_info
-                if not info.valid_data or (
-                    mode == "best effort" and not self._offers_best_effort(reader, info)
-                ):
+                if not info.valid_data:
+                    continue
+                if mode == "reliable":
+                    self._remember(info.publication_handle, best_effort=False)
+                elif not self._offers_best_effort(reader, info.publication_handle):
                     continue
                 if len(sample.cdr) > COMMAND_LIMIT:
                     reason = f"must have at most {COMMAND_LIMIT} bytes, got "
@@ -137,19 +140,24 @@ class CommandReader:
         else:
             self._inbox.receive(topic, message.data)
 
-    def _offers_best_effort(self, reader: DataReader[Any], info: Any) -> bool:
-        """Return whether a sample's writer does not match the reliable reader."""
-        handle = info.publication_handle
+    def _offers_best_effort(self, reader: DataReader[Any], handle: int) -> bool:
+        """Return whether a writer does not match the reliable reader."""
         if handle not in self._is_best_effort:
-            if len(self._is_best_effort) >= _MAX_WRITERS:
-                del self._is_best_effort[next(iter(self._is_best_effort))]
             writer = reader.get_matched_publication_data(handle)
-            # A writer that has already left may have been best effort.
-            self._is_best_effort[handle] = (
-                writer is None
-                or writer.qos[Policy.Reliability] == Policy.Reliability.BestEffort
+            # A writer that has left without a reliable sample may have been such.
+            self._remember(
+                handle,
+                best_effort=writer is None
+                or writer.qos[Policy.Reliability] == Policy.Reliability.BestEffort,
             )
         return self._is_best_effort[handle]
+
+    def _remember(self, handle: int, *, best_effort: bool) -> None:
+        """Remember a writer's reliability by its publication handle."""
+        if handle not in self._is_best_effort:
+            while len(self._is_best_effort) >= _MAX_WRITERS:
+                del self._is_best_effort[next(iter(self._is_best_effort))]
+        self._is_best_effort[handle] = best_effort
 
     def _check_types(self) -> None:
         """Warn of writers that publish a command with another type."""

@@ -191,8 +191,8 @@ class Peer:
         """
         topic = Topic(self.participant, "rt/grasp", Int32)
         writer = DataWriter(self.participant, topic, qos(True, 10))
-        while not writer.get_publication_matched_status().current_count:
-            time.sleep(0.001)
+        while writer.get_publication_matched_status().current_count < 2:
+            time.sleep(0.001)  # the bridge has two readers per topic
         writer.write(Int32(0))
         writer.wait_for_acks(10 * 10**9)
 

@@ -1,19 +1,29 @@
 import random
 import socket
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cyclonedds.qos import Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic as DdsTopic
 from pydrake.systems.sensors import CameraInfo
+from rosbags.typesys import Stores, get_typestore
 
 from bridges.ros2.peers import (
     COMMANDS,
     advertise,
+    command_topics,
+    free_domain,
     received,
 )
 from bridges.waiting import wait_until
+from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.ros2 import commands as ros2_commands
-from drake_srg.bridges.ros2.commands import COMMAND_LIMIT
+from drake_srg.bridges.ros2.commands import COMMAND_LIMIT, CommandReader
+from drake_srg.bridges.ros2.dds_domain import open_participant
+from drake_srg.bridges.ros2.dds_types import payload_type
 from drake_srg.bridges.topics import camera_topics
 
 CAMERA = camera_topics("ceiling", CameraInfo(640, 480, 500.0, 510.0, 320.0, 240.0))
@@ -104,6 +114,42 @@ def test_commands_go_on_after_an_unexpected_error(
     assert inbox.take()["/grasp"] == [3.0]
     assert len(told) == 1
     assert "unforeseen" in told[0]
+
+
+def test_a_command_of_a_writer_that_has_left_counts_once(told):
+    store, (topic, *_) = get_typestore(Stores.ROS2_HUMBLE), command_topics()
+    inbox = CommandInbox([topic], Warnings(told.append))
+    message = store.types[topic.type](data=42)
+    info = SimpleNamespace(valid_data=True, publication_handle=7, source_timestamp=1)
+    sample = SimpleNamespace(
+        sample_info=info, cdr=bytes(store.serialize_cdr(message, topic.type))
+    )
+    readers = []
+
+    class Reader(DataReader):
+        """Receives the sample from a writer that has left."""
+
+        samples = (sample,)
+
+        def take(self, N=1, condition=None, timeout=None):
+            samples, self.samples = self.samples, ()
+            return samples
+
+        def get_matched_publication_data(self, handle):
+            return None
+
+    def make_reader(name, *policies):
+        dds_topic = DdsTopic(participant, f"rt{name}", payload_type(store, topic.type))
+        readers.append(Reader(participant, dds_topic, Qos(*policies)))
+        return readers[-1]
+
+    with open_participant(free_domain(), "127.0.0.1", "test", 2**20) as participant:
+        commands = CommandReader(participant, inbox, store, make_reader)
+        assert wait_until(lambda: not any(reader.samples for reader in readers))
+        commands.close()
+    assert len(readers) == 2  # reliable, best effort
+    assert inbox.received == 1
+    assert inbox.take()["/grasp"] == [42.0]
 
 
 def test_forgotten_writers_are_looked_up_again(inbox, bridge, peer, monkeypatch):
