@@ -1,5 +1,5 @@
-# Everything below sets up what it needs: a virtual environment in .venv with the pinned
-# packages, and the system libraries that rendering needs.
+# Every target first sets up what it needs: a virtual environment in .venv with the pinned
+# packages, and the system libraries for rendering.
 PYTHON ?= python3
 BIN := .venv/bin
 
@@ -13,10 +13,10 @@ demo: .venv/ready  ## run the main job and record it
 test: .venv/ready  ## run the test suite
 	$(PYTEST)
 
-test-fast: .venv/ready  ## run what takes a minute, on every save
+test-fast: .venv/ready  ## run the tests that take a minute, for every save
 	$(PYTEST) -m "not slow"
 
-coverage: .venv/ready  ## run the test suite and list the lines it does not reach
+coverage: .venv/ready  ## run the test suite and list the lines it misses
 	$(PYTEST) --cov --cov-report=term-missing:skip-covered
 
 lint: .venv/ready
@@ -26,7 +26,7 @@ lint: .venv/ready
 types: .venv/ready
 	$(BIN)/mypy
 
-models: .venv/ready  ## generate models/ anew
+models: .venv/ready  ## regenerate models/
 	$(BIN)/python tools/build_models.py
 
 .venv/ready: requirements.lock pyproject.toml tools/install_system_libraries.sh

@@ -1,4 +1,4 @@
-"""The five-axis arm's cell: whole cycles, disturbed and not."""
+"""The five-axis arm's cell: whole cycles, with and without disturbances."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_a_cycle_seats_the_cylinder_in_the_recess(scenario):
     metrics = run_cycle(scenario, 3).metrics
     assert metrics.success
     assert metrics.attempts == 1
-    # Half of the recess's radial clearance, the floor of the recess under it.
+    # Half of the recess's radial clearance.
     assert np.max(np.abs(metrics.placement_error_m)) < 0.5e-3
     assert np.max(np.abs(metrics.localization_error_m)) < 0.3e-3
     assert metrics.cycle_time_s < 8.0
@@ -45,32 +45,32 @@ def test_a_cycle_seats_the_cylinder_in_the_recess(scenario):
         ("task.place.position=[0.0, 0.12]", {"blocked"}),  # beside the recess
     ],
 )
-def test_what_cannot_be_done_is_told(override, failures):
+def test_an_impossible_task_fails_with_its_reason(override, failures):
     metrics = simulate(override, "planner.max_attempts=1").metrics
     assert not metrics.success
     assert metrics.failure in failures
 
 
-def test_what_is_pushed_away_is_seen_before_the_grasp():
+def test_a_pushed_cylinder_is_seen_again_before_the_grasp():
     push = (
         "!Push {at: pre_grasp, after: 0.2, displacement: [0, 0.03, 0], duration: 0.3}"
     )
     result = simulate(f"disturbances=[{push}]")
     assert result.metrics.success
-    assert result.metrics.attempts == 1  # no grasp was wasted on where it had been
+    assert result.metrics.attempts == 1  # no grasp at its old place
     assert modes(result)[:4] == [Mode.IDLE, Mode.PRE_GRASP, Mode.IDLE, Mode.PRE_GRASP]
 
 
-def test_what_is_knocked_over_is_stood_up_again():
+def test_a_cylinder_that_is_knocked_over_is_stood_up():
     topple = "!Topple {at: idle, direction: [-1, 0]}"
     result = simulate(f"disturbances=[{topple}]", "object.position=[-0.245, -0.175]")
     axis = result.log["object_pose.cylinder"]
-    assert np.min(np.abs(1 - 2 * (axis[:, 4] ** 2 + axis[:, 5] ** 2))) < 0.1  # it lay
+    assert np.min(np.abs(1 - 2 * (axis[:, 4] ** 2 + axis[:, 5] ** 2))) < 0.1  # lying
     assert result.metrics.success
     assert result.metrics.placement_tilt_rad < np.deg2rad(1.0)
 
 
-def test_what_is_torn_from_the_hand_is_fetched_again_or_reported():
+def test_a_cylinder_torn_from_the_hand_is_taken_again_or_reported():
     force = "!Force {at: transfer, after: 0.5, force: [0, 0, -20], duration: 0.2}"
     result = simulate(f"disturbances=[{force}]")
     trace = modes(result)
@@ -86,7 +86,7 @@ def test_a_lying_cylinder_is_stood_up():
     assert metrics.placement_tilt_rad < np.deg2rad(1.0)
 
 
-def test_cycle_after_cycle_goes_there_and_back():
+def test_repeated_cycles_go_there_and_back():
     result = simulate("task.repeat=2")
     metrics = result.metrics
     assert metrics.success

@@ -1,4 +1,4 @@
-"""The fast scenarios, and continuous plants, which CENIC advances."""
+"""The fast scenarios, and what continuous plants (CENIC) need."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ CENIC = "simulator_config.integration_scheme=cenic"
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A whole cycle, recorded in small pictures."""
+    """Return a whole cycle, recorded with a small video."""
     out = tmp_path_factory.mktemp("fast")
     overrides = ["cameras.overview.width=160", "cameras.overview.height=90"]
     scenario = load_scenario("kitchen_fast", seed=1, overrides=overrides)
@@ -30,12 +30,12 @@ def test_the_fast_kitchen_places_its_can_within_2_mm(run):
     assert metrics.placement_tilt_rad < np.deg2rad(1.0)
 
 
-def test_it_is_recorded(run):
+def test_the_fast_kitchen_is_recorded(run):
     files = {path.name for path in run[1].iterdir()}
     assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
 
 
-def test_the_fast_arm_does_as_the_accurate_one():
+def test_the_fast_arm_agrees_with_the_accurate_one():
     fast, accurate = (
         Simulate(load_scenario(name, seed=1)).metrics
         for name in ("assistive_arm_fast", "assistive_arm")
@@ -44,20 +44,20 @@ def test_the_fast_arm_does_as_the_accurate_one():
     assert accurate.success
     assert fast.attempts == 1
     assert abs(fast.cycle_time_s - accurate.cycle_time_s) < 0.3
-    # The recess is 1 mm wider than the cylinder; the aim in it is half of that.
+    # The recess has 1 mm of clearance; the aim is half of that.
     assert np.all(np.abs(fast.placement_error_m[:2]) < 0.5e-3)
     np.testing.assert_allclose(
         fast.localization_error_m, accurate.localization_error_m, atol=1e-4
     )
 
 
-def test_the_fast_arm_loses_what_is_slippery():
+def test_the_fast_arm_loses_a_slippery_cylinder():
     overrides = ["object.friction=0", "planner.max_attempts=1"]
     metrics = Simulate(load_scenario("assistive_arm_fast", overrides=overrides)).metrics
     assert metrics.failure in ("no_grasp", "dropped")
 
 
-def test_pads_are_what_fingers_of_the_fast_arm_meet_with():
+def test_the_fingers_of_the_fast_arm_meet_only_with_their_pads():
     station = MakeStation(load_scenario("assistive_arm_fast"))
     inspector = station.GetSubsystemByName("scene_graph").model_inspector()
     pairs = [
@@ -75,7 +75,7 @@ def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
     assert metrics.hold_drift_m_per_s < 30e-6
 
 
-def test_without_friction_the_can_is_lost():
+def test_the_fast_kitchen_loses_a_can_without_friction():
     scenario = load_scenario(
         "kitchen_fast", overrides=["object.friction=0", "planner.max_attempts=1"]
     )
@@ -117,12 +117,12 @@ def test_a_fast_cell_looks_like_any_other():
         ),
     ],
 )
-def test_what_does_not_go_together_is_refused(name, overrides, message):
+def test_settings_that_do_not_fit_together_are_refused(name, overrides, message):
     with pytest.raises(ScenarioError, match=message):
         load_scenario(name, overrides=overrides)
 
 
-def test_ignored_contacts_must_be_of_something():
+def test_ignored_contacts_must_match_some_geometry():
     scenario = load_scenario("kitchen", overrides=["ignored_contacts=[[arm::x, '*']]"])
     with pytest.raises(
         ScenarioError, match="ignored_contacts: no collision geometry matches 'arm::x'"

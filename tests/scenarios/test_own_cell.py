@@ -1,4 +1,4 @@
-"""A cell of the user's own runs on every scenario with a discrete plant."""
+"""A user's own cell runs on every scenario with a discrete plant."""
 
 import dataclasses as dc
 
@@ -18,14 +18,14 @@ DISCRETE = [
 
 
 def own_station(scenario):
-    """A station inside a diagram with a name of the user's own."""
+    """Return a station under another name."""
     station = MakeStation(scenario)
     station.set_name("my_station")
     return station
 
 
 def own_cell(scenario):
-    """A cell in a diagram of the user's own."""
+    """Return a cell nested in a diagram of the user's."""
     builder = DiagramBuilder()
     cell = builder.AddNamedSystem("inner", MakeCell(scenario, make_station=own_station))
     export_outputs(builder, cell)
@@ -33,7 +33,7 @@ def own_cell(scenario):
 
 
 def brief(name):
-    """A scenario whose planner or script ends after 0.1 s."""
+    """Return a scenario whose planner or script ends after 0.1 s."""
     scenario = load_scenario(name, seed=0)
     if scenario.script:
         step = ScriptStep(mode="home", duration=0.1)
@@ -43,13 +43,13 @@ def brief(name):
 
 
 @pytest.mark.parametrize("name", DISCRETE)
-def test_a_cell_of_your_own_runs(name):
+def test_a_users_own_cell_runs(name):
     result = Simulate(brief(name), record=False, make_cell=own_cell)
     assert result.log["time"][-1] > 0.1
 
 
 @pytest.mark.parametrize("name", ["kitchen_tendon", "thesis_kitchen"])
-def test_it_behaves_as_ours_does(name):
+def test_a_users_own_cell_behaves_like_ours(name):
     own, ours = (Simulate(brief(name), make_cell=m).log for m in (own_cell, MakeCell))
     assert own.keys() == ours.keys()
     for key in ours:

@@ -1,4 +1,4 @@
-"""The thesis's demonstration in a quarter of its time; see docs/kitchen.md."""
+"""The thesis's demonstration, played in a quarter of its time; see docs/kitchen.md."""
 
 import numpy as np
 import pytest
@@ -16,8 +16,8 @@ from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
 
 RATE = 125.0  # messages/s: the fingers close and open in 8 s
-# Seconds that each pose has: a little more than the arm needs within its limits. A
-# motion that began before the last one has ended would lead past other places.
+# Seconds per pose: a little more than the arm needs within its limits. A motion that
+# starts before the last one has ended would take another path.
 POSES = {
     "startpos": [4.2],
     "movetocup": [4.2, 2.4, 1.6],
@@ -41,7 +41,7 @@ def faster(name, *overrides):
 
 
 class Touched(LeafSystem):
-    """Collects what arm and gripper touch."""
+    """Collects the names of everything that arm and gripper touch."""
 
     def __init__(self):
         super().__init__()
@@ -56,7 +56,7 @@ class Touched(LeafSystem):
 
 
 def watched(touched):
-    """Makes a cell's maker that adds `touched` to it."""
+    """Return a function that makes a cell with `touched` connected to it."""
 
     def make_cell(scenario):
         builder = DiagramBuilder()
@@ -81,9 +81,9 @@ def test_the_can_is_carried_around_and_put_back():
     assert np.linalg.norm(metrics.placement_error_m) < 3e-3
     assert metrics.placement_tilt_rad < np.deg2rad(1.0)
     z = result.log["object_pose.soup_can"][:, 2]
-    assert np.max(z) > 1.3  # over the arm, straight up
+    assert np.max(z) > 1.3  # above the upright arm
     assert touched.names == {"arm": set(), "gripper": {"soup_can"}}
-    # The arm keeps the thesis's limits; differences of commands sampled every 20 ms.
+    # The arm keeps the thesis's limits, by differences of commands sampled every 20 ms.
     q = result.log["arm.position_commanded"]
     v = np.diff(q, axis=0) / scenario.recording.period
     assert np.max(np.abs(v)) <= np.deg2rad(110.0)

@@ -1,4 +1,4 @@
-"""The varied cells, at work for a second; whole trials are the sweeps'."""
+"""The varied cells, each for its first second; sweeps run whole trials."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 
-# Seeds with clutter, and one whose arm moves fast at once.
+# A seed with clutter, and one whose arm moves fast from the start.
 CELLS = {
     "kitchen_varied": 100000,
     "kitchen_varied_accurate": 100000,
@@ -15,7 +15,7 @@ CELLS = {
 }
 
 
-def begun(name, *overrides):
+def simulate_start(name, *overrides):
     scenario = load_scenario(
         name, seed=CELLS[name], overrides=["planner.time_budget=1.2", *overrides]
     )
@@ -24,7 +24,7 @@ def begun(name, *overrides):
 
 @pytest.mark.parametrize("name", CELLS)
 def test_a_varied_cell_sees_plans_and_moves(name):
-    run = begun(name)
+    run = simulate_start(name)
     assert run.metrics.failure == "time_budget"
     assert run.metrics.localization_error_m is not None
     assert np.linalg.norm(run.metrics.localization_error_m) < 0.005
@@ -32,14 +32,16 @@ def test_a_varied_cell_sees_plans_and_moves(name):
     assert moved > 0.1
 
 
-def test_motion_stops_no_arm_however_short_the_steps():
-    run = begun("assistive_arm_varied_accurate", "plant_config.time_step=0.0025")
+def test_fast_motion_at_short_steps_does_not_trigger_the_protective_stop():
+    run = simulate_start(
+        "assistive_arm_varied_accurate", "plant_config.time_step=0.0025"
+    )
     assert run.metrics.failure == "time_budget"
 
 
 @pytest.mark.parametrize("name", CELLS)
-def test_clutter_rests_until_it_is_touched(name):
-    # With a disc of 3 mm and 10 g on the arm's table, which hopped when it was stiff.
+def test_untouched_clutter_stays_at_rest(name):
+    # This seed puts a disc of 3 mm and 10 g on the arm's table; a stiff one would hop.
     seed, budget = 600015, ["planner.time_budget=0.3"]
     run = Simulate(load_scenario(name, seed=seed, overrides=budget), name=name)
     settled = run.log["time"] > 0.1
@@ -50,7 +52,7 @@ def test_clutter_rests_until_it_is_touched(name):
 
 
 @pytest.mark.parametrize("cell", ["kitchen_varied", "assistive_arm_varied"])
-def test_both_physics_draw_the_same_trial(cell):
+def test_fast_and_accurate_physics_draw_the_same_trial(cell):
     fast, accurate = (
         load_scenario(name, seed=7) for name in (cell, f"{cell}_accurate")
     )

@@ -54,8 +54,8 @@ def floor() -> Files:
 def pedestal() -> Files:
     """Return a column beside the table; its origin is the middle of its top.
 
-    It is as high as puts its top 17.5 mm above the table's: a hand 68.4 mm above the
-    table then grasps a can on the column at mid height.
+    Its top is 17.5 mm above the table's, so that a hand 68.4 mm above the table grasps
+    a can on the column at mid height.
     """
     model = Model("pedestal", {"wood": (0.77, 0.65, 0.47)}, "A column on the floor.")
     half, foot, floor_z = 0.055, 0.11, -0.75 - 0.0175

@@ -48,7 +48,7 @@ def hull(*parts: Points | Solid) -> Solid:
     # Join neighbouring triangles that lie in one plane.
     group = list(range(len(normals)))
 
-    def root(i: int) -> int:
+    def root_of(i: int) -> int:
         while group[i] != i:
             i = group[i]
         return i
@@ -56,11 +56,11 @@ def hull(*parts: Points | Solid) -> Solid:
     for i, neighbours in enumerate(qhull.neighbors):
         for j in neighbours:
             if normals[i] @ normals[j] > 1 - 1e-9:
-                a, b = sorted((root(i), root(int(j))))
+                a, b = sorted((root_of(i), root_of(int(j))))
                 group[b] = a
     planes: dict[int, list[int]] = {}
     for i in range(len(normals)):
-        planes.setdefault(root(i), []).append(i)
+        planes.setdefault(root_of(i), []).append(i)
     faces = []
     for root, members in planes.items():
         corners = sorted({int(k) for i in members for k in qhull.simplices[i]})
