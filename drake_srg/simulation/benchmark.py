@@ -16,7 +16,7 @@ from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario, list_scenarios
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.simulate import Simulate, failure_time
-from drake_srg.station.plant import MakePlant
+from drake_srg.station.plant import AddPlant
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # Inputs of the plant that a replay needs: subsystem of the station, output port, and
@@ -165,7 +165,7 @@ def _replay(
 ) -> float:
     """Return the wall-clock time of the bare plant on recorded inputs [s]."""
     builder = DiagramBuilder()
-    plant, _ = MakePlant(builder, scenario)
+    plant, _ = AddPlant(builder, scenario)
     for i, (*_, name, port) in enumerate(_PLANT_INPUTS):
         source = builder.AddSystem(TrajectorySource(inputs[i]))
         target = getattr(plant, port)(plant.GetModelInstanceByName(name))

@@ -1,4 +1,4 @@
-"""The station: plant, sensors and drivers, as the hardware would offer them."""
+"""The station: plant, sensors and drivers, with the interface of the hardware."""
 
 from drake_srg.station.station import AddStation, MakeStation
 

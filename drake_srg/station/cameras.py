@@ -1,4 +1,4 @@
-"""The cameras of a scenario, and what they see."""
+"""The cameras of a scenario, and the scene graph that they render."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ def AddCameras(
     scene_graph: SceneGraph,
     scenario: Scenario,
 ) -> dict[str, OutputPort]:
-    """Add the cameras of a scenario, and return their ports by name.
+    """Add the cameras of a scenario, and return their output ports by name.
 
-    They see a scene graph of their own. In the plant's, the renderers would follow
-    every step of the simulation, which costs as much as the bare plant; this one takes
-    the plant's poses when somebody asks for an image. What is soft is in the plant's
-    alone, and costs more than the renderers do: with soft objects, cameras see that.
+    The cameras render a scene graph of their own, which reads the plant's poses only
+    when an image is evaluated. In the plant's scene graph, the renderers would follow
+    every step of the simulation, which costs as much as the bare plant. Soft objects
+    exist only in the plant's scene graph and cost more than the renderers do: with
+    them, the cameras render that one.
     """
     if any(config.soft for config in scenario.objects.values()):
         return _AddSensors(builder, plant, scene_graph, scenario)
-    # A clone knows the same geometry by the same ids, and is made in a tenth of the
-    # time that the models would take to be parsed again.
+    # A clone has the same geometry with the same ids, in a tenth of the time that
+    # parsing the models again would take.
     seen = builder.AddNamedSystem("render_scene_graph", scene_graph.Clone())
     builder.Connect(
         plant.get_geometry_pose_output_port(),
@@ -42,7 +43,7 @@ def AddCameras(
 
 
 def MakeRemoteCameras(scenario: Scenario) -> Diagram:
-    """Build a diagram of a scenario's cameras and their own scene, without a plant.
+    """Build a diagram of a scenario's cameras that renders a plant simulated elsewhere.
 
     .. pydrake_system::
 
@@ -54,7 +55,7 @@ def MakeRemoteCameras(scenario: Scenario) -> Diagram:
         - camera_NAME.depth_image
         - camera_NAME.body_pose_in_world
 
-    `state` is the state [q; v] of a plant that `MakePlant` made of the same scenario.
+    `state` is the state [q; v] of a plant of `AddPlant` for the same scenario.
     """
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("render_scene_graph", SceneGraph())
@@ -92,11 +93,11 @@ def _AddSensors(
             builder=builder,
             plant=plant,
             scene_graph=scene_graph,
-            lcm=DrakeLcm("memq://null"),  # stands for no publishing
+            lcm=DrakeLcm("memq://null"),  # for no publishing
         )
         sensor = builder.GetSubsystemByName(f"rgbd_sensor_{name}")
-        # Not by GetOutputPort: that, of a system that Drake made, keeps its builder
-        # alive where the garbage collector cannot see it (Drake 1.51.1).
+        # Not GetOutputPort: for a system that Drake made, it keeps the builder alive
+        # where the garbage collector cannot see it (Drake 1.51.1).
         seen = {
             "color_image": sensor.color_image_output_port(),
             "depth_image": sensor.depth_image_32F_output_port(),

@@ -1,4 +1,4 @@
-"""Cards that hang before a camera and hide parts of objects."""
+"""Cards that hang in front of a camera and hide parts of objects."""
 
 from __future__ import annotations
 
@@ -12,25 +12,26 @@ from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 
-# From the camera to the card, over the distance to the object: so near that an arm on
-# the table does not reach it.
+# Distance from the camera to the card, over that to the object: so near the camera that
+# an arm on the table does not reach it.
 _SHARE_OF_DISTANCE = 0.3
 _GREY = [0.35, 0.35, 0.35, 1.0]
 
 
 def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) -> None:
-    """Hang up what hides a part of an object, before the plant is finalized.
+    """Hang up a card that hides part of an object, before the plant is finalized.
 
-    It can be seen, not touched.
+    The card can be seen, not touched.
 
     Args:
-        plant: Registered with a scene graph.
-        scenario: Its localizer's first camera is the one that sees less.
-        name: Of the object, which has an `occlusion`.
-        p_WO: Where that stands [m], shape (3,).
+        plant: A plant registered with a scene graph.
+        scenario: The card hides the object from its localizer's first camera.
+        name: An object with an `occlusion`.
+        p_WO: Position of the object in world [m], shape (3,).
 
     Raises:
-        ScenarioError: If no localizer's camera is fixed in the world.
+        ScenarioError: If the localizer's first camera is not fixed in world, or the
+            object is not of one simple shape.
     """
     config = scenario.objects[name].occlusion
     key = f"objects.{name}.occlusion"
@@ -47,8 +48,8 @@ def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) 
     p_WC = camera.X_PB.GetDeterministicValue().translation()
     sight = _SHARE_OF_DISTANCE * (p_WO - p_WC)
     R_WCard = _facing(sight, config.direction)
-    radius = _SHARE_OF_DISTANCE * _half_width(scenario, name)  # as the card has it
-    side = 2.4 * radius  # no more than that is hidden
+    radius = _SHARE_OF_DISTANCE * _half_width(scenario, name)  # projected onto the card
+    side = 2.4 * radius  # wide enough to hide all of it
     aside = radius * (1.0 - 2.0 * config.share) + 0.5 * side
     X_WCard = RigidTransform(R_WCard, p_WC + sight + aside * R_WCard.matrix()[:, 0])
     plant.RegisterVisualGeometry(
@@ -57,7 +58,7 @@ def AddCard(plant: MultibodyPlant, scenario: Scenario, name: str, p_WO: Vector) 
 
 
 def _facing(sight: Vector, direction: float) -> RotationMatrix:
-    """Axes of a card: z along a line of sight, x as near as can be to a direction."""
+    """Return the axes of a card: z along a line of sight, x closest to a direction."""
     z = sight / np.linalg.norm(sight)
     x = np.array([np.cos(direction), np.sin(direction), 0.0])
     x = x - (x @ z) * z
@@ -66,7 +67,7 @@ def _facing(sight: Vector, direction: float) -> RotationMatrix:
 
 
 def _half_width(scenario: Scenario, name: str) -> float:
-    """Half the width of an object that stands [m]."""
+    """Return half the width of an upright object [m]."""
     shape = simple_shape(name, scenario.objects[name])
     if shape is None:
         raise ScenarioError(

@@ -1,4 +1,4 @@
-"""The plant of a scenario: all its models, in their places."""
+"""The plant of a scenario: all models in their places."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ _LID = "package://drake_srg/sdf/lid.sdf"
 
 
 @scenario_errors()
-def MakePlant(
+def AddPlant(
     builder: DiagramBuilder, scenario: Scenario
 ) -> tuple[MultibodyPlant, SceneGraph]:
-    """Add the plant with all models of a scenario to a diagram, finalized.
+    """Add the finalized plant with all models of a scenario to a diagram.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -74,10 +74,14 @@ def MakePlant(
 
 
 def filter_contacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> None:
-    """Filter the contact between geometry that a scenario names in pairs.
+    """Filter out contact between pairs of geometries.
+
+    Args:
+        scene_graph: The scene graph that holds the geometries.
+        pairs: Pairs of name patterns; see `Scenario.ignored_contacts`.
 
     Raises:
-        ScenarioError: If a name fits no collision geometry.
+        ScenarioError: If a pattern matches no collision geometry.
     """
     inspector = scene_graph.model_inspector()
     geometries = inspector.GetAllGeometryIds(Role.kProximity)
@@ -97,7 +101,7 @@ def filter_contacts(scene_graph: SceneGraph, pairs: Sequence[Sequence[str]]) -> 
 
 
 def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Add all models of a scenario but its objects to a plant.
+    """Add all models of a scenario except its objects to a plant.
 
     Raises:
         ScenarioError: If a directive cannot be processed.
@@ -114,14 +118,14 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
 
 @dc.dataclass(frozen=True)
 class Models:
-    """A scenario's directives, for a cache of what is made of them alone."""
+    """A scenario's directives, as the key of caches of plants made from them alone."""
 
-    directives: str  # YAML, those of other files included
-    changed: tuple[int, ...]  # when the models' files were [ns]
+    directives: str  # YAML; includes those of other files
+    changed: tuple[int, ...]  # times at which the models' files were changed [ns]
 
     @classmethod
     def of(cls, scenario: Scenario) -> Models:
-        """Return those of a scenario.
+        """Return the models of a scenario.
 
         Raises:
             ScenarioError: If a file of directives cannot be read.
@@ -146,10 +150,10 @@ class Models:
 
 
 def MakeModelsPlant(scenario: Scenario) -> MultibodyPlant:
-    """Return a finalized plant of a scenario's models without objects and geometry.
+    """Return a finalized plant of a scenario's models, without objects and geometry.
 
-    It is for kinematics and gravity. Do not change it: as long as the files stay as
-    they are, everybody gets the same one. Drake needs 20 ms to read even a small model.
+    It serves kinematics and gravity. Do not change it: all callers share it as long as
+    the files stay the same, because Drake needs 20 ms to read even a small model.
 
     Raises:
         ScenarioError: If a directive cannot be processed.
@@ -166,10 +170,10 @@ def _models_plant(models: Models) -> MultibodyPlant:
 
 
 def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Add the objects where they are at the start, and the marker of the goal.
+    """Add a scenario's objects, their lids and cards, and the marker of the goal.
 
     Raises:
-        ScenarioError: If an object cannot be made or its base frame is unknown.
+        ScenarioError: If an object cannot be added or its base frame is unknown.
     """
     height = scenario.table.height
     for name, config in scenario.objects.items():
@@ -194,7 +198,7 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
 
 
 def _X_WF_start(scenario: Scenario, name: str, frame: str) -> RigidTransform:
-    """Pose in world, at the start, of a frame of a model among the directives."""
+    """Return the pose in world, at the start, of a frame of the directives' models."""
     plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()
     if scenario.arm is not None:

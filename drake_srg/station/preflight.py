@@ -1,7 +1,7 @@
-"""Constraints of models that a scenario's solver would ignore or refuse.
+"""Finds constraints of models that a scenario's solver would ignore or refuse.
 
-Drake 1.51 warns of some of them in its log, refuses some in the first step, and reads
-over some without a word. Here each ends before there is a plant.
+Drake 1.51 logs a warning for some of them, refuses some in the first step, and silently
+ignores others. This module reports all of them before the plant is built.
 """
 
 from __future__ import annotations
@@ -22,26 +22,26 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario, is_continuous
 
-# Elements that make constraints, by the ending of the model's file.
+# Elements that define constraints, by the suffix of the model's file.
 _ELEMENTS = {
     ".sdf": ("drake:mimic", "drake:ball_constraint", "drake:tendon_constraint"),
     ".urdf": ("mimic", "drake:ball_constraint", "drake:tendon_constraint"),
-    ".xml": ("connect",),  # MuJoCo's
+    ".xml": ("connect",),  # MuJoCo
 }
 _SAP = "discrete_contact_approximation sap, similar or lagged"
 
 
 def check_constraints(scenario: Scenario) -> None:
-    """Check that the scenario's solver takes all constraints of its models.
+    """Check that the scenario's solver supports all constraints of its models.
 
     Raises:
-        ScenarioError: If it does not, with the model, the solver and what is allowed.
+        ScenarioError: If it does not. Names the model, the solver and what is allowed.
     """
     for model, path in model_files(scenario):
         text = re.sub("<!--.*?-->", "", path.read_text("utf-8"), flags=re.DOTALL)
         found = [e for e in _ELEMENTS.get(path.suffix, ()) if _count(e, text)]
         for element, why in (
-            *_read_over(path.suffix, text),
+            *_ignored(path.suffix, text),
             *((element, _refused(element, scenario)) for element in found),
         ):
             if why:
@@ -51,7 +51,7 @@ def check_constraints(scenario: Scenario) -> None:
 
 
 def _refused(element: str, scenario: Scenario) -> str:
-    """Why the solver does not take an element, and what is allowed; empty: it does."""
+    """Return why the solver refuses an element, and what is allowed; else nothing."""
     if is_continuous(scenario):
         if element.endswith("mimic"):
             return ""
@@ -60,12 +60,12 @@ def _refused(element: str, scenario: Scenario) -> str:
             f"plant_config.time_step greater than 0.0 with {_SAP})"
         )
     if scenario.plant_config.discrete_contact_approximation == "tamsi":
-        return f"which tamsi does not take (allowed: {_SAP})"
+        return f"which tamsi does not support (allowed: {_SAP})"
     return ""
 
 
-def _read_over(suffix: str, text: str) -> Iterator[tuple[str, str]]:
-    """Elements that Drake ignores without a word, and what is allowed."""
+def _ignored(suffix: str, text: str) -> Iterator[tuple[str, str]]:
+    """Yield elements that Drake silently ignores, and what is allowed instead."""
     why = "which Drake ignores (allowed: {})"
     if suffix == ".urdf" and _count("drake:mimic", text):
         yield "drake:mimic", why.format("<mimic>")
@@ -82,11 +82,11 @@ def _count(element: str, text: str) -> int:
 
 
 def model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
-    """Name and file of each model among the directives, and of what these include.
+    """Yield name and file of each model in the directives, and of included models.
 
-    What cannot be found is left out: the parser will say so.
+    Files that cannot be found are left out; the parser reports them.
     """
-    plant = MultibodyPlant(time_step=0.0)  # a parser does not keep its own
+    plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
     parser = Parser(plant)
     configure_parser(parser)
     try:
@@ -100,10 +100,10 @@ def model_files(scenario: Scenario) -> Iterator[tuple[str, Path]]:
 
 
 def flat_directives(scenario: Scenario, parser: Parser) -> ModelDirectives:
-    """Return a scenario's directives with those of other files in place of their names.
+    """Return a scenario's directives, with included files replaced by their contents.
 
     Raises:
-        RuntimeError: (Drake's) if a file cannot be read.
+        RuntimeError: If Drake cannot read a file.
     """
     return FlattenModelDirectives(
         ModelDirectives(directives=scenario.directives), parser.package_map()

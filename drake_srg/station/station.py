@@ -1,4 +1,4 @@
-"""The station: what the hardware would offer, with every input exported."""
+"""The station: plant, sensors and drivers behind the ports of the hardware."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
-from drake_srg.station.plant import MakeModelsPlant, MakePlant
+from drake_srg.station.plant import AddPlant, MakeModelsPlant
 
-# Ports of a gripper driver that connect to the plant, and are not forwarded.
+# Ports of a gripper driver that connect to the plant and are not exported.
 _INTERNAL = {*PLANT_INPUTS, "actuation"}
 
 
@@ -77,12 +77,12 @@ def MakeStation(scenario: Scenario) -> Diagram:
 
 
 def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
-    """Add the systems of `MakeStation` to a diagram, and export their ports.
+    """Add the systems of `MakeStation` to a diagram and export their ports.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
-    plant, scene_graph = MakePlant(builder, scenario)
+    plant, scene_graph = AddPlant(builder, scenario)
     gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
@@ -110,7 +110,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     forces = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(forces, "object_forces_cheat")
     if builder.HasSubsystemNamed("contact_torques"):
-        # The arm feels the forces on what it holds.
+        # The arm also feels forces on the object that it holds.
         contact_torques = builder.GetSubsystemByName("contact_torques")
         builder.ConnectInput(
             "object_forces_cheat", contact_torques.GetInputPort("applied_forces")
@@ -124,7 +124,7 @@ def _AddArm(
     scenario: Scenario,
     config: ArmPositionDriver,
 ) -> None:
-    """Add the arm's driver and, where the planner wants it, its torque estimator."""
+    """Add the arm's driver and, if the planner needs it, the torque estimator."""
     arm = plant.GetModelInstanceByName("arm")
     models_plant = MakeModelsPlant(scenario)
     driver = AddArmPositionDriver(
@@ -141,8 +141,8 @@ def _AddArm(
         builder.ExportOutput(output, name)
     if scenario.planner.max_external_torque is None:
         return
-    # A continuous plant computes its contacts anew for every sample. It already does
-    # this whenever the planner or a touch sensor reads its input.
+    # A continuous plant computes its contacts anew for every sample. It does so anyway
+    # whenever the planner or a touch sensor reads its input.
     period = (config if plant.time_step() else scenario.planner).period
     torque = AddExternalTorque(
         builder,
@@ -160,7 +160,7 @@ def _AddArm(
 def _AddObjectPoses(
     builder: DiagramBuilder, plant: MultibodyPlant, scenario: Scenario
 ) -> LeafSystem:
-    """Add the ground truth of the objects' poses, connected to the plant."""
+    """Add the system that outputs the true poses of the objects."""
     bodies = {
         name: object_body(plant, plant.GetModelInstanceByName(name))
         for name, config in scenario.objects.items()

@@ -12,7 +12,7 @@ from drake_srg.bridges.camera_process import CameraProcess
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, COLOR
 from drake_srg.scenario import load_scenario
-from drake_srg.station.plant import MakePlant
+from drake_srg.station.plant import AddPlant
 
 SCENARIO = load_scenario("kitchen", overrides=["object.position=[0.6, 0.1]"])
 
@@ -31,7 +31,7 @@ class Shown:
 
 @pytest.fixture(scope="module")
 def plant():
-    return MakePlant(DiagramBuilder(), SCENARIO)[0]
+    return AddPlant(DiagramBuilder(), SCENARIO)[0]
 
 
 @pytest.fixture

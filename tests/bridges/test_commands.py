@@ -14,7 +14,7 @@ from drake_srg.bridges.commands import (
     station_topics,
 )
 from drake_srg.scenario import load_scenario
-from drake_srg.station.plant import MakePlant
+from drake_srg.station.plant import AddPlant
 
 SINGLE = "gripper.joint_position_commanded"
 INPUTS = (
@@ -29,7 +29,7 @@ IIWA_LIMITS = np.deg2rad([170, 120, 170, 120, 170, 120, 175])
 
 @pytest.fixture(scope="module")
 def kitchen():
-    plant, _ = MakePlant(DiagramBuilder(), SCENARIO)
+    plant, _ = AddPlant(DiagramBuilder(), SCENARIO)
     return plant
 
 

@@ -12,7 +12,7 @@ RED = [0.8, 0.1, 0.08]
 
 
 def red_pixels(*overrides, seed=0):
-    """Where the ceiling camera sees the kitchen's can, shape (240, 320)."""
+    """Return where the ceiling camera sees the kitchen's can, shape (240, 320)."""
     fixed = (
         "object.model=null",
         "object.shape=!Cylinder {radius: 0.034, length: 0.01}",
@@ -30,20 +30,20 @@ def red_pixels(*overrides, seed=0):
 def test_a_card_hides_its_share_of_the_width(share, direction):
     whole = red_pixels()
     seen = red_pixels(f"object.occlusion={{share: {share}, direction: {direction}}}")
-    # Pixels on the rim mix with what is beside them.
+    # Pixels on the rim mix with their neighbours.
     assert not np.any(seen & (cv2.dilate(whole.astype(np.uint8), np.ones((3, 3))) == 0))
     v, u = np.nonzero(whole)
-    # World's x is up the image, its y to the left.
+    # World's x points up in the image, and its y to the left.
     along = np.array([-np.sin(direction), -np.cos(direction)]) @ [u, v]
     width = along.max() - along.min()
     along_seen = along[seen[v, u]]
     hidden = (along.max() - along_seen.max()) / width
     assert along_seen.min() - along.min() < 2.0  # nothing on the other side
-    # A pixel on either side of an edge, and the view's slant.
+    # One pixel on either side of an edge, and one for the slanted view.
     assert abs(hidden - share) < 3.0 / width
 
 
-def test_a_share_of_nothing_hides_nothing():
+def test_a_share_of_zero_hides_nothing():
     np.testing.assert_array_equal(
         red_pixels("object.occlusion={share: 0.0}"), red_pixels()
     )

@@ -5,7 +5,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario
-from drake_srg.station.plant import MakePlant
+from drake_srg.station.plant import AddPlant
 from drake_srg.station.preflight import check_constraints
 
 INERTIAL = "<inertial><mass>1</mass></inertial>"
@@ -106,11 +106,11 @@ def scenario_with(tmp_path):
         ("drake_mimic.urdf", "lagged", ["<drake:mimic>", "allowed: <mimic>"]),
     ],
 )
-def test_what_a_solver_does_not_take_is_said_in_one_line(
+def test_an_unsupported_constraint_is_reported_in_one_line(
     scenario_with, model, solver, said
 ):
     with pytest.raises(ScenarioError) as error:
-        MakePlant(DiagramBuilder(), scenario_with(model, solver))
+        AddPlant(DiagramBuilder(), scenario_with(model, solver))
     message = str(error.value)
     assert "\n" not in message
     assert message.startswith("directives: gripper: ")
@@ -134,20 +134,20 @@ def test_what_a_solver_does_not_take_is_said_in_one_line(
         ("commented.sdf", "lagged", 0),
     ],
 )
-def test_what_passes_is_in_the_plant(scenario_with, model, solver, count):
-    plant, _ = MakePlant(DiagramBuilder(), scenario_with(model, solver))
+def test_supported_constraints_are_in_the_plant(scenario_with, model, solver, count):
+    plant, _ = AddPlant(DiagramBuilder(), scenario_with(model, solver))
     assert plant.num_constraints() == count
 
 
-def test_a_model_that_is_not_there_is_the_parsers_matter(scenario_with):
+def test_a_missing_model_is_left_to_the_parser(scenario_with):
     scenario = scenario_with("missing.sdf", "lagged")
     check_constraints(scenario)
     with pytest.raises(ScenarioError, match=r"directives: .*missing\.sdf"):
-        MakePlant(DiagramBuilder(), scenario)
+        AddPlant(DiagramBuilder(), scenario)
 
 
 @pytest.mark.parametrize("name", ("linkage_gripper", "linkage_gripper_flat"))
-def test_the_linkage_needs_a_solver_that_takes_balls(scenario_with, name):
+def test_the_linkage_needs_a_solver_with_ball_constraints(scenario_with, name):
     url = f"package://drake_srg/sdf/{name}.sdf"
     with pytest.raises(ScenarioError, match="cenic refuses"):
         check_constraints(scenario_with(url, "cenic"))

@@ -1,5 +1,3 @@
-import time
-
 import numpy as np
 import pytest
 from helpers import fix, port_table
@@ -29,8 +27,8 @@ def camera_ports(name):
     ]
 
 
-def test_the_ports_are_those_of_the_table(station):
-    # n = m = 4 finger joints and sensors, N = 7 joints of the arm.
+def test_the_ports_are_as_documented(station):
+    # 4 finger joints (n), 4 finger sensors (m) and 7 joints of the arm (N).
     assert port_table(station) == (
         {
             "gripper.closure_commanded": 1,
@@ -57,7 +55,7 @@ def test_the_ports_are_those_of_the_table(station):
     )
 
 
-def test_what_a_scenario_does_not_have_has_no_ports():
+def test_there_are_no_ports_for_missing_parts():
     scenario = load_scenario("kitchen", overrides=["gripper=null"])
     scenario.cameras.clear()
     inputs, outputs = port_table(MakeStation(scenario))
@@ -71,7 +69,7 @@ def test_what_a_scenario_does_not_have_has_no_ports():
     }
 
 
-def test_an_empty_scenario_is_a_station():
+def test_an_empty_scenario_makes_a_station():
     station = MakeStation(Scenario())
     assert port_table(station) == (
         {"object_forces_cheat": None},
@@ -80,7 +78,7 @@ def test_an_empty_scenario_is_a_station():
     Simulator(station).AdvanceTo(0.01)
 
 
-def test_it_starts_at_home_with_the_object_where_the_scenario_says(station):
+def test_the_arm_starts_at_home_and_the_object_at_its_position(station):
     context = station.CreateDefaultContext()
     state = station.GetOutputPort("arm.state_measured").Eval(context)
     np.testing.assert_array_equal(state, HOME + [0.0] * 7)
@@ -93,7 +91,7 @@ def test_it_starts_at_home_with_the_object_where_the_scenario_says(station):
     assert poses["soup_can"].translation() == pytest.approx([x, y, 0.0509], abs=1e-4)
 
 
-def test_the_optional_inputs_are_optional(station):
+def test_optional_inputs_can_be_left_unconnected(station):
     simulator = Simulator(station)
     context = simulator.get_mutable_context()
     fix(
@@ -108,29 +106,8 @@ def test_the_optional_inputs_are_optional(station):
     assert can.translation()[2] == pytest.approx(0.0509, abs=2e-4)  # it stands
 
 
-def test_an_idle_camera_costs_nothing(station):
-    simulator = Simulator(station)
-    context = simulator.get_mutable_context()
-    fix(
-        station,
-        context,
-        **{"arm.position_commanded": HOME, "gripper.closure_commanded": 0.1},
-    )
-    port = station.GetOutputPort("camera_ceiling.color_image")
-    port.Eval(context)  # the first image also sets the renderer up
-    simulator.AdvanceTo(0.002)
-    start = time.perf_counter()
-    port.Eval(context)
-    image = time.perf_counter() - start
-    start = time.perf_counter()
-    simulator.AdvanceTo(0.102)
-    simulation = time.perf_counter() - start
-    # An image a step would be 50 images, and one a control period 10.
-    assert simulation < 5 * image
-
-
 def start_pose(name, *overrides):
-    """Pose in world of the picked object of a scenario at the start."""
+    """Return the pose in world of a scenario's picked object at the start."""
     scenario = load_scenario(name, overrides=overrides)
     scenario.cameras.clear()
     station = MakeStation(scenario)
@@ -178,7 +155,7 @@ def test_an_object_of_several_pieces_stands_on_the_table():
     )
 
 
-def test_an_absent_object_is_absent():
+def test_an_absent_object_has_no_pose():
     scenario = load_scenario("kitchen", overrides=["object.present=false"])
     scenario.cameras.clear()
     station = MakeStation(scenario)
@@ -197,7 +174,7 @@ def test_an_absent_object_is_absent():
         ("object.model=package://drake_srg/sdf/no.sdf", "objects.soup_can.model: "),
     ],
 )
-def test_models_that_do_not_fit_are_named(override, message):
+def test_unsuitable_models_are_reported_with_their_key(override, message):
     with pytest.raises(ScenarioError) as error:
         make(override)
     assert message in str(error.value)
