@@ -14,7 +14,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_srg.bridges.served_station import MakeServedStation
 from drake_srg.cell import MakeCell
 from drake_srg.common.ports import input_ports, output_ports
-from drake_srg.experiments.fingertips import SightingError
+from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
