@@ -1,1 +1,1 @@
-"""Arm drivers."""
+"""Arms: drivers, jerk-limited references, external torques, kinematics."""

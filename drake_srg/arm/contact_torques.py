@@ -1,4 +1,4 @@
-"""What pushes an arm besides its motors and gravity, from a plant's own contacts."""
+"""External torques of an arm, from the contacts that the plant computes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _ZERO = np.zeros(3)
 
 
 class ContactTorques(LaggedTorque):
-    """Tells joint torques that come from outside: touch, and what the hand holds.
+    """Computes the joint torques that touch and a held load cause.
 
     .. pydrake_system::
 
@@ -45,33 +45,33 @@ class ContactTorques(LaggedTorque):
         output_ports:
         - external_torque
 
-    The torques of contact forces F on links with Jacobians J are J' F. But a hand holds
-    by large forces that nearly cancel, and where their friction is regularized and
-    creeps, what a plant tells of them is out of balance by several times the weight of
-    what is held. So the hand and the free bodies that it touches are taken for one:
-    forces between them are left out; what acts on it is, by Newton,
+    Contact forces F on links with Jacobians J cause the torques J' F. But a hand holds
+    by large forces that nearly cancel. Regularized friction creeps, and then the forces
+    that a plant reports are out of balance by several times the weight of the load. So
+    this system takes the hand and the free bodies that it touches, its load, as one. It
+    leaves out the forces between them. By Newton, the force on both is
 
-        F = all other forces on it + weight of what it touches - dh/dt,
+        F = all other forces on them + weight of the load - dh/dt,
 
-    where h is the momentum of what it touches, from one sample to the next. A can that
-    stands counts nothing when it is touched, one that hangs its weight, one that is
-    pressed on the table that pressure less its weight, one that is hit what set it in
-    motion. All spatial vectors are in world and about its origin: [torque; force].
+    where h is the momentum of the load, from one sample to the next. A touched can that
+    stands counts nothing; one that hangs, its weight; one that is pressed on the table,
+    that pressure less its weight; one that is hit, the force that set it in motion. All
+    spatial vectors are in world and about its origin: [torque; force].
 
-    Stiff things meet for less than a period: what drops by half a millimetre may press
-    with a hundred times its weight in one sample, which is not in the balance with
-    what it gains from sample to sample. So of forces on what the hand touches, weight
-    among them, that counts at each joint which lasts from sample to sample (minmod).
+    Stiff bodies touch for less than a period: something that drops by half a millimetre
+    may press with a hundred times its weight in one sample, which does not balance the
+    momentum that it gains from sample to sample. So of the forces on the load, weight
+    included, each joint feels the part that lasts from one sample to the next (minmod).
 
-    The inputs are the plant's; `arm_state` (2N) is [q; v], and `applied_forces` is what
-    the plant gets as applied spatial forces. `external_torque` (N) [N m], in the order
-    of the arm's velocities, follows with a lag of first order. All are sampled every
+    The inputs are the plant's. `arm_state` (2N) is [q; v], and `applied_forces` are the
+    spatial forces applied to the plant. `external_torque` (N) [N m], in the order of
+    the arm's velocities, follows with a first-order lag. All are sampled every
     `period`.
 
     Args:
         plant: Finalized, with geometry.
-        arm: Whose torques.
-        gripper: The hand; it moves with the arm.
+        arm: The arm whose torques are computed.
+        gripper: The hand, which moves with the arm.
         models_plant: A finalized plant with both, by the same names, and no other
             moving body.
         period: [s].
@@ -93,15 +93,15 @@ class ContactTorques(LaggedTorque):
         self._arm = models_plant.GetModelInstanceByName(plant.GetModelInstanceName(arm))
         self._gravity = np.array(plant.gravity_field().gravity_vector())
 
-        # Bodies and geometries by number, not by id: see ProximitySensors.
+        # Bodies and geometries by number, not by id: an id would keep the plant alive.
         links, fingers = (
             [] if model is None else _bodies(plant, model) for model in (arm, gripper)
         )
-        # Rows of wrenches: a link each, the hand, and the load, what the hand touches.
+        # Rows of wrenches: one per link, then the hand, then the load.
         self._hand, self._load = len(links), len(links) + 1
         self._link_of = {int(link.index()): i for i, link in enumerate(links)}
         self._link_of |= {int(finger.index()): self._hand for finger in fingers}
-        # Any finger stands for the hand: what moves the arm does not move the fingers.
+        # Any finger stands for the hand, because the arm does not move the fingers.
         self._frames = [
             models_plant.GetFrameByName(
                 body.name(),
@@ -112,7 +112,7 @@ class ContactTorques(LaggedTorque):
             for body in (*links, *2 * (fingers or links)[:1])
         ]
         free = _free_bodies(plant, {arm, gripper})
-        # Copies: the plant's own would keep its diagram alive.
+        # Copies: the plant's own inertias would keep its diagram alive.
         self._inertias = {
             int(body.index()): copy.copy(body.default_spatial_inertia())
             for body in free
@@ -125,7 +125,7 @@ class ContactTorques(LaggedTorque):
 
         self._world = models_plant.world_frame()
         n, n_all = models_plant.num_velocities(self._arm), models_plant.num_velocities()
-        # The arm's, of all joints.
+        # The arm's columns among those of all joints.
         columns = models_plant.GetVelocitiesFromArray(
             self._arm, np.arange(float(n_all))
         )
@@ -142,7 +142,7 @@ class ContactTorques(LaggedTorque):
                 ("applied_forces", [ExternallyAppliedSpatialForce()]),
             )
         )
-        # h of each free body, and the torque of the load's forces.
+        # Kept: h of each free body, and the torque of the load's forces.
         self._declare_torque(n, num_kept=6 * len(free) + n)
 
     def _sample(self, context: Context, kept: Vector) -> tuple[Vector, Vector]:
@@ -169,7 +169,7 @@ class ContactTorques(LaggedTorque):
     def _wrenches(
         self, context: Context, poses: list[RigidTransform]
     ) -> tuple[dict[int, Vector], set[int]]:
-        """On links, hand and load, where there are any, and what the hand touches."""
+        """Return wrenches on links, hand and load, and the bodies of the load."""
         body_of = self._body_of
         contacts = [
             (body_of.get(contact.id_A, -1), body_of.get(contact.id_B, -1), contact)
@@ -186,7 +186,7 @@ class ContactTorques(LaggedTorque):
         for a, b, contact in contacts:
             link_A, link_B = link_of.get(a, -1), link_of.get(b, -1)
             if link_A == link_B or min(link_A, link_B) >= self._hand:
-                continue  # of neither, or between hand and load
+                continue  # on none of them, or between hand and load
             F_AWo_W = contact.F_Ac_W().Shift(-contact.p_WC()).get_coeffs()
             if link_A >= 0:
                 wrenches[link_A] += F_AWo_W
@@ -204,7 +204,7 @@ class ContactTorques(LaggedTorque):
     def _joint_torques(
         self, arm_state: Vector, wrenches: dict[int, Vector]
     ) -> tuple[Vector, Vector]:
-        """What the arm's joints feel of links and hand, and of the load."""
+        """Return the torques, shape (N,) [N m], from links and hand, and from load."""
         plant, context, world = self._plant, self._plant_context, self._world
         felt, load = np.zeros(len(self._columns)), np.zeros(len(self._columns))
         if wrenches:
@@ -222,7 +222,7 @@ class ContactTorques(LaggedTorque):
 
 
 def _minmod(a: Vector, b: Vector) -> Vector:
-    """The smaller one where both have one sign, else 0."""
+    """Return the smaller of two numbers of the same sign, else 0."""
     return np.minimum(np.maximum(a, np.minimum(b, 0.0)), np.maximum(b, 0.0))
 
 
@@ -233,7 +233,7 @@ def _bodies(plant: MultibodyPlant, model: ModelInstanceIndex) -> list[RigidBody]
 def _free_bodies(
     plant: MultibodyPlant, others: set[ModelInstanceIndex | None]
 ) -> list[RigidBody]:
-    """Single bodies, of other models, whose motion is theirs alone."""
+    """Return the free single bodies of other models."""
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parents = {joint.parent_body().index() for joint in joints}
     bodies = [plant.get_body(BodyIndex(i)) for i in range(plant.num_bodies())]

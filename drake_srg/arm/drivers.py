@@ -1,4 +1,4 @@
-"""Arm drivers: what stands between joint position commands and joint torques."""
+"""The arm driver: from joint position commands to joint torques."""
 
 import dataclasses as dc
 from collections.abc import Sequence
@@ -28,10 +28,11 @@ from drake_srg.types import positive
 class ArmPositionDriver:
     """Stiff joint position control with gravity compensation.
 
-    The gains stand for the iiwa's own position mode, whose are not published: each
-    joint gets kp = J w² and kd = 2 J w (critical) with w = 40 rad/s and J the joint's
-    reflected rotor inertia (1.2 to 3.4 kg m²) plus what the links beyond it add in a
-    typical posture. With these, 10 N at the flange moves it by less than 1 mm.
+    The gains stand for the iiwa's position mode, whose gains KUKA does not publish.
+    Each joint gets kp = J w² and kd = 2 J w (critical) with w = 40 rad/s, where J is
+    the joint's reflected rotor inertia (1.2 to 3.4 kg m²) plus the inertia of the links
+    beyond it in a typical posture. With these gains, 10 N move the flange by less than
+    1 mm.
     """
 
     kp: list[float] = dc.field(
@@ -46,17 +47,17 @@ class ArmPositionDriver:
     )  # N m s / rad
     # Joint positions at the start of a simulation [rad].
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
-    # Commands are sampled and gravity is compensated at this period [s].
+    # Period at which commands are sampled and gravity is compensated [s].
     period: float = dc.field(default=0.005, metadata=positive())
-    # Of the motion to targets that may jump, where `AddJerkLimits` makes it.
+    # Limits of the motion to targets that may jump; see `AddJerkLimits`.
     limits: JerkLimits = dc.field(default_factory=JerkLimits)
-    # Torque that the motors can give, over that of the model.
+    # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
 
 
 class GravityCompensation(LeafSystem):
-    """Torques that hold an arm against gravity.
+    """Computes the torques that hold an arm against gravity.
 
     .. pydrake_system::
 
@@ -66,8 +67,8 @@ class GravityCompensation(LeafSystem):
         output_ports:
         - torque
 
-    The inputs are the states [q; v] of the model instances `models` of `plant`, as its
-    state output ports order them. `torque` (N) [N m] belongs to the first model, in
+    The inputs are the states [q; v] of the model instances `models`, in the order of
+    the plant's state output ports. `torque` (N) [N m] belongs to the first model, in
     the order of its velocities. Pydrake's InverseDynamics does the same but does not
     keep its plant alive.
 
@@ -108,18 +109,18 @@ def SetArmGains(
 ) -> None:
     """Give the arm's actuators the driver's gains, before the plant is finalized.
 
-    The plant then solves the stiff control law implicitly, with its effort limits.
+    The plant then solves the stiff control law implicitly, within its effort limits.
 
     Raises:
-        ValueError: If the number of gains is not the number of actuators.
+        ValueError: If there is not one gain or home position per actuator.
     """
     actuators = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
     actuators = [a for a in actuators if a.model_instance() == arm]
     for name in ("kp", "kd", "home"):
         if len(getattr(config, name)) != len(actuators):
             raise ValueError(
-                f"arm.{name}: has {len(getattr(config, name))} entries, "
-                f"the arm has {len(actuators)} actuated joints"
+                f"arm.{name}: needs one entry per actuated joint of the arm "
+                f"({len(actuators)}), got {len(getattr(config, name))}"
             )
     for actuator, kp, kd in zip(actuators, config.kp, config.kd, strict=True):
         actuator.set_controller_gains(PdControllerGains(p=kp, d=kd))
@@ -151,12 +152,19 @@ def AddArmPositionDriver(
         - state_measured
 
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the plant's PD
-    actuators. To these `actuation` adds the torques that hold arm and gripper against
-    gravity, from the measured states and `control_plant`: a finalized plant with the
-    arm and the gripper and no other moving body.
+    actuators. `actuation` (N) [N m] adds the torques that hold arm and gripper against
+    gravity. `state_measured` (2N) is the arm's state [q; v] with the errors of
+    `config.errors`.
 
-    `state_measured` (2N), [q; v], is the arm's state with what `config.errors` make of
-    it, drawn from `seed`.
+    Args:
+        builder: Of the diagram.
+        plant: With the arm, finalized.
+        arm: Its model instance.
+        gripper: The model instance that it carries, if any.
+        control_plant: A finalized plant with the arm, the gripper and no other moving
+            body, for gravity.
+        config: Of the driver.
+        seed: Of the errors.
     """
     config = config or ArmPositionDriver()
     inner = DiagramBuilder()
@@ -221,13 +229,13 @@ def AddArmPositionDriver(
 def AddJerkLimits(
     builder: DiagramBuilder, config: ArmPositionDriver
 ) -> JerkLimitedReference:
-    """Add `arm_reference`, for targets that jump, to a diagram.
+    """Add `arm_reference`, which makes motion of targets that jump, to a diagram.
 
-    It starts at the driver's home and keeps the driver's limits and period: its
-    `position_commanded` is what the driver's shall be connected to.
+    It starts at the driver's home and has the driver's limits and period. Connect its
+    `position_commanded` to the driver's.
 
     Raises:
-        ValueError: If a limit has neither one entry nor one a joint.
+        ValueError: If a limit has neither one entry nor one entry per joint.
     """
     return builder.AddNamedSystem(
         "arm_reference",

@@ -1,4 +1,4 @@
-"""What pushes an arm besides its motors and gravity, from torques and motion."""
+"""External torques of an arm, from the torques and the motion of its joints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from drake_srg.types import Vector
 
 
 class ExternalTorqueObserver(LaggedTorque):
-    """Estimates joint torques that come from outside: touch, and what the hand holds.
+    """Estimates the joint torques that touch and a held load cause.
 
     .. pydrake_system::
 
@@ -31,25 +31,25 @@ class ExternalTorqueObserver(LaggedTorque):
         output_ports:
         - external_torque
 
-    The generalized-momentum observer of A. De Luca and R. Mattone (ICRA 2003, 2005; S.
-    Haddadin, A. De Luca, A. Albu-Schaeffer, Robot Collisions: A Survey, IEEE Trans.
-    Robotics 33(6), 2017). Its residual r follows the external torque with a lag,
+    This is the generalized-momentum observer of A. De Luca and R. Mattone (ICRA 2003,
+    2005; S. Haddadin, A. De Luca, A. Albu-Schaeffer, Robot Collisions: A Survey, IEEE
+    Trans. Robotics 33(6), 2017). Its residual r follows the external torque with a lag,
 
         r' = (tau_external - r) / time_constant,
 
-    and needs no accelerations, only what momentum p = M v gains. Between two samples
-    that gain, less that of M itself, is M (v - v_last): so here
+    and needs no accelerations, only the gain of the momentum p = M v. Between two
+    samples, that gain, less the one of M itself, is M (v - v_last). So here
 
         tau_external = M (v - v_last) / period + C v - g - tau,
 
-    with damping of the joints in g, and tau what the motors applied from one sample to
-    the next.
+    where g includes the damping of the joints, and tau is what the motors applied from
+    one sample to the next.
 
-    The inputs are the states [q; v] of the model instances `models` of `plant`, as
-    their state output ports order them, and `torque` (N) [N m], what the motors of the
-    first model apply. `external_torque` (N) [N m] belongs to it, in the order of its
-    velocities. All are sampled every `period`, which should be the plant's own step, as
-    the torque of one sample does not stand for all between two.
+    The inputs are the states [q; v] of the model instances `models`, in the order of
+    the plant's state output ports, and `torque` (N) [N m], what the motors of the first
+    model apply. `external_torque` (N) [N m] belongs to the first model, in the order of
+    its velocities. All are sampled every `period`. It should be the plant's own step,
+    because the torque of one sample does not stand for all steps between two samples.
 
     Args:
         plant: A finalized plant with these models and no other moving body.
@@ -105,28 +105,31 @@ def AddExternalTorque(
     errors: ArmErrorsConfig | None = None,
     seed: int = 0,
 ) -> OutputPort:
-    """Add what tells the external torques of an arm, and return its port (N) [N m].
+    """Add a system that estimates an arm's external torques; return its port.
 
-    A plant with steps gets an `ExternalTorqueObserver` at those. It reads what the
-    arm's own controller does: torques and motion at the joints, before the errors of
-    what that reports. Between samples of a continuous plant the torque of stiff
-    actuators is a saw, by v kp period, 170 N m at an iiwa's top speed, and no sample
-    stands for its mean. There, `ContactTorques` tells them by the plant's contacts,
-    with the same lag; inside the arm, joint torque sensors would tell as much.
+    A plant with steps gets an `ExternalTorqueObserver` with the same step. It reads
+    what the arm's own controller reads: torques and motion at the joints, without the
+    errors of its reports. Between samples of a continuous plant, the torque of stiff
+    actuators is a saw tooth of height v kp period, 170 N m at an iiwa's top speed, and
+    no sample stands for its mean. Such a plant gets `ContactTorques` instead, with the
+    same lag. Joint torque sensors inside an arm would tell as much.
 
-    Where something pulls at arm, hand or what that holds by the plant's applied spatial
-    forces, the caller connects `contact_torques`, where it is, to the same.
+    If the plant has applied spatial forces on arm, hand or load, the caller connects
+    the same forces to `contact_torques`, if that exists.
 
     Args:
         builder: Of the diagram.
-        plant: What is observed, finalized and in the diagram.
-        arm: Whose torques.
-        gripper: What moves with it.
+        plant: With the arm, finalized and in the diagram.
+        arm: Its model instance.
+        gripper: The model instance that it carries, if any.
         models_plant: A finalized plant with both and no other moving body.
-        period: How often torque sensors with errors are read, and a continuous plant's
-            contacts [s].
+        period: Time between readings of torque sensors with errors, and of a continuous
+            plant's contacts [s].
         errors: Of the torque sensors.
         seed: Of their noise.
+
+    Returns:
+        The port of the external torques (N) [N m].
     """
     port = _external_torque(builder, plant, arm, gripper, models_plant, period)
     if errors is None or errors.torque_offset == errors.torque_noise == 0.0:

@@ -1,4 +1,4 @@
-"""Targets that may jump become motion with limited velocity, acceleration and jerk."""
+"""Motion to targets that may jump, with limited velocity, acceleration and jerk."""
 
 import dataclasses as dc
 
@@ -16,7 +16,7 @@ def _degrees(x: float) -> list[float]:
 
 @dc.dataclass(kw_only=True)
 class JerkLimits:
-    """Limits of a joint's motion: one entry for all joints, or one a joint.
+    """Limits of the joints' motion: one entry for all joints, or one per joint.
 
     The defaults are those of the SRG thesis for the iiwa: 110 degrees/s, 40 degrees/s²
     and 80 degrees/s³.
@@ -33,12 +33,12 @@ class JerkLimits:
     )  # rad/s³ or m/s³
 
 
-# Rows of the discrete state, one column a joint.
+# Rows of the discrete state, which has one column per joint.
 _POSITION, _VELOCITY, _ACCELERATION, _TARGET = range(4)
 
 
 class JerkLimitedReference(LeafSystem):
-    """Moves N joints to their newest targets as fast as limits of jerk allow.
+    """Moves N joints to their newest targets as fast as the limits allow.
 
     .. pydrake_system::
 
@@ -48,12 +48,12 @@ class JerkLimitedReference(LeafSystem):
         output_ports:
         - position_commanded
 
-    Every `period` the targets are taken from `position_desired` (N) [rad or m], which
-    may change at any time; an entry that is not finite leaves its joint's target as it
-    was. Each joint moves by itself, from where it is and as it moves, to rest at its
-    target in the least time that the limits allow (by Ruckig: Berscheid and Kröger,
-    RSS 2021). `position_commanded` (N) is updated every `period`: what an update makes
-    of the targets at a time is the position one period later.
+    Every `period`, the system reads the targets from `position_desired` (N) [rad or m],
+    which may change at any time. An entry that is not finite leaves its joint's target
+    unchanged. Each joint moves on its own, from its present position, velocity and
+    acceleration to rest at its target, in the least time that the limits allow (Ruckig:
+    Berscheid and Kröger, RSS 2021). `position_commanded` (N) is updated every `period`:
+    from the targets at a time follows the position one period later.
 
     Args:
         home: Where the joints are, and stay without targets, shape (N,) [rad or m].
@@ -61,7 +61,7 @@ class JerkLimitedReference(LeafSystem):
         period: Time between updates [s].
 
     Raises:
-        ValueError: If a limit has neither one entry nor one a joint.
+        ValueError: If a limit has neither one entry nor one entry per joint.
     """
 
     def __init__(self, home: Vector, limits: JerkLimits, period: float) -> None:
@@ -72,7 +72,7 @@ class JerkLimitedReference(LeafSystem):
         for name, values in dc.asdict(limits).items():
             if len(values) not in (1, n):
                 raise ValueError(
-                    f"limits.{name}: needs 1 entry or {n}, has {len(values)}"
+                    f"limits.{name}: needs 1 entry or {n}, got {len(values)}"
                 )
             self._limits[f"max_{name}"] = np.broadcast_to(values, n).tolist()
 
@@ -104,7 +104,7 @@ class JerkLimitedReference(LeafSystem):
         if self._desired.HasValue(context):
             desired = self._desired.Eval(context)
             target = np.where(np.isfinite(desired), desired, target)
-        # A joint comes to rest in its target exactly, so that this tells when it has.
+        # A joint comes to rest exactly at its target, so equality means that it rests.
         if not moving and np.array_equal(target, position):
             return
         move, trajectory = ruckig.InputParameter(self._n), ruckig.Trajectory(self._n)

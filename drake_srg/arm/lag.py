@@ -1,4 +1,4 @@
-"""What all that tells external torques has in common: samples, and a lag."""
+"""Base of the external-torque estimators: sampling and a first-order lag."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
-# Time constant of the estimate [s]: that of contact forces which a motion at the arm's
-# top speed builds up is 20 to 50 ms.
+# Time constant of the estimate [s]. Contact forces that build up at the arm's top speed
+# have 20 to 50 ms.
 TIME_CONSTANT = 0.02
 
 
 class LaggedTorque(LeafSystem):
-    """A system whose output `external_torque` (N) [N m] follows samples with a lag.
+    """Base of a system whose output `external_torque` follows samples with a lag.
 
-    Those who derive from it declare their input ports, then call `_declare_torque`, and
-    say in `_sample` what is felt.
+    The output (N) is in N m. A subclass declares its input ports, calls
+    `_declare_torque`, and implements `_sample`.
 
     Args:
         period: Of the samples [s].
-        time_constant: Of the lag, of first order [s].
+        time_constant: Of the first-order lag [s].
     """
 
     def __init__(self, period: float, time_constant: float) -> None:
@@ -34,8 +34,8 @@ class LaggedTorque(LeafSystem):
 
         Args:
             n: Number of joints.
-            num_kept: How many numbers one sample keeps for the next. They are NaN
-                until there is one.
+            num_kept: Count of numbers that a sample keeps for the next one. They are
+                NaN until the first sample.
         """
         self._num_kept = num_kept
         state = self.DeclareDiscreteState(
@@ -52,7 +52,7 @@ class LaggedTorque(LeafSystem):
         )
 
     def _sample(self, context: Context, kept: Vector) -> tuple[Vector | None, Vector]:
-        """Return what is felt now, (N) [N m] or None, and what to keep."""
+        """Return the torque now, shape (N,) [N m], or None, and the numbers to keep."""
         raise NotImplementedError
 
     def _calc_external_torque(self, context: Context, output: BasicVector) -> None:
@@ -68,5 +68,5 @@ class LaggedTorque(LeafSystem):
 
 
 def lag_share(period: float, time_constant: float = TIME_CONSTANT) -> float:
-    """Share of a step that a first-order lag follows in a period [s]."""
+    """Return the share of a step that a first-order lag follows in a period [s]."""
     return float(-np.expm1(-period / time_constant))

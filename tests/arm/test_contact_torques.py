@@ -1,4 +1,4 @@
-"""Torques from outside, told by a continuous plant's contacts."""
+"""External torques from the contacts of a continuous plant."""
 
 import numpy as np
 import pytest
@@ -46,8 +46,7 @@ def model(name, content):
 
 
 # A slide along z, whose torque is a force, and a hinge about y, both at the origin. The
-# hand's palm is at x = REACH, its middle at height 1; between it and the
-# finger are 96 mm.
+# hand's palm is at x = REACH, its middle at height 1, and 96 mm from the finger.
 ARM = model(
     "arm",
     f"""<link name="column">{box("c", "0.1 0.1 0.06", "0 0 1")}</link>
@@ -64,7 +63,7 @@ GRIPPER = model(
     <joint name="grip" type="prismatic"><parent>palm</parent><child>finger</child>
     <axis><xyz>1 0 0</xyz></axis></joint>""",
 )
-# There a ball is 1 mm in the palm and 3 mm in the finger.
+# A ball there is 1 mm deep in the palm and 3 mm deep in the finger.
 BETWEEN = np.array([REACH + 0.059, 0.0, 1.0])
 TABLE = model(
     "table",
@@ -77,7 +76,7 @@ BALL = model(
     <geometry><sphere><radius>{RADIUS}</radius></sphere></geometry>{SOFT}</collision>
     </link>""",
 )
-# A ball that is not one body: a bob hangs in it.
+# A ball that is not a single body, because a bob hangs in it.
 BELL = BALL.replace(
     "</model>",
     """<link name="bob"/><joint name="pivot" type="revolute"><parent>ball</parent>
@@ -96,7 +95,7 @@ def add_models(plant, gripper=True):
 
 
 class Scene:
-    """An arm, perhaps with a hand, a table below, and balls where they are put."""
+    """An arm, with or without a hand, above a table, and balls."""
 
     def __init__(self, contact="hydroelastic", balls=("ball",), gripper=True):
         builder = DiagramBuilder()
@@ -127,7 +126,7 @@ class Scene:
         return ball
 
     def felt(self):
-        """What is felt in the next sample, the lag undone: [N, N m]."""
+        """Return the torques of the next sample with the lag undone [N, N m]."""
         context = self.torques.GetMyMutableContextFromRoot(self.root)
         port, share = self.torques.get_output_port(), lag_share(PERIOD)
         before = port.Eval(context).copy()
@@ -136,18 +135,18 @@ class Scene:
         return before + (port.Eval(context) - before) / share
 
     def felt_twice(self):
-        """The same of a scene that lasts for two samples."""
+        """Return the same for a scene that lasts for two samples."""
         self.felt()
         return self.felt()
 
     @property
     def contacts(self):
-        """The plant's own account [N, N m]."""
+        """The plant's own contact torques [N, N m]."""
         port = self.plant.get_generalized_contact_forces_output_port(self.arm)
         return port.Eval(self.context).copy()
 
     def standing(self, x):
-        """Put a ball on the table where it is in balance, at (x, 0)."""
+        """Put a ball on the table at (x, 0), at the height where it is in balance."""
         high, low = RADIUS, RADIUS - 0.01
         for _ in range(40):
             self.put([x, 0.0, 0.5 * (low + high)])
@@ -157,17 +156,17 @@ class Scene:
                 high = 0.5 * (low + high)
 
     def pressure(self):
-        """Of ball and table [N]."""
+        """Return the force between ball and table [N]."""
         results = self.plant.get_contact_results_output_port().Eval(self.context)
         return ContactReader(self.plant, "ball").forces(results).get("support", 0.0)
 
     def lower(self, z):
-        """Lower the arm to where its hand, and all of it, is at a height [m]."""
+        """Lower the arm so that its hand is at a height [m]."""
         self.plant.GetJointByName("slide").set_translation(self.context, z - 1.0)
 
 
 def about_origin(force, p, torque=(0.0, 0.0, 0.0)):
-    """What slide and hinge feel of a force [N] at a point [m] and a torque [N m]."""
+    """Return what slide and hinge feel of a force [N] at a point [m] and a torque."""
     return np.array([force[2], (np.cross(p, force) + torque)[1]])
 
 
@@ -190,16 +189,16 @@ def test_ports():
     )
 
 
-def test_untouched_it_feels_nothing(scene):
+def test_an_untouched_arm_feels_nothing(scene):
     scene.put([2.0, 0.0, 1.0], v=[0.0, 0.0, -1.0])
     for _ in range(2):
         np.testing.assert_array_equal(scene.felt(), 0.0)
 
 
-def test_what_is_held_counts_with_its_weight_whatever_its_contacts_say(scene):
+def test_a_held_ball_counts_with_its_weight_whatever_its_contacts_say(scene):
     scene.put(BETWEEN, v=[0.0, 0.01, 0.0])
     weight = about_origin([0.0, 0.0, -MASS * G], BETWEEN)
-    assert np.max(np.abs(scene.contacts - weight)) > 1.0  # it creeps and is askew
+    assert np.max(np.abs(scene.contacts - weight)) > 1.0  # creeping, out of balance
     np.testing.assert_allclose(scene.felt_twice(), weight, rtol=1e-9)
 
 
@@ -210,7 +209,7 @@ def test_a_ball_that_stands_counts_nothing_when_it_is_touched(scene):
     np.testing.assert_allclose(scene.felt_twice(), 0.0, atol=1e-3)
 
 
-def test_what_is_pressed_on_the_table_presses_back(scene):
+def test_a_ball_pressed_on_the_table_presses_back(scene):
     height = RADIUS - 0.004
     scene.put([BETWEEN[0], 0.0, height])
     scene.lower(height)
@@ -220,33 +219,33 @@ def test_what_is_pressed_on_the_table_presses_back(scene):
     np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-3)
 
 
-def test_fixed_things_count_with_their_contacts():
-    scene = Scene("point")  # rigid, palm and finger meet the table at points only
+def test_fixed_bodies_count_with_their_contacts():
+    scene = Scene("point")  # rigid palm and finger meet the table at points only
     scene.put([2.0, 0.0, 1.0])
     scene.plant.SetPositions(scene.context, scene.arm, [-0.971, 0.02])
     assert scene.contacts[0] > 1.0
     np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
 
 
-def test_what_touches_a_link_counts_with_its_contacts(scene):
+def test_a_ball_on_a_link_counts_with_its_contacts(scene):
     scene.put([0.3, 0.0, 1.0 + 0.029 + RADIUS])
     assert abs(scene.contacts[0]) > 0.1
     np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
 
 
-def test_without_a_hand_links_feel():
+def test_links_feel_contacts_without_a_hand():
     scene = Scene(gripper=False)
     scene.put([0.3, 0.0, 1.0 + 0.029 + RADIUS])
     np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
 
 
-def test_what_is_not_one_body_counts_with_its_contacts():
+def test_a_held_mechanism_counts_with_its_contacts():
     scene = Scene(balls=["bell"])
     scene.put(BETWEEN)
     np.testing.assert_allclose(scene.felt(), scene.contacts, rtol=1e-9)
 
 
-def test_what_lies_on_what_is_held_counts():
+def test_a_ball_on_the_held_ball_counts():
     scene = Scene(balls=["ball", "ball"])
     scene.put(BETWEEN)
     above = BETWEEN + np.array([0.0, 0.0, 1.98 * RADIUS])
@@ -262,7 +261,7 @@ _SPEEDS = arrays(float, 3, elements=st.floats(-2.0, 2.0))
 
 @settings(max_examples=20, deadline=None)
 @given(dw=_SPEEDS, dv=_SPEEDS)
-def test_what_is_set_in_motion_resists(dw, dv):
+def test_a_held_ball_resists_acceleration(dw, dv):
     scene = Scene("point")
     scene.put(BETWEEN)
     still = scene.felt_twice()
@@ -271,7 +270,7 @@ def test_what_is_set_in_motion_resists(dw, dv):
     np.testing.assert_allclose(scene.felt(), still + inertial, rtol=1e-9, atol=1e-9)
 
 
-def test_what_is_hit_counts_from_its_first_sample_on():
+def test_a_ball_that_is_hit_counts_from_its_first_sample_on():
     scene = Scene("point")
     scene.put([2.0, 0.0, 1.0])
     scene.felt()
@@ -280,7 +279,7 @@ def test_what_is_hit_counts_from_its_first_sample_on():
     assert scene.felt()[0] == pytest.approx(-MASS * G)
 
 
-def test_what_pulls_at_the_hand_or_at_what_it_holds_counts():
+def test_forces_on_the_hand_the_ball_and_a_link_count():
     scene = Scene()
     ball = scene.put(BETWEEN)
     palm = scene.plant.GetBodyByName("palm")
@@ -303,7 +302,7 @@ def test_what_pulls_at_the_hand_or_at_what_it_holds_counts():
     np.testing.assert_allclose(scene.felt_twice(), expected, rtol=1e-9)
 
 
-def test_what_presses_in_one_sample_alone_is_not_felt(scene):
+def test_a_pressure_of_a_single_sample_is_not_felt(scene):
     scene.standing(BETWEEN[0])
     scene.lower(RADIUS)
     scene.felt_twice()

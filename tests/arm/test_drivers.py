@@ -28,7 +28,7 @@ def add_models(plant):
 
 
 class Arm:
-    """The arm with a gripper whose fingers are limp, driven."""
+    """The driven arm, with a gripper whose fingers are limp."""
 
     def __init__(self, **errors):
         builder = DiagramBuilder()
@@ -72,7 +72,7 @@ def test_it_holds_home_against_gravity():
     arm = Arm()
     arm.command(HOME)
     arm.simulator.AdvanceTo(1.0)
-    # Without compensation joint 2 alone would sag by some 60 N m / 9600 N m/rad.
+    # Without compensation, joint 2 would sag by some 60 N m / 9600 N m/rad.
     assert np.max(np.abs(arm.q - HOME)) < 1e-4
 
 
@@ -84,8 +84,8 @@ def test_it_follows_a_ramp_and_stays_at_its_end():
         arm.command(HOME + direction * min(1.0, k / 100))
         arm.simulator.AdvanceTo(0.005 * (k + 1))
         lag.append(np.max(np.abs(arm.q - HOME - direction * k / 100)))
-    # The controller sees each command one period late: 3 mrad at 0.6 rad/s; the first
-    # motion from a standstill lags by kd-damped inertia, twice that at most.
+    # The controller sees each command one period late, 3 mrad at 0.6 rad/s. The first
+    # motion from a standstill lags by at most twice that, because of damped inertia.
     assert max(lag) < 0.01
     arm.simulator.AdvanceTo(1.0)
     assert np.max(np.abs(arm.q - HOME - direction)) < 1e-3
@@ -101,7 +101,7 @@ def test_it_comes_to_rest_after_a_step():
 
 
 def first_motion(**errors):
-    """Time after a step of the command at which the arm has begun to move [s]."""
+    """Return the time from a step of the command to the first motion [s]."""
     arm = Arm(**errors)
     arm.command(HOME)
     arm.simulator.AdvanceTo(0.1)
@@ -113,15 +113,15 @@ def first_motion(**errors):
     return np.inf
 
 
-def test_noise_alone_delays_nothing_and_latency_does():
+def test_latency_delays_the_motion_and_noise_does_not():
     at_once = first_motion()
     assert first_motion(encoder_noise=1e-4) == at_once
-    # The plant's step of 2 ms sees what is updated with it at the next one.
+    # The plant, with steps of 2 ms, sees an update of the driver at its next step.
     late = first_motion(latency=0.03) - at_once
     assert 0.03 - 1e-9 <= late <= 0.032 + 1e-9
 
 
-def test_a_joint_stays_behind_by_half_of_its_backlash():
+def test_a_joint_stays_behind_by_half_its_backlash():
     arm = Arm(backlash=2e-3)
     arm.command(HOME)
     arm.simulator.AdvanceTo(0.1)
@@ -133,7 +133,7 @@ def test_a_joint_stays_behind_by_half_of_its_backlash():
     np.testing.assert_allclose(measured, HOME + 0.02, atol=2e-4)
 
 
-def test_the_compensation_is_the_plants_own_gravity():
+def test_the_compensation_agrees_with_the_plants_gravity():
     plant = MultibodyPlant(0.0)
     arm, gripper = add_models(plant)
     plant.Finalize()
@@ -168,5 +168,5 @@ def test_a_wrong_number_of_gains_is_named(name):
     plant = MultibodyPlant(0.001)
     arm, _ = add_models(plant)
     config = ArmPositionDriver(**{name: [1.0, 2.0]})
-    with pytest.raises(ValueError, match=rf"arm\.{name}: has 2 entries, the arm has 7"):
+    with pytest.raises(ValueError, match=rf"arm\.{name}: needs one entry .* got 2"):
         SetArmGains(plant, arm, config)

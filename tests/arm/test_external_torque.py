@@ -25,9 +25,9 @@ SCENARIO = load_scenario("kitchen")
 
 
 class Arm:
-    """The driven arm, with limp fingers, its external torques observed.
+    """The driven arm with limp fingers and an observer of its external torques.
 
-    It moves `turn` (7) [rad] away from home within a second.
+    It moves by `turn` (7) [rad] from home within a second.
     """
 
     def __init__(self, turn=0.0 * HOME, time_step=0.002):
@@ -68,7 +68,11 @@ class Arm:
         self.plant.get_actuation_input_port(gripper).FixValue(self.context, [0.0] * 4)
 
     def push(self, force, torque=(0.0, 0.0, 0.0)):
-        """Apply a force [N] and a torque [N m], in world, at the palm's origin."""
+        """Apply a force [N] and a torque [N m], in world, at the palm's origin.
+
+        Returns:
+            The joint torques that they cause, shape (7,) [N m].
+        """
         palm = self.plant.GetBodyByName("palm")
         applied = ExternallyAppliedSpatialForce()
         applied.body_index = palm.index()
@@ -105,7 +109,7 @@ def test_ports():
 def test_an_arm_at_rest_feels_nothing():
     arm = Arm()
     arm.simulator.AdvanceTo(0.5)
-    # Gravity takes 50 N m; limp fingers swing a little.
+    # Gravity takes 50 N m. The limp fingers swing a little.
     assert np.max(np.abs(arm.external)) < 0.1
 
 
@@ -119,18 +123,18 @@ def test_a_push_is_felt_as_its_torques(force, torque):
     expected = arm.push(force, torque)
     assert np.max(np.abs(expected)) > 5.0
     arm.simulator.AdvanceTo(0.8)
-    # The stiff arm gives way by less than 1 mm and degrees of 0.1.
+    # The stiff arm gives way by less than 1 mm and 0.1 degrees.
     np.testing.assert_allclose(arm.external, expected, atol=0.3)
 
 
-def test_the_torques_are_told_with_the_lag():
+def test_the_torques_follow_with_the_lag():
     arm = Arm()
     arm.simulator.AdvanceTo(0.3)
     expected = arm.push([30.0, 0.0, 0.0])
     arm.simulator.AdvanceTo(0.3 + TIME_CONSTANT + CONFIG.period)
     joint = int(np.argmax(np.abs(expected)))
-    # 1 - 1/e after the time constant, one more period at most, and what the stiff arm
-    # swings at first.
+    # 1 - 1/e after the time constant and at most one period more; the stiff arm swings
+    # at first.
     share = arm.external[joint] / expected[joint]
     assert 0.5 < share < 0.9
     assert lag_share(TIME_CONSTANT) == pytest.approx(1.0 - np.exp(-1.0))
@@ -146,11 +150,11 @@ def test_free_motion_is_not_taken_for_a_push(time_step):
         most = np.maximum(most, np.abs(arm.external))
         torque = np.maximum(torque, np.abs(arm.applied))
     assert np.max(torque) > 50.0
-    # A hundredth of what the motors apply, however many steps there are to a period.
+    # A hundredth of the motors' torque, whatever the number of steps per period.
     assert np.max(most) < 0.5
 
 
-def test_without_a_gripper_and_all_state_in_the_context():
+def test_an_observer_without_a_gripper_has_all_state_in_its_context():
     plant = MakeModelsPlant(load_scenario("assistive_arm"))
     observer = ExternalTorqueObserver(plant, ["arm"], 0.01)
     context, other = observer.CreateDefaultContext(), observer.CreateDefaultContext()
@@ -161,7 +165,7 @@ def test_without_a_gripper_and_all_state_in_the_context():
     np.testing.assert_array_equal(observer.get_output_port().Eval(other), 0.0)
 
 
-def test_a_continuous_plant_tells_of_contacts_alone():
+def test_a_continuous_plant_gets_torques_from_contacts_alone():
     arm = Arm(time_step=0.0)
     context = arm.diagram.CreateDefaultContext()
     np.testing.assert_array_equal(

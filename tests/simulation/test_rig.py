@@ -110,7 +110,7 @@ def test_what_does_not_fit_is_reported():
         Rig(bench_scenario(BALL), log_period=0.003)
     with pytest.raises(ValueError, match="log_period must be a positive multiple"):
         Rig(bench_scenario(BALL), log_period=0.0)
-    with pytest.raises(ScenarioError, match="the arm has 3 actuated joints"):
+    with pytest.raises(ScenarioError, match=r"per actuated joint of the arm \(3\)"):
         Rig(bench_scenario(BALL, home=[0.0]))
 
 
