@@ -1,4 +1,4 @@
-"""Planners of a scenario: for its task, or for its script."""
+"""Planners of a scenario, for its task or for its script."""
 
 import functools
 
@@ -40,10 +40,10 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
 
 
 def MakeScriptedPlanner(scenario: Scenario) -> System:
-    """Make what plays a scenario's script: a `ScriptedPlanner`, or one in a diagram.
+    """Make the planner that plays a scenario's script.
 
-    Where the scenario has `messages`, `arm_reference` in that diagram makes motion of
-    the arm's targets.
+    It is a `ScriptedPlanner`. If the scenario has `messages`, it is a diagram of one
+    with an `arm_reference` that makes motion of the arm's targets.
     """
     assert scenario.arm is not None
     home = np.array(scenario.arm.home)
@@ -64,7 +64,7 @@ def MakeScriptedPlanner(scenario: Scenario) -> System:
 
 
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
-    """Make what plans the motions, with a model of its own of arm and furniture."""
+    """Make the planner of motions, with its own model of arm and furniture."""
     config = scenario.planner
     scene = _planning_scene(
         Models.of(scenario), config.clearance, config.hand_clearance, config.payload
@@ -78,7 +78,7 @@ def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
 def _planning_scene(
     models: Models, margin: float, hand_margin: float, payload: float
 ) -> PlanningScene:
-    """The planner's model; only copies of it are used."""
+    """Return the planner's model. Use copies of it only: it is cached."""
     builder = RobotDiagramBuilder(time_step=0.0)
     models.add_to(builder.plant())
     return PlanningScene(

@@ -1,1 +1,1 @@
-"""Grasps of a hand, and the search for one that can be reached."""
+"""Grasps of a hand, and the search for one that the arm reaches."""

@@ -1,4 +1,4 @@
-"""Looks for grasps that the arm reaches at the object and at its goal."""
+"""Search for grasps that the arm reaches at the object and at its goal."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Cylinder, Shape, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
-# A held object may overlap its support by this much in the plan [m], because it is
-# planned to stand on it.
+# A held object may overlap its support by this much in the plan [m], because the plan
+# has it stand on the support.
 SUPPORT_OVERLAP = -0.003
-# In so many directions about its axis an object is approached where the nearest one is
-# blocked; each stands for a sector of 45 degrees.
+# Directions about its axis from which an object is approached if the nearest one is
+# blocked. Each stands for a sector of 45 degrees.
 _TURNS = 8
-# A grasp that failed counts so much worse each time [rad²]. On the kitchen's table, to
-# come from the side instead of from above costs 16 to 30: another look and a firmer
-# hand come first, and another grasp after that.
+# Cost of each failure of a grasp [rad²]. On the kitchen's table, a grasp from the side
+# costs 16 to 30 more than one from above. So another look and a firmer hand come first,
+# and another grasp after that.
 _FAILED = 15.0
 _PALM_Y = np.array([0.0, 1.0, 0.0])
 
@@ -38,20 +38,20 @@ class Candidate:
     """A grasp with the arm's postures at both ends."""
 
     grasp: Grasp
-    X_WO: RigidTransform  # of the object, the end up that shall be
+    X_WO: RigidTransform  # of the object, with the end up that the grasp needs
     q_grasp: Vector  # shape (N,) [rad]
     q_place: Vector  # shape (N,) [rad]
-    score: float  # the less, the better
+    score: float  # lower is better
 
 
 class GraspSearch:
-    """Searches with a planning scene; holds nothing between calls.
+    """Searches for grasps with a planning scene. Keeps nothing between calls.
 
     Args:
         scene: The arm, the gripper and what they may hit.
-        hand: How that gripper takes things.
-        q_home: Where the arm rests, shape (N,) [rad].
-        place_height: Height above the goal at which the object is let go [m].
+        hand: How that gripper takes objects.
+        q_home: Home posture of the arm, shape (N,) [rad].
+        place_height: Height above the goal at which the hand lets go [m].
         regrasp_squeeze: How much more firmly the hand closes once a grasp has failed.
     """
 
@@ -79,15 +79,19 @@ class GraspSearch:
         turned: bool = False,
         tried: Sequence[str] = (),
     ) -> tuple[list[Candidate], list[PlanningFailure]]:
-        """Grasps that can be reached at both ends, the best first; or why none is.
+        """Return the grasps that the arm reaches at both ends, the best first.
 
         Args:
-            X_WO_seen: The object's pose [m]; its turn about its z does not count.
+            X_WO_seen: The object's pose [m]. Its turn about its z does not count.
             shape: Its shape.
-            X_WO_goal: Where it shall be [m].
-            turned: Whether to look for each grasp from all around the object's axis,
-                and not for the posture alone that is nearest to home.
-            tried: Names of grasps that failed: a worse choice now, and all more firm.
+            X_WO_goal: The goal's pose [m].
+            turned: Whether to search each grasp from all around the object's axis,
+                instead of only the posture nearest to home.
+            tried: Names of grasps that failed. They cost more now, and every grasp is
+                firmer.
+
+        Returns:
+            The candidates, and the reasons why other grasps are out of reach.
         """
         candidates: list[Candidate] = []
         no_pick: list[tuple[Grasp, IkFailure]] = []
@@ -118,9 +122,9 @@ class GraspSearch:
             if isinstance(place, IkFailure):
                 no_place.append((grasp, place))
                 continue
-            # Reach: how far the joints are from home [rad²]. Clearance counts up to
-            # 5 cm, and 1 cm as much as 0.5 rad². A leaning hand tilts what it holds:
-            # 5 degrees, 4 mm beside the goal, count 3.5 rad².
+            # The cost is the distance of the joints from home [rad²]. Clearance counts
+            # up to 5 cm, with 0.5 rad² per cm. A leaning hand tilts what it holds:
+            # 5 degrees, which is 4 mm beside the goal, cost 3.5 rad².
             spare = min(
                 0.05,
                 *(s.clearance.distance for s in (pick, place) if s.clearance),
@@ -128,7 +132,7 @@ class GraspSearch:
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
             score += _FAILED * tried.count(grasp.name)
             candidates.append(Candidate(grasp, X_WO, pick.q, place.q, score))
-        # The narrowest miss, of angles or of distances, tells most.
+        # The narrowest miss, of angles or of distances, says most.
         step, missed = ("place", no_place) if no_place else ("pick", no_pick)
         failures = [
             PlanningFailure(ik.failure, f"{step} {grasp.name}: {ik.message}")
@@ -144,14 +148,14 @@ class GraspSearch:
             return [target]
         if not self._scene.reaches_any_pose:
             return []  # the arm has no choice
-        # The palm's y is across the axis in every grasp.
+        # In every grasp, the palm's y is perpendicular to the axis.
         angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)
         across = [X_WO.rotation() @ [np.cos(a), np.sin(a), 0.0] for a in angles]
         turns = [AxisTarget(_PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
         return [dc.replace(target, axes=(*target.axes, turn)) for turn in turns]
 
     def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
-        """The object's pose with either end up, where that is not settled."""
+        """Return the object's pose, with either end up if it does not stand."""
         if X_WO.rotation().col(2)[2] >= np.cos(self._hand.upright_within):
             return [X_WO]
         if not isinstance(shape, Cylinder):
@@ -165,7 +169,14 @@ class GraspSearch:
 def place_target(
     grasp: Grasp, X_WO_goal: RigidTransform, height: float, **tolerance: float
 ) -> HandTarget:
-    """Where the hand lets go: `height` [m] above the goal."""
+    """Return where the hand lets go.
+
+    Args:
+        grasp: Of the object.
+        X_WO_goal: The goal's pose [m].
+        height: Above the goal [m].
+        tolerance: Passed to `Grasp.target`.
+    """
     released = dc.replace(grasp, p_GO=grasp.p_GO + grasp.release_shift_G)
     return released.target(X_WO_goal, **tolerance).shifted(height * _UP)
 
@@ -174,7 +185,14 @@ def place_target(
 def carrying(
     scene: PlanningScene, shape: Shape, grasp: Grasp, *, supported: bool = False
 ) -> Iterator[None]:
-    """Within the context, the hand of `scene` holds `shape`; `supported`, it stands."""
+    """Let the hand of a scene hold an object within the context.
+
+    Args:
+        scene: The planning scene.
+        shape: The object's.
+        grasp: How the hand holds it.
+        supported: Whether the object stands on something.
+    """
     scene.SetFingers(grasp.fingers_closed)
     margin = SUPPORT_OVERLAP if supported else None
     with scene.holding(shape, grasp.X_GO, margin=margin):

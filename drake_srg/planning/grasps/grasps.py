@@ -1,4 +1,4 @@
-"""What planning knows of a hand: the ways it can take an object, and when it has it."""
+"""Hands and grasps as planning sees them."""
 
 from __future__ import annotations
 
@@ -15,32 +15,33 @@ from drake_srg.types import Shape, Vector
 
 @dc.dataclass(frozen=True, kw_only=True)
 class Grasp(abc.ABC):
-    """One way to take an object; any rotation about the object's axis is free."""
+    """One way to take an object. The rotation about the object's axis is free."""
 
-    name: str  # a few words for people
+    name: str  # a few words, for messages
     p_GO: Vector  # the object's centre in the hand, shape (3,) [m]
     axis_G: Vector  # the object's axis in the hand, shape (3,)
-    closure_open: float  # lets the object pass between the fingers
-    closure_closed: float  # presses on it
-    fingers_open: Mapping[str, float]  # angles of the gripper's joints by name [rad]
-    fingers_closed: Mapping[str, float]  # the same, expected when holding
+    closure_open: float  # the object passes between the fingers
+    closure_closed: float  # the fingers press on the object
+    fingers_open: Mapping[str, float]  # joint angles of the gripper by name [rad]
+    fingers_closed: Mapping[str, float]  # the same, as expected when holding [rad]
     # Angle between the object's axis and the nearest axis of the palm [rad].
     lean: float = 0.0
-    # How the object moves in the palm's axes as it is set down and let go, (3,) [m].
+    # How the object moves, in the palm's axes, when it is set down and let go, shape
+    # (3,) [m].
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
     @property
     def X_GO(self) -> RigidTransform:
-        """Pose of the object in the hand [m], turned about its axis somehow."""
+        """Pose of the object in the hand [m]; its turn about its axis is arbitrary."""
         return pose_along(self.p_GO, self.axis_G)
 
     def target(
         self, X_WO: RigidTransform, angle_tolerance: float = 0.002
     ) -> HandTarget:
-        """Where the hand has to be to hold the object at `X_WO`.
+        """Return where the hand must be to hold the object at `X_WO`.
 
         Args:
-            X_WO: The object's pose in world [m]; how it is turned about its z is free.
+            X_WO: The object's pose in world [m]. Its turn about its z does not count.
             angle_tolerance: Of the object's axis in the hand [rad].
         """
         # A copy: col() would be a view into a pose that may not live on.
@@ -49,12 +50,15 @@ class Grasp(abc.ABC):
         return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=(axis,))
 
     def pick_target(self, X_WO: RigidTransform) -> HandTarget:
-        """Where the hand has to be to take the object at `X_WO`, which it may turn."""
+        """Return where the hand must be to take the object at `X_WO`.
+
+        Unlike `target`, it may allow a hand that turns the object as it closes.
+        """
         return self.target(X_WO)
 
     @abc.abstractmethod
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Whether closed fingers that sense something have an object of the right size.
+        """Return whether closed fingers that fire hold an object of the right size.
 
         Args:
             q: Measured angles of the gripper's joints, shape (n,) [rad].
@@ -66,9 +70,9 @@ class Hand(abc.ABC):
     """A gripper as its planner sees it.
 
     Attributes:
-        num_joints: Length n of the measured joint angles.
-        num_sensors: Length m of the proximity readings.
-        p_GT: The hand's point that straight lines are for, shape (3,) [m].
+        num_joints: Number n of measured joint angles.
+        num_sensors: Number m of proximity readings.
+        p_GT: The point of the hand that moves along straight lines, shape (3,) [m].
         upright_within: Lean up to which an object counts as standing upright [rad].
     """
 
@@ -81,19 +85,23 @@ class Hand(abc.ABC):
     def grasps(
         self, shape: Shape, axis_W: Vector, firmness: float = 1.0
     ) -> list[Grasp]:
-        """Return the ways to take an object; none where it does not fit the hand.
+        """Return the ways to take an object; empty if it does not fit the hand.
 
         Args:
             shape: The object's.
             axis_W: Its z axis in world, shape (3,).
-            firmness: How much more firmly than usual the hand closes, where it can.
+            firmness: How much more firmly than usual the hand closes, if it can.
         """
 
 
 def pose_along(p: Vector, axis: Vector) -> RigidTransform:
-    """Return a pose at `p` (3,) [m] whose z points along `axis` (3,).
+    """Return a pose whose z points along an axis.
 
-    Its y is level where it can be: the rotation about the axis has no other meaning.
+    Its y is level if possible; the rotation about the axis has no other meaning.
+
+    Args:
+        p: Its position, shape (3,) [m].
+        axis: Of any length, shape (3,).
     """
     z = np.asarray(axis, dtype=float) / np.linalg.norm(axis)
     x = np.cross([0.0, 1.0, 0.0], z)

@@ -12,31 +12,33 @@ from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.types import Cylinder, Shape, Vector
 
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
-# Cranks of parallelograms carry the pads; they point straight ahead when the gap is
-# that of the cylinder that the pads are cut to (tools/models/linkage_gripper.py).
+# Cranks of parallelograms carry the pads. They point straight ahead where the gap fits
+# the cylinder for which the pads are cut (tools/models/linkage_pieces.py).
 _CRANK = 0.045
 _STRAIGHT_HALF_GAP = 0.0125
 _OPEN_HALF_GAP = 0.030
 _OPEN_ANGLE = float(np.arcsin((_OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / _CRANK))
-_CLEARANCE = 0.012  # left on each side of an object that the open hand goes around [m]
-# The rims of curved pads meet with their middles this far apart, flat ones touch [m].
+_CLEARANCE = 0.012  # of the open hand on each side of an object [m]
+# Half the gap between the middles of curved pads whose rims meet. (Flat pads touch.)
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
-# Thinner objects could not be told from the other finger [m].
+# A thinner object could not be told from the other finger [m].
 _LEAST_RADIUS = _EMPTY_HALF_GAP + 0.002
-_LYING = np.deg2rad(5.0)  # largest angle of a lying object's axis from the level [rad]
-# Closing pads turn a lying object that is across them. Each goes on by 6 degrees of its
-# crank, 4.7 mm, from where it touches (60 degrees/s for the post-contact delay), which
-# straightens a 25 mm cylinder from 18 degrees. The slave is late [rad].
+# Largest angle between the axis of a lying object and the horizontal [rad].
+_LYING = np.deg2rad(5.0)
+# Largest angle between the pads and a lying object [rad]. Closing pads straighten it:
+# each crank goes on by 6 degrees after its pad touches (60 degrees/s for the
+# post-contact delay), or 4.7 mm. That straightens a 25 mm cylinder from 18 degrees, and
+# from a little less because the slave lags.
 _ACROSS = np.deg2rad(16.0)
 _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def crank_angle(half_gap: float) -> float:
-    """Angle of a crank, 0 open, at which its pad is `half_gap` [m] off the middle."""
+    """Return the crank angle, 0 open, with the pad `half_gap` [m] off the middle."""
     return _OPEN_ANGLE + float(np.arcsin((_STRAIGHT_HALF_GAP - half_gap) / _CRANK))
 
 
-EMPTY_ANGLE = crank_angle(_EMPTY_HALF_GAP)  # of an empty hand's cranks, closed [rad]
+EMPTY_ANGLE = crank_angle(_EMPTY_HALF_GAP)  # of the cranks of an empty closed hand
 
 
 @dc.dataclass(frozen=True, kw_only=True)
@@ -44,8 +46,8 @@ class LinkageGrasp(Grasp):
     """A grasp with the pads along the object's axis."""
 
     contact_angle: float  # of the cranks when holding [rad]
-    # For an object that lies, taken with the palm above it: how far across the pads its
-    # axis may be [rad]. None takes it exactly along them, from wherever that is.
+    # For a lying object, taken from above: how far its axis may be turned from the pads
+    # [rad]. None: not at all, and from any direction.
     across: float | None = None
 
     def pick_target(self, X_WO: RigidTransform) -> HandTarget:
@@ -57,7 +59,7 @@ class LinkageGrasp(Grasp):
         return dc.replace(target, axes=(*target.axes, ahead))
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """See `Grasp`: the cranks are not nearer to closed than to the object."""
+        """See `Grasp`: the cranks are closer to contact than to an empty hand."""
         return bool(np.max(q) < 0.5 * (self.contact_angle + EMPTY_ANGLE))
 
 
@@ -65,13 +67,14 @@ class LinkageGrasp(Grasp):
 class LinkageHand(Hand):
     """The five-axis arm's gripper: takes cylinders that stand, lean or lie.
 
-    Pads along the axis and its middle at the tip are five conditions; they leave five
-    joints no choice of where the hand comes from.
+    Pads along the axis and the object's middle at the tip are five conditions. They
+    determine all five joints, so the hand cannot choose where it comes from.
 
     Args:
-        p_GT: The tip: where the middle of a held object is in the palm, shape (3,) [m].
-        release_shift_G: How it moves as it is set down and let go, shape (3,) [m].
-        full_scale: Crank angle that closure 1 asks for [rad].
+        p_GT: The tip: the middle of a held object in the palm, shape (3,) [m].
+        release_shift_G: How the object moves when it is set down and let go, shape
+            (3,) [m].
+        full_scale: Crank angle that closure 1 asks for; the driver's [rad].
     """
 
     p_GT: Vector
@@ -84,14 +87,14 @@ class LinkageHand(Hand):
     def grasps(
         self, shape: Shape, axis_W: Vector, firmness: float = 1.0
     ) -> list[Grasp]:
-        """See `Hand`; how firmly it closes is its driver's, not the command's."""
+        """See `Hand`; the driver, not the command, decides how firmly it closes."""
         if not isinstance(shape, Cylinder):
             return []
         if not _LEAST_RADIUS <= shape.radius <= _OPEN_HALF_GAP - 0.003:
             return []
         around, across, name = shape.radius + _CLEARANCE, None, "along its axis"
         if abs(axis_W[2]) <= np.sin(_LYING):
-            # Across the pads it takes more of their gap than its diameter.
+            # An object across the pads needs more of their gap than its diameter.
             across = _ACROSS if around <= _OPEN_HALF_GAP else 0.0
             around = _OPEN_HALF_GAP
             name = f"from above, at most {np.degrees(across):.0f} degrees across it"
@@ -103,7 +106,7 @@ class LinkageHand(Hand):
                 p_GO=self.p_GT,
                 axis_G=np.array([0.0, 0.0, 1.0]),
                 closure_open=opening / self.full_scale,
-                closure_closed=1.0,  # until both fingers have sensed something
+                closure_closed=1.0,  # the fingers stop once both sense something
                 fingers_open=_cranks(opening),
                 fingers_closed=_cranks(contact),
                 contact_angle=contact,
@@ -114,6 +117,6 @@ class LinkageHand(Hand):
 
 
 def _cranks(angle: float) -> dict[str, float]:
-    """Joint angles of both parallelograms, all alike [rad]."""
+    """Return the joint angles of both parallelograms, all alike [rad]."""
     fingers, joints = ("master", "slave"), ("crank", "rocker", "coupler", "pin")
     return {f"{f}_{joint}_joint": angle for f in fingers for joint in joints}

@@ -2,18 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.geometry import Cylinder as DrakeCylinder
-from pydrake.geometry import Sphere as DrakeSphere
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
-from pydrake.multibody.tree import SpatialInertia
-from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.parsing import configure_parser
 from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, Approach, SrgHand
 from drake_srg.types import Box, Cylinder, Sphere
+from planning.grasps.held_object import link_distances
 
 CAN = Cylinder(0.0339, 0.1018)
 SQUEEZE = 0.4
@@ -34,44 +28,15 @@ def side(shape, tilt):
     return grasp
 
 
-def link_distances(grasp, shape, base, tip):
-    """Signed distance of the object in the hand from each link of the model [m]."""
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-    parser = Parser(plant)
-    configure_parser(parser)
-    parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
-    geometry = (
-        DrakeSphere(shape.radius)
-        if isinstance(shape, Sphere)
-        else DrakeCylinder(shape.radius, shape.length)
-    )
-    model = plant.AddModelInstance("object")
-    body = plant.AddRigidBody(
-        "object", model, SpatialInertia.SolidSphereWithMass(1.0, 0.1)
-    )
-    own = plant.RegisterCollisionGeometry(
-        body, RigidTransform(), geometry, "object", CoulombFriction(1, 1)
-    )
-    plant.Finalize()
-    diagram = builder.Build()
-    root = diagram.CreateDefaultContext()
-    context = plant.GetMyMutableContextFromRoot(root)
-    plant.SetFreeBodyPose(context, body, grasp.X_GO)
-    for side_ in ("left", "right"):
-        plant.GetJointByName(f"{side_}_base_joint").set_angle(context, base)
-        plant.GetJointByName(f"{side_}_tip_joint").set_angle(context, tip)
-    query = scene_graph.get_query_output_port().Eval(
-        scene_graph.GetMyContextFromRoot(root)
-    )
-    inspector, distances = query.inspector(), {}
-    for pair in query.ComputeSignedDistancePairwiseClosestPoints(0.3):
-        if own in (pair.id_A, pair.id_B):
-            other = pair.id_B if pair.id_A == own else pair.id_A
-            name = inspector.GetName(inspector.GetFrameId(other)).split("::")[-1]
-            distances[name] = min(distances.get(name, np.inf), pair.distance)
-    return distances
+def distances_of(grasp, shape, base, tip):
+    """Return signed distances from the held object to the links [m]."""
+    angles = {"base": base, "tip": tip}
+    fingers = {
+        f"{side}_{link}_joint": angles[link]
+        for side in ("left", "right")
+        for link in angles
+    }
+    return link_distances("srg", shape, grasp, fingers)
 
 
 SHAPES = [CAN, Cylinder(0.028, 0.15), Sphere(0.033)]
@@ -80,9 +45,9 @@ SHAPES = [CAN, Cylinder(0.028, 0.15), Sphere(0.033)]
 @pytest.mark.parametrize("shape", SHAPES)
 def test_from_above_the_pads_lie_on_the_sides(shape):
     grasp = above(shape)
-    distances = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
     for link in ("left_tip_link", "right_tip_link"):
-        # The model's pads are modelled to a few tenths of a millimetre.
+        # The planner's pads agree with the model's within a few tenths of a millimetre.
         assert distances[link] == pytest.approx(0.0, abs=1e-3)
     assert distances["palm"] > 0.01
 
@@ -91,15 +56,15 @@ def test_from_above_the_pads_lie_on_the_sides(shape):
 @pytest.mark.parametrize("shape", [CAN, Cylinder(0.03, 0.15)])
 def test_from_the_side_base_and_tip_touch(shape, tilt):
     grasp = side(shape, tilt)
-    distances = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
     for link in (
         "left_base_link",
         "right_base_link",
         "left_tip_link",
         "right_tip_link",
     ):
-        # Tilted, the circle becomes an ellipse: below 1.5 % of the radius, and the
-        # finger has a height, 15 mm each way: 15 mm tan(10 degrees) at the most.
+        # A tilt makes an ellipse of the circle, off by less than 1.5 % of the radius.
+        # The finger is 15 mm high each way, which is at most 15 mm tan(10 degrees).
         assert distances[link] == pytest.approx(0.0, abs=1e-3 + 0.015 * np.tan(tilt))
     assert distances["palm"] > 0.0
 
@@ -107,7 +72,7 @@ def test_from_the_side_base_and_tip_touch(shape, tilt):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_open_hand_lets_the_object_pass(shape):
     for grasp in grasps_of(shape, ["above", "side"], [0.0, 0.1745], SQUEEZE):
-        distances = link_distances(grasp, shape, 3.0 * grasp.closure_open, 0.0)
+        distances = distances_of(grasp, shape, 3.0 * grasp.closure_open, 0.0)
         assert min(distances.values()) > 0.002
 
 
@@ -135,7 +100,7 @@ def test_a_reached_target_holds_the_object_upright(radius, tilt, yaw):
     target = grasp.target(RigidTransform(p_WO))
     assert target.distance(X_WG) == pytest.approx(0.0, abs=1e-12)
     assert target.angle_violation(X_WG) == 0.0
-    # The palm's x points down by the tilt, its y is level.
+    # The palm's x points down by the tilt, and its y is level.
     x, y = X_WG.rotation().col(0), X_WG.rotation().col(1)
     assert x[2] == pytest.approx(-np.sin(tilt), abs=1e-12)
     assert y[2] == pytest.approx(0.0, abs=1e-12)
@@ -157,7 +122,7 @@ def test_low_objects_are_taken_clear_of_the_table():
     assert bottom - (SRG.hinge_x + SRG.finger_length) >= 0.005 - 1e-9
 
 
-def test_approaches_and_tilts_are_those_asked_for():
+def test_grasps_have_the_approaches_and_tilts_that_are_asked_for():
     both = grasps_of(CAN, ["above", "side"], [0.1, 0.2], SQUEEZE)
     assert [(g.approach, g.tilt) for g in both] == [
         (Approach.ABOVE, pytest.approx(np.pi / 2)),
@@ -179,17 +144,17 @@ def test_thin_objects_are_pinched_by_straight_fingers(radius):
     grasp = above(shape)
     assert grasp.tip_angle >= 0.0
     assert grasp.base_angle < EMPTY_BASE_ANGLE
-    touching = link_distances(grasp, shape, grasp.base_angle, grasp.tip_angle)
+    touching = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
     assert min(touching.values()) == pytest.approx(0.0, abs=1.5e-3)
 
 
-def test_an_empty_hand_meets_at_the_published_angle():
+def test_the_fingertips_of_an_empty_hand_meet_at_the_published_angle():
     # The gap of straight fingers is 0.9 mm at 100.7 degrees (SAKE's URDF).
     assert np.rad2deg(EMPTY_BASE_ANGLE) == pytest.approx(100.7, abs=0.3)
 
 
 @pytest.mark.parametrize("radius", [0.001, 0.085, 0.3])
-def test_what_does_not_fit_the_hand_has_no_grasp(radius):
+def test_an_object_that_does_not_fit_the_hand_has_no_grasp(radius):
     assert grasps_of(Cylinder(radius, 0.1), ["above", "side"], [0.0], SQUEEZE) == []
 
 

@@ -1,0 +1,60 @@
+"""An object in the hand of a gripper's model, and how far its links are from it."""
+
+import numpy as np
+from pydrake.geometry import Cylinder as DrakeCylinder
+from pydrake.geometry import Sphere as DrakeSphere
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
+from pydrake.multibody.tree import SpatialInertia
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.parsing import configure_parser
+from drake_srg.types import Sphere
+
+
+def link_distances(model, shape, grasp, fingers):
+    """Return the signed distance from a held object to each link near it [m].
+
+    Args:
+        model: Name of the gripper's model.
+        shape: The object's, a cylinder or a sphere.
+        grasp: How it is held.
+        fingers: Joint angles of the gripper by name [rad].
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
+    parser = Parser(plant)
+    configure_parser(parser)
+    (gripper,) = parser.AddModels(url=f"package://drake_srg/sdf/{model}.sdf")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
+    body = plant.AddRigidBody(
+        "object",
+        plant.AddModelInstance("object"),
+        SpatialInertia.SolidSphereWithMass(1.0, 0.1),
+    )
+    geometry = (
+        DrakeSphere(shape.radius)
+        if isinstance(shape, Sphere)
+        else DrakeCylinder(shape.radius, shape.length)
+    )
+    own = plant.RegisterCollisionGeometry(
+        body, RigidTransform(), geometry, "object", CoulombFriction(1, 1)
+    )
+    plant.Finalize()
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    context = plant.GetMyMutableContextFromRoot(root)
+    plant.SetFreeBodyPose(context, body, grasp.X_GO)
+    for name, angle in fingers.items():
+        plant.GetJointByName(name, gripper).set_angle(context, angle)
+    query = scene_graph.get_query_output_port().Eval(
+        scene_graph.GetMyContextFromRoot(root)
+    )
+    inspector, distances = query.inspector(), {}
+    for pair in query.ComputeSignedDistancePairwiseClosestPoints(0.3):
+        if own in (pair.id_A, pair.id_B):
+            other = pair.id_B if pair.id_A == own else pair.id_A
+            name = inspector.GetName(inspector.GetFrameId(other)).split("::")[-1]
+            distances[name] = min(distances.get(name, np.inf), pair.distance)
+    return distances
