@@ -1,1 +1,1 @@
-"""Experiments: what the models and drivers do, measured; one file each."""
+"""Experiments compare the models and drivers with published claims and theory."""

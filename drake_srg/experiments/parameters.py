@@ -18,7 +18,7 @@ class Parameter:
     """A keyword argument of an experiment's `run`.
 
     Attributes:
-        default: The value that the experiment uses unless told otherwise.
+        default: The value that the experiment uses without an override.
         description: From the docstring of `run`.
     """
 
