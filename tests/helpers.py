@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydrake.geometry import ColorRenderCamera, DepthRenderCamera, RenderCameraCore
 
 
 def fix(system, context, **inputs):
@@ -43,6 +44,20 @@ def port_table(system):
         {port.get_name(): size(port) for port in ins},
         {port.get_name(): size(port) for port in outs},
     )
+
+
+def break_camera(sensor, context):
+    """Make it an error to render an image of an RgbdSensor in a context."""
+    depth = sensor.GetDepthRenderCamera(context)
+    core = depth.core()
+    broken = RenderCameraCore(
+        "broken",  # a renderer that does not exist
+        core.intrinsics(),
+        core.clipping(),
+        core.sensor_pose_in_camera_body(),
+    )
+    sensor.SetColorRenderCamera(context, ColorRenderCamera(broken, False))
+    sensor.SetDepthRenderCamera(context, DepthRenderCamera(broken, depth.depth_range()))
 
 
 def needs_debian(*programs):

@@ -1,4 +1,4 @@
-"""The cell: a station with localizer and planner, the autonomous system."""
+"""The cell: a station with localizer and planner, which works autonomously."""
 
 import copy
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from drake_srg.objects.models import object_body, simple_shape
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.station import MakeStation
 
-# The planner's commands, and the station's names for them.
+# The planner's commands: its output port, and the station's input port.
 _COMMANDS = (
     ("position_commanded", "arm.position_commanded"),
     ("closure_commanded", "gripper.closure_commanded"),
@@ -39,14 +39,14 @@ def MakeCell(
         - arm.position_commanded
         - gripper.closure_commanded
 
-    The subsystems are named `station`, `localizer`, `planner` and, where the scenario
-    has disturbances, `disturber`. To replace one, build the diagram with your own in
-    its place: `AddCell` is short for that reason.
+    The subsystems are named `station`, `localizer`, `planner` and, with disturbances,
+    `disturber`. To replace one, build the diagram yourself with your own in its place;
+    `AddCell` is kept short for that purpose.
 
-    Where the scenario has a `script`, the planner plays it, and there is no localizer.
+    If the scenario has a `script`, the planner plays it, and there is no localizer.
 
     Args:
-        scenario: The cell to build.
+        scenario: The scenario of the cell.
         make_station: Builds the station: any diagram with the ports of `MakeStation`'s.
 
     Raises:
@@ -64,7 +64,7 @@ def AddCell(
     scenario: Scenario,
     make_station: Callable[[Scenario], Diagram] = MakeStation,
 ) -> None:
-    """Add the systems of `MakeCell` to a diagram, and export their ports.
+    """Add the systems of `MakeCell` to a diagram and export their ports.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -109,9 +109,9 @@ def AddCell(
 def AddDisturber(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram, planner: System
 ) -> None:
-    """Add the system that applies a scenario's disturbances, where it has any.
+    """Add the system that applies a scenario's disturbances, if it has any.
 
-    It is connected to the station and to the planner's `mode`.
+    The system is connected to the station and to the planner's `mode`.
     """
     plant = station.GetSubsystemByName("plant")
     disturbances = []
@@ -120,13 +120,13 @@ def AddDisturber(
         config = scenario.objects[name]
         if config.present:
             body = object_body(plant, plant.GetModelInstanceByName(name))
-            # A copy: the plant's own would keep its diagram alive.
+            # A copy, because the plant's own would keep its diagram alive.
             inertia = copy.copy(plant.get_body(body).default_spatial_inertia())
             target = Target(name, body, inertia, simple_shape(name, config))
             disturbances.append((disturbance, target))
     if not disturbances:
         return
-    # With CENIC, a power of two: see `drake_srg.scenario.checks`.
+    # With CENIC, a power of two; see `drake_srg.scenario.checks`.
     period = scenario.plant_config.time_step or 1.0 / 256.0
     disturber = builder.AddNamedSystem("disturber", Disturber(disturbances, period))
     builder.Connect(planner.GetOutputPort("mode"), disturber.GetInputPort("mode"))
@@ -143,10 +143,10 @@ def AddDisturber(
 def ConnectPlanner(
     builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
 ) -> None:
-    """Connect a planner with the ports of `PickAndPlacePlanner` to its neighbours.
+    """Connect a planner with the ports of `PickAndPlacePlanner` to the other systems.
 
     Args:
-        builder: Builder of the diagram that holds all three.
+        builder: Builder of the diagram that contains all three.
         station: A station with the ports of `MakeStation`'s.
         localizer: A system with the output port `blobs`.
         planner: The planner.

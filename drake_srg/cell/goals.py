@@ -1,4 +1,4 @@
-"""Where the picked object shall be, at the end of a cycle and of a run."""
+"""Goal poses of the picked object: at the end of a cycle and of a run."""
 
 from __future__ import annotations
 
@@ -12,21 +12,26 @@ from drake_srg.types import Shape, Sphere
 
 
 def goal_pose(scenario: Scenario, shape: Shape) -> RigidTransform:
-    """Where a cycle of the planner's shall put the object, upright, X_WO [m]."""
+    """Return the upright pose at which the planner places the object, X_WO [m].
+
+    Args:
+        scenario: The scenario with the task.
+        shape: The object's shape.
+    """
     place = scenario.task.place
     height = scenario.table.height if place.height is None else place.height
     return RigidTransform([*place.position, height + 0.5 * shape.height])
 
 
 def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform:
-    """Where the object shall be at the end of a run, X_WO [m].
+    """Return the pose at which the object must be at the end of a run, X_WO [m].
 
-    A script leaves it as high and as upright as it was. After an even number of cycles
-    it is back where it was, upright.
+    A script keeps the object's height and orientation. After an even number of cycles,
+    the object is back at its start, upright.
 
     Args:
-        scenario: What was run.
-        X_WO_start: Where the object was first found [m].
+        scenario: The scenario of the run.
+        X_WO_start: Pose at which the object was first found [m].
     """
     pick, place = scenario.task.pick, scenario.task.place
     shape = simple_shape(pick, scenario.objects[pick])
@@ -41,9 +46,14 @@ def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform
 def final_tilt(
     scenario: Scenario, X_WO_start: RigidTransform, X_WO: RigidTransform
 ) -> float | None:
-    """Angle of the object's axis from where it shall point [rad]; None for a ball.
+    """Return the angle of the object's axis from its goal [rad]; None for a sphere.
 
-    What did not stand at first may be set down on either end.
+    An object that did not stand at the start may be placed on either end.
+
+    Args:
+        scenario: The scenario of the run.
+        X_WO_start: Pose at which the object was first found [m].
+        X_WO: Pose of the object at the end [m].
     """
     pick = scenario.task.pick
     if isinstance(simple_shape(pick, scenario.objects[pick]), Sphere):

@@ -31,14 +31,14 @@ def test_the_goal_is_on_the_table_unless_a_height_is_given():
 
 
 @pytest.mark.parametrize("repeat", [1, 2, 3, 4])
-def test_every_second_cycle_goes_back(repeat):
+def test_every_second_cycle_returns_the_object(repeat):
     final = final_pose(with_task(repeat=repeat), START).translation()
     place = [*KITCHEN.task.place.position, 0.0509]
     there = START.translation() if repeat % 2 == 0 else place
     np.testing.assert_allclose(final, there, atol=1e-4)
 
 
-def test_a_script_leaves_the_object_as_it_was():
+def test_a_script_keeps_height_and_orientation():
     lying = RigidTransform(RollPitchYaw(0.5, 1.0, 0.2), [0.6, 0.1, 0.3])
     scripted = dc.replace(KITCHEN, script=[ScriptStep()])
     final = final_pose(scripted, lying)
@@ -58,16 +58,16 @@ def test_a_ball_has_no_tilt():
     radius=st.floats(0.01, 0.05),
     length=st.floats(0.02, 0.2),
 )
-def test_what_stands_is_as_low_as_what_leaned(roll, pitch, radius, length):
-    """The lowest point of a cylinder, sampled on its rims, stays where it is."""
+def test_righting_an_object_keeps_its_lowest_point(roll, pitch, radius, length):
     shape = Cylinder(radius, length)
     X_WO = RigidTransform(RollPitchYaw(roll, pitch, 0.0), [0.1, 0.2, 0.3])
     angle = np.linspace(0.0, 2.0 * np.pi, 721)
+    # Sampled on the rims.
     rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.0 * angle])
     ends = [rim + np.array([[0.0], [0.0], [s * length / 2]]) for s in (-1, 1)]
     lowest = min((X_WO @ end)[2].min() for end in ends)
     stands = standing_at(X_WO, shape)
-    # Half a degree beside the lowest sample the rim is 1e-5 of its radius higher.
+    # Halfway between samples, the rim is up to 1e-5 of its radius lower.
     assert stands.translation()[2] - length / 2 == pytest.approx(lowest, abs=1e-6)
     np.testing.assert_array_equal(stands.translation()[:2], [0.1, 0.2])
     assert lean(stands.rotation().col(2), np.array([0.0, 0.0, 1.0])) == 0.0

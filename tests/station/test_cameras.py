@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table
-from pydrake.geometry import ColorRenderCamera, DepthRenderCamera, RenderCameraCore
+from helpers import break_camera, fix, port_table
 from pydrake.systems.analysis import Simulator
 
 from drake_srg.objects.config import ObjectConfig, SoftConfig
@@ -50,25 +49,6 @@ def test_an_image_shows_the_plant_at_the_time_of_reading(station):
     np.testing.assert_array_equal(image(station, context), before)
 
 
-def break_cameras(station, root):
-    """Make every rendering of an image an error."""
-    for name in ("ceiling", "overview"):
-        sensor = station.GetSubsystemByName(f"rgbd_sensor_{name}")
-        context = sensor.GetMyMutableContextFromRoot(root)
-        depth = sensor.GetDepthRenderCamera(context)
-        good = depth.core()
-        bad = RenderCameraCore(
-            "broken",
-            good.intrinsics(),
-            good.clipping(),
-            good.sensor_pose_in_camera_body(),
-        )
-        sensor.SetColorRenderCamera(context, ColorRenderCamera(bad, False))
-        sensor.SetDepthRenderCamera(
-            context, DepthRenderCamera(bad, depth.depth_range())
-        )
-
-
 def test_a_step_renders_nothing(station, scenario):
     simulator = Simulator(station)
     context = simulator.get_mutable_context()
@@ -77,7 +57,9 @@ def test_a_step_renders_nothing(station, scenario):
         "gripper.closure_commanded": 0.1,
     }
     fix(station, context, **commands)
-    break_cameras(station, context)
+    for name in ("ceiling", "overview"):
+        sensor = station.GetSubsystemByName(f"rgbd_sensor_{name}")
+        break_camera(sensor, sensor.GetMyMutableContextFromRoot(context))
     for name in ("color_image", "depth_image"):
         with pytest.raises(RuntimeError, match="broken"):
             image(station, context, name)
