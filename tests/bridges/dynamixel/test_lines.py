@@ -183,7 +183,7 @@ def test_clients_are_accepted_again_after_too_many_open_files(
     assert "Too many open files" in text
 
 
-def test_at_a_terminal_replies_are_whole_or_lost(monkeypatch):
+def test_at_a_terminal_replies_are_whole_or_lost():
     read = Packet(1, Instruction.READ, bytes([0, 74])).encode()
     with FakeStation("pty") as station:
         line = os.open(station.bridge.address, os.O_RDWR | os.O_NOCTTY)

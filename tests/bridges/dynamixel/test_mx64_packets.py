@@ -5,12 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridges.dynamixel.servo_with_master import ADDRESS, ServoWithMaster
-from drake_srg.bridges.dynamixel.protocol import (
-    BROADCAST,
-    Error,
-    Instruction,
-    Packet,
-)
+from drake_srg.bridges.dynamixel.protocol import BROADCAST, Error, Instruction, Packet
 
 
 @pytest.fixture

@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 from bridges.ros1 import peers
-from bridges.ros1.peers import (
-    CLOCK,
-    CLOCK_MD5,
-    IMAGE,
-    INT32_MD5,
-    JOINTS,
-)
+from bridges.ros1.peers import CLOCK, CLOCK_MD5, IMAGE, INT32_MD5, JOINTS
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.ros1.publication import SubscriberConnection

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 
 from bridges.ros1 import peers
-from bridges.ros1.peers import (
-    ARRAY,
-    ARRAY_MD5,
-    INT32,
-    INT32_MD5,
-    array,
-    int32,
-    taken,
-)
+from bridges.ros1.peers import ARRAY, ARRAY_MD5, INT32, INT32_MD5, array, int32, taken
 from bridges.waiting import wait_until
 from drake_srg.bridges.ros1 import subscription as ros1_subscription
 
