@@ -1,36 +1,19 @@
-import dataclasses as dc
-
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from pydrake.math import RigidTransform
 
 from drake_srg.experiments.registry import quiet
-from drake_srg.experiments.varied_scenes import Obstacles, Scene
-from drake_srg.types import Cylinder
 from measure import localizer_thresholds
-from measure.localizer_thresholds import (
-    GROUPS,
-    Change,
-    Group,
-    Look,
-    kind,
-    lean,
-    make_result,
-    settings,
-)
+from measure.localizer_thresholds import Change, kind, make_result, settings
+from measure.threshold_scenes import GROUPS, Group
 from measure.thresholds import THRESHOLDS, Setting
-
-KITCHEN = GROUPS[0]
-CLEAN = Obstacles(missed=0, invented=0, errors=())
-GOOD = Look(KITCHEN, Scene(1e-3, True), CLEAN, 0.1)
-UNSEEN = dc.replace(GOOD, scene=Scene(np.nan, False, np.nan))
-OFF = dc.replace(GOOD, scene=Scene(5e-3, True))
-DOUBTED = dc.replace(GOOD, scene=Scene(1e-3, False))
-TURNED = dc.replace(GOOD, scene=Scene(1e-3, True, np.deg2rad(6.0)))
-MISSED = dc.replace(GOOD, obstacles=Obstacles(2, 1, ()))
-NEARER = dc.replace(GOOD, scene=Scene(0.5e-3, True))
+from tools.measure.made_looks import (
+    DOUBTED,
+    GOOD,
+    KITCHEN,
+    MISSED,
+    NEARER,
+    OFF,
+    UNSEEN,
+)
 
 
 def of(look, count=10):
@@ -41,14 +24,6 @@ def failed(used, tried):
     looks = {Setting(): of(used)}
     looks |= {Setting(THRESHOLDS[0], i): of(tried) for i in range(2)}
     return {row.quantity for row in make_result(looks).rows if not row.passed}
-
-
-@pytest.mark.parametrize(
-    ("look", "loss"),
-    [(GOOD, 0), (DOUBTED, 1), (UNSEEN, 1), (OFF, 2), (TURNED, 2), (MISSED, 3)],
-)
-def test_false_certainty_counts_twice(look, loss):
-    assert look.loss == loss
 
 
 def test_good_values_pass():
@@ -109,20 +84,6 @@ def test_only_thresholds_of_obstacles_are_tried_in_more_scenes():
 
 def test_single_thresholds_can_be_tried():
     assert tried(KITCHEN, only="fit.apart") == ["fit.apart"] * 2
-
-
-@given(st.integers(0, 1000))
-def test_a_leaning_cylinder_touches_the_table_or_hangs(seed):
-    cylinder = Cylinder(0.012, 0.05)
-    X_WO = lean(RigidTransform([0.1, 0.2, 0.025]), cylinder, seed)
-    axis, p = X_WO.rotation().matrix()[:, 2], X_WO.translation()
-    assert p[:2] == pytest.approx([0.1, 0.2])
-    assert axis[2] >= 0.0
-    lowest = p[2] - 0.025 * axis[2] - 0.012 * np.hypot(axis[0], axis[1])
-    if seed % 2:
-        assert 0.0 <= lowest <= 0.1
-    else:
-        assert lowest == pytest.approx(0.0, abs=1e-12)
 
 
 def test_it_runs(monkeypatch):
