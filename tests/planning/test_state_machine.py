@@ -2,6 +2,8 @@
 
 import dataclasses as dc
 import enum
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -332,6 +334,18 @@ def test_outputs_of_the_state_are_calculated_only_when_it_changes():
         fix(cycle, context, grasped=grasped)
         np.testing.assert_array_equal(read(cycle, context, "closure"), [0.5])
     assert cycle.calculations == 1
+
+
+def test_the_documented_machine_grasps_the_can(capsys):
+    page = Path(__file__).parents[2] / "docs" / "state_machine.md"
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)
+    names = {"__name__": "page"}
+    exec("\n".join(blocks), names)
+    assert list(dict.fromkeys(names["modes"])) == ["open", "close", "hold"]
+    assert capsys.readouterr().out == "['open', 'close', 'hold']\n"
+    # It holds the can for two seconds, and opens again.
+    assert names["modes"].count("hold") == pytest.approx(20, abs=1)
+    assert names["modes"][-8] == "open"
 
 
 def test_machines_are_freed_with_their_diagram(leaked):

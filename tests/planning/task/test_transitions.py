@@ -34,7 +34,7 @@ configs = st.builds(
     ),
     gripper_timeout=st.floats(0.1, 3.0),
 )
-times = st.floats(0.0, 10.0)
+times = st.floats(0.0, 4.0)
 modes = st.sampled_from(Mode)
 under_way = st.sampled_from([mode for mode in Mode if mode not in ENDS])
 
