@@ -165,7 +165,9 @@ def accept_driver(driver: type[GripperDriver]) -> None:
     (field,) = (field for field in dc.fields(Scenario) if field.name == "gripper")
     known = [*typing.get_args(field.type)[:-1]]  # None is the last
     known = [other for other in known if other.__name__ != driver.__name__]
-    choice = functools.reduce(operator.or_, [*known, driver, None])
+    # Derived classes come first: Drake writes the tag of the first class that fits.
+    known = sorted([driver, *known], key=lambda kind: -len(kind.__mro__))
+    choice = functools.reduce(operator.or_, [*known, None])
     # `check_tree` reads the annotation, Drake's YAML functions read the field.
     field.type = Scenario.__annotations__["gripper"] = choice
 

@@ -4,12 +4,14 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from drake_srg.cell import MakeHand, MakeTaskPlanner
+from drake_srg.cell import MakeHand, MakeTaskPlanner, register_gripper
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver
 from drake_srg.planning.grasps.linkage_hand import LinkageHand
-from drake_srg.scenario import load_scenario
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Cylinder
 
@@ -70,3 +72,50 @@ def test_a_driver_without_a_hand_is_named():
     scenario = dc.replace(load_scenario("kitchen"), gripper=None)
     with pytest.raises(ScenarioError, match=r"needs a Hand .* register_gripper"):
         MakeHand(scenario, MakeModelsPlant(load_scenario("kitchen")))
+
+
+@pytest.fixture
+def registered():
+    """Lets a test register drivers that others do not see."""
+    (field,) = (f for f in dc.fields(Scenario) if f.name == "gripper")
+    before = field.type
+    yield
+    field.type = Scenario.__annotations__["gripper"] = before
+
+
+def make_driver(**defaults):
+    """A driver of your own; each call makes another class of the same name."""
+
+    @dc.dataclass(kw_only=True)
+    class Mine(SrgPositionDriver):
+        motor_strength: float = defaults.get("motor_strength", 1.0)
+
+    return Mine
+
+
+def test_a_registered_driver_is_a_tag_of_scenario_files(registered):
+    with pytest.raises(ScenarioError, match="unknown tag !Mine"):
+        load_scenario("kitchen", overrides=["gripper=!Mine {}"])
+    register_gripper(make_driver(motor_strength=0.7))
+    scenario = load_scenario("kitchen", overrides=["gripper=!Mine {trigger: touch}"])
+    assert scenario.gripper.motor_strength == 0.7
+    # A camera process gets the scenario as Drake writes and reads it.
+    for name in ("SrgPositionDriver", "Mine"):
+        scenario = load_scenario("kitchen", overrides=[f"gripper=!{name} {{}}"])
+        same = yaml_load_typed(schema=Scenario, data=yaml_dump_typed(scenario))
+        assert type(same.gripper).__name__ == name
+        assert same.gripper == scenario.gripper
+
+
+def test_a_driver_that_is_defined_again_replaces_the_first(registered):
+    for strength in (0.7, 0.8):
+        register_gripper(make_driver(motor_strength=strength))
+        scenario = load_scenario("kitchen", overrides=["gripper=!Mine {}"])
+        assert scenario.gripper.motor_strength == strength
+
+
+def test_a_registered_hand_wins_over_that_of_the_base_class(registered):
+    driver, made = make_driver(), SrgHand([], [], 0.1)
+    register_gripper(driver, lambda driver, planner, plant: made)
+    scenario = load_scenario("kitchen", overrides=["gripper=!Mine {}"])
+    assert MakeHand(scenario, MakeModelsPlant(scenario)) is made
