@@ -36,19 +36,6 @@ def posture_above(
     return found.q
 
 
-def test_the_arm_s_joints_are_in_order_with_their_limits(iiwa):
-    assert iiwa.joint_names == [f"joint_{i}" for i in range(1, 8)]
-    assert iiwa.lower.shape == iiwa.upper.shape == (7,)
-    assert iiwa.upper[3] == pytest.approx(2.0944, abs=1e-4)
-
-
-def test_the_hand_of_the_stretched_arm_is_as_far_as_its_links_are_long(iiwa):
-    # 0.36 + 0.42 + 0.4 + 0.081 + 0.045 of the data sheet's and the flange's heights.
-    X_WG = iiwa.X_WG(np.zeros(7))
-    np.testing.assert_allclose(X_WG.translation(), [0.0, 0.0, 1.306], atol=1e-6)
-    np.testing.assert_allclose(X_WG.rotation().matrix()[:, 0], [0, 0, 1], atol=1e-6)
-
-
 def test_home_is_free_and_an_arm_in_the_table_is_not(iiwa, home):
     assert iiwa.is_free(home)
     fallen = np.array([0.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -153,11 +140,6 @@ def test_invalid_margins_are_refused_before_anything_is_built():
         PlanningScene(RobotDiagramBuilder(), margin=-0.01)
     with pytest.raises(ValueError, match="step must be positive"):
         PlanningScene(RobotDiagramBuilder(), margin=0.0)
-
-
-def test_a_joint_without_limits_gets_two_turns(pendulum):
-    np.testing.assert_allclose(pendulum.lower, [-3.0, -2 * np.pi])
-    np.testing.assert_allclose(pendulum.upper, [3.0, 2 * np.pi])
 
 
 def test_a_copy_has_a_state_of_its_own(iiwa, home):
