@@ -51,7 +51,7 @@ def next_mode(
 
 @dc.dataclass(frozen=True)
 class Moment(Generic[SensesT]):
-    """What a mode may know of the world."""
+    """Time and senses: all that a mode may know of the world."""
 
     time: float  # s
     senses: SensesT
@@ -59,7 +59,7 @@ class Moment(Generic[SensesT]):
 
 @dc.dataclass(frozen=True)
 class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
-    """The moment when a mode begins."""
+    """The moment at which a mode begins, and what led to it."""
 
     # The mode before, and the observation that ended it; None for the initial mode.
     previous: ModeT | None = None
@@ -67,7 +67,7 @@ class Entry(Moment[SensesT], Generic[SensesT, ModeT, ObservationT]):
 
 
 class ModeActions(abc.ABC, Generic[ModeT, MemoryT, SensesT, ObservationT]):
-    """What a state machine does in one mode; it holds no state of its own.
+    """The actions of a state machine in one mode; they hold no state of their own.
 
     Never change memory in place: return another one, such as `dc.replace(memory, ...)`
     of a frozen dataclass.

@@ -143,7 +143,7 @@ class World:
     Args:
         like: A world whose systems this one shares.
         start: Time at which the simulation begins [s].
-        config: Of the planner.
+        config: Configuration of the planner.
     """
 
     def __init__(self, *, like=None, start=0.0, **config):

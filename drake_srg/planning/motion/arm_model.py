@@ -1,4 +1,4 @@
-"""The kinematics that planning uses: an arm with a gripper in a plant."""
+"""Kinematics for planning: an arm with a gripper in a plant."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class ArmModel:
         joint_names: Names of the arm's N joints.
         finger_names: Names of the gripper's joints.
         arm_indices: Indices of the arm's joints in the plant's positions, (N,).
-        lower: Lower limits of the arm's joints, (N,) [rad]; -2 pi where they have none.
-        upper: The upper limits, likewise.
-        levers: What each joint moves at most, (N,) [m/rad]: no point of arm, hand or
-            held object moves further than levers @ abs(dq).
+        lower: Lower limits of the arm's joints, (N,) [rad]; -2 pi without a limit.
+        upper: Upper limits of the arm's joints, (N,) [rad]; 2 pi without a limit.
+        levers: Bounds on how far each joint moves anything, (N,) [m/rad]: no point of
+            arm, hand or held object moves further than levers @ abs(dq).
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""How close bodies come to each other."""
+"""Clearance between bodies."""
 
 import dataclasses as dc
 

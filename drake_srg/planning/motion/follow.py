@@ -32,7 +32,7 @@ def follow(
         target: Where the hand must be.
         q: Where the arm is, shape (N,) [rad].
         joint_margin: Distance kept from the joint limits [rad].
-        max_iterations: Of Newton's method.
+        max_iterations: Most steps of Newton's method.
 
     Returns:
         Joint angles near `q`, shape (N,) [rad], or None if it does not converge.

@@ -21,7 +21,7 @@ class AxisTarget:
 
 @dc.dataclass(frozen=True)
 class HandTarget:
-    """Where the hand must be: a point, and a full orientation, axes, or neither."""
+    """A target of the hand: a point, and a full orientation, axes, or neither."""
 
     p_WT: Vector  # target of the hand's point T [m], shape (3,)
     R_WG: RotationMatrix | None = None

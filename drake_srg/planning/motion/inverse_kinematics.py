@@ -60,7 +60,7 @@ class IkFailure:
 
     @property
     def failure(self) -> Failure:
-        """What that means for the task: blocked by something, or out of reach."""
+        """The failure of the task: blocked by something, or out of reach."""
         if self.requirement is Requirement.MINIMUM_DISTANCE:
             return Failure.BLOCKED
         return Failure.OUT_OF_REACH
@@ -97,7 +97,7 @@ def solve_inverse_kinematics(
         good_cost: Stop at the first solution that costs no more [rad²]; the default
             takes the first solution found.
         check_clearance: Whether solutions must be free in `scene`.
-        seed: Of the random starts; the same call returns the same result.
+        seed: Seed of the random starts; the same call returns the same result.
 
     Returns:
         The cheapest free solution among those tried, or what cannot be met.

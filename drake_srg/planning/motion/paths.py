@@ -39,9 +39,9 @@ def plan_joint_path(
         scene: The arm, and what to keep clear of.
         q_start: First waypoint, shape (N,) [rad].
         q_goal: Last waypoint, shape (N,) [rad].
-        max_iterations: Of RRT-Connect; about 5 ms each.
+        max_iterations: Most iterations of RRT-Connect; each takes about 5 ms.
         shortcuts: How many random shortcuts to try.
-        seed: Of the search.
+        seed: Seed of the search.
 
     Returns:
         Waypoints, shape (K, N) [rad], or why there is no path.

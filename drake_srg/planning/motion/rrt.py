@@ -68,7 +68,7 @@ def rrt_connect(
         q_goal: Last waypoint, shape (N,).
         lower: Lower limits, shape (N,).
         upper: Upper limits, shape (N,).
-        weights: Of the coordinates in the metric, shape (N,).
+        weights: Weights of the coordinates in the metric, shape (N,).
         is_edge_free: Tells whether a straight line is free.
         step: Longest edge of a tree, in the metric.
         max_iterations: How many samples to draw.

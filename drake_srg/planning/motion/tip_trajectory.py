@@ -28,8 +28,8 @@ _JOINT_STEP = 0.3
 _REFINEMENTS = 4  # how often steps are halved while the path is not free
 # How far the spline may break a margin that its waypoints keep [m]; see `trajectories`.
 _GRAZE = 1e-3
-# Least distance of a turn of the joints [m/rad]. With it, motions that leave the hand
-# where it is take time, too, and the joints' limits determine how much.
+# Least distance of a turn of the joints [m/rad]. It makes motions that leave the hand
+# where it is take time; the joints' limits determine how much.
 _LEAST_DISTANCE = 1e-3
 _SAMPLES = 1000  # times at which the joints' limits are checked,
 _SAMPLING_SLACK = 1.01  # and by how much they may be exceeded in between

@@ -53,12 +53,12 @@ class ScriptedPlanner(LeafSystem):
     `closure_commanded` (1) and `force_limit` (1) change as soon as a step begins;
     `force_limit` is NaN, which means the driver's own limit, until a step names one.
     `mode` (Mode) is that of the step, and DONE after the last; `status` (PlannerStatus)
-    has nothing but the mode.
+    contains only the mode.
 
     Args:
         home: Where the arm is at first, shape (N,) [rad or m].
         script: The steps, at least one.
-        jumps: Whether `position_commanded`, too, changes as soon as a step begins. It
+        jumps: Whether `position_commanded` also changes as soon as a step begins. It
             then needs a system that turns these jumps into motion.
 
     Raises:

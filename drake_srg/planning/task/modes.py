@@ -1,7 +1,7 @@
-"""The modes of picking and placing: what each commands, and what it looks at.
+"""The modes of picking and placing: what each commands, looks at and observes.
 
-Where each of them leads is in `transitions.TRANSITIONS`. A mode holds nothing: it takes
-the planner's memory and returns the next.
+`transitions.TRANSITIONS` says where each of them leads. A mode holds no state: it takes
+the planner's memory and returns the next one.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class Close(TaskMode):
         return dc.replace(memory, grip=grip)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report fingers that rest, and what is between them."""
+        """Report whether the fingers rest, and whether they hold the object."""
         senses = now.senses
         return Observation(still=senses.still, holding=holding(memory, senses))
 
@@ -111,7 +111,7 @@ class Verify(TaskMode):
     mode = Mode.VERIFY
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report what is between the fingers."""
+        """Report whether the fingers hold the object."""
         return Observation(holding=holding(memory, now.senses))
 
 
@@ -150,7 +150,7 @@ class Transfer(Carrying):
         return self.replanner.correct(now.senses.see(), memory, now.time)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report the object in the hand, and how planning went."""
+        """Report whether the object is held, and how planning went."""
         return Observation(
             arrived=True,
             holding=holding(memory, now.senses),
@@ -166,7 +166,7 @@ class Place(Carrying):
 
 
 class Release(TaskMode):
-    """Opens the fingers; where the object was lost, a way out is planned meanwhile."""
+    """Opens the fingers, and plans an escape if the object was lost."""
 
     mode = Mode.RELEASE
 
@@ -188,13 +188,13 @@ class Release(TaskMode):
         return self.replanner.escape(memory, entry.time)
 
     def observe_entry(self, memory: PlannerMemory) -> Observation | None:
-        """Report an arm that has no way out."""
+        """Report that the arm has no way out."""
         if not memory.attempt.trapped:
             return None
         return Observation(failure=memory.trouble.failure)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report fingers that rest clear of the object, once a way is planned."""
+        """Report fingers that rest clear of the object, once an escape is planned."""
         clear = now.time >= memory.attempt.ready_at and now.senses.clear
         return Observation(still=now.senses.still, clear=clear)
 
@@ -205,7 +205,7 @@ class Retreat(Moving):
     mode = Mode.RETREAT
 
     def trajectory(self, attempt: Attempt) -> Trajectory | None:
-        """Return the way out, where one was needed, or the planned motion."""
+        """Return the escape, if there is one, or the planned motion."""
         return attempt.escape[0] if attempt.escape else super().trajectory(attempt)
 
 
@@ -216,15 +216,15 @@ class Home(Moving):
 
     @property
     def wait(self) -> float:
-        """Time at home, with fingers that close [s]."""
+        """Time at home, including that for the fingers to close [s]."""
         return self.config.home_wait + self.config.close_at_home
 
     def trajectory(self, attempt: Attempt) -> Trajectory | None:
-        """Return the way out, where one was needed, or the planned motion."""
+        """Return the escape, if there is one, or the planned motion."""
         return attempt.escape[1] if attempt.escape else super().trajectory(attempt)
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Close the empty fingers towards the end, where that is asked for."""
+        """Close the empty fingers towards the end, if the configuration says so."""
         if 0.0 < self.config.close_at_home >= memory.motion.due - now.time:
             memory = dc.replace(memory, grip=dc.replace(memory.grip, closure=1.0))
         return super().update(memory, now)
@@ -238,7 +238,7 @@ class Home(Moving):
         return self.replanner.judge(now.senses.see(), memory)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report success, or whether to try again."""
+        """Report whether the object is on its goal, and whether to give up."""
         at_goal = bool(memory.attempt.at_goal)
         out_of_attempts = memory.cycle.attempts >= self.config.max_attempts
         failure = memory.trouble.failure or Failure.MISPLACED
@@ -254,11 +254,11 @@ class End(BetweenAttempts):
     """Stays where it is: the task is over."""
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Heed nothing any more."""
+        """Heed nothing."""
         return memory
 
     def observe(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Observe nothing any more."""
+        """Observe nothing."""
         return Observation()
 
 

@@ -1,4 +1,4 @@
-"""What the planner senses, and what it concludes from that."""
+"""The planner's senses, and conclusions from them."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from drake_srg.types import Mode, PlannerStatus, Shape
 
 
 class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]):
-    """Finds an object, takes it, sets it on its goal and returns home.
+    """Finds an object, picks it up, places it on its goal and returns home.
 
     .. pydrake_system::
 
@@ -41,25 +41,26 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
     Inputs: `blobs` (list[Blob]), evaluated only when the planner looks; `arm_state`
     (2N) and `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once
     both fingers sense something; `proximity` (m), signed distances [m]; `obstacles`
-    (list[Obstacle]), evaluated with `blobs`: motions keep clear of them;
-    `external_torque` (N) [N m]: beyond `config.max_external_torque` a moving arm stops
-    where it is, and the task has failed.
+    (list[Obstacle]), evaluated with `blobs`, of which motions keep clear;
+    `external_torque` (N) [N m], beyond whose limits `config.max_external_torque` a
+    moving arm stops where it is, and the task fails.
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (Mode); `status` (PlannerStatus).
 
-    The modes follow one another by `transition`, evaluated every `config.period`. The
-    planner looks for the object while it is idle, plans all motions at once and moves
-    `config.latency` later. A grasp is verified by `grasped` and the fingers' angles
-    before the arm lifts, after it has lifted and before it places; where the object
-    slips out of the hand on the way, the arm stops. When the object is not in the hand,
-    or in the end not seen on its goal, the planner goes home, looks again and repeats,
-    `config.max_attempts` times at most; grasps that have failed come last then, and the
-    hand closes more firmly.
+    The modes follow one another by `transition`, evaluated every `config.period`. While
+    idle, the planner looks for the object. It plans all motions at once and moves
+    `config.latency` later. `grasped` and the fingers' angles verify the grasp before
+    the arm lifts, after it has lifted and before it places. If the object slips out of
+    the hand on the way, the arm stops. If the object is not in the hand, or in the end
+    not seen on its goal, the planner goes home, looks again and tries again, at most
+    `config.max_attempts` times. It then prefers grasps that have not failed yet, and
+    closes the hand more firmly.
 
-    With `config.look_before_grasp` it looks once more when the hand is in front of the
-    object, and plans anew where that has moved; with `config.look_before_place`, when
-    the object is above its goal, and places it from where it is in the hand.
+    With `config.look_before_grasp`, the planner looks again when the hand is in front
+    of the object, and plans again if the object has moved. With
+    `config.look_before_place`, it looks when the object is above its goal, and corrects
+    its placing by where the object is in the hand.
 
     `config`, `goal`, `tolerance` and `obstacles` can be read from the system.
 

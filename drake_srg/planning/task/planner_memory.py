@@ -1,4 +1,4 @@
-"""What the pick-and-place planner remembers, and what follows from that alone."""
+"""The memory of the pick-and-place planner."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ class Attempt:
 
     began: float = 0.0  # when the planner began to look for the object [s]
     next_look: float = 0.0  # when it looks next [s]
-    ready_at: float = np.inf  # when what has been planned may begin [s]
+    ready_at: float = np.inf  # when the planned motions may begin [s]
     X_WO: RigidTransform | None = None  # where the object was seen [m]
     motions: TaskMotions | None = None
     escape: tuple[Trajectory, Trajectory] | None = None  # retreat and home
@@ -82,14 +82,14 @@ class Attempt:
 
     @property
     def planned(self) -> TaskMotions:
-        """The motions, in modes that begin only with them."""
+        """The motions, for modes that begin only with motions."""
         assert self.motions is not None, "this mode needs planned motions"
         return self.motions
 
 
 @dc.dataclass(frozen=True)
 class Grip:
-    """What the fingers are told, and what they were like."""
+    """The command of the fingers, and how they hold the object."""
 
     closure: float = 0.0  # commanded, 0 open .. 1 closed
     # Angles of the gripper's joints when they were last opened, by name [rad].
@@ -101,7 +101,7 @@ class Grip:
 
 @dc.dataclass(frozen=True)
 class Cycle:
-    """What counts until the object has been placed."""
+    """Counts of one cycle, which lasts until the object has been placed."""
 
     started: float = 0.0  # s
     attempts: int = 0  # grasps begun
@@ -111,7 +111,7 @@ class Cycle:
 
 @dc.dataclass(frozen=True)
 class Totals:
-    """What counts over the whole task."""
+    """Counts of the whole task."""
 
     attempts: int = 0  # grasps begun
     cycles: int = 0  # times the object has been placed
@@ -121,7 +121,7 @@ class Totals:
 
 @dc.dataclass(frozen=True)
 class Seen:
-    """What the planner has seen and does not forget after an attempt."""
+    """Sightings that the planner remembers after an attempt."""
 
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
@@ -131,16 +131,16 @@ class Seen:
 
 @dc.dataclass(frozen=True)
 class Trouble:
-    """What went wrong last."""
+    """The latest failure."""
 
     failure: Failure | None = None
     message: str = ""
-    touched: str = ""  # what the arm has met, in words
+    touched: str = ""  # what the arm has touched, in words
 
 
 @dc.dataclass(frozen=True)
 class PlannerMemory:
-    """The planner's state. Never changed, only replaced, so copies share it."""
+    """The planner's memory. It is never changed, only replaced, so copies share it."""
 
     motion: Motion
     attempt: Attempt = dc.field(default_factory=Attempt)
@@ -154,7 +154,7 @@ class PlannerMemory:
         return self
 
     def status(self, mode: Mode) -> PlannerStatus:
-        """Return what the planner says of its task in a mode."""
+        """Return the planner's report on its task in a mode."""
         return PlannerStatus(
             mode=mode,
             failure=self.trouble.failure if mode is Mode.FAILED else None,

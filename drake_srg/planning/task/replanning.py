@@ -1,4 +1,4 @@
-"""What the planner concludes from what it sees: plans, corrections, ways out."""
+"""Plans, corrections and ways out, from what the planner sees."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class Replanner:
         memory = self._planned(memory, start, time, obstacles)
         if isinstance(result, PlanningFailure):
             memory = _failed(memory, result.failure, result.message)
-            # There may be a way from home where there is none from here.
+            # There may be a plan from home even if there is none from here.
             return memory if self._at_home(q) else self.escape(memory, time)
         seen = memory.seen
         if seen.localization is None:
@@ -129,7 +129,7 @@ class Replanner:
         blob = self._sightings.best(view, self._rests)
         memory = _looked(memory)
         if memory.cycle.detours >= self._config.max_attempts:
-            return memory  # an object that never stands still is tried all the same
+            return memory  # an object that never stands still must be tried as it is
         motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
         assert X_WO is not None, "motions are planned from a sighting"
         if view.obstacles:
@@ -249,7 +249,7 @@ class Replanner:
 
 
 def _looked(memory: PlannerMemory, **noticed: Any) -> PlannerMemory:
-    """Return the memory after a look, with what the attempt has noticed by it."""
+    """Return the memory after a look, with what the look has shown."""
     totals = dc.replace(memory.totals, looks=memory.totals.looks + 1)
     attempt = dc.replace(memory.attempt, looked=True, **noticed)
     return dc.replace(memory, attempt=attempt, totals=totals)

@@ -26,7 +26,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dc.dataclass(frozen=True)
 class View:
-    """What the cameras show when the planner looks."""
+    """A look through the cameras."""
 
     blobs: Sequence[Blob]
     obstacles: Sequence[Obstacle] = ()  # everything that is not a known object
@@ -97,7 +97,7 @@ class Sightings:
         Args:
             view: What is seen.
             p_WO: Where the object is believed to be, shape (3,) [m]. A look-alike
-                elsewhere is an obstacle, too; an obstacle around this place is not.
+                elsewhere is an obstacle; an obstacle around this place is the object.
         """
         known = tuple(
             (shape, self._pose(shape, blob))

@@ -1,4 +1,4 @@
-"""Kinds of modes of the pick-and-place task: what several modes have in common."""
+"""Base classes of the pick-and-place task's modes."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ class Moving(TaskMode):
         return memory
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
-        """Report an arm that has arrived, or does not."""
+        """Report whether the arm has arrived, or is stopped by something."""
         if arrived(memory.motion, now.senses, now.time):
             return self.observe_arrived(memory, now)
         late = now.time > memory.motion.due + self.config.arrival_timeout
@@ -133,10 +133,10 @@ class Carrying(Moving):
 
 
 class BetweenAttempts(TaskMode):
-    """A mode without a plan: at its begin, what was planned is forgotten."""
+    """A mode without a plan; as it begins, the previous plan is forgotten."""
 
     def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
-        """Judge the attempt that has ended, and forget its motions."""
+        """Judge the attempt that has ended, and forget its plan."""
         attempt, trouble = memory.attempt, memory.trouble
         totals, cycle = memory.totals, memory.cycle
         observed = entry.observation.failure if entry.observation else None

@@ -1,4 +1,4 @@
-"""The modes of picking and placing: which follows which, and when."""
+"""The transition table of picking and placing."""
 
 import dataclasses as dc
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from drake_srg.types import Failure, Mode
 
 @dc.dataclass(frozen=True)
 class Observation:
-    """What the next mode depends on; each mode fills in what its own needs."""
+    """The facts that decide the next mode; each mode fills in what its row needs."""
 
     ready: bool = False  # motions are planned, and the planning latency has passed
     stuck: bool = False  # no motions can be planned from here, but a way home can

@@ -33,9 +33,9 @@ def at(radius, azimuth=0.0, lean=0.0, off=0.0, up=1):
     """Return the pose of a cylinder on table 1; angles are in degrees.
 
     Args:
-        radius: Of its middle from joint 1's axis [m].
-        azimuth: Of its middle, 0 straight in front of the arm.
-        lean: Of its axis from the vertical; 90 lies.
+        radius: Distance of its middle from joint 1's axis [m].
+        azimuth: Azimuth of its middle, 0 straight in front of the arm.
+        lean: Angle of its axis from the vertical; at 90 it lies.
         off: Direction in which it leans, 0 straight away from the arm.
         up: -1 has its other end up.
     """
