@@ -15,7 +15,8 @@ from drake_srg.cell import MakeCell
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.hand_poses import hand_poses
-from drake_srg.simulation.metrics import MODES, Metrics
+from drake_srg.simulation.log_format import MODES
+from drake_srg.simulation.metrics import Metrics
 from drake_srg.types import Mode, Vector
 
 

@@ -14,7 +14,7 @@ from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.metrics import MODES
+from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode, Vector
 
 # Each cell on the fast and on the accurate physics. The former derives the torques from

@@ -1,4 +1,4 @@
-"""Simulation: runs a cell, logs and records it, and judges the result."""
+"""Simulation: runs a cell, logs and records the run, and judges the result."""
 
 from drake_srg.simulation.simulate import Result, Simulate, failure_time
 

@@ -1,4 +1,4 @@
-"""Where the hand is, from what a run logs of the arm."""
+"""Poses of the hand from a log of the arm."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from drake_srg.types import Vector
 
 
 def hand_poses(scenario: Scenario, arm_states: Vector) -> list[RigidTransform]:
-    """Return poses of the palm in world, X_WG [m].
+    """Return the poses of the palm in world, X_WG [m].
 
     Args:
-        scenario: Whose models count.
-        arm_states: Rows of a log's states of the arm, [q; v], shape (K, 2N).
+        scenario: The scenario with the models of arm and gripper.
+        arm_states: States [q; v] of the arm, shape (K, 2N).
     """
     plant = MakeModelsPlant(scenario)
     context = plant.CreateDefaultContext()

@@ -1,4 +1,4 @@
-"""What records a cell's run: video, rosbag and timeline."""
+"""Recordings of a run: video, rosbag, log and timeline."""
 
 import contextlib
 from collections.abc import Mapping
@@ -14,13 +14,13 @@ from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.timeline import Timeline, draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.metrics import MODES
+from drake_srg.simulation.log_format import MODES
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
 __all__ = ["FILES", "AddRecorders", "run_timeline", "write_samples"]
 
-# Artifacts of a run: kind to file.
+# Files of a run's artifacts, by kind.
 FILES = {
     "video": "video.mp4",
     "recording": "recording.mcap",
@@ -32,13 +32,15 @@ FILES = {
 def AddRecorders(
     builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
 ) -> dict[str, VideoRecorder | RosbagRecorder]:
-    """Add what records video.mp4 and recording.mcap, connected to the cell.
+    """Add the recorders of video.mp4 and recording.mcap, connected to the cell.
 
-    Close them after the simulation; they are context managers.
+    Returns:
+        The recorders by kind. They are context managers; close them after the
+        simulation.
     """
     config = scenario.recording
     recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
-    with contextlib.ExitStack() as stack:  # forgets the first if the second fails
+    with contextlib.ExitStack() as stack:  # closes the first if the second fails
         if config.video_camera:
             camera = scenario.cameras[config.video_camera]
             video = VideoRecorder(
@@ -64,9 +66,10 @@ def AddRecorders(
 def AddRosbagRecorder(
     builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
 ) -> RosbagRecorder:
-    """Add what records recording.mcap, connected to a cell or a station.
+    """Add the recorder of recording.mcap, connected to a cell or a station.
 
-    Close it after the simulation; it is a context manager.
+    Returns:
+        The recorder. It is a context manager; close it after the simulation.
     """
     bag = RosbagRecorder(
         out / FILES["recording"],
@@ -83,7 +86,7 @@ def AddRosbagRecorder(
 
 
 def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
-    """Return those topics of a cell for which this one, or a station, has ports."""
+    """Return the topics for which a cell or a station has ports."""
     config = scenario.recording
     gripper_joints, sensors = _gripper_names(scenario)
     topics = cell_topics(
@@ -97,7 +100,7 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
 
 
 def _arm_joints(scenario: Scenario) -> list[Joint]:
-    """The arm's joints, in the order of its state; none without an arm."""
+    """Return the arm's joints in the order of its state; none without an arm."""
     if scenario.arm is None:
         return []
     plant = MakeModelsPlant(scenario)
@@ -108,7 +111,7 @@ def _arm_joints(scenario: Scenario) -> list[Joint]:
 
 
 def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of the gripper's measured joints and of its finger sensors."""
+    """Return the names of the gripper's measured joints and of its finger sensors."""
     driver = scenario.gripper
     return ((), ()) if driver is None else (driver.joint_names, driver.sensor_names)
 
@@ -120,10 +123,10 @@ def _words(name: str) -> str:
 def write_samples(
     name: str, log: Mapping[str, Vector], scenario: Scenario, out: Path, timeline: bool
 ) -> dict[str, str]:
-    """Write log.npz and, where it is wanted, timeline.png; see `Simulate`.
+    """Write log.npz and, if `timeline` is set, timeline.png; see `Simulate`.
 
     Returns:
-        Their paths, by kind.
+        Paths of the files by kind.
     """
     written = {"log": str(write_log(out / FILES["log"], log))}
     if timeline:
@@ -134,7 +137,7 @@ def write_samples(
 
 
 def run_timeline(title: str, log: Mapping[str, Vector], scenario: Scenario) -> Timeline:
-    """Return what timeline.png shows of a log, see `Simulate`."""
+    """Return the contents of timeline.png for a log of `Simulate`."""
     arm = log["arm.state_measured"]
     gripper = log.get("gripper.state_measured")
     joints, sensors = _gripper_names(scenario)

@@ -1,4 +1,4 @@
-"""A station driven by hand, step by step: what experiments are written with.
+"""A station driven from Python, step by step, for experiments.
 
 scenario = bench_scenario(household_objects()["056_tennis_ball"])
 with Rig(scenario) as rig:
@@ -12,55 +12,54 @@ largest_force = log["gripper.contact_force"].max()
 """
 
 import contextlib
-import copy
 import dataclasses as dc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.schema import Rotation
-from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.common.ports import output_ports
-from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.recording.video import VideoRecorder
-from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous, load_scenario
+from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous
 from drake_srg.simulation import failure_time
-from drake_srg.simulation.metrics import pose_to_row
+from drake_srg.simulation.bench import bench_scenario, shake
+from drake_srg.simulation.log_format import pose_to_row
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
 
-# A command: a value, or a function of the time since the call that gives it [s].
+__all__ = ["Command", "Rig", "bench_scenario", "shake"]
+
+# A command: a value, or a function of the time since the start of the call [s].
 Command = npt.ArrayLike | Callable[[float], npt.ArrayLike]
 
 
 class Rig:
-    """A station with its inputs in the caller's hands, simulated and logged.
+    """A simulated station whose inputs the caller commands, with a log.
 
-    The arm is commanded to its home and the gripper to be open until something else is
-    said; the gripper's force limit is its driver's until then. The same calls give the
-    same log, bit for bit.
+    At first, the arm is commanded to its home and the gripper to be open, with its
+    driver's force limit. The same calls give the same log, bit for bit.
 
     Args:
-        scenario: What to simulate; its task, planner and script do not matter.
-        name: Of the experiment, for errors.
-        period: Time between samples of commands that are functions [s]; None takes the
-            arm driver's, below which nothing is read.
+        scenario: The scenario to simulate. Its task, planner and script do not matter.
+        name: Name of the experiment, for error messages.
+        period: Time between samples of commands that are functions [s]. None means the
+            arm driver's period; the driver would miss shorter ones.
         log_period: Time between rows of the log [s], a multiple of `period`.
-        images: Whether the scenario's cameras are there, for `image`.
-        video: An .mp4 file for what `recording.video_camera` sees, complete when the
-            rig is closed; use the rig with `with`.
+        images: Whether to build the scenario's cameras, for `image`.
+        video: An .mp4 file for the images of `recording.video_camera`. It is complete
+            once the rig is closed, so use the rig in a `with` statement.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
-        ValueError: If a period is not positive or they do not fit each other.
+        ValueError: If `log_period` is not a positive multiple of `period`.
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class Rig:
                 f"{self._period} s, got {log_period} s"
             )
         self._video: VideoRecorder | None = None
-        if video is None and not images:  # cameras would only take time to make
+        if video is None and not images:  # building unused cameras takes time
             scenario = dc.replace(scenario, cameras={}, localizer=LocalizerConfig())
         with scenario_errors(name), contextlib.ExitStack() as stack:
             builder = DiagramBuilder()
@@ -125,16 +124,16 @@ class Rig:
         closure: Command | None = None,
         force_limit: Command | None = None,
     ) -> None:
-        """Go on for a while, rounded to whole periods.
+        """Simulate for a while; None keeps a command.
 
         Args:
-            duration: How long [s].
-            arm: Joint positions (N) [rad or m]; None: as before.
-            closure: 0 open .. 1 closed; None: as before.
-            force_limit: Fraction of full PWM, 0 .. 1; None: as before.
+            duration: Time to simulate, rounded to whole periods [s].
+            arm: Joint positions (N) [rad or m].
+            closure: 0 (open) .. 1 (closed).
+            force_limit: Fraction of full PWM, 0 .. 1.
 
         Raises:
-            ScenarioError: If Drake gives up, saying when.
+            ScenarioError: If Drake aborts the simulation; the message tells the time.
         """
         given = {
             "arm.position_commanded": arm,
@@ -162,10 +161,10 @@ class Rig:
     def move(self, q: npt.ArrayLike, duration: float) -> None:
         """Move the arm with minimum jerk from its last command to `q` (N) [rad or m].
 
-        On the gantry that is the hand's position above the middle of the bench.
+        On the gantry, `q` is the hand's position relative to the middle of the bench.
 
         Raises:
-            ScenarioError: If Drake gives up, saying when.
+            ScenarioError: If Drake aborts the simulation; the message tells the time.
         """
         start, end = self.commanded("arm.position_commanded"), np.asarray(q, float)
         self.advance(
@@ -175,10 +174,10 @@ class Rig:
         self.fix("arm.position_commanded", end)
 
     def fix(self, name: str, value: npt.ArrayLike) -> None:
-        """Set an input port of the station, until it is set again.
+        """Set an input port of the station until further notice.
 
         Raises:
-            ScenarioError: If there is no such port or the value has another size.
+            ScenarioError: If there is no such port or the value has the wrong size.
         """
         vector = np.atleast_1d(np.asarray(value, dtype=float))
         if not self.diagram.HasInputPort(name):
@@ -191,7 +190,7 @@ class Rig:
         port.FixValue(self.context, vector)
         self._commanded[name] = vector
 
-    # What came of it.
+    # Results.
 
     @property
     def time(self) -> float:
@@ -199,36 +198,36 @@ class Rig:
         return float(self.context.get_time())
 
     def commanded(self, name: str) -> Vector:
-        """Return what an input port of the station was last set to."""
+        """Return the value that an input port of the station was last set to."""
         return self._commanded[name].copy()
 
     def measured(self, name: str) -> Vector:
-        """Return the value of a vector output port of the station now."""
+        """Return the present value of a vector output port of the station."""
         return np.array(self._ports[name].Eval(self._station_context))
 
     def image(self, camera: str) -> npt.NDArray[np.uint8]:
-        """Return what a camera sees now, RGB (height, width, 3); see `images`."""
+        """Return a camera's present image, RGB (height, width, 3); needs `images`."""
         port = self._ports[f"camera_{camera}.color_image"]
         return np.array(port.Eval(self._station_context).data[:, :, :3])
 
     def X_WO(self, name: str | None = None) -> RigidTransform:
-        """Pose of an object in world; without a name, of the picked one."""
+        """Return the pose of an object in world; by default, of the picked one."""
         poses = self._ports["object_poses_cheat"].Eval(self._station_context)
         X_WO: RigidTransform = poses[name or self.scenario.task.pick]
         return X_WO
 
     def X_WG(self) -> RigidTransform:
-        """Pose of the palm frame in world."""
+        """Return the pose of the palm frame in world."""
         gripper = self.plant.GetModelInstanceByName("gripper")
         palm = self.plant.GetFrameByName("palm", gripper)
         return palm.CalcPoseInWorld(self.plant_context)
 
     def X_GO(self, name: str | None = None) -> RigidTransform:
-        """Pose of an object in the palm frame; without a name, of the picked one."""
+        """Return the pose of an object in the palm; by default, of the picked one."""
         return self.X_WG().inverse() @ self.X_WO(name)
 
     def contact_forces(self, name: str | None = None) -> dict[str, float]:
-        """Return what touches an object, and how hard; see `ContactReader.forces`."""
+        """Return the contact forces on an object; see `ContactReader.forces`."""
         name = name or self.scenario.task.pick
         if name not in self._readers:
             self._readers[name] = ContactReader(self.plant, name)
@@ -236,11 +235,12 @@ class Rig:
         return self._readers[name].forces(results)
 
     def log(self) -> dict[str, Vector]:
-        """Return what was sampled, one row (K) every `log_period`.
+        """Return the log, with one row (K) every `log_period`.
 
-        `time` (K); the station's vector inputs that were set, as they were just before
-        the row, NaN before they were set the first time, and all its vector outputs, by
-        their names (K, n); `object_pose.NAME` (K, 7) [x, y, z, qw, qx, qy, qz].
+        Its arrays are `time` (K) [s], all vector outputs of the station by name (K, n),
+        its vector inputs that were set (K, n), and `object_pose.NAME` (K, 7) [x, y, z,
+        qw, qx, qy, qz]. Inputs are the values that led to the row, NaN before an input
+        was first set.
         """
         last = self._rows[-1] if self._rows else {}
         return {
@@ -288,74 +288,3 @@ def _add_video(builder: DiagramBuilder, rig: Rig, path: Path | str) -> VideoReco
     image = rig.station.GetOutputPort(f"camera_{name}.color_image")
     builder.Connect(image, recorder.GetInputPort("color_image"))
     return recorder
-
-
-def shake(
-    q: npt.ArrayLike, acceleration: npt.ArrayLike, frequency: float, duration: float
-) -> Callable[[float], Vector]:
-    """Return a shaking motion about an arm position, as a function of time [s].
-
-    It swells and fades within two cycles each, so that it starts and ends at rest.
-
-    Args:
-        q: Joint positions (N) [rad or m].
-        acceleration: Of each joint at its turning points (N) [rad/s² or m/s²].
-        frequency: Of the sine [Hz].
-        duration: From rest to rest [s].
-    """
-    omega = 2.0 * np.pi * frequency
-    middle, amplitude = np.asarray(q, float), np.asarray(acceleration, float) / omega**2
-    swell = 2.0 / frequency
-
-    def position(t: float) -> Vector:
-        envelope = minimum_jerk_blend(t / swell)
-        envelope *= minimum_jerk_blend((duration - t) / swell)
-        value: Vector = middle + envelope * np.sin(omega * t) * amplitude
-        return value
-
-    return position
-
-
-def bench_scenario(
-    thing: ObjectConfig | None = None,
-    *,
-    gripper_rpy: Sequence[float] | None = None,
-    home: Sequence[float] | None = None,
-    scenario: str | Path = "gripper_bench",
-    seed: int | None = None,
-    overrides: Sequence[str] = (),
-) -> Scenario:
-    """Load a bench scenario with another object or with the hand turned.
-
-    Args:
-        thing: The object in place of the scenario's own, as `objects.thing`; unless it
-            says where, it stands where that did, on the bench under the hand.
-        gripper_rpy: Roll, pitch and yaw [degrees] of the palm in the flange's frame,
-            which on the gantry is parallel to world: [0, 90, 0] points down,
-            [0, 0, 0] to the front.
-        home: Joint positions of the arm at the start [rad or m].
-        scenario: Name or path of the scenario.
-        seed: Replaces its seed.
-        overrides: `KEY=VALUE` each, as for `load_scenario`.
-
-    Raises:
-        ScenarioError: If something does not fit.
-    """
-    bench = load_scenario(scenario, seed=seed, overrides=overrides)
-    if thing is not None:
-        thing = copy.deepcopy(thing)
-        if thing.position is None and thing.pose is None:
-            thing.position = bench.objects[bench.task.pick].position
-        bench.objects = {"thing": thing}
-        bench.task.pick = "thing"
-        bench.task.place.marker = ""  # of a goal that nobody has for it
-    if gripper_rpy is not None:
-        welds = [d.add_weld for d in bench.directives if d.add_weld is not None]
-        (weld,) = [weld for weld in welds if weld.child == "gripper::palm"]
-        weld.X_PC.rotation = Rotation(RollPitchYaw(np.deg2rad(gripper_rpy)))
-    if home is not None:
-        if bench.arm is None:
-            raise ScenarioError(f"{scenario}: home: needs a scenario with an arm")
-        bench.arm.home = [float(x) for x in home]
-    bench.script = []  # of the scenario's own object
-    return bench

@@ -1,4 +1,4 @@
-"""Runs a scenario to its end, with log, recordings and metrics."""
+"""Runs a scenario to its end, logs and records the run, and judges the result."""
 
 import contextlib
 import dataclasses as dc
@@ -7,61 +7,31 @@ import time as wall
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import Context, Diagram, PortDataType
+from pydrake.systems.framework import Diagram
 from tqdm import tqdm
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
-from drake_srg.common.ports import output_ports
 from drake_srg.lifetime import my_context
-from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.recording.output import output_folder
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
-from drake_srg.simulation.metrics import (
-    MODES,
-    Metrics,
-    RunTimes,
-    calc_metrics,
-    pose_to_row,
-)
+from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRecorders, write_samples
+from drake_srg.simulation.run_log import RunLog
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
-# How long a run goes on after the planner has ended, for things to settle [s].
+# A run continues for this time after the planner has ended, to let objects settle [s].
 _SETTLE = 0.5
-
-_LOGGED = (
-    "arm.state_measured",
-    "arm.state_cheat",
-    "arm.torque_measured",
-    "arm.external_torque",
-    "arm.position_commanded",
-    "gripper.state_measured",
-    "gripper.closure_commanded",
-    "gripper.pwm",
-    "gripper.proximity",
-    "gripper.grasped",
-)
-# Other vector ports of a gripper are logged, too, such as those of a finger sensor of
-# your own, except these: a rig's log has them.
-_NOT_LOGGED = (
-    "gripper.contact_force",
-    "gripper.contact_wrench",
-    "gripper.motor_state",
-    "gripper.wire_force",
-    "gripper.motor_temperature",
-)
 
 
 @dc.dataclass(frozen=True)
 class Result:
-    """What came of a run."""
+    """The result of a run."""
 
     metrics: Metrics
-    log: dict[str, Vector]  # arrays with one row a sample; see `Simulate`
+    log: dict[str, Vector]  # arrays with one row per sample; see `Simulate`
     status: PlannerStatus
 
 
@@ -76,38 +46,39 @@ def Simulate(
 ) -> Result:
     """Simulate a cell until its planner has ended, and judge the result.
 
-    The log has the arrays `time` (K), `mode` (K, index into `Mode`), the vector ports
-    of the cell by their names, `object_pose.NAME` (K, 7: position, then quaternion w,
-    x, y, z) and `contact_force` (K, the largest force of the gripper on the picked
-    object), sampled every `recording.period`.
+    The log is sampled every `recording.period`. Its arrays are `time` (K) [s], `mode`
+    (K), the index into `Mode`, the cell's vector ports by name, `object_pose.NAME`
+    (K, 7), position [m] before quaternion w, x, y, z, and `contact_force` (K), the
+    largest force of the gripper on the picked object [N].
 
-    On a KeyboardInterrupt the run ends as `stopped`, judged and recorded up to there.
-    An error leaves log and recordings up to there, too, but no metrics.json.
+    A KeyboardInterrupt ends the run as `stopped`; the run is judged and recorded up to
+    that time. After any other exception, log and recordings up to that time remain, but
+    there is no metrics.json.
 
     Args:
-        scenario: What to simulate.
-        name: Its name, for metrics.json.
+        scenario: The scenario to simulate.
+        name: The scenario's name, for metrics.json and error messages.
         out: Folder for metrics.json, log.npz and the recordings; None writes nothing.
-        record: Whether to write video, rosbag and timeline, too.
-        make_cell: Builds the cell: any diagram with the ports of `MakeCell`'s. Those
-            that the planner's outcome and the object's fate are read from are needed
-            (`planner.mode`, `planner.status`, `arm.state_measured` and those that end
-            in `_cheat`); of the others, those that exist are logged and recorded.
+        record: Whether to write video, rosbag and timeline too.
+        make_cell: Builds the cell: any diagram with the ports of `MakeCell`'s. It needs
+            `planner.mode`, `planner.status`, `arm.state_measured` and the ports that
+            end in `_cheat`. Of the other ports, those that exist are logged and
+            recorded.
         progress: Whether to show a progress bar.
 
     Raises:
-        ScenarioError: If the models do not fit the scenario, or Drake gives up on it
-            in the middle of the run.
+        ScenarioError: If the models do not fit the scenario, or Drake aborts the run.
         OSError: If `out` cannot be written.
     """
     artifacts: dict[str, str | None] = dict.fromkeys(FILES)
-    whole = make_cell is not MakeCell
-    built = scenario if whole else _with_eyes_only(scenario, record and out is not None)
+    recorded = record and out is not None
+    own = make_cell is not MakeCell
+    built = scenario if own else _without_unused_cameras(scenario, recorded)
     with contextlib.ExitStack() as stack:
-        add = AddCell if make_cell is MakeCell else None
+        add = None if own else AddCell
         builder, cell = MakeRoot("cell", make_cell, add, built, name)
         with scenario_errors(name):
-            # Better now than after the run.
+            # Fails now if the folder cannot be written, not after the run.
             stack.enter_context(output_folder(out))
             if out is not None and record:
                 added = AddRecorders(builder, cell, scenario, out)
@@ -118,18 +89,18 @@ def Simulate(
             diagram.set_name("simulation")
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
-        if out is not None:  # what is there afterwards is of this run
+        if out is not None:  # remove the files of earlier runs
             for file in (*FILES.values(), "metrics.json"):
                 (out / file).unlink(missing_ok=True)
         _warm_up(simulator, cell)
-        log = _Log(scenario, cell)
+        log = RunLog(scenario, cell)
 
         def write() -> dict[str, str]:
             if out is None or not log:
                 return {}
             return write_samples(name, log.arrays(), scenario, out, record)
 
-        with _before_an_error_goes_on(write):
+        with _written_on_error(write):
             status, times = _run(simulator, cell, scenario, name, log, progress)
     artifacts |= write()
     arrays = log.arrays()
@@ -143,7 +114,7 @@ def Simulate(
 
 @contextlib.contextmanager
 def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
-    """Make a ScenarioError, which says when, of what Drake raises in a step."""
+    """Turn Drake's exceptions during a step into ScenarioErrors that tell the time."""
     try:
         yield
     except (RuntimeError, SystemExit) as error:
@@ -154,19 +125,19 @@ def failure_time(name: str, simulator: Simulator) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _before_an_error_goes_on(write: Callable[[], object]) -> Iterator[None]:
-    """Write what there is when an error comes up."""
+def _written_on_error(write: Callable[[], object]) -> Iterator[None]:
+    """Write the log so far if an exception is raised."""
     try:
         yield
     except Exception:
-        # The error that came first is told: a full disk has both.
+        # The first exception is the one to report: a full disk raises here as well.
         with contextlib.suppress(Exception):
             write()
         raise
 
 
-def _with_eyes_only(scenario: Scenario, recorded: bool) -> Scenario:
-    """The scenario without cameras that nobody looks through: each is to be built."""
+def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
+    """Return the scenario with only those cameras that are used, to save time."""
     used = set(scenario.localizer.cameras)
     if recorded:
         used |= {scenario.recording.video_camera, *scenario.recording.bag_cameras}
@@ -175,11 +146,13 @@ def _with_eyes_only(scenario: Scenario, recorded: bool) -> Scenario:
 
 
 def _warm_up(simulator: Simulator, cell: Diagram) -> None:
-    """Let cameras and localizer prepare themselves, as they do when switched on."""
+    """Let cameras and localizer set themselves up, so that no run includes the time."""
     root = simulator.get_mutable_context()
     if cell.HasOutputPort("localizer.blobs"):
         cell.GetOutputPort("localizer.blobs").Eval(my_context(cell, root))
-        root.SetTime(root.get_time())  # what was seen before counts no more
+        root.SetTime(
+            root.get_time()
+        )  # so that the first image of the run is rendered anew
 
 
 def _run(
@@ -187,15 +160,15 @@ def _run(
     cell: Diagram,
     scenario: Scenario,
     name: str,
-    log: "_Log",
+    log: RunLog,
     progress: bool,
 ) -> tuple[PlannerStatus, RunTimes]:
-    """Advance until the planner has ended and things have settled."""
+    """Advance until the planner has ended and the objects have settled."""
     root = simulator.get_mutable_context()
     context = my_context(cell, root)
     status_port = cell.GetOutputPort("planner.status")
     start_time = root.get_time()
-    # The planner ends by itself; the margin is for a planner that does not.
+    # Planners end by themselves. The margin is for a planner that does not.
     budget = scenario.task.repeat * scenario.planner.time_budget
     limit = start_time + budget + 1.0
     end = limit
@@ -231,56 +204,3 @@ def _run(
         )
     elapsed = wall.perf_counter() - start
     return status, RunTimes(root.get_time() - start_time, elapsed)
-
-
-class _Log:
-    """Samples of the cell's ports."""
-
-    def __init__(self, scenario: Scenario, cell: Diagram) -> None:
-        ports = output_ports(cell)
-        others = [
-            name
-            for name, port in ports.items()
-            if name.startswith("gripper.")
-            and name not in (*_LOGGED, *_NOT_LOGGED)
-            and port.get_data_type() == PortDataType.kVectorValued
-        ]
-        names = [name for name in _LOGGED if name in ports] + others
-        self._ports = {name: ports[name] for name in names}
-        self._mode = cell.GetOutputPort("planner.mode")
-        self._poses = cell.GetOutputPort("object_poses_cheat")
-        self._contacts = cell.GetOutputPort("contact_results_cheat")
-        self._pick = scenario.task.pick
-        self._reader: ContactReader | None = None
-        self._present = scenario.objects[self._pick].present
-        self._rows: list[dict[str, Vector | float]] = []
-        self.touching: set[str] = set()
-
-    def __len__(self) -> int:
-        return len(self._rows)
-
-    def sample(self, context: Context) -> None:
-        """Add a row, whole or, where this is interrupted, not at all."""
-        row: dict[str, Vector | float] = {
-            "time": context.get_time(),
-            "mode": float(MODES.index(self._mode.Eval(context))),
-        }
-        for name, port in self._ports.items():
-            row[name] = np.array(port.Eval(context))
-        for name, X_WO in self._poses.Eval(context).items():
-            row[f"object_pose.{name}"] = pose_to_row(X_WO)
-        forces = {}
-        if self._present:
-            contacts = self._contacts.Eval(context)
-            if self._reader is None:
-                self._reader = ContactReader(contacts.plant(), self._pick)
-            forces = self._reader.forces(contacts)
-        row["contact_force"] = forces.get("gripper", 0.0)
-        self.touching = set(forces)
-        self._rows.append(row)
-
-    def arrays(self) -> dict[str, Vector]:
-        """Return what was sampled, one array a quantity, one row a sample."""
-        return {
-            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
-        }

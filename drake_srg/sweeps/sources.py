@@ -24,6 +24,7 @@ NOT_IN_A_TRIAL = (
     "bridges/",
     "cli/",
     "experiments/",
+    "simulation/bench.py",
     "simulation/benchmark.py",
     "simulation/rig.py",
     "sweeps/dataset/",

@@ -5,7 +5,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.experiments.cycles import make_cycle
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.hand_poses import hand_poses
-from drake_srg.simulation.metrics import MODES, pose_to_row
+from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.types import Mode
 from experiments.made_cycles import metrics
 

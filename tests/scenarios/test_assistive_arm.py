@@ -6,7 +6,7 @@ import pytest
 from drake_srg.experiments.cycles import run_cycle
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.metrics import MODES
+from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode
 
 # Lying along the line to the arm's base, where the hand reaches it from above.

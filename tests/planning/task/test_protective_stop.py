@@ -6,7 +6,7 @@ import pytest
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
-from drake_srg.simulation.metrics import MODES
+from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Failure, Mode
 from planning.planning_world import CYCLE, MOVING, World, make_planner
 

@@ -1,0 +1,119 @@
+"""Figures that are computed from the log of a run.
+
+Unless stated otherwise, arrays have one row per sample: `time` [s], `mode` (index into
+`MODES`) and `poses` of the picked object (see `pose_to_row`).
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.hand_poses import hand_poses
+from drake_srg.simulation.log_format import MODES
+from drake_srg.types import Mode, Vector
+
+_MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
+
+
+def arm_states(log: Mapping[str, Vector]) -> Vector | None:
+    """Return the arm's true states [q; v], or the measured ones if there are none."""
+    return log.get("arm.state_cheat", log.get("arm.state_measured"))
+
+
+def final_speed(time: Vector, poses: Vector) -> float:
+    """Return the object's mean speed over the last 0.1 s [m/s]."""
+    first = int(np.searchsorted(time, time[-1] - 0.1))
+    if first == len(time) - 1:
+        return float("inf")
+    distance = np.linalg.norm(poses[-1, :3] - poses[first, :3])
+    return float(distance / (time[-1] - time[first]))
+
+
+def is_home(scenario: Scenario, log: Mapping[str, Vector]) -> bool:
+    """Return whether the arm is at home at the end."""
+    if scenario.arm is None:
+        return True
+    states = arm_states(log)
+    assert states is not None
+    q = states[-1, : len(scenario.arm.home)]
+    return bool(np.max(np.abs(q - scenario.arm.home)) <= _MAX_HOME_ERROR)
+
+
+def grasp_shift(mode: Vector, poses: Vector) -> float | None:
+    """Return how far the object moves while the fingers close for the last time [m]."""
+    rows = _last_rows(mode, Mode.CLOSE)
+    if len(rows) == 0:
+        return None
+    start, end = poses[rows[0], :3], poses[min(rows[-1] + 1, len(poses) - 1), :3]
+    return float(np.linalg.norm(end - start))
+
+
+def others_moved(log: Mapping[str, Vector], pick: str) -> float | None:
+    """Return the largest distance of any other object from its first position [m]."""
+    others = [
+        poses[:, :3]
+        for name, poses in log.items()
+        if name.startswith("object_pose.") and name != f"object_pose.{pick}"
+    ]
+    if not others:
+        return None
+    return float(max(np.max(np.linalg.norm(p - p[0], axis=1)) for p in others))
+
+
+def hold_drift(
+    scenario: Scenario,
+    time: Vector,
+    mode: Vector,
+    log: Mapping[str, Vector],
+    poses: Vector,
+) -> float | None:
+    """Return the object's speed in the hand while the lifted arm dwells [m/s]."""
+    rows = _last_rows(mode, Mode.LIFT)
+    if len(rows) == 0 or not np.any(mode == MODES.index(Mode.TRANSFER)):
+        return None
+    rows = rows[time[rows] >= time[rows[-1]] - 0.8 * scenario.planner.verify_time]
+    if len(rows) < 2:
+        return None
+    ends = [rows[0], rows[-1]]
+    states = arm_states(log)
+    assert states is not None
+    hands = hand_poses(scenario, states[ends])
+    p_GO = [X.inverse() @ poses[i, :3] for X, i in zip(hands, ends, strict=True)]
+    return float(np.linalg.norm(p_GO[1] - p_GO[0]) / (time[rows[-1]] - time[rows[0]]))
+
+
+def smoothness(time: Vector, mode: Vector, arm: Vector | None) -> float | None:
+    """Return the log dimensionless jerk of the arm from first motion to last.
+
+    -ln(T³ / v_peak² integral |d²v/dt²|² dt) (S. Balasubramanian et al., J. NeuroEng.
+    Rehabil. 12:112, 2015), where v is the vector of joint velocities.
+
+    Args:
+        time: Times [s].
+        mode: Modes.
+        arm: States [q; v] of the arm, shape (K, 2N).
+    """
+    resting = [MODES.index(m) for m in (Mode.IDLE, Mode.DONE, Mode.FAILED)]
+    rows = np.flatnonzero(~np.isin(mode, resting))
+    if arm is None or len(rows) < 5:
+        return None
+    rows = np.arange(rows[0], rows[-1] + 1)
+    t = time[rows]
+    v = arm[rows, arm.shape[1] // 2 :]
+    peak = np.max(np.linalg.norm(v, axis=1))
+    if peak == 0.0:
+        return None
+    jerk = np.gradient(np.gradient(v, t, axis=0), t, axis=0)
+    squared = np.trapezoid(np.sum(jerk**2, axis=1), t)
+    return float(-np.log((t[-1] - t[0]) ** 3 / peak**2 * squared))
+
+
+def _last_rows(mode: Vector, wanted: Mode) -> npt.NDArray[np.intp]:
+    """Return the rows of the last uninterrupted stretch of a mode."""
+    rows = np.flatnonzero(mode == MODES.index(wanted))
+    if len(rows) == 0:
+        return rows
+    breaks = np.flatnonzero(np.diff(rows) > 1)
+    return rows[breaks[-1] + 1 :] if len(breaks) else rows

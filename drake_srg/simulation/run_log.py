@@ -1,0 +1,95 @@
+"""The log of a run."""
+
+import numpy as np
+from pydrake.systems.framework import Context, Diagram, PortDataType
+
+from drake_srg.common.ports import output_ports
+from drake_srg.objects.contact_reader import ContactReader
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.types import Vector
+
+_LOGGED = (
+    "arm.state_measured",
+    "arm.state_cheat",
+    "arm.torque_measured",
+    "arm.external_torque",
+    "arm.position_commanded",
+    "gripper.state_measured",
+    "gripper.closure_commanded",
+    "gripper.pwm",
+    "gripper.proximity",
+    "gripper.grasped",
+)
+# Other vector ports of a gripper, such as those of your own finger sensors, are logged
+# too, except these, which only a rig logs.
+_NOT_LOGGED = (
+    "gripper.contact_force",
+    "gripper.contact_wrench",
+    "gripper.motor_state",
+    "gripper.wire_force",
+    "gripper.motor_temperature",
+)
+
+
+class RunLog:
+    """Samples a cell's ports, the poses of objects and the grip force during a run.
+
+    Args:
+        scenario: The scenario of the run.
+        cell: A cell with the ports of `MakeCell`'s. The vector ports that exist are
+            logged.
+
+    Attributes:
+        touching: Names of the bodies that touch the picked object in the latest sample,
+            as `ContactReader.forces` names them.
+    """
+
+    def __init__(self, scenario: Scenario, cell: Diagram) -> None:
+        ports = output_ports(cell)
+        others = [
+            name
+            for name, port in ports.items()
+            if name.startswith("gripper.")
+            and name not in (*_LOGGED, *_NOT_LOGGED)
+            and port.get_data_type() == PortDataType.kVectorValued
+        ]
+        names = [name for name in _LOGGED if name in ports] + others
+        self._ports = {name: ports[name] for name in names}
+        self._mode = cell.GetOutputPort("planner.mode")
+        self._poses = cell.GetOutputPort("object_poses_cheat")
+        self._contacts = cell.GetOutputPort("contact_results_cheat")
+        self._pick = scenario.task.pick
+        self._reader: ContactReader | None = None
+        self._present = scenario.objects[self._pick].present
+        self._rows: list[dict[str, Vector | float]] = []
+        self.touching: set[str] = set()
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def sample(self, context: Context) -> None:
+        """Add a row. An exception on the way adds nothing."""
+        row: dict[str, Vector | float] = {
+            "time": context.get_time(),
+            "mode": float(MODES.index(self._mode.Eval(context))),
+        }
+        for name, port in self._ports.items():
+            row[name] = np.array(port.Eval(context))
+        for name, X_WO in self._poses.Eval(context).items():
+            row[f"object_pose.{name}"] = pose_to_row(X_WO)
+        forces = {}
+        if self._present:
+            contacts = self._contacts.Eval(context)
+            if self._reader is None:
+                self._reader = ContactReader(contacts.plant(), self._pick)
+            forces = self._reader.forces(contacts)
+        row["contact_force"] = forces.get("gripper", 0.0)
+        self.touching = set(forces)
+        self._rows.append(row)
+
+    def arrays(self) -> dict[str, Vector]:
+        """Return one array per quantity, with one row per sample."""
+        return {
+            name: np.array([row[name] for row in self._rows]) for name in self._rows[0]
+        }
