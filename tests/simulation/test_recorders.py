@@ -1,25 +1,24 @@
-"""A recorded run: the files that users open."""
+"""The files of a recorded run, as users open them."""
 
 import av
 import numpy as np
 import pytest
-from pydrake.systems.framework import DiagramBuilder
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
-from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.simulate import Simulate, _Log
+from drake_srg.simulation import Simulate
 from drake_srg.types import Mode
+from simulation.own_cells import RaisingPort, cell_with
 
 FILES = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A run that ends within a second, in small pictures."""
+    """A recorded run of less than a second, with small images."""
     out = tmp_path_factory.mktemp("recorded")
     scenario = load_scenario(
         "kitchen",
@@ -34,7 +33,7 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def messages(run):
-    """Topic to list of (time [s], message)."""
+    """Lists of (time [s], message) by topic."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     found = {}
     with Reader(run[1] / "recording.mcap") as reader:
@@ -44,7 +43,7 @@ def messages(run):
     return found
 
 
-def test_every_artifact_is_where_metrics_say(run):
+def test_every_artifact_is_where_the_metrics_say(run):
     result, out = run
     assert {path.name for path in out.iterdir()} == FILES
     for path in result.metrics.artifacts.values():
@@ -59,10 +58,10 @@ def test_the_video_shows_the_whole_run(run):
         assert stream.average_rate == 20
     assert len(frames) == pytest.approx(20 * run[0].metrics.sim_time_s, abs=1)
     assert frames[0].shape == (180, 320, 3)
-    assert frames[-1].std() > 20.0  # something is to be seen
+    assert frames[-1].std() > 20.0  # the image is not uniform
 
 
-def test_the_bag_holds_what_was_commanded_measured_and_seen(run, messages):
+def test_the_bag_holds_commands_measurements_and_images(run, messages):
     assert set(messages) >= {
         "/clock",
         "/joint_states",
@@ -81,7 +80,7 @@ def test_the_bag_holds_what_was_commanded_measured_and_seen(run, messages):
     assert (image.width, image.height, image.encoding) == (640, 480, "rgb8")
 
 
-def test_messages_have_simulated_time_and_none_is_at_zero(run, messages):
+def test_messages_have_simulated_times_above_zero(run, messages):
     for topic, stamped in messages.items():
         times = np.array([time for time, _ in stamped])
         assert times[0] > 0.0, topic
@@ -96,7 +95,7 @@ def test_bag_and_log_agree(run, messages):
     log = read_log(run[1] / "log.npz")
     for time, message in messages["/joint_states"][::5]:
         row = int(np.argmin(np.abs(log["time"] - time)))
-        # Both are taken at the same time; an arm at rest moves less than this anyway.
+        # Both are sampled at the same time, and the arm is at rest.
         np.testing.assert_allclose(
             message.position[:7], log["arm.state_measured"][row, :7], atol=1e-6
         )
@@ -106,28 +105,18 @@ def test_bag_and_log_agree(run, messages):
     "override",
     ["plant_config.contact_model=soft", "simulator_config.integration_scheme=guess"],
 )
-def test_a_run_that_cannot_begin_leaves_nothing(tmp_path, override):
+def test_a_run_that_cannot_start_leaves_nothing(tmp_path, override):
     scenario = load_scenario("kitchen", overrides=[override])
     with pytest.raises(ScenarioError):
         Simulate(scenario, out=tmp_path / "on the way" / "out")
     assert not list(tmp_path.iterdir())
 
 
-def test_a_cell_of_ones_own_is_recorded_as_far_as_it_has_ports(tmp_path):
+def test_a_cell_of_your_own_is_recorded_as_far_as_it_has_ports(tmp_path):
     missing = ("gripper.proximity", "gripper.closure_commanded")
-
-    def make_cell(scenario):
-        builder = DiagramBuilder()
-        inner = builder.AddNamedSystem("inner", MakeCell(scenario))
-        for i in range(inner.num_output_ports()):
-            port = inner.get_output_port(i)
-            if port.get_name() not in missing:
-                builder.ExportOutput(port, port.get_name())
-        return builder.Build()
-
     overrides = ["object.present=false", "recording.video_camera=''"]
     scenario = load_scenario("kitchen", overrides=overrides)
-    result = Simulate(scenario, out=tmp_path, make_cell=make_cell)
+    result = Simulate(scenario, out=tmp_path, make_cell=cell_with(leave_out=missing))
     assert not set(missing) & result.log.keys()
     with Reader(tmp_path / "recording.mcap") as reader:
         assert "/joint_states" in reader.topics
@@ -154,31 +143,15 @@ def test_a_scripted_cell_is_recorded_too(tmp_path):
     assert message.name[:3] == ["gantry_x", "gantry_y", "gantry_z"]
 
 
-@pytest.fixture
-def failing(monkeypatch):
-    """Makes the log raise an error after some rows."""
-
-    def fail_with(error, rows=20):
-        sample, calls = _Log.sample, []
-
-        def sample_or_fail(log, context):
-            calls.append(context)
-            if len(calls) > rows:
-                raise error
-            sample(log, context)
-
-        monkeypatch.setattr(_Log, "sample", sample_or_fail)
-
-    return fail_with
+def failing(error, rows=20):
+    """Return a `make_cell` whose cell cannot be logged after some rows."""
+    period = 0.02
+    return cell_with(RaisingPort(error, rows * period))
 
 
-def test_a_run_that_is_interrupted_is_judged_and_recorded_up_to_there(
-    tmp_path, failing
-):
-    failing(KeyboardInterrupt)
-    result = Simulate(
-        load_scenario("kitchen", overrides=["planner.time_budget=2"]), out=tmp_path
-    )
+def test_an_interrupted_run_is_judged_and_recorded_up_to_there(tmp_path):
+    scenario = load_scenario("kitchen", overrides=["planner.time_budget=2"])
+    result = Simulate(scenario, out=tmp_path, make_cell=failing(KeyboardInterrupt))
     assert not result.metrics.success
     assert result.metrics.failure == "stopped"
     assert result.status.message == "stopped by the user"
@@ -190,14 +163,13 @@ def test_a_run_that_is_interrupted_is_judged_and_recorded_up_to_there(
         assert list(container.decode(video=0))
 
 
-def test_a_run_that_fails_leaves_what_led_to_it_and_nothing_stale(tmp_path, failing):
-    failing(ZeroDivisionError)
+def test_a_failed_run_leaves_its_log_and_recordings_and_nothing_stale(tmp_path):
     for name in FILES:
         (tmp_path / name).write_text("of an earlier run")
     (tmp_path / "notes.txt").write_text("not ours")
     scenario = load_scenario("kitchen", overrides=["object.present=false"])
     with pytest.raises(ZeroDivisionError):
-        Simulate(scenario, out=tmp_path)
+        Simulate(scenario, out=tmp_path, make_cell=failing(ZeroDivisionError))
     kept = {"notes.txt", *FILES} - {"metrics.json"}
     assert {path.name for path in tmp_path.iterdir()} == kept
     assert len(read_log(tmp_path / "log.npz")["time"]) == 20
@@ -208,30 +180,35 @@ def test_a_run_that_fails_leaves_what_led_to_it_and_nothing_stale(tmp_path, fail
 
 
 @pytest.mark.parametrize("rows", [0, 1])
-def test_a_run_that_fails_at_once_leaves_what_there_is(tmp_path, failing, rows):
-    failing(ZeroDivisionError, rows)
+def test_a_run_that_fails_at_once_leaves_the_rows_it_has(tmp_path, rows):
     scenario = load_scenario("kitchen", overrides=["recording.video_camera=''"])
+    make_cell = failing(ZeroDivisionError, rows)
     with pytest.raises(ZeroDivisionError):
-        Simulate(scenario, out=tmp_path, record=False)
+        Simulate(scenario, out=tmp_path, record=False, make_cell=make_cell)
     kept = {"log.npz"} if rows else set()
     assert {path.name for path in tmp_path.iterdir()} == kept
 
 
-def test_the_error_that_came_first_is_told(tmp_path, failing, monkeypatch):
+def test_the_first_exception_is_reported(tmp_path, monkeypatch):
     def full(*_):
         raise OSError("full")
 
-    failing(ZeroDivisionError)
     monkeypatch.setattr("drake_srg.simulation.recorders.write_log", full)
+    make_cell = failing(ZeroDivisionError)
     with pytest.raises(ZeroDivisionError):
-        Simulate(load_scenario("kitchen"), out=tmp_path / "out", record=False)
+        Simulate(
+            load_scenario("kitchen"),
+            out=tmp_path / "out",
+            record=False,
+            make_cell=make_cell,
+        )
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
     ("record", "cameras"), [(False, {"ceiling"}), (True, {"ceiling", "side"})]
 )
-def test_cameras_that_nobody_uses_are_not_built(tmp_path, monkeypatch, record, cameras):
+def test_unused_cameras_are_not_built(tmp_path, monkeypatch, record, cameras):
     built = []
 
     def make_cell(scenario):

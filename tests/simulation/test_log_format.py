@@ -1,0 +1,31 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from drake_srg.simulation.log_format import MODES, pose_to_row, row_to_pose
+from drake_srg.types import Mode
+
+numbers = st.floats(-3.0, 3.0)
+
+
+@given(st.tuples(numbers, numbers, numbers), st.tuples(numbers, numbers, numbers))
+def test_a_row_holds_a_pose(rpy, p):
+    X = RigidTransform(RollPitchYaw(rpy), p)
+    row = pose_to_row(X)
+    np.testing.assert_array_equal(row[:3], p)
+    assert row_to_pose(row).IsNearlyEqualTo(X, 1e-12)
+    # Resampled or rounded quaternions are not of unit length.
+    scaled = row * [1, 1, 1, 1.01, 1.01, 1.01, 1.01]
+    assert row_to_pose(scaled).IsNearlyEqualTo(X, 1e-12)
+
+
+def test_the_quaternion_starts_with_w():
+    half_turn = RigidTransform(RollPitchYaw(np.pi, 0.0, 0.0), [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(
+        np.abs(pose_to_row(half_turn)), [1, 2, 3, 0, 1, 0, 0], atol=1e-12
+    )
+
+
+def test_modes_have_the_order_of_a_cycle():
+    assert list(Mode) == MODES

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_srg.simulation import measures
+from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.station.plant import AddDirectives
+from drake_srg.types import Mode
+from simulation.made_logs import BEGINS, HOME, SCENARIO, SMOOTH, judge, make_log, moving
+
+
+def test_the_grasp_shift_is_the_motion_while_closing():
+    log = make_log()
+    closing = (log["time"] > 0.6) & (log["time"] < BEGINS[Mode.TRANSFER] - 1e-9)
+    log["object_pose.soup_can"][closing, :2] += [3e-3, 4e-3]
+    assert judge(log).grasp_shift_m == pytest.approx(5e-3)
+
+
+def test_only_the_last_grasp_counts():
+    log = make_log()
+    log["mode"][8:12] = MODES.index(Mode.CLOSE)  # an earlier grasp
+    log["object_pose.soup_can"][:10, 0] += 0.5
+    assert judge(log).grasp_shift_m == pytest.approx(0.0)
+
+
+def test_other_objects_move_from_their_first_position():
+    assert judge(make_log()).others_moved_m is None  # there are none
+    log = make_log()
+    for name, shift in (("near", 3e-3), ("far", 4e-3)):
+        poses = np.tile(pose_to_row(RigidTransform([0.3, 0.2, 0.1])), (151, 1))
+        poses[70:80, :2] += shift  # and back again
+        log[f"object_pose.{name}"] = poses
+    assert judge(log).others_moved_m == pytest.approx(4e-3 * np.sqrt(2.0))
+
+
+def test_the_drift_is_relative_to_the_hand():
+    """The can slides in the moving hand at 2 mm/s."""
+    plant = MultibodyPlant(0.0)
+    AddDirectives(plant, SCENARIO)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    arm = plant.GetModelInstanceByName("arm")
+    palm = plant.GetFrameByName("palm")
+    log = make_log()
+    for i, t in enumerate(log["time"]):
+        q = HOME + 0.1 * np.sin(3.0 * t)
+        plant.SetPositions(context, arm, q)
+        log["arm.state_measured"][i, :7] = q
+        p_GO = [0.15, 0.01, 2e-3 * t]
+        X_WO = RigidTransform(palm.CalcPoseInWorld(context) @ np.array(p_GO))
+        log["object_pose.soup_can"][i] = pose_to_row(X_WO)
+    assert judge(log).hold_drift_m_per_s == pytest.approx(2e-3, rel=1e-6)
+
+
+def test_an_object_that_was_not_carried_has_no_drift():
+    log = make_log()
+    log["mode"][log["mode"] == MODES.index(Mode.TRANSFER)] = MODES.index(Mode.LIFT)
+    assert judge(log).hold_drift_m_per_s is None
+
+
+def test_the_smoothness_of_a_known_profile():
+    # -ln(T³ / peak² integral of v''²) with the integral exact; the time T cancels.
+    integral = (SMOOTH.deriv(2) ** 2).integ()
+    expected = -np.log((integral(1.0) - integral(0.0)) / SMOOTH(0.5) ** 2)
+    # Differences of 119 samples are good to a percent of the integral.
+    assert judge(moving(SMOOTH)).smoothness == pytest.approx(expected, abs=0.01)
+
+
+def test_smoothness_is_dimensionless():
+    reference = judge(moving(SMOOTH)).smoothness
+    assert judge(moving(SMOOTH, 7.0)).smoothness == pytest.approx(reference)
+
+
+def test_a_trembling_motion_is_less_smooth():
+    def trembling(s):
+        return SMOOTH(s) + 0.05 * np.sin(60.0 * s)
+
+    smooth = judge(moving(SMOOTH)).smoothness
+    assert judge(moving(trembling)).smoothness < smooth - 1.0
+
+
+def test_an_arm_at_rest_has_no_smoothness():
+    assert judge(make_log()).smoothness is None
+
+
+def test_the_true_state_of_the_arm_comes_first():
+    log = {"arm.state_measured": np.zeros((3, 2)), "arm.state_cheat": np.ones((3, 2))}
+    assert measures.arm_states(log) is log["arm.state_cheat"]
+    del log["arm.state_cheat"]
+    assert measures.arm_states(log) is log["arm.state_measured"]
+    assert measures.arm_states({}) is None
+
+
+def test_a_run_too_short_for_a_speed_does_not_count_as_resting():
+    log = make_log()
+    poses = log["object_pose.soup_can"]
+    assert measures.final_speed(log["time"], poses) == 0.0
+    assert measures.final_speed(log["time"][:1], poses[:1]) == np.inf
