@@ -20,6 +20,7 @@ from pydrake.multibody.tree import (
 )
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.shapes import drake_shape
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.soft import AddSoftObject
 from drake_srg.parsing import configure_parser
@@ -226,7 +227,7 @@ def _AddShape(
     assert config.shape is not None
     if config.mass is None or config.friction is None:
         raise ValueError("An object with a shape needs mass and friction.")
-    solid = touched = to_drake(config.shape)
+    solid = touched = drake_shape(config.shape)
     if isinstance(config.shape, Cylinder):
         diameter = 2.0 * config.shape.radius
         if abs(config.shape.length - diameter) < _NEARLY_AS_LONG:
@@ -271,14 +272,3 @@ def _contact_properties(
         properties=properties,
     )
     return properties
-
-
-def to_drake(shape: Shape) -> geometry.Shape:
-    """Return a shape as Drake's geometry."""
-    match shape:
-        case Cylinder(radius, length):
-            return geometry.Cylinder(radius, length)
-        case Box(size):
-            return geometry.Box(*size)
-        case Sphere(radius):
-            return geometry.Sphere(radius)

@@ -8,7 +8,6 @@ import logging
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-from pydrake import geometry
 from pydrake.common import Parallelism
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import (
@@ -19,9 +18,10 @@ from pydrake.multibody.tree import (
 )
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
+from drake_srg.common.shapes import drake_shape
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.clearance import Clearance
-from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.types import Shape, Vector
 
 
 class PlanningScene(ArmModel):
@@ -233,7 +233,7 @@ class PlanningScene(ArmModel):
         self, body: RigidBody, shape: Shape, X_BO: RigidTransform
     ) -> Iterator[None]:
         group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
-        self._checker.AddCollisionShapeToBody(group, body, _to_drake(shape), X_BO)
+        self._checker.AddCollisionShapeToBody(group, body, drake_shape(shape), X_BO)
         try:
             yield
         finally:
@@ -249,13 +249,3 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         logger.setLevel(level)
-
-
-def _to_drake(shape: Shape) -> geometry.Shape:
-    match shape:
-        case Cylinder(radius, length):
-            return geometry.Cylinder(radius, length)
-        case Box(size):
-            return geometry.Box(*size)
-        case Sphere(radius):
-            return geometry.Sphere(radius)
