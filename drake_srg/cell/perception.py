@@ -144,7 +144,7 @@ def _targets(scenario: Scenario) -> list[BlobTarget]:
         for other in targets:
             if (other.shape, other.color) == (shape, colors):
                 raise ScenarioError(
-                    f"objects.{name}: cannot be told from {other.name}; "
+                    f"objects.{name}: looks like {other.name}; "
                     "give it another shape, color or color_range"
                 )
         targets.append(BlobTarget(name, shape, colors))

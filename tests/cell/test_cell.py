@@ -39,7 +39,7 @@ def test_a_cell_exports_the_stations_ports_and_its_own(cell, scenario):
 def test_objects_that_look_alike_are_refused():
     ball = "{shape: !Sphere {radius: 0.03}, mass: 0.1, friction: 1, position: "
     balls = [f"objects.a={ball}[0.5, 0.5]}}", f"objects.b={ball}[0.8, 0.5]}}"]
-    with pytest.raises(ScenarioError, match=r"objects\.b: cannot be told from a"):
+    with pytest.raises(ScenarioError, match=r"objects\.b: looks like a;"):
         MakeCell(load_scenario("kitchen", overrides=balls))
     MakeCell(load_scenario("kitchen", overrides=[*balls, "objects.b.color=[0, 0, 1]"]))
 
