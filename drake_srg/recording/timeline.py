@@ -75,7 +75,8 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
 def _panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
     """Return label, values (K, n) and names of the lines for each panel."""
     arm = timeline.arm_velocity
-    arm_names = [f"joint {i + 1}" for i in range(0 if arm is None else np.shape(arm)[1])]
+    joints = 0 if arm is None else np.shape(arm)[1]
+    arm_names = [f"joint {i + 1}" for i in range(joints)]
     degrees = 180 / np.pi
     # Field, label, factor from SI, names of the lines.
     series: list[tuple[str, str, float, Sequence[str]]] = [

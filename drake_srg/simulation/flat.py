@@ -20,6 +20,7 @@ from pydrake.systems.framework import (
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.lifetime import collectable
 from drake_srg.scenario.schema import Scenario, is_continuous
 from drake_srg.station.station import AddStation
 
@@ -77,6 +78,7 @@ class _Root(DiagramBuilder):
 
     def __init__(self) -> None:
         super().__init__()
+        collectable(self)
         self._groups: dict[str, _Group] = {}
         self._open: list[_Group] = []  # the groups that are being added
         # Inputs that a group exports together: the first one's key, the others.
@@ -120,20 +122,24 @@ class _Root(DiagramBuilder):
 
     def Build(self) -> Diagram:
         """Build the root, which exports what its outermost group does."""
-        outermost = next(iter(self._groups.values()))
+        # The diagram keeps its builder alive. If that kept the groups, which keep the
+        # diagram, nothing of it would ever be freed.
+        (_, outermost), *nested = self._groups.items()
+        together, self._groups, self._together = self._together, {}, {}
         for name, port in outermost.inputs.items():
             super().ExportInput(port, name)
-            for other in self._together.get(_key(port), ()):
+            for other in together.get(_key(port), ()):
                 super().ConnectInput(name, other)
         for name, output in outermost.outputs.items():
             super().ExportOutput(output, name)
         diagram = super().Build()
-        groups = self._groups
-        for group in groups.values():
+        inner = dict(nested)
+        for group in (outermost, *inner.values()):
             group.diagram = diagram
-            group.GetSubsystemByName = lambda name: (
-                groups.get(name) or diagram.GetSubsystemByName(name)
-            )
+            group.GetSubsystemByName = diagram.GetSubsystemByName
+        outermost.GetSubsystemByName = lambda name: (
+            inner.get(name) or diagram.GetSubsystemByName(name)
+        )
         return diagram
 
 

@@ -54,6 +54,15 @@ def flat_cell(old_drake):
     return MakeRoot("cell", MakeCell, AddCell, load_scenario("kitchen_fast"), "")
 
 
+def test_a_flat_root_is_freed(old_drake, leaked):
+    scenario = load_scenario("kitchen_fast")
+    builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, "")
+    diagram = builder.Build()
+    assert len(leaked()) > 4  # otherwise this would test nothing
+    del builder, cell, diagram
+    assert leaked() == []
+
+
 def test_a_flat_cell_has_the_ports_of_a_nested_one(flat_cell):
     builder, cell = flat_cell
     nested = MakeCell(load_scenario("kitchen_fast"))
