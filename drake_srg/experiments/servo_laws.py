@@ -29,7 +29,7 @@ from drake_srg.experiments.servo_motions import (
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.types import Vector
 
-BANDWIDTH = 40.0  # of the shipped gains [rad/s]; see gripper/drivers.py
+BANDWIDTH = 40.0  # of the shipped gains [rad/s]; see srg_position_driver.py
 # A usual integral: a corner one decade below the bandwidth costs little phase.
 _WITH_KI = dc.replace(SHIPPED, ki=[0.1 * BANDWIDTH * kp for kp in SHIPPED.kp])
 LAWS = {
