@@ -7,7 +7,7 @@ from drake_srg.station import MakeStation
 
 
 def forces(*overrides):
-    """What touches the can once it has settled on the table [N]."""
+    """Return the contact forces on the can once it has settled on the table [N]."""
     scenario = load_scenario("kitchen", overrides=overrides)
     station = MakeStation(scenario)
     simulator = Simulator(station)
@@ -20,19 +20,19 @@ def forces(*overrides):
     return ContactReader(contacts.plant(), "soup_can").forces(contacts)
 
 
-def test_a_standing_can_touches_its_support_with_its_weight():
+def test_a_standing_can_presses_on_its_support_with_its_weight():
     found = forces("object.mass=0.4")
     assert found == {"support": pytest.approx(0.4 * 9.81, rel=1e-3)}
 
 
-def test_point_contact_is_read_too():
-    # The can rocks from point to point, so its weight is only the order of the force.
+def test_point_contact_is_read():
+    # The can rocks from point to point, so the force varies about its weight.
     found = forces("object.mass=0.4", "plant_config.contact_model=point")
     assert set(found) == {"support"}
     assert 0.1 < found["support"] / (0.4 * 9.81) < 10.0
 
 
-def test_other_objects_are_named():
+def test_forces_of_other_objects_go_by_their_names():
     found = forces(
         "object.position=[0.6, 0.0]",
         "objects.box={shape: !Box {size: [0.1, 0.1, 0.1]}, mass: 1.0, friction: 0.5, "
@@ -42,7 +42,7 @@ def test_other_objects_are_named():
     assert set(found) <= {"support", "box"}
 
 
-def test_an_object_that_is_not_there_is_an_error():
+def test_the_object_must_be_in_the_plant():
     station = MakeStation(load_scenario("kitchen"))
     with pytest.raises(RuntimeError, match="cup"):
         ContactReader(station.GetSubsystemByName("plant"), "cup")

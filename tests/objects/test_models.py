@@ -25,7 +25,7 @@ SHAPES = [Cylinder(0.03, 0.1), Box([0.04, 0.05, 0.06]), Sphere(0.035)]
 
 
 def add(config):
-    """Mass, inertia about the centre of mass, and the geometry's properties."""
+    """Return mass, inertia about the centre of mass, and the geometry's properties."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.001)
     model = AddObject(plant, "thing", config)
@@ -46,7 +46,7 @@ def add(config):
 
 
 def moments(shape):
-    """Of one kilogram, by the textbook, about x, y, z."""
+    """Return the textbook's moments of inertia of 1 kg about x, y, z."""
     match shape:
         case Cylinder(r, length):
             side = (3 * r**2 + length**2) / 12
@@ -70,7 +70,7 @@ def test_a_shape_becomes_a_solid_body(shape):
     assert (color.r(), color.g(), color.b()) == pytest.approx((0.1, 0.2, 0.3))
 
 
-def test_a_model_keeps_what_is_not_overridden():
+def test_a_model_keeps_its_own_mass_and_friction():
     mass, inertia, properties, *_ = add(ObjectConfig(model=CAN))
     # The data sheet's 0.349 kg.
     assert mass == pytest.approx(0.349)
@@ -91,7 +91,7 @@ def test_mass_and_friction_override_the_models():
 
 
 @pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
-def test_resolution_overrides_what_round_geometry_has(config):
+def test_resolution_overrides_that_of_round_geometry(config):
     for resolution in (None, 0.007):
         _, _, properties, *_ = add(
             ObjectConfig(**config, mass=0.3, friction=0.5, resolution=resolution)
@@ -101,7 +101,7 @@ def test_resolution_overrides_what_round_geometry_has(config):
 
 
 @pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
-def test_modulus_overrides_that_of_contact(config):
+def test_modulus_overrides_that_of_the_geometry(config):
     for modulus in (None, 2.0e6):
         _, _, properties, *_ = add(
             ObjectConfig(**config, mass=0.3, friction=0.5, modulus=modulus)
@@ -111,12 +111,12 @@ def test_modulus_overrides_that_of_contact(config):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_a_given_shape_is_the_known_one(shape):
+def test_the_planner_knows_a_given_shape(shape):
     assert object_shape("thing", ObjectConfig(shape=shape)) == shape
 
 
 def sdf(path, geometry, count=1):
-    """A model of one link, in a file."""
+    """Write a model with one link to a file and return its URL."""
     collision = f"<collision name='c{{}}'><geometry>{geometry}</geometry></collision>"
     collisions = "".join(collision.format(i) for i in range(count))
     path.write_text(
@@ -144,7 +144,7 @@ def test_a_models_shape_is_that_of_its_collision(tmp_path, geometry, shape):
 
 def test_the_can_has_the_datasheets_size():
     shape = object_shape("can", ObjectConfig(model=CAN))
-    # YCB's 005: 66 mm across, 101 mm high, both to a couple of millimetres.
+    # YCB's object 005 is 66 mm wide and 101 mm high, within 2 mm or so.
     assert shape.radius == pytest.approx(0.0335, abs=1.5e-3)
     assert shape.length == pytest.approx(0.1015, abs=1.5e-3)
 
@@ -164,7 +164,7 @@ def test_a_model_needs_one_simple_collision(tmp_path, geometry, count):
 
 
 @pytest.mark.parametrize("content", ["<sdf", "<sdf version='1.9'/>", "hello"])
-def test_what_is_not_a_model_is_refused(tmp_path, content):
+def test_a_file_without_a_model_is_refused(tmp_path, content):
     path = tmp_path / "m.sdf"
     path.write_text(content)
     with pytest.raises(ScenarioError, match=r"^objects\.thing"):
@@ -187,7 +187,7 @@ def test_an_object_without_a_known_shape_has_its_origin_on_the_table():
     np.testing.assert_array_equal(X.translation(), [0.3, -0.2, 0.1])
 
 
-def test_a_pose_is_taken_as_it_is():
+def test_a_given_pose_is_used_as_it_is():
     X_FO = RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [1.0, 2.0, 3.0])
     config = ObjectConfig(pose=Transform(X_FO))
     for shape in (None, *SHAPES):

@@ -14,7 +14,7 @@ def poses_of(bodies, poses):
     return system.get_output_port().Eval(context)
 
 
-def test_poses_go_by_name():
+def test_poses_are_given_by_name():
     poses = [RigidTransform([x, 0.0, 0.0]) for x in (0.0, 1.0, 2.0)]
     result = poses_of({"cup": 2, "can": 1}, poses)
     assert result.keys() == {"cup", "can"}
@@ -22,5 +22,5 @@ def test_poses_go_by_name():
     np.testing.assert_array_equal(result["cup"].translation(), [2.0, 0.0, 0.0])
 
 
-def test_without_objects_there_are_none():
+def test_no_objects_have_no_poses():
     assert poses_of({}, [RigidTransform()]) == {}

@@ -53,7 +53,7 @@ def test_a_box_becomes_a_soft_body_of_its_material():
     np.testing.assert_allclose(np.ptp(p, axis=0), SPONGE.shape.size)
 
 
-def test_a_falling_one_falls_freely():
+def test_a_soft_object_falls_freely():
     diagram, plant, body = add()
     simulator = Simulator(diagram)
     context = plant.GetMyContextFromRoot(simulator.get_context())
@@ -78,12 +78,12 @@ def test_a_falling_one_falls_freely():
         ({"discrete_contact_approximation": "tamsi"}, "approximation: sap"),
     ],
 )
-def test_a_plant_that_cannot_do_it_is_refused(settings, message):
+def test_an_unsuitable_plant_is_refused(settings, message):
     with pytest.raises(ScenarioError, match=rf"^objects\.sponge\.soft: .*{message}"):
         add(**settings)
 
 
-def test_a_scenario_that_cannot_do_it_is_refused():
+def test_an_unsuitable_scenario_is_refused():
     bench = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.01"])
     with pytest.raises(ScenarioError, match=r"objects\.thing\.soft: .* up to 0\.005 s"):
         Rig(bench)
@@ -102,7 +102,7 @@ def test_only_a_box_can_be_soft(thing):
         add(ball)
 
 
-def test_a_planner_cannot_pick_it():
+def test_a_planner_cannot_pick_a_soft_object():
     with pytest.raises(
         ScenarioError, match=r"^objects\.sponge\.soft: a planner .* use a script"
     ):
@@ -117,14 +117,14 @@ def test_a_planner_cannot_pick_it():
         ("damping: -1", "at least 0.0, got -1"),
     ],
 )
-def test_its_material_is_checked(key, allowed):
+def test_the_material_is_checked(key, allowed):
     soft = f"objects.x={{shape: !Box {{}}, soft: {{{key}}}, mass: 0.1, friction: 0.5}}"
     name = key.partition(":")[0]
     with pytest.raises(ScenarioError, match=rf"objects\.x\.soft\.{name}.*{allowed}"):
         load_scenario("gripper_bench", overrides=[soft])
 
 
-def test_it_stands_where_the_scenario_says_and_presses_with_its_weight():
+def test_a_soft_object_stands_in_its_place_and_presses_with_its_weight():
     scenario = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.005"])
     scenario.objects["thing"].yaw = 0.5
     with Rig(scenario) as rig:
@@ -138,7 +138,7 @@ def test_it_stands_where_the_scenario_says_and_presses_with_its_weight():
     assert settled.IsNearlyEqualTo(X_WO, 1e-3)
 
 
-def test_the_bodies_of_a_contact_are_named():
+def test_contacts_between_soft_and_rigid_objects_are_named():
     bench = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.005"])
     bench.objects["box"] = ObjectConfig(
         shape=Box([0.03, 0.03, 0.03]), mass=0.2, friction=0.5
@@ -159,19 +159,19 @@ def test_the_bodies_of_a_contact_are_named():
 
 
 @given(angles, angles, angles)
-def test_the_nearest_pose_is_that_of_a_rigid_motion(roll, pitch, yaw):
+def test_the_nearest_pose_to_a_rigid_motion_is_that_motion(roll, pitch, yaw):
     p_RV = np.random.default_rng(0).normal(size=(3, 9))
     X_WR = RigidTransform(RollPitchYaw(roll, pitch, yaw), [1.0, 2.0, 3.0])
     assert nearest_pose(p_RV, X_WR @ p_RV).IsNearlyEqualTo(X_WR, 1e-9)
 
 
-def test_an_even_squeeze_turns_nothing():
+def test_an_even_squeeze_does_not_turn_the_pose():
     p_RV = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1)
     X = nearest_pose(p_RV, p_RV * [[1.0], [0.5], [1.2]])
     assert X.IsNearlyEqualTo(RigidTransform(), 1e-12)
 
 
-def test_a_flat_body_has_a_rotation_too():
+def test_a_flat_body_has_a_rotation():
     p_RV = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
     X_WR = RigidTransform(RollPitchYaw(0.3, 0.2, 0.1), [0.0, 0.0, 1.0])
     assert nearest_pose(p_RV, X_WR @ p_RV).IsNearlyEqualTo(X_WR, 1e-9)

@@ -11,7 +11,7 @@ lengths = st.floats(0.01, 0.1)
 
 
 @given(st.tuples(lengths, lengths, lengths), st.floats(0.02, 0.2))
-def test_the_tetrahedra_fill_the_box_once(size, resolution):
+def test_the_tetrahedra_fill_the_box_without_overlap(size, resolution):
     vertices, tetrahedra = box_mesh(size, resolution)
     a, b, c, d = np.moveaxis(vertices[tetrahedra], 1, 0)
     volumes = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
@@ -42,8 +42,8 @@ def test_every_tetrahedron_has_a_vertex_inside():
     assert np.all(inside[tetrahedra].any(axis=1))
 
 
-def test_a_mirrored_mesh_is_the_same():
-    # So that what is squeezed evenly does not turn; with even counts of cells.
+def test_the_mesh_is_mirror_symmetric():
+    # With even counts of cells, so that an evenly squeezed box does not turn.
     vertices, tetrahedra = box_mesh([0.04, 0.04, 0.04], 0.02)
 
     def cells(points):
@@ -55,7 +55,7 @@ def test_a_mirrored_mesh_is_the_same():
         assert cells(mirrored) == cells(vertices)
 
 
-def test_the_file_has_all_of_it():
+def test_the_file_has_all_vertices_and_tetrahedra():
     vertices, tetrahedra = box_mesh([0.02, 0.02, 0.02], 0.02)
     lines = vtk_text(vertices, tetrahedra).splitlines()
     assert lines[4] == "POINTS 9 double"
