@@ -26,12 +26,12 @@ def summary(rows: Any) -> str:
             rows["claimed"].to_pylist(), rows["success"].to_pylist(), strict=True
         )
     )
-    cycles = [time for time in rows["cycle_time_s"].to_pylist() if time is not None]
+    cycles = rows.filter(rows["success"])["cycle_time_s"].drop_null().to_pylist()
     lines = [
         ("success", f"{succeeded} of {trials}{share}"),
         ("95 % interval (Wilson)", f"{low:.2%} to {high:.2%}"),
         *((f"failure: {name}", str(n)) for name, n in failures.most_common()),
         ("wrongly reported done", str(wrong)),
-        ("median cycle", f"{statistics.median(cycles):.3g} s" if cycles else "-"),
+        ("median cycle", f"{statistics.median_low(cycles):.3g} s" if cycles else "-"),
     ]
     return "\n".join(f"{name:24} {value}" for name, value in lines)
