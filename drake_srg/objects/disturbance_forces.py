@@ -43,7 +43,7 @@ class Target:
 
 @dc.dataclass(frozen=True)
 class Course:
-    """How far a disturbance has come."""
+    """Progress of a disturbance."""
 
     count: int = 0  # how often it has been triggered
     begin: float = np.inf  # when it last began or will begin [s]; inf: it waits
@@ -69,8 +69,8 @@ def disturb(
     """Return the present force of a disturbance that has begun.
 
     Args:
-        disturbance: What happens.
-        target: The object that it happens to.
+        disturbance: The disturbance.
+        target: The object that is disturbed.
         t: Time since the beginning [s].
         X_WO: The object's pose now.
         course: The disturbance's course at the last update.

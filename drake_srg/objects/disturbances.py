@@ -19,7 +19,7 @@ class Disturbance:
     )
     # Delay from the mode's beginning [s]. By then, the mode may be another.
     after: float = dc.field(default=0.0, metadata={"ge": 0.0})
-    # How often it happens: the first so many times that the mode begins.
+    # It happens whenever the mode begins, up to this often.
     times: int = dc.field(default=1, metadata={"ge": 1})
     object: str | None = None  # null: the picked one
 

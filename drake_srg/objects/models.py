@@ -1,4 +1,4 @@
-"""Adds movable objects to a plant, and tells what shapes they have."""
+"""Models of movable objects in a plant, and their shapes."""
 
 from __future__ import annotations
 

@@ -39,8 +39,8 @@ def MakeRoot(
         name: The subsystem's.
         make: Builds it from the scenario.
         add: Adds the same systems to a given builder; None where this is not possible.
-        scenario: What to build.
-        origin: The scenario's name, for errors.
+        scenario: The scenario to build.
+        origin: The scenario's name, for error messages.
 
     Returns:
         The root's builder, and the subsystem.
@@ -74,7 +74,7 @@ def takes_nested_plant() -> bool:
 
 
 class _Root(DiagramBuilder):
-    """A builder that keeps what groups of its systems export apart."""
+    """A builder that keeps the exports of groups of systems apart."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -85,7 +85,7 @@ class _Root(DiagramBuilder):
         self._together: dict[tuple[str, int], list[InputPort]] = {}
 
     def AddGroup(self, name: str, add: Add, *arguments: Any) -> "_Group":
-        """Call `add` with this builder, and return what it exports."""
+        """Call `add` with this builder, and return the exports as a group."""
         group = self._groups[name] = _Group(self.GetSubsystemByName)
         self._open.append(group)
         add(self, *arguments)
@@ -93,35 +93,35 @@ class _Root(DiagramBuilder):
         return group
 
     def AddNamedSystem(self, name: str, system: Any) -> Any:
-        """As Drake's; a group is there already."""
+        """Add a system as Drake does; return a group as it is, already added."""
         if isinstance(system, _Group):
             return system
         return super().AddNamedSystem(name=name, system=system)
 
     def GetSubsystemByName(self, name: str) -> Any:
-        """As Drake's, or a group."""
+        """Return a group or, as Drake does, a system."""
         return self._groups.get(name) or super().GetSubsystemByName(name)
 
     def ExportInput(self, input: InputPort, name: str) -> None:
-        """Export from the innermost open group."""
+        """Export an input from the innermost open group."""
         self._open[-1].inputs[name] = input
 
     def ConnectInput(self, name: str, input: InputPort) -> None:
-        """Export together with an input that is exported already."""
+        """Export an input together with one that is exported already."""
         first = self._open[-1].inputs[name]
         self._together.setdefault(_key(first), []).append(input)
 
     def ExportOutput(self, output: OutputPort, name: str) -> None:
-        """Export from the innermost open group."""
+        """Export an output from the innermost open group."""
         self._open[-1].outputs[name] = output
 
     def Connect(self, output: OutputPort, input: InputPort) -> None:
-        """As Drake's, and to the inputs that are exported together with this one."""
+        """Connect to an input, and to those that are exported together with it."""
         for port in (input, *self._together.get(_key(input), ())):
             super().Connect(output, port)
 
     def Build(self) -> Diagram:
-        """Build the root, which exports what its outermost group does."""
+        """Build the root, which exports the ports of its outermost group."""
         # The diagram keeps its builder alive. If that kept the groups, which keep the
         # diagram, nothing of it would ever be freed.
         (_, outermost), *nested = self._groups.items()
@@ -144,7 +144,7 @@ class _Root(DiagramBuilder):
 
 
 def _key(port: InputPort) -> tuple[str, int]:
-    """Return what identifies a port within a builder."""
+    """Return a key that identifies a port within a builder."""
     return port.get_system().get_name(), int(port.get_index())
 
 
@@ -158,15 +158,15 @@ class _Group:
         self.diagram: Diagram | None = None  # the root, once it is built
 
     def HasInputPort(self, name: str) -> bool:
-        """As a diagram's."""
+        """Return whether the group exports such an input."""
         return name in self.inputs
 
     def HasOutputPort(self, name: str) -> bool:
-        """As a diagram's."""
+        """Return whether the group exports such an output."""
         return name in self.outputs
 
     def GetInputPort(self, name: str) -> InputPort:
-        """As a diagram's; once the root is built, the root's."""
+        """Return an exported input; once the root is built, the root's."""
         return (
             self.inputs[name]
             if self.diagram is None
@@ -174,7 +174,7 @@ class _Group:
         )
 
     def GetOutputPort(self, name: str) -> OutputPort:
-        """As a diagram's; once the root is built, the root's."""
+        """Return an exported output; once the root is built, the root's."""
         return (
             self.outputs[name]
             if self.diagram is None
@@ -182,7 +182,7 @@ class _Group:
         )
 
     def ValidateContext(self, context: Context) -> None:
-        """As a system's: the root's context is the group's, too."""
+        """Accept the root's context, which is also the group's."""
         assert self.diagram is not None
         self.diagram.ValidateContext(context)
 

@@ -1,4 +1,4 @@
-"""Metrics of a run: what its log and the ground truth show after the end."""
+"""Metrics of a run, computed from its log and the ground truth after the end."""
 
 import dataclasses as dc
 import json

@@ -51,7 +51,7 @@ def check_constraints(scenario: Scenario) -> None:
 
 
 def _refused(element: str, scenario: Scenario) -> str:
-    """Return why the solver refuses an element, and what is allowed; else nothing."""
+    """Return why the solver refuses an element and what is allowed, else empty text."""
     if is_continuous(scenario):
         if element.endswith("mimic"):
             return ""
