@@ -74,7 +74,9 @@ def dispatch(
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             except Exception as error:
                 cause = _cause(error)
-                if isinstance(cause, OSError):  # not one of writing the sweep
+                if isinstance(
+                    cause, OSError
+                ):  # the trial's, not one of writing the sweep
                     raise ScenarioError(
                         f"trial {trial}: {_words(cause)}; finished trials are kept, "
                         "--resume continues"

@@ -115,7 +115,7 @@ class JoblibEngine:
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Run a function; if a worker has died, in a new set of workers."""
-        with _interrupts_later():  # which would leave the executor in pieces
+        with _interrupts_later():  # or they would leave the executor in pieces
             if self._executor is not None:
                 try:
                     return self._give(function, *arguments)
@@ -197,9 +197,8 @@ def _in_main_thread() -> bool:
 
 def _begin_worker(parent: int) -> None:
     """Prepare a worker, and end it when its parent has gone: nothing else would."""
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # not inherited when replacing a dead one
+    # A worker that replaces a dead one does not inherit this.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     # tqdm's own lock is shared between processes, and would outlive the worker.
     tqdm.set_lock(threading.RLock())
 

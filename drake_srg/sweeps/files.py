@@ -1,7 +1,7 @@
 """Writes files and folders that appear under their names only when complete.
 
 Power may fail at any time: whatever has its name is on the disk. Until then the name
-ends in `.partial`; the next process to use the folder removes what is left of those.
+ends in `.partial`; the next process to use the folder removes such leftovers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def write_file(path: Path, content: bytes) -> None:
     except BaseException:
         partial.unlink(missing_ok=True)
         raise
-    _sync(path.parent)
+    sync(path.parent)
 
 
 def write_folder(path: Path, files: Path | Mapping[str, bytes]) -> None:
@@ -48,18 +48,18 @@ def write_folder(path: Path, files: Path | Mapping[str, bytes]) -> None:
         if isinstance(files, Path):
             for file in files.iterdir():
                 shutil.move(file, partial / file.name)
-                _sync(partial / file.name)
+                sync(partial / file.name)
             files.rmdir()
         else:
             for name, content in files.items():
                 _write(partial / name, content)
-        _sync(partial)
+        sync(partial)
         remove_folder(path)
         partial.replace(path)
     except BaseException:
         shutil.rmtree(partial, ignore_errors=True)
         raise
-    _sync(path.parent)
+    sync(path.parent)
 
 
 def remove_folder(path: Path) -> None:
@@ -96,8 +96,12 @@ def _write(path: Path, content: bytes) -> None:
         os.fsync(file.fileno())
 
 
-def _sync(path: Path) -> None:
-    """Force a file's content, or a folder's names, to the disk."""
+def sync(path: Path) -> None:
+    """Force a file's content, or a folder's names, to the disk.
+
+    Raises:
+        OSError: If that fails.
+    """
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

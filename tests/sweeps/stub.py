@@ -8,6 +8,7 @@ import time
 from concurrent.futures import BrokenExecutor, Future
 from pathlib import Path
 
+from drake_srg.sweeps.sweep import run_sweep
 from drake_srg.sweeps.trial import TrialResult, empty_row
 
 SCENARIO = "kitchen_fast"
@@ -116,3 +117,14 @@ def recorded(*arguments):
 
 def no_space(*_, **__):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def run(out, engine=None, told=None, **changes):
+    """Run a sweep of six stub trials, or with changes; `told` collects warnings."""
+    arguments = {"scenario": SCENARIO, "trials": 6, "trial_function": trial}
+    return run_sweep(
+        out=out,
+        engine=engine or StubEngine(),
+        tell=(told if told is not None else []).append,
+        **{**arguments, **changes},
+    )

@@ -22,10 +22,7 @@ from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
 
 from . import stub
 
-
-@pytest.fixture(autouse=True)
-def unchecked(monkeypatch):
-    monkeypatch.setattr(sweep, "check_scenario", stub.unchecked)
+pytestmark = pytest.mark.usefixtures("unchecked")
 
 
 @pytest.fixture(scope="module")

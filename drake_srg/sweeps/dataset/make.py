@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 import json
-import os
 import tempfile
 from fractions import Fraction
 from pathlib import Path
@@ -20,6 +19,7 @@ from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset.writer import DatasetWriter
+from drake_srg.sweeps.files import sync
 from drake_srg.sweeps.info import read_sweep
 from drake_srg.sweeps.rows import read_rows
 
@@ -89,7 +89,8 @@ def make_dataset(
             for trial in tqdm(trials, unit="episode", disable=not progress):
                 successes += _add_trial(writer, trial, layout, every)
             writer.finish()
-        _sync(root)
+        for path in (*root.rglob("*"), root):  # in case power fails
+            sync(path)
         root.rename(out)
     return Dataset(out, len(trials), successes, writer.frames, fps, left_out)
 
@@ -176,16 +177,6 @@ def _metrics(trial: Path) -> dict[str, Any]:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError) as error:
         raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from error
-
-
-def _sync(root: Path) -> None:
-    """Force all files of a folder to the disk, in case power fails."""
-    for path in (*root.rglob("*"), root):
-        descriptor = os.open(path, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
 
 
 def _whole_rate(rate: Fraction) -> int:
