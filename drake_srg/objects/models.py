@@ -226,7 +226,7 @@ def _AddShape(
     """
     assert config.shape is not None
     if config.mass is None or config.friction is None:
-        raise ValueError("An object with a shape needs mass and friction.")
+        raise ScenarioError(f"objects.{name}: a shape needs mass and friction")
     solid = touched = drake_shape(config.shape)
     if isinstance(config.shape, Cylinder):
         diameter = 2.0 * config.shape.radius

@@ -70,6 +70,13 @@ def test_a_shape_becomes_a_solid_body(shape):
     assert (color.r(), color.g(), color.b()) == pytest.approx((0.1, 0.2, 0.3))
 
 
+@pytest.mark.parametrize("missing", ["mass", "friction"])
+def test_a_shape_needs_mass_and_friction(missing):
+    values = {"mass": 0.25, "friction": 0.7, missing: None}
+    with pytest.raises(ScenarioError, match=r"^objects\.thing: a shape needs mass and"):
+        add(ObjectConfig(shape=SHAPES[0], **values))
+
+
 def test_a_model_keeps_its_own_mass_and_friction():
     mass, inertia, properties, *_ = add(ObjectConfig(model=CAN))
     # The data sheet's 0.349 kg.
