@@ -133,6 +133,7 @@ def test_there_are_notebooks():
     assert NOTEBOOKS
 
 
+@pytest.mark.slow
 @each_notebook
 def test_a_saved_notebook_shows_what_executing_it_shows(path, tool):
     saved = nbformat.read(path, as_version=4)

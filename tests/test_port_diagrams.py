@@ -21,6 +21,8 @@ from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = Path(__file__).parents[1] / "drake_srg"
 # Together, these have at least one instance of every documented system.
 CELLS = {

@@ -16,6 +16,7 @@ PAGES["README.md"] = README
 BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", BLOCKS)
 def test_python_blocks_run(code):
     variables: dict = {}

@@ -70,6 +70,7 @@ def test_every_room_has_a_floor():
     assert rooms == FLOOR.keys()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", MODULES, ids=dotted)
 def test_imports_point_downwards(path):
     assert complaints(path.read_text(encoding="utf-8"), dotted(path)) == []

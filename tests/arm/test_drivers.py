@@ -113,6 +113,7 @@ def first_motion(**errors):
     return np.inf
 
 
+@pytest.mark.slow
 def test_latency_delays_the_motion_and_noise_does_not():
     at_once = first_motion()
     assert first_motion(encoder_noise=1e-4) == at_once

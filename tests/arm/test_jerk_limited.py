@@ -76,6 +76,7 @@ def test_no_limit_is_exceeded_whenever_targets_change(changes):
         rounding *= 2 / PERIOD
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(changes)
 def test_it_reaches_the_last_target_and_stays(changes):

@@ -78,6 +78,7 @@ def test_the_home_pose_is_the_printed_one_up_to_rounding_and_the_plane_of_the_ar
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-15)
 
 
+@pytest.mark.slow
 @given(direction, point, angle)
 def test_the_exponential_of_a_screw_is_that_of_its_matrix(w, p, theta):
     expm = pytest.importorskip("scipy.linalg").expm

@@ -14,6 +14,8 @@ from drake_srg.bridges.topics import BLOBS, COLOR
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import AddPlant
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = load_scenario("kitchen", overrides=["object.position=[0.6, 0.1]"])
 
 

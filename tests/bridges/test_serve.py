@@ -154,6 +154,7 @@ def test_a_gripper_without_an_arm_publishes_joint_states():
     assert len(state) == 8
 
 
+@pytest.mark.slow
 def test_the_recording_has_every_topic(tmp_path):
     def act(bridge):
         bridge.inbox.receive("/grasp", 30)
@@ -166,6 +167,7 @@ def test_the_recording_has_every_topic(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]
 
 
+@pytest.mark.slow
 def test_pictures_and_blobs_arrive_from_the_camera_process():
     def stop_when_all_are_there(bridge):
         if set(bridge.messages) >= PICTURES:
@@ -211,6 +213,7 @@ def test_an_unwritable_folder_is_an_error(tmp_path):
         serve(do_nothing, until=0.01, out=tmp_path / "file" / "x")
 
 
+@pytest.mark.slow
 def test_a_rate_out_of_reach_is_reported_once(monkeypatch):
     monkeypatch.setattr(pacing, "_WINDOW", 0.2)  # s
     told = []

@@ -22,6 +22,7 @@ def cell(scenario):
     return MakeCell(scenario)
 
 
+@pytest.mark.slow
 def test_a_cell_exports_the_stations_ports_and_its_own(cell, scenario):
     inputs, outputs = port_table(cell)
     assert inputs == {}
@@ -36,6 +37,7 @@ def test_a_cell_exports_the_stations_ports_and_its_own(cell, scenario):
     }
 
 
+@pytest.mark.slow
 def test_objects_that_look_alike_are_refused():
     ball = "{shape: !Sphere {radius: 0.03}, mass: 0.1, friction: 1, position: "
     balls = [f"objects.a={ball}[0.5, 0.5]}}", f"objects.b={ball}[0.8, 0.5]}}"]
@@ -59,6 +61,7 @@ def test_the_localizer_sees_the_object(cell, scenario):
     assert blob.position == pytest.approx(truth.translation(), abs=5e-4)
 
 
+@pytest.mark.slow
 def test_the_planner_looks_and_then_moves(cell):
     simulator = Simulator(cell)
     context = simulator.get_mutable_context()
@@ -68,6 +71,7 @@ def test_the_planner_looks_and_then_moves(cell):
     assert cell.GetOutputPort("planner.status").Eval(context).looks == 1
 
 
+@pytest.mark.slow
 def test_images_are_rendered_only_when_the_planner_looks(scenario):
     cell = MakeCell(scenario)
     simulator = Simulator(cell)
@@ -108,6 +112,7 @@ def test_a_scripted_cell_has_the_same_ports_but_no_localizer(scripted):
     assert not cell.HasSubsystemNamed("localizer")
 
 
+@pytest.mark.slow
 def test_a_script_drives_the_station(scripted):
     cell = MakeCell(scripted)
     simulator = Simulator(cell)
@@ -129,6 +134,7 @@ def test_a_script_limits_the_force_only_if_it_says_so(scripted, limit):
     assert port.HasValue(station_context) == (limit is not None)
 
 
+@pytest.mark.slow
 def test_cells_are_freed(leaked, scenario):
     simulator = Simulator(MakeCell(scenario))
     simulator.AdvanceTo(0.02)

@@ -7,6 +7,8 @@ from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 
+pytestmark = pytest.mark.slow
+
 
 def perceive(scenario, built=lambda: None):
     """Return blobs and obstacles that a scenario's cameras show at the start."""

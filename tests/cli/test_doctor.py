@@ -17,6 +17,7 @@ def by_name(checks):
     return {check.name: check for check in checks}
 
 
+@pytest.mark.slow
 def test_this_machine_passes_every_required_check():
     checks = doctor.examine_machine()
     assert [check.name for check in checks] == [
@@ -38,6 +39,7 @@ def test_this_machine_passes_every_required_check():
     assert all(check.detail and check.ok != bool(check.fix) for check in checks)
 
 
+@pytest.mark.slow
 def test_the_doctor_works_without_drake(tmp_path):
     (tmp_path / "pydrake.py").write_text("raise ImportError('no pydrake here')")
     code = (

@@ -103,6 +103,7 @@ def test_a_scenario_that_nobody_may_read_is_one_line(tmp_path, capsys, monkeypat
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_an_unwritable_folder_is_bad_input(tmp_path, capsys):
     (tmp_path / "file").write_text("in the way")
     assert main([*ABSENT, "--out", str(tmp_path / "file" / "out")]) == 2
@@ -111,6 +112,7 @@ def test_an_unwritable_folder_is_bad_input(tmp_path, capsys):
     assert "file/out" in error
 
 
+@pytest.mark.slow
 def test_a_failed_task_exits_with_1_and_says_why(tmp_path, capsys):
     assert main([*ABSENT, "--out", str(tmp_path), "--json"]) == 1
     printed = json.loads(capsys.readouterr().out)
@@ -134,6 +136,7 @@ def test_list_names_and_describes_the_scenarios(capsys):
     assert "can" in described
 
 
+@pytest.mark.slow
 def test_diagram_writes_graphviz(tmp_path, capsys):
     path = tmp_path / "kitchen.dot"
     assert main(["diagram", "kitchen", "-o", str(path)]) == 0
@@ -143,6 +146,7 @@ def test_diagram_writes_graphviz(tmp_path, capsys):
         assert system in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "word"),
     [
@@ -163,6 +167,7 @@ def test_bad_settings_of_a_diagram_are_one_line(override, word, tmp_path, capsys
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_drawing_without_graphviz_says_what_to_install(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(shutil, "which", lambda name: None)
     assert main(["diagram", "kitchen", "-o", str(tmp_path / "kitchen.svg")]) == 2
@@ -170,6 +175,7 @@ def test_drawing_without_graphviz_says_what_to_install(tmp_path, capsys, monkeyp
     assert "apt-get install -y graphviz" in line
 
 
+@pytest.mark.slow
 def test_a_diagram_that_graphviz_cannot_draw_is_one_line(tmp_path, capsys, monkeypatch):
     def fail(command, **_):
         raise subprocess.CalledProcessError(1, command, stderr="Error:\n  no fonts\n")
@@ -182,6 +188,7 @@ def test_a_diagram_that_graphviz_cannot_draw_is_one_line(tmp_path, capsys, monke
     assert said == f"drake-srg: -o {path}: cannot be drawn: Error: no fonts\n"
 
 
+@pytest.mark.slow
 def test_a_diagram_that_cannot_be_written_is_one_line(tmp_path, capsys):
     path = tmp_path / "missing" / "kitchen.dot"
     assert main(["diagram", "kitchen", "-o", str(path)]) == 2
@@ -217,6 +224,7 @@ def test_the_version_is_printed(capsys):
     assert capsys.readouterr().out == f"drake-srg {version}\n"
 
 
+@pytest.mark.slow
 def test_the_module_is_the_command(capsys):
     def run(*arguments):
         return subprocess.run(
@@ -236,6 +244,7 @@ def test_the_module_is_the_command(capsys):
     assert wrong.stderr.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_a_reader_that_has_seen_enough_is_no_error():
     ends = os.pipe()
     os.close(ends[0])

@@ -13,6 +13,8 @@ from rosbags.rosbag2 import Reader
 
 from drake_srg.cli import main as cli
 
+pytestmark = pytest.mark.slow
+
 COMMAND = (sys.executable, "-m", "drake_srg", "serve")
 
 

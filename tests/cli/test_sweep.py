@@ -125,6 +125,7 @@ def test_a_file_that_a_trial_cannot_read_is_not_blamed_on_out(
     assert "--out" not in line and "--resume" in line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_an_ended_sweep_continues_where_it_stopped(end, tmp_path, capfd):
     command = arguments(tmp_path, "--trials", "5", "--jobs", "1")

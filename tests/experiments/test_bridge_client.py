@@ -16,6 +16,7 @@ def test_a_missing_roscore_is_reported_by_the_experiment(
     assert error.startswith(f"drake-srg: {experiment}: needs a roscore")
 
 
+@pytest.mark.slow
 def test_a_station_that_cannot_be_served_reports_why():
     with pytest.raises(ScenarioError, match="!SrgTendonDriver"):
         ServedProcess("kitchen", "--no-record", "--servo", "pty")

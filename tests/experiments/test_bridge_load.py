@@ -55,6 +55,7 @@ def test_each_fault_fails_its_rows(fault, quantities):
     assert failed(loaded(**fault)) == quantities
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wire", WIRES)
 def test_a_real_station_follows_a_short_load(wire):
     if wire == "ROS 1":
@@ -68,6 +69,7 @@ def test_a_real_station_follows_a_short_load(wire):
     assert len(one.delays) >= 5 and np.isfinite(one.delays).all()
 
 
+@pytest.mark.slow
 def test_every_image_has_a_cost():
     assert image_costs("ROS 2", 5).shape == (5,)
 

@@ -58,6 +58,7 @@ def test_a_slide_that_does_not_vanish_with_the_step_fails(slide_of, passes):
     assert all(row.passed for row in rows) == passes
 
 
+@pytest.mark.slow
 def test_a_carried_cylinder_slides_no_farther_than_the_steps_move_it():
     carried = carry(Case("assistive_arm", 0.005))
     assert carried.time[-1] > 1.0

@@ -81,6 +81,7 @@ def test_another_posture_fails(off, passes):
     assert (failed(rows) == set()) == passes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["wires", "Algorithm 1, touch"])
 def test_a_hand_closes_around_the_can(name):
     sequence = close(DRIVERS[name], duration=1.7)

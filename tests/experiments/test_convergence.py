@@ -17,6 +17,7 @@ from drake_srg.experiments.registry import quiet
 GRIP = Grip(True, np.array([1.0, 1.0, 0.2, 0.2]), np.array([0.0, 0.0, 18.0, 18.0]))
 
 
+@pytest.mark.slow
 def test_the_bench_holds_its_can():
     grip = grasp("pinched", *VARIANTS["step 4 ms"])
     assert grip.held

@@ -38,6 +38,7 @@ def test_each_call_returns_new_objects():
     assert household_objects()["mug"].mass is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", household_objects())
 def test_household_objects_stand_still(name):
     rig = Rig(bench_scenario(household_objects()[name]))

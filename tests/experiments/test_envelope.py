@@ -64,6 +64,7 @@ def test_the_edges_must_be_beyond_the_claim(index, value):
     assert quantity.startswith("largest")
 
 
+@pytest.mark.slow
 def test_every_case_and_every_reason_is_in_the_tables(monkeypatch):
     for name, value in (
         ("_STANDING", (1, 1)), ("_LYING", (2, 1)), ("_LEANING", (1, 1)),

@@ -83,6 +83,7 @@ def test_the_planner_decides_without_simulation(cell):
     assert "from above" in outcome.message
 
 
+@pytest.mark.slow
 def test_a_simulated_cycle_stands_the_cylinder_up(cell):
     outcome = cell.run(Case(SIMULATED, 0.27, -0.15, LIES, 0.2), seed=3)
     assert outcome.failure is None

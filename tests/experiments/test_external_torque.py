@@ -24,6 +24,7 @@ def test_both_physics_have_the_same_limits(cell):
         np.testing.assert_array_equal(stop, STOPS[cell])
 
 
+@pytest.mark.slow
 def test_an_arm_feels_the_weight_of_its_object():
     torque = feel(Case("assistive_arm_varied", 0))
     shape = load_scenario("assistive_arm_varied", seed=0).objects["cylinder"]

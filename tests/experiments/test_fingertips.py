@@ -19,6 +19,7 @@ from drake_srg.experiments.registry import quiet
 from experiments.made_cycles import cycle
 
 
+@pytest.mark.slow
 def test_the_hand_goes_where_the_offset_says():
     # Coarse steps suffice for this.
     case = Case("curved", "dry", "x", 6.0, step=0.005)

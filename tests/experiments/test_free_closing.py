@@ -53,6 +53,7 @@ def test_a_tip_that_starts_before_the_base_stops_fails():
     assert failed(judge_phases({"vendor": hurried})) != []
 
 
+@pytest.mark.slow
 def test_wires_springs_and_arms_balance(monkeypatch):
     monkeypatch.setattr(free_closing, "FINE_STEPS", 2)
     closing = close(STOPS["vendor"], steps=12)

@@ -71,6 +71,7 @@ def test_calibration_needs_more_than_half_of_the_cycles():
         mean("held", [value, None])
 
 
+@pytest.mark.slow
 def test_a_cycle_uses_the_given_frames(tmp_path):
     moved = np.array([0.0, 1e-3, 0.0])
     result = calibration_cycle("assistive_arm", 0, moved, np.zeros(3), tmp_path)

@@ -70,6 +70,7 @@ def test_thinner_objects_are_lighter(make):
     assert thin.mass == pytest.approx(thick.mass * {sheet: 0.5, rod: 0.25}[make])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thing", [box(0.07), sheet(0.00076)], ids=lambda t: t.name)
 def test_the_hand_holds_boxes_and_sheets(thing, monkeypatch):
     monkeypatch.setattr(grasp_width, "_CLOSE", 1.5)
@@ -79,6 +80,7 @@ def test_the_hand_holds_boxes_and_sheets(thing, monkeypatch):
     assert 0.05 < result.raised < 0.101
 
 
+@pytest.mark.slow
 def test_a_box_wider_than_the_open_hand_is_not_lifted(monkeypatch):
     monkeypatch.setattr(grasp_width, "_CLOSE", 0.5)
     monkeypatch.setattr(grasp_width, "_HOLD", 2.0)

@@ -112,6 +112,7 @@ def hurry(monkeypatch, shake):
     monkeypatch.setattr(grasping, "HELD", 3.0 * shake)
 
 
+@pytest.mark.slow
 def test_a_wrapped_can_is_held(monkeypatch):
     hurry(monkeypatch, shake=2.0)
     bench = present(household_objects()["005_tomato_soup_can"], WRAPPED)
@@ -123,6 +124,7 @@ def test_a_wrapped_can_is_held(monkeypatch):
     assert outcome.wire_force == pytest.approx(WRAPPED.wire_force, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_wrapped_can_without_friction_is_lost(monkeypatch):
     hurry(monkeypatch, shake=0.1)
     can = household_objects()["005_tomato_soup_can"]

@@ -7,6 +7,7 @@ from drake_srg.experiments.hold_drift import ACCURATE, LIMIT, creep, run, things
 from drake_srg.experiments.registry import quiet
 
 
+@pytest.mark.slow
 def test_a_held_can_hardly_moves():
     time, moved = creep(*things()["can"], "gripper_bench", {}, duration=0.5)
     assert len(time) == 51
@@ -15,6 +16,7 @@ def test_a_held_can_hardly_moves():
     assert 0.0 < moved[-1] < 100e-6 * 0.5
 
 
+@pytest.mark.slow
 def test_a_hand_that_holds_nothing_is_reported():
     can, height = things()["can"]
     can.friction = 0.0

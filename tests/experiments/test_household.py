@@ -43,12 +43,14 @@ def test_the_pads_open_as_the_vendor_claims():
     assert pytest.approx(0.145, abs=1e-3) == OPENING
 
 
+@pytest.mark.slow
 def test_only_the_wide_faces_of_the_box_are_too_wide():
     (case,) = (case for case in CASES.values() if not case.possible)
     assert str(case) == "003_cracker_box, side, flat"
     assert case.width == pytest.approx(0.158)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_objects_rest_where_they_are_presented(name):
     case = CASES[name]
@@ -89,6 +91,7 @@ def test_an_object_that_does_not_fit_must_slip():
     assert failed(flat, held_for=0.2, slip=0.3) == []
 
 
+@pytest.mark.slow
 def test_every_outcome_is_in_the_table_and_the_figure(monkeypatch):
     cases = [CASES["mug, side"], CASES["003_cracker_box, side, flat"]]
     outcomes = iter([dc.replace(FIRM, slip=0.02), dc.replace(FIRM, slip=0.012)])
@@ -107,6 +110,7 @@ def test_every_outcome_is_in_the_table_and_the_figure(monkeypatch):
     assert "too wide: 158 > 146 mm, slips 12 mm" in captions
 
 
+@pytest.mark.slow
 def test_chosen_objects_are_grasped_alone(monkeypatch):
     grasped = []
     monkeypatch.setattr(household, "simulate", lambda *_: FIRM)

@@ -46,6 +46,7 @@ def test_only_the_last_second_counts():
     assert failed(response) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("driver", idle_contact.DRIVERS)
 def test_the_fingers_of_a_closed_hand_press_on_each_other_at_rest(driver, monkeypatch):
     monkeypatch.setattr(idle_contact, "DRIVERS", (driver,))

@@ -75,6 +75,7 @@ def test_errors_at_the_thesiss_place_must_not_exceed_its_own():
     assert {q[:10] for _, q in failed(of_all(GOOD), worse)} == {"error in x"}
 
 
+@pytest.mark.slow
 def test_it_runs(monkeypatch):
     monkeypatch.setattr(localization, "SIZES", (SIZE,))
     result = localization.run(quiet, grid=2, others=2, scenes=1)

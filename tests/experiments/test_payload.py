@@ -7,6 +7,7 @@ from drake_srg.experiments.payload import HOLD, Held, Load, hold, largest_mass
 from drake_srg.experiments.registry import run_experiment
 
 
+@pytest.mark.slow
 def test_a_light_cylinder_is_held_and_a_heavy_one_is_lost(monkeypatch):
     monkeypatch.setattr(payload, "HOLD", 0.5)
     # 125 N press with 20 N a finger, which holds 3 kg at friction 0.8.

@@ -72,6 +72,7 @@ def fake(tmp_path, monkeypatch):
     sys.modules.pop(f"{experiments.__name__}.fake_one", None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "code", "word"), [(2.0, 0, "ok"), (1.5, 1, "FAIL")])
 def test_the_exit_code_says_whether_all_rows_pass(
     fake, limit, code, word, tmp_path, capsys
@@ -104,6 +105,7 @@ def test_an_experiment_is_a_file_with_a_function_run(fake):
     assert list(found) == sorted(found)
 
 
+@pytest.mark.slow
 def test_a_file_can_declare_several_experiments(fake):
     fake(2.0, declared=TWO)
     found = registry.list_experiments()
@@ -116,6 +118,7 @@ def test_a_file_can_declare_several_experiments(fake):
     ]
 
 
+@pytest.mark.slow
 def test_parameters_of_the_command_line_override_those_of_the_name(fake, tmp_path):
     fake(4.0, declared=TWO)
     command = ["experiment", "fake_third", "--out", str(tmp_path)]
@@ -126,6 +129,7 @@ def test_parameters_of_the_command_line_override_those_of_the_name(fake, tmp_pat
     assert row["measured"] == 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
@@ -183,6 +187,7 @@ def test_help_on_an_unknown_experiment_is_bad_input(capsys):
     assert "did you mean 'payload_wrap'?" in line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", registry.list_experiments() | registry.list_measurements()
 )
@@ -195,6 +200,7 @@ def test_every_experiment_is_described(name):
     assert set(experiment.preset) <= set(experiment.parameters)
 
 
+@pytest.mark.slow
 def test_an_unknown_name_is_answered_with_the_list(fake, tmp_path, capsys):
     fake(2.0)
     out = tmp_path / "out"
@@ -210,6 +216,7 @@ def test_the_tools_folder_holds_the_measurements_that_the_package_names():
     assert tuple(registry.list_measurements()) == registry.MEASUREMENTS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", registry.MEASUREMENTS)
 def test_an_installed_package_says_that_measurements_need_a_checkout(installed, name):
     done = installed("experiment", name)

@@ -7,6 +7,8 @@ from drake_srg.experiments.servo_bench import Motion, simulate
 from drake_srg.experiments.servo_laws import LAWS
 from drake_srg.experiments.servo_motions import MOTIONS, SHIPPED
 
+pytestmark = pytest.mark.slow
+
 
 def at_rest(time):
     return np.full_like(time, 0.5), 0.0 * time, 0.0 * time

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from helpers import fix, read
 from pydrake.common.value import AbstractValue
 
@@ -18,6 +19,7 @@ def test_sightings_are_off_by_the_error():
     assert (moved.object_name, moved.pixel, moved.quality) == ("a", (1.0, 2.0), 0.9)
 
 
+@pytest.mark.slow
 def test_the_cell_exports_the_localizer_s_own_blobs():
     cell = cell_maker(np.array([0.004, 0.0, 0.0]))(load_scenario("assistive_arm"))
     context = cell.CreateDefaultContext()

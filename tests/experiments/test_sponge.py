@@ -10,6 +10,8 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box
 
+pytestmark = pytest.mark.slow
+
 COARSE = Case(103.0, resolution=0.0225)
 
 

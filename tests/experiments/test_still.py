@@ -10,9 +10,7 @@ from drake_srg.scenario import RecordingConfig
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Sphere
 
-BALL = ObjectConfig(
-    shape=Sphere(0.04), mass=0.1, friction=1.0, color=[1.0, 0.0, 0.0]
-)
+BALL = ObjectConfig(shape=Sphere(0.04), mass=0.1, friction=1.0, color=[1.0, 0.0, 0.0])
 
 
 def test_the_point_looked_at_is_in_the_middle():

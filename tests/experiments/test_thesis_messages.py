@@ -61,6 +61,7 @@ def test_the_messages_are_those_of_the_thesis():
     )
 
 
+@pytest.mark.slow
 def test_a_short_demonstration_leaves_the_can_in_place():
     overrides = ["messages.rate=500", "messages.rest=0.3"]
     overrides += ["messages.sequence=[{routine: closehalf, mode: close}]"]

@@ -34,6 +34,7 @@ def test_every_variant_has_its_own_fingertips_and_motion():
     assert slow == ["thesis" in variant for variant in VARIANTS]
 
 
+@pytest.mark.slow
 def test_a_real_cycle_beats_the_thesis():
     scenario, overrides = VARIANTS[OURS]
     assert failed(OURS, run_cycle(scenario, 3, overrides)) == []

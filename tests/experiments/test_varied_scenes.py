@@ -37,6 +37,7 @@ def test_another_thing_taken_for_the_object_fails():
     assert failed([GOOD] * 39 + [WRONG]) == {"another thing is taken for it"}
 
 
+@pytest.mark.slow
 def test_a_scene_is_always_the_same():
     first, again = look("assistive_arm_varied", 3), look("assistive_arm_varied", 3)
     assert first == again
@@ -54,6 +55,7 @@ def scenery():
     return Scenery("assistive_arm_varied", 3)
 
 
+@pytest.mark.slow
 def test_the_same_images_are_perceived_again(scenery, monkeypatch):
     first = scenery.look()
     assert scenery.look() == first
@@ -74,6 +76,7 @@ def test_thresholds_take_effect(scenery):
     assert not np.isnan(scenery.look()[0].distance)
 
 
+@pytest.mark.slow
 def test_a_moved_object_is_seen_at_its_new_place():
     scenery = Scenery("assistive_arm_varied", 0, ["object.occlusion=null"])
     x, y, z = scenery.pose().translation()
@@ -83,6 +86,7 @@ def test_a_moved_object_is_seen_at_its_new_place():
     assert scenery.look()[0].distance < WITHIN["assistive_arm_varied"]
 
 
+@pytest.mark.slow
 def test_the_kitchens_clutter_is_found():
     _, found = Scenery("kitchen_varied", 0).look()
     assert (found.missed, found.invented, len(found.errors)) == (0, 0, 3)

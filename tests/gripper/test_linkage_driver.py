@@ -69,6 +69,7 @@ def test_cranks_are_measured_in_the_order_of_their_names():
     assert hand.read("state_measured") == pytest.approx([0.1, 0.2, 1.0, 2.0])
 
 
+@pytest.mark.slow
 def test_it_holds_the_cylinder_when_the_table_goes(holding):
     before, after = holding.log["object"][holding.closed - 1], holding.p_GO()
     # The compliance of the pads: 20 g shear 2.5 mm of 2 MPa rubber by micrometres.
@@ -134,6 +135,7 @@ def test_a_grasp_counts_after_the_post_contact_delay(holding):
     assert not grasped[time < first].any()
 
 
+@pytest.mark.slow
 def test_opening_does_not_push_the_object():
     hand = Hand(radius=RADIUS)
     hand.command(closure_commanded=1.0)
@@ -149,6 +151,7 @@ def test_opening_does_not_push_the_object():
     assert hand.p_GO() == pytest.approx(held, abs=CRANK * LAG / 2 / 10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mass", "friction"), [(0.2, 0.4), (0.02, 0.2)])
 def test_it_holds_a_heavy_and_a_slippery_object(mass, friction):
     hand = Hand(radius=RADIUS, mass=mass, friction=friction)
@@ -159,6 +162,7 @@ def test_it_holds_a_heavy_and_a_slippery_object(mass, friction):
     assert hand.p_GO()[2] > -1e-3
 
 
+@pytest.mark.slow
 def test_it_loses_an_object_without_friction():
     hand = Hand(radius=RADIUS, friction=0.0)
     hand.command(closure_commanded=1.0)
@@ -168,6 +172,7 @@ def test_it_loses_an_object_without_friction():
     assert hand.p_GO()[2] < -0.015
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 def test_an_empty_hand_closes_further(model):
     hand = Hand(model=model)
@@ -182,6 +187,7 @@ def test_an_empty_hand_closes_further(model):
     assert np.mean(hand.q) > STRAIGHT + 0.15
 
 
+@pytest.mark.slow
 def test_the_fingertips_move_apart_without_turning():
     hand = Hand()
     hand.command(closure_commanded=0.3)
@@ -194,6 +200,7 @@ def test_the_fingertips_move_apart_without_turning():
         assert x == pytest.approx([1.0, 0.0, 0.0], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_hold_stops_the_fingers():
     hand = Hand()
     hand.command(closure_commanded=1.0)
@@ -206,6 +213,7 @@ def test_hold_stops_the_fingers():
     assert hand.q == pytest.approx(held, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_force_limit_bounds_the_grip():
     hand = Hand(radius=RADIUS)
     hand.command(closure_commanded=1.0, force_limit=0.2)
@@ -216,6 +224,7 @@ def test_the_force_limit_bounds_the_grip():
     assert hand.read("grasped") == [1.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("i", range(2))
 def test_each_crank_can_be_commanded(i):
     hand = Hand()
@@ -226,6 +235,7 @@ def test_each_crank_can_be_commanded(i):
     assert hand.q == pytest.approx(wanted, abs=0.005)
 
 
+@pytest.mark.slow
 def test_touch_can_trigger_instead():
     hand = Hand(radius=RADIUS, config=LinkageDriver(trigger="touch"))
     hand.command(closure_commanded=1.0)
@@ -233,6 +243,7 @@ def test_touch_can_trigger_instead():
     assert hand.read("grasped") == [1.0]
 
 
+@pytest.mark.slow
 def test_a_diagram_with_the_driver_is_freed():
     hand = Hand()
     hand.advance(0.02)

@@ -236,6 +236,7 @@ def test_a_torque_has_derivatives_too():
 
 
 # NumPy's arithmetic on arrays of Expression warns without a reason.
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
 @pytest.mark.parametrize("law", ["pid", "printed"])
 @given(st.lists(st.floats(-2, 2), min_size=11, max_size=11))
@@ -255,6 +256,7 @@ def test_the_symbolic_law_evaluates_to_the_same_numbers(law, values):
     np.testing.assert_allclose(result, pwm(servo, context), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_it_is_freed_with_its_diagram():
     def watch_one():
         builder = DiagramBuilder()

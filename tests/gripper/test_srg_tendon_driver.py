@@ -29,6 +29,7 @@ def test_the_tendon_driver_has_the_ports_of_a_motor():
     assert ports[1]["motor_temperature"] == 1
 
 
+@pytest.mark.slow
 def test_wires_close_the_bases_first(tendon_wrapped):
     q, proximity = (np.array(tendon_wrapped.log[n]) for n in ("q", "proximity"))
     for base, tip in ((0, 2), (1, 3)):
@@ -126,6 +127,7 @@ def test_position_control_takes_over_where_torque_control_ends():
         assert abs(hand.read("motor_state")[0] - held) < 0.94 / 2.9
 
 
+@pytest.mark.slow
 def test_hold_keeps_the_grip_of_a_torque_whatever_is_commanded():
     hand = Hand(post=True, config=TENDON)
     hand.command(motor_torque_commanded=0.2)

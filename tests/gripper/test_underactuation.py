@@ -123,6 +123,7 @@ def test_each_finger_has_its_own_sensors():
     assert result == pytest.approx([0.0, 0.6 + share, 1.5 - 0.5, 0.3 + share])
 
 
+@pytest.mark.slow
 @given(c=closure, q=four_angles, fired=four_bools, c2=closure)
 def test_the_fingers_are_mirror_images(c, q, fired, c2):
     swap = [1, 0, 3, 2]
@@ -141,6 +142,7 @@ def test_the_fingers_are_mirror_images(c, q, fired, c2):
         np.testing.assert_array_equal(result, targets(mirrored, mirrored_context)[swap])
 
 
+@pytest.mark.slow
 @given(commands=st.lists(closure, min_size=1, max_size=6), q=four_angles)
 def test_targets_stay_within_the_joint_limits(commands, q):
     system, context = make(q=q)

@@ -36,6 +36,7 @@ MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", CAN, *NOT_CONV
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_parses_without_a_warning(name, caplog):
     with caplog.at_level(logging.WARNING, logger="drake"):
@@ -51,6 +52,7 @@ def test_total_mass(name, mass):
     assert total == pytest.approx(mass)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ("srg", "assistive_arm", "linkage_gripper", "lid", "marker", CAN, *NOT_CONVEX),
@@ -96,6 +98,7 @@ def surface_points(shape: Any, rng: np.random.Generator) -> np.ndarray:
     return rng.permutation(points)[:400]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [
@@ -141,6 +144,7 @@ def test_collision_geometry_is_convex_or_primitive(name):
             assert isinstance(shape, Box | Cylinder | Convex), label
 
 
+@pytest.mark.slow
 def test_checked_in_models_match_what_the_script_builds():
     pytest.importorskip("manifold3d")
     script = Path(__file__).parents[2] / "tools" / "build_models.py"

@@ -95,6 +95,7 @@ def test_loops_are_closed_by_constraints():
     assert build("linkage_gripper_fast").plant.num_constraints() == 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("q", (0.0, STRAIGHT, 0.69))
 @pytest.mark.parametrize("name", VARIANTS)
 def test_the_halves_of_the_couplers_meet(name, q):
@@ -125,6 +126,7 @@ def test_gap_and_reach_by_the_cranks_angle(q):
     assert middle == pytest.approx(reach, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VARIANTS)
 @pytest.mark.parametrize("q", (0.0, 0.2, STRAIGHT, 0.6))
 def test_fits_into_its_workplace(name, q):
@@ -136,6 +138,7 @@ def test_fits_into_its_workplace(name, q):
     assert np.max(points[:, 0]) <= PALM_TO_TIP + 0.0095
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VARIANTS)
 def test_left_and_right_are_mirrored(name):
     for q in (0.0, 0.5):
@@ -179,6 +182,7 @@ def test_only_the_pads_are_soft_with_a_modulus_per_finger():
         assert moduli == {"master_tip": {2.0e6}, "slave_tip": {2.2e6}}
 
 
+@pytest.mark.slow
 def test_only_the_fingertips_touch():
     for name, empty in (("linkage_gripper", 0.63), ("linkage_gripper_flat", 0.69)):
         for q in np.linspace(0.0, empty, 12):

@@ -148,6 +148,7 @@ def test_a_cell_has_a_disturber_only_if_it_is_needed():
     assert not has("disturbances=[!Push {at: lift}]", "object.present=false")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kitchen", "kitchen_fast"])
 def test_a_cell_with_a_planner_is_disturbed(name):
     scenario = load_scenario(name, overrides=["disturbances=[!Push {at: idle}]"])
@@ -162,6 +163,7 @@ def test_a_cell_with_a_planner_is_disturbed(name):
     assert moved == pytest.approx([0.03, 0.0, 0.0], abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_cell_with_a_disturber_is_freed(leaked):
     push = "disturbances=[!Push {at: grasp}]"
     simulator = Simulator(MakeCell(load_scenario("kitchen", overrides=[push])))
@@ -171,6 +173,7 @@ def test_a_cell_with_a_disturber_is_freed(leaked):
     assert leaked() == []
 
 
+@pytest.mark.slow
 def test_only_cylinders_and_boxes_can_be_toppled():
     with pytest.raises(ValueError, match=r"needs .* one cylinder or box, got 'thing'"):
         disturber(Topple(), shape=Sphere(0.03))

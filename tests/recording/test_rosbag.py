@@ -209,6 +209,7 @@ def test_a_closed_recorder_says_so_and_closing_twice_is_fine(tmp_path):
         Simulator(diagram).AdvanceTo(0.1)
 
 
+@pytest.mark.slow
 def test_a_recorded_diagram_is_freed(tmp_path):
     assert is_freed(lambda: run(tmp_path / "r.mcap", 0.3))
 

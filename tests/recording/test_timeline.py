@@ -28,6 +28,7 @@ def test_a_full_timeline_has_five_panels(tmp_path):
     assert full.shape[0] > 3 * one.shape[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("field", ["mode", "closure", "arm_velocity", "proximity"])
 def test_every_series_is_drawn(tmp_path, field):
     full = draw(tmp_path / "full.png", **FULL)

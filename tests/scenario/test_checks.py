@@ -180,6 +180,7 @@ values = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(st.lists(st.builds("{}={}".format, keys, values), min_size=1, max_size=3))
 @settings(max_examples=150)
 def test_bad_overrides_only_raise_scenario_errors(overrides):

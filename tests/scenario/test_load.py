@@ -40,6 +40,7 @@ def test_an_empty_mapping_is_a_scenario_of_defaults(write):
     assert load_scenario(write("")).objects == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1, 2**70])
 @pytest.mark.parametrize("name", list_scenarios())
 def test_every_shipped_scenario_loads(name, seed):
@@ -49,6 +50,7 @@ def test_every_shipped_scenario_loads(name, seed):
         assert obj.position is not None or obj.pose is not None
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**31))
 @settings(max_examples=30)
 def test_draws_stay_within_their_bounds(seed):
@@ -64,6 +66,7 @@ def drawn(scenario):
     return can.mass, can.friction, *can.position
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same():
     assert drawn(load_scenario("kitchen")) == drawn(load_scenario("kitchen", seed=0))
     draws = [drawn(load_scenario("kitchen", seed=s)) for s in range(5)]
@@ -90,6 +93,7 @@ def test_overriding_one_draw_does_not_change_the_others():
     assert drawn(fixed)[1:] == drawn(load_scenario("kitchen", seed=3))[1:]
 
 
+@pytest.mark.slow
 def test_objects_without_a_position_are_placed_apart():
     balls = [
         f"objects.ball{i}={{shape: !Sphere {{radius: 0.03}}, mass: 1, friction: 1}}"
@@ -266,6 +270,7 @@ def test_the_listed_scenarios_have_files():
         assert (module.SCENARIOS / f"{name}.yaml").is_file()
 
 
+@pytest.mark.slow
 def test_messages_become_the_script():
     scenario = load_scenario("thesis_kitchen")
     duration = sum(step.duration for step in scenario.script)

@@ -18,6 +18,7 @@ def test_a_tag_becomes_an_entry_of_its_mapping():
     assert parse_yaml("a: !Foo {b: 1}", "f") == {"a": {"_tag": "!Foo", "b": 1}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

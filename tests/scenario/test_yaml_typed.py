@@ -127,11 +127,13 @@ def test_bad_trees_only_raise_scenario_errors(tree):
         assert "\n" not in str(error)
 
 
+@pytest.mark.slow
 @given(st.dictionaries(st.sampled_from([f.name for f in dc.fields(Outer)]), trees))
 def test_bad_trees_under_valid_keys_only_raise_scenario_errors(tree):
     test_bad_trees_only_raise_scenario_errors.hypothesis.inner_test(tree)
 
 
+@pytest.mark.slow
 @example(
     {
         "inner": {"number": "1e-3", "count": 3.0},

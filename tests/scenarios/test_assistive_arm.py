@@ -9,6 +9,8 @@ from drake_srg.simulation import Simulate
 from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode
 
+pytestmark = pytest.mark.slow
+
 # Lying along the line to the arm's base, where the hand reaches it from above.
 LYING = (
     "object.pose={translation: [-0.26, -0.175, 0.1125], "

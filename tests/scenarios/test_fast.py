@@ -22,6 +22,7 @@ def run(tmp_path_factory):
     return Simulate(scenario, name="kitchen_fast", out=out), out
 
 
+@pytest.mark.slow
 def test_the_fast_kitchen_places_its_can_within_2_mm(run):
     metrics = run[0].metrics
     assert metrics.success
@@ -35,6 +36,7 @@ def test_the_fast_kitchen_is_recorded(run):
     assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
 
 
+@pytest.mark.slow
 def test_the_fast_arm_agrees_with_the_accurate_one():
     fast, accurate = (
         Simulate(load_scenario(name, seed=1)).metrics
@@ -51,6 +53,7 @@ def test_the_fast_arm_agrees_with_the_accurate_one():
     )
 
 
+@pytest.mark.slow
 def test_the_fast_arm_loses_a_slippery_cylinder():
     overrides = ["object.friction=0", "planner.max_attempts=1"]
     metrics = Simulate(load_scenario("assistive_arm_fast", overrides=overrides)).metrics
@@ -69,12 +72,14 @@ def test_the_fingers_of_the_fast_arm_meet_only_with_their_pads():
     assert all("_pad_" in name for pair in own for name in pair)
 
 
+@pytest.mark.slow
 def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
     metrics = Simulate(load_scenario("gripper_bench_fast")).metrics
     assert metrics.success
     assert metrics.hold_drift_m_per_s < 30e-6
 
 
+@pytest.mark.slow
 def test_the_fast_kitchen_loses_a_can_without_friction():
     scenario = load_scenario(
         "kitchen_fast", overrides=["object.friction=0", "planner.max_attempts=1"]
@@ -84,6 +89,7 @@ def test_the_fast_kitchen_loses_a_can_without_friction():
     assert result.metrics.failure in ("no_grasp", "dropped")
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_log():
     overrides = ["planner.time_budget=1.0"]
     logs = [
@@ -94,6 +100,7 @@ def test_the_same_seed_gives_the_same_log():
         np.testing.assert_array_equal(array, logs[1][name])
 
 
+@pytest.mark.slow
 def test_a_fast_cell_looks_like_any_other():
     fast, discrete = (MakeCell(load_scenario(n)) for n in ("kitchen_fast", "kitchen"))
     assert port_table(fast) == port_table(discrete)
@@ -130,6 +137,7 @@ def test_ignored_contacts_must_match_some_geometry():
         MakeStation(scenario)
 
 
+@pytest.mark.slow
 def test_ignored_contacts_are_filtered():
     def pairs(*overrides):
         station = MakeStation(load_scenario("kitchen", overrides=overrides))

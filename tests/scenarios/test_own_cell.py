@@ -12,6 +12,8 @@ from drake_srg.scenario import is_continuous, list_scenarios, load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
 
+pytestmark = pytest.mark.slow
+
 DISCRETE = [
     name for name in list_scenarios() if not is_continuous(load_scenario(name, seed=0))
 ]

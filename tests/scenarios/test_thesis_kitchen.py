@@ -72,6 +72,7 @@ def watched(touched):
     return make_cell
 
 
+@pytest.mark.slow
 def test_the_can_is_carried_around_and_put_back():
     touched = Touched()
     scenario = faster("thesis_kitchen")
@@ -91,6 +92,7 @@ def test_the_can_is_carried_around_and_put_back():
     assert np.max(np.abs(a)) <= np.deg2rad(40.0) * 1.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "override", "lifted"),
     [

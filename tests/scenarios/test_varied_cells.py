@@ -6,6 +6,8 @@ import pytest
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 
+pytestmark = pytest.mark.slow
+
 # A seed with clutter, and one whose arm moves fast from the start.
 CELLS = {
     "kitchen_varied": 100000,

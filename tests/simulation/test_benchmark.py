@@ -53,6 +53,7 @@ def test_each_scenario_is_followed_by_its_fast_variant():
     assert len(names) % 2 == 0
 
 
+@pytest.mark.slow
 def test_a_benchmark_measures_every_part(monkeypatch):
     # Looks for the can in vain and ends within a second of simulated time.
     scenario = load_scenario("kitchen", overrides=["object.present=false"])

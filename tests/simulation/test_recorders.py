@@ -124,6 +124,7 @@ def test_a_cell_of_your_own_is_recorded_as_far_as_it_has_ports(tmp_path):
     assert (tmp_path / "timeline.png").is_file()
 
 
+@pytest.mark.slow
 def test_a_scripted_cell_is_recorded_too(tmp_path):
     overrides = ["cameras.overview.width=320", "cameras.overview.height=180"]
     scenario = load_scenario(

@@ -66,6 +66,7 @@ def test_the_arm_follows_its_commands(grasped):
     assert np.max(np.abs(q - command)) < 0.375 * 0.004
 
 
+@pytest.mark.slow
 def test_the_same_calls_give_the_same_bits(grasped):
     _, log = grasped
     _, again = grasp()
@@ -121,6 +122,7 @@ def test_an_aborted_simulation_is_reported_with_the_time():
         rig.advance(0.1, arm=[np.nan] * 3)
 
 
+@pytest.mark.slow
 def test_a_video_shows_the_run(tmp_path):
     overrides = ["cameras.overview.width=160", "cameras.overview.height=128"]
     path = tmp_path / "run.mp4"
@@ -149,6 +151,7 @@ def test_a_video_needs_a_camera(tmp_path):
         Rig(bench, video=tmp_path / "run.mp4")
 
 
+@pytest.mark.slow
 def test_a_rig_is_freed(leaked):
     rig = Rig(bench_scenario(BALL))
     rig.advance(0.02)

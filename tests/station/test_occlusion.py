@@ -25,6 +25,7 @@ def red_pixels(*overrides, seed=0):
     return (pixels[..., 0] > 2.0 * pixels[..., 1]) & (pixels[..., 0] > 40.0)
 
 
+@pytest.mark.slow
 @given(st.floats(0.05, 0.95), st.floats(0.0, 6.28))
 @settings(max_examples=6, deadline=None)
 def test_a_card_hides_its_share_of_the_width(share, direction):
@@ -43,6 +44,7 @@ def test_a_card_hides_its_share_of_the_width(share, direction):
     assert abs(hidden - share) < 3.0 / width
 
 
+@pytest.mark.slow
 def test_a_share_of_zero_hides_nothing():
     np.testing.assert_array_equal(
         red_pixels("object.occlusion={share: 0.0}"), red_pixels()

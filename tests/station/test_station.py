@@ -186,6 +186,7 @@ def test_stations_are_freed(leaked):
     assert leaked() == []
 
 
+@pytest.mark.slow
 def test_a_station_in_a_diagram_is_freed(leaked):
     builder = DiagramBuilder()
     builder.AddSystem(make())

@@ -22,6 +22,8 @@ from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
 
 from . import stub
 
+pytestmark = pytest.mark.slow
+
 pytestmark = pytest.mark.usefixtures("unchecked")
 
 

@@ -69,6 +69,7 @@ def test_infinite_numbers_are_null_in_vectors_too(folder):
     assert read_rows(folder)["placement_error_m"].to_pylist() == [[1.0, None, 0.0]]
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(st.integers(0, 20), unique=True), max_size=5))
 def test_each_trial_appears_once_in_order(files):
     tables = [pa.table({"trial": pa.array(t, pa.int64())}) for t in files]
@@ -134,6 +135,7 @@ def test_a_truncated_file_is_named(folder, keep):
     assert "\n" not in message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("write", ["row", "rows"])
 def test_a_flipped_bit_is_an_error_or_changes_nothing(folder, write):
     path = row_path(folder, 0)

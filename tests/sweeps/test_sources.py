@@ -102,6 +102,7 @@ def imported_modules(start):
     return {files[name].relative_to(PACKAGE).as_posix() for name in found}
 
 
+@pytest.mark.slow
 def test_everything_that_a_trial_imports_is_hashed():
     imported = imported_modules("drake_srg.sweeps.trial")
     assert {"sweeps/trial.py", "simulation/simulate.py", "types.py"} <= imported

@@ -49,6 +49,7 @@ def test_the_sweep_file_identifies_the_sweep(tmp_path):
     assert extended == {**info, "trials": 7}
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(
     single=st.sets(st.integers(0, 5)),

@@ -31,6 +31,7 @@ def absent():
     return load_tree("kitchen_fast", ABSENT)
 
 
+@pytest.mark.slow
 def test_a_row_contains_drawn_values_and_the_outcome(absent):
     result = run_trial(absent, "kitchen_fast", 3, 4)
     row = result.row
@@ -62,6 +63,7 @@ def scratch(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_the_recording_of_a_failed_trial_matches_its_row(absent, scratch):
     result = run_trial(absent, "kitchen_fast", 0, 0, "failures")
     files = {"metrics.json", "log.npz", "recording.mcap", "timeline.png"}
@@ -75,6 +77,7 @@ def test_the_recording_of_a_failed_trial_matches_its_row(absent, scratch):
     assert stub.names(scratch) == []
 
 
+@pytest.mark.slow
 def test_a_recording_up_to_an_error_is_kept(absent, scratch, monkeypatch):
     def simulate(scenario, *, out, **_):
         if scenario.random_seed == 1:
@@ -98,6 +101,7 @@ def test_an_error_on_a_full_disk_names_the_folder(absent, scratch, monkeypatch):
     assert stub.names(scratch) == []
 
 
+@pytest.mark.slow
 def test_a_recording_that_differs_from_its_row_gives_a_warning(
     absent, scratch, monkeypatch
 ):
@@ -126,6 +130,7 @@ def test_an_error_is_an_outcome(absent):
     assert row[MASS] is not None
 
 
+@pytest.mark.slow
 def test_a_trial_does_not_depend_on_the_one_before():
     tree = load_tree("kitchen_varied", ["planner.time_budget=1.0"])
     alone, _, after = (run_trial(tree, "kitchen_varied", s, 0).row for s in (5, 6, 5))

@@ -95,6 +95,7 @@ def test_an_image_of_the_wrong_size_is_named():
         localizer.get_output_port().Eval(context)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "limit"), [((640, 480), 0.3), ((1280, 960), 0.1)], ids=["vga", "1.2Mpx"]
 )
@@ -110,6 +111,7 @@ def test_a_can_is_found_within_the_limit_anywhere(size, limit):
         assert (blob.object_name, blob.camera) == ("can", "top")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("camera", [OBLIQUE, LOW_RESOLUTION_DEPTH], ids=["35deg", "2x"])
 @pytest.mark.parametrize(
     ("shape", "limit"),
@@ -143,6 +145,7 @@ def test_nothing_to_see_gives_no_blobs():
     assert locate([standing(CAN, 0.0, 0.0, color=BLUE)]) == []
 
 
+@pytest.mark.slow
 def test_a_covered_can_is_located_by_its_side():
     can = standing(CAN, 0.1, 0.1)
     lid = Thing(types.Box((0.08, 0.08, 0.002)), (0.1, 0.1, 0.1038), BLUE)
@@ -162,6 +165,7 @@ def test_an_occluded_can_is_flagged_and_still_located():
     near(blob, can, 0.6)
 
 
+@pytest.mark.slow
 def test_a_finger_across_a_can_leaves_one_blob():
     can = standing(CAN, 0.1, 0.1)
     finger = Thing(types.Box((0.2, 0.015, 0.02)), (0.1, 0.1, 0.2), BLUE)
@@ -187,6 +191,7 @@ def test_two_objects_of_one_color_give_two_blobs():
         near(blob, can, 0.4)
 
 
+@pytest.mark.slow
 def test_blobs_are_ordered_by_target_and_then_by_trust():
     things = [
         standing(CAN, 0.1, 0.1, color=RED),
@@ -239,6 +244,7 @@ def test_with_a_period_blobs_wait_for_their_event():
     assert port.Eval(context)[0].position[0] == pytest.approx(0.5, abs=4e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period", [0.0, 0.1])
 def test_a_diagram_with_a_localizer_is_freed(period):
     diagram, localizer = make_diagram([], [target()], period=period)

@@ -14,6 +14,7 @@ from vision.vision_scene import FOV_Y, RED, Camera, Thing, make_sensors, render
 INFO = CameraInfo(640, 480, FOV_Y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["color", "depth"])
 def test_drake_samples_a_pixel_half_a_pixel_off_its_index(kind):
     """A pixel shows a plate if and only if its sampling point is on the plate.

@@ -132,6 +132,7 @@ def test_the_calibration_error_is_in_the_cameras_frame():
     assert angle_axis.angle() * angle_axis.axis() == pytest.approx([0.0, 0.0, 0.01])
 
 
+@pytest.mark.slow
 def test_a_station_outputs_its_cameras_errors():
     errors = "{depth_noise: 1.0e-3, translation: [0.001, 0.0, 0.0]}"
     small = ["cameras.ceiling.width=64", "cameras.ceiling.height=48"]

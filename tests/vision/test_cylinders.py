@@ -55,6 +55,7 @@ def on_table(color, height=0.001):
     return Thing(Box([3.0, 3.0, height]), (0.0, 0.0, -0.5 * height + 1e-5), color)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("color", [WOOD, WHITE, CREAM])
 def test_a_standing_cylinder_is_located_within_a_tenth_of_a_millimetre(place, color):
@@ -65,6 +66,7 @@ def test_a_standing_cylinder_is_located_within_a_tenth_of_a_millimetre(place, co
     assert blob.flags == frozenset()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("azimuth", [0.0, 0.02, 1.2])
 def test_a_lying_cylinder_is_located_within_half_a_pixel(place, azimuth):
@@ -72,6 +74,7 @@ def test_a_lying_cylinder_is_located_within_half_a_pixel(place, azimuth):
     check(see(cylinder, on_table(CREAM)), cylinder, 0.75)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("azimuth", [0.3, 2.5, -1.8])
 @pytest.mark.parametrize("tilt", [10.0, 30.0, 40.0, 50.0, 60.0, 80.0])
 def test_a_cylinder_is_located_at_any_tilt(tilt, azimuth):

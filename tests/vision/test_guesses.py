@@ -51,6 +51,7 @@ def test_a_sliver_counts_as_level():
     assert normal.tolist() == [0.0, 0.0, 1.0]
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     st.floats(0.0, 0.1) | st.floats(1.4, np.pi / 2),

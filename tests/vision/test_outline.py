@@ -27,6 +27,7 @@ def a_view():
     return view_of(CYLINDER, RigidTransform([0.0, 0.0, 0.025]))
 
 
+@pytest.mark.slow
 @given(lengths, lengths, vectors)
 def test_pixels_inside_the_outline_see_the_solid_and_others_do_not(x, y, axis):
     X_WO = pose(x, y, axis)

@@ -20,6 +20,7 @@ ALL = (3.0, 1.0, 0.3, 0.1, 0.03)
 CONFIG = BlobLocalizerConfig()
 
 
+@pytest.mark.slow
 @settings(max_examples=30, deadline=None)
 @given(tilts, yaws, offsets, offsets, offsets, turns, turns)
 def test_a_near_guess_leads_to_the_true_pose(tilt, yaw, dx, dy, dz, about_x, about_y):

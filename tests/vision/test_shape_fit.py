@@ -27,6 +27,7 @@ def turned(fit, axis):
     return float(np.arcsin(min(1.0, np.linalg.norm(np.cross(fit.axis, axis)))))
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(st.floats(0.0, np.pi / 2), yaws, places, places)
 def test_a_cylinder_is_located_whether_it_stands_leans_or_lies(tilt, yaw, x, y):
@@ -40,6 +41,7 @@ def test_a_cylinder_is_located_whether_it_stands_leans_or_lies(tilt, yaw, x, y):
     assert not (fit.cut or fit.uncertain)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, np.pi / 2), yaws, st.integers(0, 1000))
 def test_noise_is_averaged_out(tilt, yaw, seed):
@@ -49,6 +51,7 @@ def test_noise_is_averaged_out(tilt, yaw, seed):
     assert turned(fit, axis) < np.deg2rad(1.0)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(st.floats(0.0, 10.0), yaws, st.integers(0, 1000))
 def test_a_hanging_cylinder_may_lean(tilt, yaw, seed):
@@ -80,6 +83,7 @@ def test_it_needs_no_background(noise, tilt):
     assert turned(fit, axis) < np.deg2rad(1.5)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.5), yaws, yaws)
 def test_turning_world_and_camera_turns_the_fit(tilt, yaw, turn):
@@ -92,6 +96,7 @@ def test_turning_world_and_camera_turns_the_fit(tilt, yaw, turn):
     assert after.quality == pytest.approx(before.quality, abs=0.05)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     st.floats(0.0, np.pi / 2),

@@ -38,6 +38,7 @@ def test_sake_s_driver_calibrates_moves_and_holds(station):
     assert station.warnings == []
 
 
+@pytest.mark.slow
 def test_sake_s_driver_recovers_from_an_overload(station):
     client = client_of(station)
     client.write(34, 800)
@@ -165,6 +166,7 @@ def test_dynamixel_sdk_receives_errors(master):
 # The simulated gripper.
 
 
+@pytest.mark.slow
 def test_sake_s_driver_moves_the_simulated_gripper():
     # As fast as possible, with the simulation's time as the client's clock.
     seen = SimpleNamespace(time=0.0, q=None)

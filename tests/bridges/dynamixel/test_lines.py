@@ -106,6 +106,7 @@ def test_several_clients_are_answered(line):
     assert all(answers(connection) for connection in connections)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "abuse",
     [

@@ -79,6 +79,7 @@ def test_a_changed_byte_is_detected(packet, at, change):
     assert all(not p.intact for p in found if p.id == packet.id)
 
 
+@pytest.mark.slow
 @given(st.lists(st.binary(max_size=2000), max_size=5))
 def test_the_buffer_stays_shorter_than_the_longest_packet(chunks):
     reader = PacketReader()

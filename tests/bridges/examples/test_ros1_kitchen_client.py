@@ -21,6 +21,7 @@ def example():
     return module
 
 
+@pytest.mark.slow
 def test_the_client_sends_the_messages_of_the_scenario(example):
     played = load_scenario("thesis_kitchen").messages
 
@@ -45,6 +46,7 @@ def test_ramps_are_rounded_down(example):
     assert opening[-1] == ("/grasp", 0)
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_every_message_arrives_in_order(example, own_roscore, told):
     own_roscore.start()  # one that knows no nodes of other tests

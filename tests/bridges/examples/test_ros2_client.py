@@ -4,12 +4,15 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from bridges.ros2.peers import command_topics, free_domain
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.ros2.bridge import Ros2Bridge
 from drake_srg.recording import ros_topics
+
+pytestmark = pytest.mark.slow
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "ros2_client.py"
 

@@ -12,6 +12,7 @@ def test_the_first_status_knows_whether_the_master_answers(new_bridge, master):
     assert new_bridge(master=master.uri).status == f"ROS 1 at {master.uri}"
 
 
+@pytest.mark.slow
 def test_close_does_not_wait_for_a_hanging_master(new_bridge):
     with socket.create_server(("127.0.0.1", 0)) as hanging:
         port = hanging.getsockname()[1]

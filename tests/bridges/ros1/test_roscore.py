@@ -76,6 +76,7 @@ def publishing(bridge, *names):
         thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("topic", "kind", "value", "name", "commanded"),
     [
@@ -136,6 +137,7 @@ def test_a_publisher_with_another_type_is_reported(bridge, roscore, inbox, told)
     assert inbox.received == 0
 
 
+@pytest.mark.slow
 def test_ros_tools_see_the_node(bridge, roscore, inbox):
     # All at once, because each takes a second to start. (hz runs until it is stopped.)
     tools = {
@@ -200,6 +202,7 @@ def test_roscpp_receives_messages(bridge, roscore, tmp_path):
     assert message.velocity.tolist() == [3.0, 4.0]
 
 
+@pytest.mark.slow
 def test_the_node_survives_restarts_of_roscore(new_bridge, inbox, own_roscore, told):
     bridge = new_bridge(master=own_roscore.uri)
     for value in 1.0, 2.0:

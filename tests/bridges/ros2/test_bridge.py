@@ -48,6 +48,7 @@ def subscribe(peer, bridge, topic, kind, reliable=True):
     assert wait_until(lambda: bridge.has_subscribers(topic) and peer.matched(topic))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "topic, values, expected",
     [
@@ -213,6 +214,7 @@ def test_subscribers_may_join_while_they_are_counted(bridge, peer):
         joining.result()
 
 
+@pytest.mark.slow
 def test_a_vanished_peer_is_forgotten(inbox, bridge, peer):
     subscribe(peer, bridge, "/joint_states", "JointState")
     peer.signal(signal.SIGKILL)

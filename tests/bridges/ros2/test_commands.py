@@ -26,6 +26,8 @@ from drake_srg.bridges.ros2.dds_domain import open_participant
 from drake_srg.bridges.ros2.dds_types import payload_type
 from drake_srg.bridges.topics import camera_topics
 
+pytestmark = pytest.mark.slow
+
 CAMERA = camera_topics("ceiling", CameraInfo(640, 480, 500.0, 510.0, 320.0, 240.0))
 
 

@@ -69,6 +69,7 @@ def test_from_the_side_base_and_tip_touch(shape, tilt):
     assert distances["palm"] > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_open_hand_lets_the_object_pass(shape):
     for grasp in grasps_of(shape, ["above", "side"], [0.0, 0.1745], SQUEEZE):

@@ -37,6 +37,7 @@ def test_a_free_straight_line_is_the_path(iiwa, sides):
     np.testing.assert_array_equal(path, sides)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_path_around_a_wall_is_free_and_repeatable(iiwa, sides, seed):
     with iiwa.standing(WALL, X_WALL):

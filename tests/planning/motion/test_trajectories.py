@@ -106,6 +106,7 @@ def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
     assert fastest <= trajectory.end_time() <= 1.03 * fastest + 2.2 * RAMP
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.lists(unit, min_size=28, max_size=28), st.sampled_from([0.02, 0.2]))
 def test_polylines_keep_the_limits_stay_near_and_are_no_slower_than_stopping(

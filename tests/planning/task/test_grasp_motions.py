@@ -14,6 +14,8 @@ from planning.task.kitchen_task import (
     samples,
 )
 
+pytestmark = pytest.mark.slow
+
 
 def test_every_moving_mode_has_a_motion(task):
     assert set(task.motions) == set(MOVING)

@@ -89,6 +89,7 @@ def collision(limit, height=0.4, seen=False, name="kitchen_fast"):
     return Simulate(scenario)
 
 
+@pytest.mark.slow
 def test_an_arm_that_hits_a_post_stops():
     stopped, going_on = collision(30.0), collision(1e4)
     assert stopped.metrics.failure == "stopped"
@@ -105,6 +106,7 @@ def test_an_arm_that_hits_a_post_stops():
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)
 
 
+@pytest.mark.slow
 def test_an_arm_on_a_discrete_plant_stops_too():
     """There, external torques are estimated, not taken from the contacts."""
     stopped = collision(30.0, name="kitchen")
@@ -113,6 +115,7 @@ def test_an_arm_on_a_discrete_plant_stops_too():
     np.testing.assert_allclose(speeds, 0.0, atol=0.05)
 
 
+@pytest.mark.slow
 def test_the_arm_passes_a_visible_post():
     run = collision(30.0, height=0.25, seen=True)
     assert run.metrics.success
@@ -144,6 +147,7 @@ def carry(limit, *overrides):
     return Simulate(scenario)
 
 
+@pytest.mark.slow
 def test_the_arm_feels_the_weight_and_the_inertia_of_its_load():
     run = carry(_FREE)
     assert run.metrics.success
@@ -156,6 +160,7 @@ def test_the_arm_feels_the_weight_and_the_inertia_of_its_load():
     assert np.max(share) < 1.5
 
 
+@pytest.mark.slow
 def test_setting_the_object_down_on_something_unseen_stops_the_arm():
     plate = (
         "objects.plate={shape: !Box {size: [0.12, 0.12, 0.02]}, mass: 30.0, "
@@ -165,6 +170,7 @@ def test_setting_the_object_down_on_something_unseen_stops_the_arm():
     assert stopped.metrics.failure == "stopped"
 
 
+@pytest.mark.slow
 def test_a_pull_on_the_held_object_stops_the_arm():
     pull = "{at: transfer, force: [0, 0, -15], duration: 0.3}"
     stopped = carry(_FREE, f"disturbances=[!Force {pull}]")

@@ -65,6 +65,7 @@ def test_every_mode_has_its_row():
     assert TRANSITIONS.keys() == set(Mode)
 
 
+@pytest.mark.slow
 def test_every_mode_can_be_reached():
     assert reachable(Mode.IDLE) == set(Mode)
 
@@ -122,6 +123,7 @@ def test_nothing_fails_without_a_failure(mode, o, t):
     assert transition(mode, dc.replace(o, failure=None), t) is not Mode.FAILED
 
 
+@pytest.mark.slow
 @given(observations, times, st.sampled_from(Failure))
 def test_a_failure_ends_modes_that_cannot_go_on(o, t, failure):
     """No plan, no way out, no place to put the object, no attempt left."""
@@ -243,6 +245,7 @@ def test_the_arm_lifts_only_after_its_waits(o, t, config):
         assert t >= config.grip_wait
 
 
+@pytest.mark.slow
 @given(observations, times, configs)
 def test_the_hand_leaves_only_after_the_fingers_have_let_go(o, t, config):
     o = dc.replace(o, failure=None)

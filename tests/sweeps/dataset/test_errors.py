@@ -48,6 +48,7 @@ def test_an_unreadable_row_is_named(tmp_path):
     assert "000000.parquet: cannot be read" in complaint(sweep)
 
 
+@pytest.mark.slow
 def test_a_finished_sweep_has_nothing_left_out(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2)
@@ -65,6 +66,7 @@ def test_a_recording_without_images_is_named(tmp_path):
     assert "recording.bag_cameras" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "what"),
     [
@@ -87,11 +89,13 @@ def test_recordings_with_different_layouts_are_rejected(tmp_path, change, what):
     assert what in said and "must have the same layout" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fps", [0, -8, 3, 16])
 def test_frames_per_second_must_divide_the_image_rate(sweep, fps):
     assert complaint(sweep, fps=fps).endswith("8 Hz; allowed for --fps: 1, 2, 4, 8")
 
 
+@pytest.mark.slow
 def test_a_fractional_image_rate_needs_fps_or_another_recording(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.5, image_period=0.4)
@@ -115,6 +119,7 @@ def test_a_truncated_recording_is_named(sweep, tmp_path, length):
     assert f"{path}: cannot be read" in complaint(broken)
 
 
+@pytest.mark.slow
 def test_flipped_bits_in_a_recording_are_errors_of_one_line(tmp_path):
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2, cameras={"ceiling": (16, 12)})
@@ -172,6 +177,7 @@ def command(*arguments):
     return main(["dataset", *map(str, arguments)])
 
 
+@pytest.mark.slow
 def test_the_command_prints_what_it_made(sweep, tmp_path, capsys):
     made = tmp_path / "made"
     assert command(sweep, "-o", made, "--fps", "4", "--only-success") == 0

@@ -249,6 +249,7 @@ def test_folders_hold_a_thousand_files():
     assert next_place(FilePlace(0, 999)) == (1, 0)
 
 
+@pytest.mark.slow
 def test_torch_pandas_and_datasets_are_not_needed(sweep, tmp_path):
     code = """
 import pathlib, sys

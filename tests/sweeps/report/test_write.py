@@ -80,6 +80,7 @@ def test_noise_is_not_shown_as_a_cause(tmp_path):
     assert "With 6 failed trials, only strong effects would show." in page.text
 
 
+@pytest.mark.slow
 def test_the_page_says_if_trials_are_missing(tmp_path):
     page = report(tmp_path, made_rows(412), asked=1000)
     assert "412 of 1,000 trials have finished" in page.text
@@ -119,6 +120,7 @@ def test_equal_rows_give_equal_pages(tmp_path):
     assert write_report(folder, tmp_path / "sub/other.html").read_bytes() == once
 
 
+@pytest.mark.slow
 def test_the_page_contains_videos_of_the_worst_trials_up_to_a_size(
     tmp_path, monkeypatch
 ):

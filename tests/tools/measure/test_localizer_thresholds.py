@@ -86,6 +86,7 @@ def test_single_thresholds_can_be_tried():
     assert tried(KITCHEN, only="fit.apart") == ["fit.apart"] * 2
 
 
+@pytest.mark.slow
 def test_it_runs(monkeypatch):
     group = Group("assistive_arm_varied", "leaning", range(1))
     monkeypatch.setattr(localizer_thresholds, "GROUPS", (group,))

@@ -36,6 +36,7 @@ def test_each_part_makes_a_scenario_that_records_it(scenario, part):
     )
 
 
+@pytest.mark.slow
 def test_a_trial_takes_processor_time(monkeypatch):
     monkeypatch.setattr(
         module, "PARTS", {"short": ("planner.time_budget=0.1", *PARTS["numbers alone"])}
