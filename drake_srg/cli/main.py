@@ -25,6 +25,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = make_parser().parse_args(arguments)
     try:
         code: int = options.run(options)
+        sys.stdout.flush()  # here, where a broken pipe is handled, not at exit
     except ScenarioError as error:
         return _complain(str(error))
     except ImportError as error:

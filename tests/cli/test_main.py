@@ -245,7 +245,8 @@ def test_the_module_is_the_command(capsys):
 
 
 @pytest.mark.slow
-def test_a_reader_that_has_seen_enough_is_no_error():
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_seen_enough_is_no_error(unbuffered):
     ends = os.pipe()
     os.close(ends[0])
     with os.fdopen(ends[1], "w") as output:
@@ -253,6 +254,7 @@ def test_a_reader_that_has_seen_enough_is_no_error():
             [sys.executable, "-m", "drake_srg", "list"],
             stdout=output,
             stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
             check=False,
         )
     assert (listing.returncode, listing.stderr) == (0, b"")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import functools
 import os
 import socket
 import threading
@@ -31,6 +32,11 @@ _CHUNK = 4096  # bytes read at once
 _PAUSE = 1.0  # before the next attempt after a client could not be accepted [s, real]
 _SOURCE = "servo"
 _POSITION = "gripper.motor_position_commanded"
+
+
+def _close(connection: socket.socket, _: asyncio.Task[None]) -> None:
+    """Close a connection once the task that serves it is over."""
+    connection.close()
 
 
 class ServoBridge(Bridge):
@@ -161,10 +167,11 @@ class ServoBridge(Bridge):
         host, port = server.getsockname()[:2]
         return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
-    def _start(self, coroutine: Coroutine[None, None, None]) -> None:
+    def _start(self, coroutine: Coroutine[None, None, None]) -> asyncio.Task[None]:
         task = asyncio.get_running_loop().create_task(coroutine)
         self._tasks.add(task)  # the loop keeps weak references only
         task.add_done_callback(self._tasks.discard)
+        return task
 
     async def _accept(self, server: socket.socket) -> None:
         loop = asyncio.get_running_loop()
@@ -176,7 +183,9 @@ class ServoBridge(Bridge):
                     self._warn("accept", f"cannot accept clients: {error.strerror}")
                     await asyncio.sleep(_PAUSE)
                     continue
-                self._start(self._serve(connection))
+                task = self._start(self._serve(connection))
+                # A task that is cancelled before its first step closes nothing itself.
+                task.add_done_callback(functools.partial(_close, connection))
 
     async def _serve(self, connection: socket.socket) -> None:
         loop, reader = asyncio.get_running_loop(), PacketReader()
