@@ -34,6 +34,12 @@ _SOURCE = "servo"
 _POSITION = "gripper.motor_position_commanded"
 
 
+def _set_ready(ready: asyncio.Future[None]) -> None:
+    """Wake up whoever waits for a client, once."""
+    if not ready.done():
+        ready.set_result(None)
+
+
 def _close(connection: socket.socket, _: asyncio.Task[None]) -> None:
     """Close a connection once the task that serves it is over."""
     connection.close()
@@ -177,12 +183,23 @@ class ServoBridge(Bridge):
         loop = asyncio.get_running_loop()
         with server:
             while True:
+                # Not loop.sock_accept: when it is cancelled, a connection that it has
+                # already accepted may stay open.
+                ready = loop.create_future()
+                loop.add_reader(server, _set_ready, ready)
                 try:
-                    connection, _ = await loop.sock_accept(server)
+                    await ready
+                finally:
+                    loop.remove_reader(server)
+                try:
+                    connection, _ = server.accept()
+                except BlockingIOError:  # the client has gone again
+                    continue
                 except OSError as error:  # such as too many open files
                     self._warn("accept", f"cannot accept clients: {error.strerror}")
                     await asyncio.sleep(_PAUSE)
                     continue
+                connection.setblocking(False)
                 task = self._start(self._serve(connection))
                 # A task that is cancelled before its first step closes nothing itself.
                 task.add_done_callback(functools.partial(_close, connection))
