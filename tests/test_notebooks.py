@@ -140,6 +140,7 @@ def test_a_saved_notebook_shows_what_executing_it_shows(path, tool):
     assert differences(saved, tool.execute(path)) == []
 
 
+@pytest.mark.slow
 @each_notebook
 @pytest.mark.parametrize("what", ALTERATIONS)
 def test_an_altered_output_is_noticed(path, what):

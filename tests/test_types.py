@@ -92,6 +92,7 @@ def test_the_upright_radius_holds_the_shape(shape, u):
     assert np.linalg.norm(farthest_point(shape, u)[:2]) <= shape.upright_radius + 1e-12
 
 
+@pytest.mark.slow
 @given(shapes, st.floats(0.1, 10.0), directions)
 def test_a_scaled_shape_has_scaled_extents(shape, factor, u):
     scaled = shape.scaled(factor)

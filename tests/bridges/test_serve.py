@@ -125,6 +125,7 @@ def test_invalid_commands_are_reported_and_change_nothing():
     assert not series(bridge, "gripper.closure_commanded")[1].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["kitchen_tendon", "kitchen_fast", "assistive_arm"])
 def test_other_scenarios_are_served_too(name):
     def act(bridge):

@@ -97,6 +97,7 @@ def scripted():
     return bench
 
 
+@pytest.mark.slow
 def test_a_scripted_cell_has_the_same_ports_but_no_localizer(scripted):
     cell = MakeCell(scripted)
     inputs, outputs = port_table(cell)

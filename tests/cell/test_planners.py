@@ -33,6 +33,7 @@ def test_other_known_objects_are_obstacles():
     assert MakePlanner(scenario).obstacles == {"ball": shape}
 
 
+@pytest.mark.slow
 def test_an_object_without_a_simple_shape_is_neither_located_nor_avoided():
     overrides = [MUG, "object.position=[0.5, -0.1]"]
     scenario = load_scenario("kitchen", seed=1, overrides=overrides)

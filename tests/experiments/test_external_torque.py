@@ -36,6 +36,7 @@ def test_an_arm_feels_the_weight_of_its_object():
     )
 
 
+@pytest.mark.slow
 def test_every_joint_is_judged_in_every_scenario(monkeypatch):
     def made_up(case):
         (cell,) = (cell for cell, names in CELLS.items() if case.scenario in names)

@@ -40,6 +40,7 @@ def pretended(held=TIP, shift=SHIFT):
     return run_one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_the_frames_are_the_measured_ones(name, monkeypatch):
     monkeypatch.setattr(grasp_calibration, "calibration_cycle", pretended())

@@ -83,6 +83,7 @@ def test_models_stand_upright_and_have_no_known_width():
         rest_height(mug, RollPitchYaw(0.1, 0.0, 0.0).ToRotationMatrix())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hand", [[0, 90, 0], [0, 0, 0], [90, 0, 0], [-90, 64, 180]])
 def test_the_hand_arrives_with_the_object_where_the_grasp_says(hand):
     grasp = GraspConfig(

@@ -24,6 +24,7 @@ def test_a_hand_that_holds_nothing_is_reported():
         creep(can, height, "gripper_bench", {})
 
 
+@pytest.mark.slow
 def test_only_the_accurate_scenario_is_judged(monkeypatch):
     def pretend(thing, height, scenario, changes, duration, force_limit):
         rate = 2.0 if thing.model else 4.0  # um/s of can and box

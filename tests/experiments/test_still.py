@@ -13,6 +13,7 @@ from drake_srg.types import Sphere
 BALL = ObjectConfig(shape=Sphere(0.04), mass=0.1, friction=1.0, color=[1.0, 0.0, 0.0])
 
 
+@pytest.mark.slow
 def test_the_point_looked_at_is_in_the_middle():
     bench = bench_scenario(BALL)
     rig = Rig(bench)

@@ -44,6 +44,7 @@ def test_a_scene_is_always_the_same():
     assert first.distance < WITHIN["assistive_arm_varied"]
 
 
+@pytest.mark.slow
 def test_a_partly_hidden_can_is_located_beside_a_similar_cup():
     scene = look("kitchen_varied", 37)
     assert scene.certain

@@ -39,6 +39,7 @@ def test_wires_close_the_bases_first(tendon_wrapped):
         assert q[-1, tip] > 0.5
 
 
+@pytest.mark.slow
 def test_the_plant_applies_all_torque_of_the_wires():
     # The model's effort limits are those of motors at the joints. They do not hold for
     # wires, whose moment arm at the base doubles as the finger closes.
@@ -59,6 +60,7 @@ def test_wires_pull_with_the_force_limit(tendon_wrapped):
     assert force == pytest.approx([expected] * 2, rel=0.01)
 
 
+@pytest.mark.slow
 def test_wires_let_go(tendon_wrapped):
     tendon_wrapped.command(closure_commanded=0.0)
     tendon_wrapped.advance(4.0)
@@ -95,6 +97,7 @@ def test_the_motor_goes_where_it_is_told():
     assert hand.read("motor_state")[0] == pytest.approx(0.8, abs=2 * np.pi / 4096)
 
 
+@pytest.mark.slow
 def test_wires_pull_with_the_torque_that_the_motor_is_told():
     hand = Hand(post=True, config=TENDON)
     hand.command(motor_torque_commanded=0.2, motor_position_commanded=0.0)
@@ -114,6 +117,7 @@ def test_torque_control_closes_the_hand_fast_with_little_torque():
     assert hand.q[0] > 1.7
 
 
+@pytest.mark.slow
 def test_position_control_takes_over_where_torque_control_ends():
     hand = Hand(post=True, config=TENDON)
     hand.command(motor_torque_commanded=0.2, force_limit=0.2)

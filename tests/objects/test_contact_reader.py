@@ -20,11 +20,13 @@ def forces(*overrides):
     return ContactReader(contacts.plant(), "soup_can").forces(contacts)
 
 
+@pytest.mark.slow
 def test_a_standing_can_presses_on_its_support_with_its_weight():
     found = forces("object.mass=0.4")
     assert found == {"support": pytest.approx(0.4 * 9.81, rel=1e-3)}
 
 
+@pytest.mark.slow
 def test_point_contact_is_read():
     # The can rocks from point to point, so the force varies about its weight.
     found = forces("object.mass=0.4", "plant_config.contact_model=point")
@@ -32,6 +34,7 @@ def test_point_contact_is_read():
     assert 0.1 < found["support"] / (0.4 * 9.81) < 10.0
 
 
+@pytest.mark.slow
 def test_forces_of_other_objects_go_by_their_names():
     found = forces(
         "object.position=[0.6, 0.0]",
@@ -42,6 +45,7 @@ def test_forces_of_other_objects_go_by_their_names():
     assert set(found) <= {"support", "box"}
 
 
+@pytest.mark.slow
 def test_the_object_must_be_in_the_plant():
     station = MakeStation(load_scenario("kitchen"))
     with pytest.raises(RuntimeError, match="cup"):

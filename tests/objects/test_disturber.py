@@ -137,6 +137,7 @@ def test_an_object_that_does_not_topple_is_released():
 # In a cell.
 
 
+@pytest.mark.slow
 def test_a_cell_has_a_disturber_only_if_it_is_needed():
     def has(*overrides):
         bench = load_scenario("gripper_bench", overrides=overrides)

@@ -138,6 +138,7 @@ def test_a_soft_object_stands_in_its_place_and_presses_with_its_weight():
     assert settled.IsNearlyEqualTo(X_WO, 1e-3)
 
 
+@pytest.mark.slow
 def test_contacts_between_soft_and_rigid_objects_are_named():
     bench = bench_scenario(SPONGE, overrides=["plant_config.time_step=0.005"])
     bench.objects["box"] = ObjectConfig(

@@ -93,6 +93,7 @@ def test_outputs_of_the_state_are_calculated_only_when_it_changes():
     assert cycle.calculations == 1
 
 
+@pytest.mark.slow
 def test_the_documented_machine_grasps_the_can(capsys):
     page = Path(__file__).parents[2] / "docs" / "state_machine.md"
     blocks = re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL)

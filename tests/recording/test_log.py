@@ -13,6 +13,7 @@ names = st.text("abcz./_ ", min_size=1, max_size=8).filter(
 arrays = st.lists(st.floats(width=32), max_size=6).map(np.array)
 
 
+@pytest.mark.slow
 @given(log=st.dictionaries(names, arrays, max_size=4))
 def test_a_log_is_read_as_it_was_written(tmp_path_factory, log):
     path = write_log(tmp_path_factory.mktemp("log") / "log.npz", log)

@@ -21,6 +21,7 @@ def draw(path, **fields):
     return cv2.imread(str(draw_timeline(Timeline(TIME, **fields), path)))
 
 
+@pytest.mark.slow
 def test_a_full_timeline_has_five_panels(tmp_path):
     full = draw(tmp_path / "full.png", **FULL, title="kitchen")
     one = draw(tmp_path / "one.png", closure=FULL["closure"])
@@ -39,6 +40,7 @@ def test_every_series_is_drawn(tmp_path, field):
     assert full.shape != other.shape or not np.array_equal(full, other)
 
 
+@pytest.mark.slow
 def test_an_arm_of_prismatic_joints_has_another_unit(tmp_path):
     turns, slides = (
         draw(tmp_path / f"{i}.png", **FULL, arm_slides=bool(i)) for i in (0, 1)
@@ -46,12 +48,14 @@ def test_an_arm_of_prismatic_joints_has_another_unit(tmp_path):
     assert turns.shape != slides.shape or not np.array_equal(turns, slides)
 
 
+@pytest.mark.slow
 def test_equal_values_give_equal_bytes(tmp_path):
     for name in "ab":
         draw(tmp_path / f"{name}.png", **FULL)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
+@pytest.mark.slow
 def test_pyplot_has_no_new_figures_afterwards(tmp_path):
     from matplotlib import pyplot
 

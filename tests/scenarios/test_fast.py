@@ -10,6 +10,8 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
 
+pytestmark = pytest.mark.slow
+
 CENIC = "simulator_config.integration_scheme=cenic"
 
 
@@ -22,7 +24,6 @@ def run(tmp_path_factory):
     return Simulate(scenario, name="kitchen_fast", out=out), out
 
 
-@pytest.mark.slow
 def test_the_fast_kitchen_places_its_can_within_2_mm(run):
     metrics = run[0].metrics
     assert metrics.success
@@ -36,7 +37,6 @@ def test_the_fast_kitchen_is_recorded(run):
     assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
 
 
-@pytest.mark.slow
 def test_the_fast_arm_agrees_with_the_accurate_one():
     fast, accurate = (
         Simulate(load_scenario(name, seed=1)).metrics
@@ -53,7 +53,6 @@ def test_the_fast_arm_agrees_with_the_accurate_one():
     )
 
 
-@pytest.mark.slow
 def test_the_fast_arm_loses_a_slippery_cylinder():
     overrides = ["object.friction=0", "planner.max_attempts=1"]
     metrics = Simulate(load_scenario("assistive_arm_fast", overrides=overrides)).metrics
@@ -72,14 +71,12 @@ def test_the_fingers_of_the_fast_arm_meet_only_with_their_pads():
     assert all("_pad_" in name for pair in own for name in pair)
 
 
-@pytest.mark.slow
 def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
     metrics = Simulate(load_scenario("gripper_bench_fast")).metrics
     assert metrics.success
     assert metrics.hold_drift_m_per_s < 30e-6
 
 
-@pytest.mark.slow
 def test_the_fast_kitchen_loses_a_can_without_friction():
     scenario = load_scenario(
         "kitchen_fast", overrides=["object.friction=0", "planner.max_attempts=1"]
@@ -89,7 +86,6 @@ def test_the_fast_kitchen_loses_a_can_without_friction():
     assert result.metrics.failure in ("no_grasp", "dropped")
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_log():
     overrides = ["planner.time_budget=1.0"]
     logs = [
@@ -100,7 +96,6 @@ def test_the_same_seed_gives_the_same_log():
         np.testing.assert_array_equal(array, logs[1][name])
 
 
-@pytest.mark.slow
 def test_a_fast_cell_looks_like_any_other():
     fast, discrete = (MakeCell(load_scenario(n)) for n in ("kitchen_fast", "kitchen"))
     assert port_table(fast) == port_table(discrete)
@@ -137,7 +132,6 @@ def test_ignored_contacts_must_match_some_geometry():
         MakeStation(scenario)
 
 
-@pytest.mark.slow
 def test_ignored_contacts_are_filtered():
     def pairs(*overrides):
         station = MakeStation(load_scenario("kitchen", overrides=overrides))

@@ -107,6 +107,7 @@ def test_only_friction_lifts_the_can(name, override, lifted):
     assert result.metrics.failure == "misplaced"  # it did not come back
 
 
+@pytest.mark.slow
 def test_the_ceiling_camera_finds_the_can():
     scenario = load_scenario("thesis_kitchen")
     builder = DiagramBuilder()

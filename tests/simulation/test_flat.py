@@ -54,6 +54,7 @@ def flat_cell(old_drake):
     return MakeRoot("cell", MakeCell, AddCell, load_scenario("kitchen_fast"), "")
 
 
+@pytest.mark.slow
 def test_a_flat_root_is_freed(old_drake, leaked):
     scenario = load_scenario("kitchen_fast")
     builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, "")

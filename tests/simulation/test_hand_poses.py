@@ -5,6 +5,7 @@ from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.rig import Rig, bench_scenario
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rpy", [(0.0, 90.0, 0.0), (0.0, 0.0, 30.0)])
 def test_logged_arm_states_give_the_poses_of_the_palm(rpy):
     scenario = bench_scenario(gripper_rpy=rpy, home=[0.1, -0.2, 0.5])

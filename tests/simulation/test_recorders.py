@@ -13,6 +13,8 @@ from drake_srg.simulation import Simulate
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingPort, cell_with
 
+pytestmark = pytest.mark.slow
+
 FILES = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
 
 
@@ -124,7 +126,6 @@ def test_a_cell_of_your_own_is_recorded_as_far_as_it_has_ports(tmp_path):
     assert (tmp_path / "timeline.png").is_file()
 
 
-@pytest.mark.slow
 def test_a_scripted_cell_is_recorded_too(tmp_path):
     overrides = ["cameras.overview.width=320", "cameras.overview.height=180"]
     scenario = load_scenario(

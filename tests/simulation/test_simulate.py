@@ -12,6 +12,8 @@ from drake_srg.simulation import Simulate
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingStep, cell_with
 
+pytestmark = pytest.mark.slow
+
 # Metrics that depend on the machine or the folder.
 OF_THE_MACHINE = (
     "planning_wall_s",
@@ -108,7 +110,6 @@ def test_the_can_moves_only_in_the_hand(golden):
     assert np.all((touched | released)[1:][moved])
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits(golden, again):
     assert golden.log.keys() == again.log.keys()
     for name, array in golden.log.items():
@@ -134,7 +135,6 @@ def test_the_files_contain_the_result(again, folder):
     }
 
 
-@pytest.mark.slow
 def test_the_bench_plays_its_script():
     bench = load_scenario("gripper_bench")
     result = Simulate(bench, name="gripper_bench", record=False)
@@ -181,7 +181,6 @@ def test_an_impossible_task_fails_with_its_reason(override, failure):
     assert result.status.message
 
 
-@pytest.mark.slow
 def test_another_seed_gives_another_run():
     first, second = (
         run("planner.time_budget=0.05", seed=seed).log["object_pose.soup_can"]
@@ -190,7 +189,6 @@ def test_another_seed_gives_another_run():
     assert np.linalg.norm(first[0, :2] - second[0, :2]) > 1e-3
 
 
-@pytest.mark.slow
 def test_a_run_is_freed(leaked):
     def make_cell(scenario):
         cell = MakeCell(scenario)

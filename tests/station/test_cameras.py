@@ -91,6 +91,7 @@ def test_soft_objects_are_rendered_from_the_plants_scene_graph():
     assert np.count_nonzero(magenta) > 10
 
 
+@pytest.mark.slow
 def test_only_imperfect_cameras_get_imperfections():
     blurred = load_scenario("kitchen", overrides=["camera_errors.ceiling.blur=1.0"])
     station = MakeStation(blurred)
@@ -98,6 +99,7 @@ def test_only_imperfect_cameras_get_imperfections():
     assert not station.HasSubsystemNamed("camera_errors_overview")
 
 
+@pytest.mark.slow
 def test_remote_cameras_show_what_the_stations_cameras_do(scenario, station):
     remote = MakeRemoteCameras(scenario)
     cameras = [f"camera_{n}.{p}" for n in ("ceiling", "overview") for p in PORTS]

@@ -181,6 +181,7 @@ def test_unsuitable_models_are_reported_with_their_key(override, message):
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.slow
 def test_stations_are_freed(leaked):
     make().CreateDefaultContext()
     assert leaked() == []

@@ -22,9 +22,7 @@ from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
 
 from . import stub
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.usefixtures("unchecked")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("unchecked")]
 
 
 @pytest.fixture(scope="module")

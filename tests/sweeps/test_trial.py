@@ -49,6 +49,7 @@ def test_a_row_contains_drawn_values_and_the_outcome(absent):
     assert outcome({**again, "trial": 4}) == outcome(row)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("record", ["none", "all"])
 def test_a_trial_frees_its_diagram(absent, scratch, leaked, record):
     result = run_trial(absent, "kitchen_fast", 3, 4, record)

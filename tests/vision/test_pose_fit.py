@@ -48,6 +48,7 @@ def test_the_deviation_shows_how_well_a_pose_is_known():
     assert sliver.axis_deviation > 2 * whole.axis_deviation
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(st.floats(0.0, 1.2), yaws, st.floats(-np.pi, np.pi))  # an end is in view
 def test_a_guess_turned_about_the_cylinders_axis_changes_nothing(tilt, yaw, spin):

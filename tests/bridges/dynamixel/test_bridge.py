@@ -17,6 +17,7 @@ from drake_srg.scenario import load_scenario
 # SAKE's driver.
 
 
+@pytest.mark.slow
 def test_sake_s_driver_calibrates_moves_and_holds(station):
     client = client_of(station)
     client.calibrate()

@@ -146,6 +146,7 @@ def test_a_client_that_reads_no_replies_delays_nobody(line):
         assert answers(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("where", ["tcp:0", "pty"])
 def test_an_unexpected_error_is_reported_and_ends_no_line(where, monkeypatch):
     answer = Mx64.answer
@@ -184,6 +185,7 @@ def test_clients_are_accepted_again_after_too_many_open_files(
     assert "Too many open files" in text
 
 
+@pytest.mark.slow
 def test_at_a_terminal_replies_are_whole_or_lost():
     read = Packet(1, Instruction.READ, bytes([0, 74])).encode()
     with FakeStation("pty") as station:

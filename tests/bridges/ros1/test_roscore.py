@@ -16,7 +16,7 @@ from drake_srg.bridges.ros1.bridge import Ros1Bridge
 from drake_srg.recording import ros_topics
 from drake_srg.types import Blob
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.slow, pytest.mark.ros]
 
 PIXELS = (np.arange(480 * 640 * 3) % 251).astype(np.uint8).reshape(480, 640, 3)
 INTRINSICS = CameraInfo(640, 480, 600.0, 601.0, 320.5, 240.5)

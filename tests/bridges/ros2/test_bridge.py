@@ -160,6 +160,7 @@ def test_the_size_limit_has_room_for_the_largest_picture():
     assert size < largest_message([*TOPICS, *camera.values()], make)
 
 
+@pytest.mark.slow
 def test_a_stopped_reader_delays_nobody(bridge, peer):
     count = 500
     stamps = []

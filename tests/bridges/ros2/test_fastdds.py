@@ -10,9 +10,7 @@ from bridges.ros2.peers import Peer
 from bridges.waiting import wait_until
 from drake_srg.recording import ros_topics
 
-pytestmark = pytest.mark.slow
-
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.slow, pytest.mark.ros]
 
 JOINT_STATES = ros_topics.joint_states({"arm": ["a", "b"]})
 IMAGE = ros_topics.Topic(

@@ -21,6 +21,8 @@ from drake_srg.types import Cylinder, Failure, Mode
 from planning.planning_world import MOVING
 from planning.task.kitchen_task import assert_joined, ends
 
+pytestmark = pytest.mark.slow
+
 SCENARIO = load_scenario("assistive_arm")
 CYLINDER = Cylinder(0.0125, 0.05)
 GOAL = goal_pose(SCENARIO, CYLINDER)
@@ -93,7 +95,6 @@ def axis_angle(X_WO, axis_W):
     return np.arctan2(np.linalg.norm(np.cross(z, axis_W)), abs(z @ axis_W))
 
 
-@pytest.mark.slow
 def test_each_motion_begins_where_the_last_one_ends(planner, posed):
     _, task = posed
     assert set(task.motions) == set(MOVING)
@@ -138,7 +139,6 @@ def test_the_object_goes_straight_into_the_recess(planner, posed):
         assert axis_angle(X_WO, UP) < 0.01
 
 
-@pytest.mark.slow
 def test_all_motions_keep_clear(planner, posed):
     _, task = posed
     scene = planner.scene
@@ -151,7 +151,6 @@ def test_all_motions_keep_clear(planner, posed):
             assert clearance.distance > 0.0, (mode, str(clearance))
 
 
-@pytest.mark.slow
 def test_the_carried_object_hits_nothing(planner, posed):
     _, task = posed
     scene = planner.scene
@@ -161,7 +160,6 @@ def test_the_carried_object_hits_nothing(planner, posed):
             assert scene.clearance(q).spare > 0.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("X_WO", "failure", "words"),
     [
@@ -201,7 +199,6 @@ def least_gain(scene, q, p_GT):
 fives = st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=5).map(np.array)
 
 
-@pytest.mark.slow
 @settings(max_examples=60)
 @given(fives, fives)
 def test_both_solvers_agree_on_the_five_joint_task(planner, where, aside):

@@ -56,6 +56,7 @@ def test_each_joint_needs_a_limit():
         make_planner(max_external_torque=[1.0] * 3)
 
 
+@pytest.mark.slow
 def test_a_scenario_needs_one_limit_per_joint():
     scenario = load_scenario(
         "kitchen_fast", overrides=["planner.max_external_torque=[30, 30]"]

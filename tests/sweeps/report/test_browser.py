@@ -11,6 +11,8 @@ from drake_srg.sweeps.report.write import write_report
 from sweeps.report.browser import Browser
 from sweeps.report.made_sweep import TREE, UNTRUSTED, made_rows, write_sweep
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
@@ -39,7 +41,6 @@ def write_video(path):
         container.mux(stream.encode(None))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [400, 1400])
 def test_the_page_is_complete_and_fits_the_width(browser, page, width):
     told = browser.open(page, width)
@@ -106,7 +107,6 @@ def server():
         thread.join()
 
 
-@pytest.mark.slow
 def test_the_page_requests_nothing_whatever_text_it_contains(browser, page, server):
     picture = f'<img alt="" src="http://127.0.0.1:{server.server_port}/spy.png">'
     told = browser.open(page.replace("<main>", f"<main>{picture}"))

@@ -48,6 +48,7 @@ def test_few_failures_reveal_a_strong_cause():
     assert causes and causes <= {CAMERA, FRICTION}
 
 
+@pytest.mark.slow
 def test_noise_is_rarely_taken_for_a_cause():
     # Without any effect, the adjustment bounds the share of sweeps with a finding.
     found = sum(
