@@ -64,6 +64,7 @@ def make_simulator():
     return simulator.get_system()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [make_alone, make_in_a_diagram, make_simulator])
 def test_a_system_is_freed(make):
     made = make()
@@ -76,6 +77,7 @@ def test_a_system_is_freed(make):
     assert [watch() for watch in watches] == [None] * len(watches)
 
 
+@pytest.mark.slow
 def test_a_root_context_is_freed_after_my_context_returned_it():
     diagram = make_in_a_diagram()
     context = diagram.CreateDefaultContext()

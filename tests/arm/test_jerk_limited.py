@@ -90,6 +90,7 @@ def test_it_reaches_the_last_target_and_stays(changes):
     np.testing.assert_array_equal(motion.go(None, 3)[-3:], [changes[-1][0]] * 3)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(positions)
 def test_it_takes_the_least_time_from_rest_to_rest(target):

@@ -188,6 +188,7 @@ def test_pictures_and_blobs_arrive_from_the_camera_process():
     assert [blob.object_name for blob in blobs] == ["soup_can"]
 
 
+@pytest.mark.slow
 def test_a_failure_of_drake_is_reported_and_keeps_the_recording(tmp_path, monkeypatch):
     advance = Simulator.AdvanceTo
 

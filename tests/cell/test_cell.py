@@ -124,6 +124,7 @@ def test_a_script_drives_the_station(scripted):
     assert cell.GetOutputPort("planner.mode").Eval(context) is Mode.GRASP
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [None, 0.3])
 def test_a_script_limits_the_force_only_if_it_says_so(scripted, limit):
     script = [ScriptStep(closure=1.0, force_limit=limit)]

@@ -40,6 +40,7 @@ def test_a_real_cycle_beats_the_thesis():
     assert failed(OURS, run_cycle(scenario, 3, overrides)) == []
 
 
+@pytest.mark.slow
 def test_the_plant_has_the_thesis_s_kinematics():
     # Rounding errors of products of six matrices; the thesis reports 0.06 degrees.
     assert kinematics_error() < 1e-9
@@ -99,6 +100,7 @@ def test_a_variant_that_places_nothing_fails():
     assert {"seated in the recess", "mean cycle"} < set(failed(OTHER, lost))
 
 
+@pytest.mark.slow
 def test_every_cycle_is_in_the_table(monkeypatch):
     def pretend(scenario, seed, overrides):
         assert (scenario, overrides) in VARIANTS.values()

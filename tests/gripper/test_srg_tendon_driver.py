@@ -68,6 +68,7 @@ def test_wires_let_go(tendon_wrapped):
     assert tendon_wrapped.read("wire_force") == pytest.approx([0.0, 0.0], abs=0.1)
 
 
+@pytest.mark.slow
 def test_wires_close_an_empty_hand_as_position_control_does():
     # The palm is level, so gravity acts along the hinges.
     for config in (TENDON, SrgPositionDriver()):
@@ -108,6 +109,7 @@ def test_wires_pull_with_the_torque_that_the_motor_is_told():
     assert abs(hand.read("motor_state")[1]) < 1e-3
 
 
+@pytest.mark.slow
 def test_torque_control_closes_the_hand_fast_with_little_torque():
     # SAKE's driver closes the hand with 100 of 1023 in less than the 4 s that it waits.
     # At the speed that this much PWM gives, it would take longer.
@@ -145,6 +147,7 @@ def test_hold_keeps_the_grip_of_a_torque_whatever_is_commanded():
     assert hand.read("wire_force") == pytest.approx(grip, rel=0.01)
 
 
+@pytest.mark.slow
 def test_without_torque_the_springs_turn_the_motor_back():
     hand = Hand(config=TENDON)
     hand.command(closure_commanded=0.5)

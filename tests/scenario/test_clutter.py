@@ -22,6 +22,7 @@ def kitchen(clutter):
     return {**tree, "clutter": clutter}
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000))
 @settings(max_examples=25, deadline=None)
 def test_clutter_is_drawn_from_separate_streams_and_stands_clear(seed):

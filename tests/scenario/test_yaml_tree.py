@@ -67,6 +67,7 @@ def test_merge_replaces_a_mapping_with_another_tag():
     assert merge(base, {"d": 2}) == {"_tag": "!A", "b": 1, "d": 2}
 
 
+@pytest.mark.slow
 @given(trees, trees)
 def test_merge_is_idempotent_and_changes_neither_argument(base, override):
     before = repr((base, override))

@@ -84,6 +84,7 @@ def test_a_flat_cell_keeps_its_plant_in_the_root(flat_cell):
     assert not root.HasSubsystemNamed("cell")
 
 
+@pytest.mark.slow
 def test_a_flat_cell_is_read_with_the_context_of_the_root(flat_cell):
     builder, cell = flat_cell
     root = builder.Build().CreateDefaultContext()

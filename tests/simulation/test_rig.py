@@ -99,6 +99,7 @@ def test_the_log_is_empty_before_the_first_step():
     assert Rig(bench_scenario(BALL)).log() == {}
 
 
+@pytest.mark.slow
 def test_bad_arguments_are_reported():
     rig = Rig(bench_scenario(BALL))
     with pytest.raises(ScenarioError, match="rig: the station has no input feet"):

@@ -72,6 +72,7 @@ def test_no_renderer_follows_the_steps(station):
     assert station.GetSubsystemByName("render_scene_graph").RendererCount() > 0
 
 
+@pytest.mark.slow
 def test_soft_objects_are_rendered_from_the_plants_scene_graph():
     sponge = ObjectConfig(
         shape=Box([0.04, 0.06, 0.05]),

@@ -51,6 +51,7 @@ def test_a_share_of_zero_hides_nothing():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("override", "message"),
     [

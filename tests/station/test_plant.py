@@ -26,6 +26,7 @@ def test_seeds_share_a_models_plant():
     assert plants[0] is not MakeModelsPlant(load_scenario("kitchen_fast"))
 
 
+@pytest.mark.slow
 def test_changed_directives_are_read_again(tmp_path):
     path = tmp_path / "frames.dmd.yaml"
     override = f"directives.floor={{add_directives: {{file: {path.as_uri()}}}}}"
@@ -36,6 +37,7 @@ def test_changed_directives_are_read_again(tmp_path):
         assert frame.GetFixedPoseInBodyFrame().translation()[0] == x
 
 
+@pytest.mark.slow
 def test_changed_models_are_read_again(tmp_path):
     path = tmp_path / "ball.sdf"
     override = f"directives.floor={{add_model: {{name: ball, file: {path.as_uri()}}}}}"

@@ -61,6 +61,7 @@ def test_a_second_broken_row_does_not_overwrite_the_first(tmp_path):
         assert f"renamed to {aside.name}, its trial runs again" in line
 
 
+@pytest.mark.slow
 def test_a_broken_file_of_all_rows_is_left_for_the_user(tmp_path):
     run(tmp_path)
     whole = all_rows_path(tmp_path)

@@ -122,6 +122,7 @@ def test_a_recording_that_differs_from_its_row_gives_a_warning(
     assert result.row["attempts"] == 1
 
 
+@pytest.mark.slow
 def test_an_error_is_an_outcome(absent):
     tree = {**absent, "directives": []}
     row = run_trial(tree, "kitchen_fast", 0, 0).row

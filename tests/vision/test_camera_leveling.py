@@ -65,6 +65,7 @@ def test_its_ports():
     )
 
 
+@pytest.mark.slow
 @given(st.tuples(small, small, small), st.tuples(small, small, small))
 @settings(max_examples=30, deadline=None)
 def test_tilt_and_height_are_corrected_and_nothing_else_changes(turn, shift):

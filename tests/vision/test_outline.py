@@ -66,6 +66,7 @@ def test_the_jacobian_is_the_derivative_of_the_distance(shape, x, y, axis):
         assert wrong.mean() < 0.1
 
 
+@pytest.mark.slow
 @given(st.sampled_from(SOLIDS), vectors, st.floats(-2.0, 2.0))
 def test_a_ring_is_as_far_outside_as_requested(shape, axis, grow):
     outline = Outline.of(shape, pose(0.01, -0.01, axis, 0.4), a_view())

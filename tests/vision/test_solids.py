@@ -39,6 +39,7 @@ def test_a_step_against_the_gradient_leads_to_the_surface(shape, p):
         assert distance(shape, p - d * gradient) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(solids, points, points)
 def test_distances_change_no_faster_than_the_point_moves(shape, p, q):
     change = abs(distance(shape, p) - distance(shape, q))

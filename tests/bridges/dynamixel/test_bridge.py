@@ -157,6 +157,7 @@ def test_dynamixel_sdk_writes_and_reads_in_groups(master):
     assert handler.readRx(port, 1, 4) == expected
 
 
+@pytest.mark.slow
 def test_dynamixel_sdk_receives_errors(master):
     handler, port, _ = master
     assert handler.write2ByteTxRx(port, 1, 34, 2000)[1] == 8

@@ -25,6 +25,7 @@ def test_all_topics_are_registered_and_unregistered(bridge, master):
     bridge.close()
 
 
+@pytest.mark.slow
 def test_it_waits_for_a_master_that_starts_later(new_bridge, told):
     port = free_port()
     uri = f"http://127.0.0.1:{port}"

@@ -86,6 +86,7 @@ def test_a_header_may_arrive_byte_by_byte(bridge, master):
         assert peers.receive_header(connection)["type"] == "rosgraph_msgs/Clock"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("garbage", [b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 8, b"\x08"])
 def test_garbage_instead_of_a_header_ends_its_connection_only(
     new_bridge, timing, master, garbage

@@ -100,6 +100,7 @@ def assert_joints_within(trajectory, limits):
     assert np.all(np.abs(a) <= limits.acceleration)
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.tuples(unit, unit, unit), st.floats(0.04, 0.25))
 def test_the_tip_keeps_its_limits_on_a_straight_line(iiwa, direction, length):
@@ -180,6 +181,7 @@ def test_the_tip_may_be_in_front_of_the_hand(iiwa, home):
     assert np.max(off) < 1e-4
 
 
+@pytest.mark.slow
 @settings(max_examples=15)
 @given(st.tuples(unit, unit, unit), st.floats(0.05, 1.0))
 def test_joints_keep_their_limits_however_fast_the_tip_may_be(iiwa, direction, share):

@@ -86,6 +86,7 @@ def assert_within(scene, trajectory, limits):
         np.testing.assert_allclose(x, 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(st.lists(unit, min_size=14, max_size=14))
 def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(

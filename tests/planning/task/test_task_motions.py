@@ -10,6 +10,7 @@ from planning.task.kitchen_task import GOAL, START, ends, samples
 HEIGHT = START.translation()[2]
 
 
+@pytest.mark.slow
 def test_the_same_call_plans_the_same_motions(planner, task):
     again = planner.plan(planner.q_home, START, CAN, GOAL)
     for mode in MOVING:
@@ -18,6 +19,7 @@ def test_the_same_call_plans_the_same_motions(planner, task):
         np.testing.assert_array_equal(samples(first, 5), samples(second, 5))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("start", "goal", "failure"),
     [

@@ -65,6 +65,7 @@ def test_the_experiment_has_rows_a_table_and_a_figure(no_sweep):
     assert {len(values) for values in table.values()} == {90}
 
 
+@pytest.mark.slow
 def test_it_runs_as_a_command_from_a_checkout(no_sweep, tmp_path, capsys):
     assert main(["experiment", "sweep_throughput", "--out", str(tmp_path)]) == 0
     assert "throughput" in capsys.readouterr().out
