@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+from collections.abc import Mapping
 from pathlib import Path
 
 from drake_srg.parsing import models_path
@@ -44,24 +45,29 @@ def sources_hash() -> str:
     Raises:
         OSError: If a file cannot be read.
     """
-    return hash_files(_PACKAGE, models_path())
+    folders = {"": _PACKAGE, "models/": models_path()}
+    return hash_files(folders, left_out=NOT_IN_A_TRIAL)
 
 
-def hash_files(package: Path, models: Path) -> str:
-    """Return a short hash of the names and contents of a package's files.
+def hash_files(folders: Mapping[str, Path], left_out: tuple[str, ...] = ()) -> str:
+    """Return a short hash of the names and contents of files of code and models.
 
     Args:
-        package: The package's folder.
-        models: The folder of its models, inside the package or elsewhere.
+        folders: Where to look for files; each key is put before the names of its files.
+            Of equal names, the later one counts.
+        left_out: Starts of names that do not count.
+
+    Raises:
+        OSError: If a file cannot be read.
     """
-    files = {path.relative_to(package).as_posix(): path for path in package.rglob("*")}
-    files |= {
-        f"models/{path.relative_to(models).as_posix()}": path
-        for path in models.rglob("*")
+    files = {
+        prefix + path.relative_to(folder).as_posix(): path
+        for prefix, folder in folders.items()
+        for path in folder.rglob("*")
     }
     whole = hashlib.sha256()
     for name, path in sorted(files.items()):
-        if path.suffix in SUFFIXES and not name.startswith(NOT_IN_A_TRIAL):
+        if path.suffix in SUFFIXES and not name.startswith(left_out):
             content = hashlib.sha256(path.read_bytes()).hexdigest()
             whole.update(f"{content} {name}\n".encode())
     return whole.hexdigest()[:12]

@@ -60,6 +60,56 @@ def test_values_that_are_not_finite_fail_and_become_null(measured):
         assert row.as_dict()["measured"] is None
 
 
+@given(limit=numbers, measured=numbers)
+def test_far_below_a_limit_a_tenth_of_the_limit_means_nothing(limit, measured):
+    tenth = 0.1 * max(abs(limit), abs(measured))
+    for make in (Row.at_most, Row.at_least):
+        row = make("", "", limit, measured, "")
+        assert row.spread == pytest.approx(max(tenth, 1e-6))
+
+
+@given(expected=numbers, measured=numbers, share=st.floats(0, 2))
+def test_the_allowed_deviation_bounds_the_spread(expected, measured, share):
+    row = Row.within("", "", expected, measured, "", relative=share)
+    tenth = 0.1 * max(abs(expected), abs(measured))
+    assert row.spread <= max(min(share * abs(expected), tenth), 1e-6) * (1 + 1e-9)
+
+
+def test_around_zero_the_spread_is_the_allowed_deviation():
+    assert Row.within("", "", 0.0, 0.01, "", absolute=0.5).spread == 0.5
+
+
+@given(measured=numbers)
+def test_a_spread_is_never_zero(measured):
+    assert Row.info("", "", measured, "").spread >= max(0.1 * abs(measured), 1e-6)
+
+
+@given(measured=numbers, clock=st.sampled_from(["time", "rate"]))
+def test_wall_clock_values_may_move_by_half(measured, clock):
+    half = max(0.5 * abs(measured), 1e-6)
+    assert Row.info("", "", measured, "", clock=clock).spread == pytest.approx(half)
+
+
+@given(spread=st.floats(1e-3, 1e3))
+def test_the_maker_of_a_row_may_state_its_spread(spread):
+    rows = [
+        Row.at_most("", "", 1.0, 0.5, "", spread=spread),
+        Row.at_least("", "", 1.0, 1.5, "", spread=spread, clock="time"),
+        Row.within("", "", 1.0, 1.0, "", spread=spread),
+        Row.info("", "", 1.0, "", spread=spread),
+    ]
+    assert {row.spread for row in rows} == {spread}
+
+
+@given(measured=st.floats(), limit=numbers, clock=st.sampled_from(["", "time", "rate"]))
+def test_rows_survive_json(measured, limit, clock):
+    row = Row.at_most("can", "slip", limit, measured, "mm", clock=clock)
+    text = json.dumps(row.as_dict(), allow_nan=False)
+    read = Row.from_dict(json.loads(text))
+    assert read.as_dict() == row.as_dict()
+    assert math.isfinite(read.measured) == math.isfinite(measured)
+
+
 def test_criteria_are_readable():
     assert Row.at_most("", "", 3.0, 1.0, "").expected == "<= 3"
     assert Row.at_least("", "", 0.145, 1.0, "").expected == ">= 0.145"
@@ -81,6 +131,8 @@ def test_files_contain_the_rows_the_table_and_the_figure(tmp_path):
             "measured": 1.5,
             "unit": "um/s",
             "pass": True,
+            "spread": pytest.approx(0.3),
+            "clock": "",
         }
     ]
     with paths[1].open(newline="") as file:

@@ -32,7 +32,8 @@ def package(tmp_path):
 
 
 def hash_of(folder):
-    return hash_files(folder / "package", folder / "models")
+    folders = {"": folder / "package", "models/": folder / "models"}
+    return hash_files(folders, NOT_IN_A_TRIAL)
 
 
 @pytest.mark.parametrize(
@@ -63,11 +64,20 @@ def test_code_that_no_trial_imports_does_not_change_the_hash(package, name):
     assert hash_of(package) == before
 
 
+@pytest.mark.parametrize("name", NOT_IN_A_TRIAL)
+def test_all_code_counts_unless_it_is_left_out(package, name):
+    folders = {"": package / "package"}
+    before = hash_files(folders)
+    write(package / "package", {f"{name}page.py" if name[-1] == "/" else name: "x"})
+    assert hash_files(folders) != before
+
+
 def test_a_wheel_and_its_checkout_have_the_same_hash(package):
     before = hash_of(package)
     shutil.move(package / "models", package / "package/models")
     inside = package / "package"
-    assert hash_files(inside, inside / "models") == before
+    folders = {"": inside, "models/": inside / "models"}
+    assert hash_files(folders, NOT_IN_A_TRIAL) == before
 
 
 def module_files():

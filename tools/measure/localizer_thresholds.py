@@ -224,5 +224,7 @@ def judge(
         assert setting.threshold is not None
         what = f"scenes better than with {show(setting.threshold.used)}, less worse"
         gain = change.better - change.worse
-        rows.append(Row.at_most(str(setting), what, _CHANCE, gain, ""))
+        # Chance may also turn as many scenes between two runs.
+        chance = float(_CHANCE)
+        rows.append(Row.at_most(str(setting), what, chance, gain, "", spread=chance))
     return rows

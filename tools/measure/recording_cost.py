@@ -42,6 +42,8 @@ PARTS: dict[str, tuple[str, ...] | None] = {
 }
 # Recording everything must take no longer than three unrecorded trials.
 _MOST = 3.0
+# Two costs that each vary by a tenth have a ratio that varies by twice that, relative.
+_SPREAD = 0.2
 
 
 @dc.dataclass(frozen=True)
@@ -101,12 +103,13 @@ def judge(costs: Mapping[str, Mapping[str, Vector]]) -> Sequence[Row]:
     rows = []
     for name, cost in costs.items():
         median = float(np.median(cost["unrecorded"]))
-        rows.append(Row.info(name, "unrecorded", median, "s"))
+        rows.append(Row.info(name, "unrecorded", median, "s", clock="time"))
         for part, ratio in ratios(cost).items():
+            unit, spread = "x unrecorded", _SPREAD * ratio
             if part == "everything":
-                rows.append(Row.at_most(name, part, _MOST, ratio, "x unrecorded"))
+                rows.append(Row.at_most(name, part, _MOST, ratio, unit, spread=spread))
             elif part != "unrecorded":
-                rows.append(Row.info(name, part, ratio, "x unrecorded"))
+                rows.append(Row.info(name, part, ratio, unit, spread=spread))
     return rows
 
 

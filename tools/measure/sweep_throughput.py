@@ -32,7 +32,7 @@ _WARM = 20
 # must stay below _MEMORY for a thousand trials. Steps of 17 MB, which come and go, are
 # slopes of at most 1.5 * 17 / n over n trials: 0.14 over the 180 trials of a single
 # worker, but 0.32 over the 80 of each of two, whose growth is therefore not judged.
-_GROWTH = (_MEMORY - 410.0) / 1000
+_GROWTH, _STEP = (_MEMORY - 410.0) / 1000, 17.0
 
 
 @dc.dataclass(frozen=True)
@@ -77,25 +77,34 @@ def measure(jobs: int, trials: int, scenario: str = SCENARIO) -> Sweep:
 def judge(sweeps: Sequence[Sweep]) -> list[Row]:
     """Expect two workers to be nearly twice as fast, and memory not to grow."""
     one, two = sweeps
-    rows = [Row.info(f"{s.jobs} at a time", "wall clock", s.wall, "s") for s in sweeps]
+    rows = [
+        Row.info(f"{s.jobs} at a time", "wall clock", s.wall, "s", clock="time")
+        for s in sweeps
+    ]
     rows.append(Row.at_least("2 : 1", "throughput", _RATIO, one.wall / two.wall, ""))
     for sweep in sweeps:
         name = f"{sweep.jobs} at a time"
         for memory in sweep.memory.values():
             largest, slope = float(memory.max()), growth(memory)
+            what, step = "growth a trial", 1.5 * _STEP / len(warm(memory))
             rows += [
                 Row.at_most(name, "largest memory of a worker", _MEMORY, largest, "MB"),
-                Row.at_most(name, "growth a trial", _GROWTH, slope, "MB")
+                Row.at_most(name, what, _GROWTH, slope, "MB", spread=step)
                 if sweep is one
-                else Row.info(name, "growth a trial", slope, "MB"),
+                else Row.info(name, what, slope, "MB", spread=step),
             ]
     return rows
 
 
+def warm(memory: Vector) -> Vector:
+    """Return a worker's memory after the trials in which it loads everything [MB]."""
+    return memory[min(_WARM, len(memory) // 2) :]
+
+
 def growth(memory: Vector) -> float:
     """Return the slope of a worker's memory over its trials [MB per trial]."""
-    warm = memory[min(_WARM, len(memory) // 2) :]
-    return float(np.polyfit(np.arange(len(warm)), warm, 1)[0])
+    later = warm(memory)
+    return float(np.polyfit(np.arange(len(later)), later, 1)[0])
 
 
 def draw(sweeps: Sequence[Sweep]) -> Any:
