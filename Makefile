@@ -5,7 +5,7 @@ BIN := .venv/bin
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test test-fast coverage lint types models clean
+.PHONY: demo test test-fast coverage lint types models experiments clean
 
 demo: .venv/ready  ## run the main job and record it
 	$(BIN)/drake-srg run kitchen --out out/kitchen
@@ -28,6 +28,12 @@ types: .venv/ready
 
 models: .venv/ready  ## regenerate models/
 	$(BIN)/python tools/build_models.py
+
+# Without ONLY, EXCEPT or QUICK, this takes hours; it resumes where it was cut off.
+experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a b", EXCEPT="c", QUICK=1, ACCEPT=1)
+	PYTHONPATH=tools $(BIN)/python -m reproduce \
+		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
+		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
 
 .venv/ready: requirements.lock pyproject.toml tools/install_system_libraries.sh
 	sh tools/install_system_libraries.sh

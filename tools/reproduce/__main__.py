@@ -14,10 +14,9 @@ from drake_srg.experiments.registry import (
     list_measurements,
 )
 from reproduce.committed import Committed, read_rows
-from reproduce.compare import Change, compare, slowdown
-from reproduce.report import table
+from reproduce.report import Report
 from reproduce.runs import run_all
-from reproduce.stamps import RESULT, ROOT, Stamp, drake_version
+from reproduce.stamps import RESULT, ROOT, drake_version
 
 DOCS, OUT = ROOT / "docs", ROOT / "out" / "experiments"
 QUICK = 60.0  # how long the quick experiments may take together [s]
@@ -32,8 +31,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = make_parser().parse_args(arguments)
     try:
         return reproduce(options)
-    except ScenarioError as error:
-        print(f"experiments: {error}", file=sys.stderr)
+    except (ScenarioError, OSError) as error:
+        say(f"experiments: {error}")
         return BAD_INPUT
     except KeyboardInterrupt:
         say("experiments: stopped; the next call goes on from here")
@@ -68,7 +67,9 @@ def reproduce(options: argparse.Namespace) -> int:
     """Run, compare and report as the options say; returns the exit code.
 
     Raises:
-        ScenarioError: For an unknown experiment, or if no experiment is left to run.
+        ScenarioError: If an experiment is unknown, none is left to run, or the
+            committed figures cannot be read.
+        OSError: If results cannot be written.
     """
     committed = Committed(DOCS)
     stamps = committed.stamps()
@@ -79,41 +80,22 @@ def reproduce(options: argparse.Namespace) -> int:
         names = shortest(names, durations, QUICK)
     if not names:
         raise ScenarioError("no experiment to run (--quick needs committed figures)")
-    made: dict[str, Stamp] = {}
-    missing: dict[str, str] = {}
-    changes: dict[str, list[Change]] = {}
-    new: list[str] = []
+    old = {name: committed.rows(name) for name in names}
+    committed.render(descriptions)  # better to fail now than after hours
+    if others := {stamps[n].drake for n in names if n in stamps} - {drake_version()}:
+        say(f"Drake {drake_version()}; figures are of Drake {', '.join(others)}")
+    report, made = Report(), {}
     for run in run_all(names, OUT, durations, say):
         if run.stamp is None:
-            missing[run.name] = run.error
-            continue
-        made[run.name] = run.stamp
-        old, rows = committed.rows(run.name), read_rows(OUT / run.name / RESULT)
-        changes[run.name] = compare(old, rows)
-        if old is None:
-            new.append(run.name)
-        elif any(row.clock for row in rows):
-            factor = slowdown(old, rows)
-            say(f"{run.name}: {factor:.2f} times as long as committed, allowed for")
-    others = {stamps[name].drake for name in made if name in stamps} - {drake_version()}
-    if others:
-        say(f"this is Drake {drake_version()}; committed figures: {', '.join(others)}")
-    print(table(changes) or "no figure moved by more than its spread")
-    for name, error in missing.items():
-        print(f"{name}: not run: {error}")
-    for name in new:
-        print(f"{name}: no committed result yet")
+            report.missing[run.name] = run.error
+        else:
+            made[run.name] = run.stamp
+            report.add(run.name, old[run.name], read_rows(OUT / run.name / RESULT))
     if options.accept:
         committed.accept(made, OUT, descriptions)
-        print(f"accepted: {', '.join(made)}")
-    found = [change for name in changes for change in changes[name]]
-    counted = [c for c in found if c.what == "failed"] if options.accept else found
-    good = not (missing or counted or (new and not options.accept))
-    print(
-        f"{len(made)} of {len(names)} experiments ran, {len(missing)} did not; "
-        f"{len(found)} rows to look into; {'as committed' if good else 'not good'}"
-    )
-    return SUCCESS if good else TASK_FAILED
+        report.accepted = True
+    print(report.text())
+    return SUCCESS if report.good else TASK_FAILED
 
 
 def choose(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.result import Row
 from drake_srg.sweeps.files import write_file
 from reproduce.page import update
@@ -23,12 +24,12 @@ def read_rows(result: Path) -> list[Row]:
 
     Raises:
         OSError: If it cannot be read.
-        ValueError: If its content is not a result.
+        ScenarioError: If its content is not a result.
     """
     try:
         return [Row.from_dict(v) for v in json.loads(result.read_text("utf-8"))]
     except (ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{result}: not a result: {error!r}") from error
+        raise ScenarioError(f"{result}: invalid content: {error!r}") from None
 
 
 @dc.dataclass(frozen=True)
@@ -55,7 +56,7 @@ class Committed:
         """Return the rows of an experiment; None if there is no committed result.
 
         Raises:
-            ValueError: If the file is not a result.
+            ScenarioError: If the file is not a result.
         """
         path = self.figures / f"{name}.json"
         return read_rows(path) if path.exists() else None
@@ -72,7 +73,7 @@ class Committed:
                 stay as they are.
 
         Raises:
-            ValueError: If a section lacks its markers, or a file is not a result.
+            ScenarioError: If a section lacks its markers, or a file is not a result.
         """
         page, stamps = self.page.read_text(encoding="utf-8"), self.stamps()
         for name, description in descriptions.items():

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.result import Row
 from reproduce.stamps import Stamp
 
@@ -18,7 +19,7 @@ def update(
     An experiment that the page does not have yet gets a section at its end.
 
     Raises:
-        ValueError: If the section lacks its markers, or has several pairs.
+        ScenarioError: If the section lacks its markers, or has several pairs.
     """
     if f"\n## {name}\n" not in page:
         page += (
@@ -33,7 +34,9 @@ def update(
         flags=re.DOTALL,
     )
     if count != 1:
-        raise ValueError(f"experiments.md: {name}: needs one pair of markers")
+        raise ScenarioError(
+            f"experiments.md: {name}: needs one pair of markers, got {count}"
+        )
     return page
 
 

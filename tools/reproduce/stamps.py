@@ -10,6 +10,7 @@ import json
 from collections.abc import Mapping
 from pathlib import Path
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.sources import hash_files
 
@@ -84,12 +85,15 @@ def read_stamps(path: Path) -> dict[str, Stamp]:
     """Return stamps by experiment; none if there is no such file.
 
     Raises:
-        ValueError: If the file is not valid JSON.
+        ScenarioError: If the file does not hold stamps.
     """
     if not path.exists():
         return {}
-    read = json.loads(path.read_text(encoding="utf-8"))
-    return {name: Stamp(**values) for name, values in read.items()}
+    try:
+        read = json.loads(path.read_text(encoding="utf-8"))
+        return {name: Stamp(**values) for name, values in read.items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise ScenarioError(f"{path}: invalid content: {error!r}") from None
 
 
 def write_stamps(path: Path, stamps: Mapping[str, Stamp]) -> None:

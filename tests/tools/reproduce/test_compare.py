@@ -1,0 +1,134 @@
+import dataclasses as dc
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.experiments.result import Row
+from reproduce.compare import compare, slowdown
+
+sizes = st.floats(1e-3, 1e3)
+values = st.floats(-1e3, 1e3)
+
+
+@st.composite
+def passing(draw):
+    value = draw(values)
+    name = draw(st.sampled_from(["can", "box"]))
+    return draw(
+        st.sampled_from(
+            [
+                Row.at_most(name, "slip", value + 1.0, value, "mm"),
+                Row.at_least(name, "slip", value - 1.0, value, "mm"),
+                Row.within(name, "force", value, value, "N", relative=0.1),
+                Row.info(name, "slip", value, "mm"),
+                Row.info(name, "duration", abs(value), "s", clock="time"),
+            ]
+        )
+    )
+
+
+def whats(old, new):
+    return [change.what for change in compare(old, new)]
+
+
+@given(st.lists(passing()))
+def test_the_same_rows_are_no_change(rows):
+    assert compare(rows, rows) == []
+
+
+@given(value=values, spread=sizes, share=st.floats(0.0, 0.99))
+def test_a_row_moves_by_more_than_its_spread_or_not_at_all(value, spread, share):
+    old = Row.info("can", "slip", value, "mm", spread=spread)
+    for sign in (-1.0, 1.0):
+        near, far = (value + sign * spread * k for k in (share, 2.0 - share))
+        assert whats([old], [Row.info("can", "slip", near, "mm")]) == []
+        assert whats([old], [Row.info("can", "slip", far, "mm")]) == ["moved"]
+
+
+def test_the_committed_spread_counts():
+    old = Row.info("can", "slip", 1.0, "mm", spread=0.1)
+    new = Row.info("can", "slip", 1.5, "mm", spread=9.0)
+    (change,) = compare([old], [new])
+    assert (change.row, change.old, change.new) == (old, 1.0, 1.5)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 5e-5])
+def test_noise_far_below_a_limit_is_no_change(noise):
+    old = Row.at_most("fingers", "speed", 1.5e-3, 8.7e-11, "rad/s")
+    new = Row.at_most("fingers", "speed", 1.5e-3, noise, "rad/s")
+    assert compare([old], [new]) == []
+
+
+def test_a_row_that_fails_is_reported_once_even_if_it_moved():
+    old = Row.at_most("can", "slip", 3.0, 1.0, "mm")
+    new = Row.at_most("can", "slip", 3.0, 5.0, "mm")
+    for committed in ([old], [new], None):
+        assert whats(committed, [new]) == ["failed"]
+
+
+def test_a_value_that_is_not_finite_any_more_fails():
+    old, new = (Row.info("can", "slip", v, "mm") for v in (1.0, math.nan))
+    assert whats([old], [new]) == ["failed"]
+    assert whats([new], [old]) == ["moved"]
+
+
+@pytest.mark.parametrize("change", [{"name": "b"}, {"quantity": "b"}, {"unit": "b"}])
+def test_rows_appear_and_vanish(change):
+    row = Row.info("can", "slip", 1.0, "mm")
+    other = dc.replace(row, **change)
+    assert whats([row], [row, other]) == ["appeared"]
+    assert whats([row, other], [row]) == ["vanished"]
+    assert sorted(whats([row], [other])) == ["appeared", "vanished"]
+
+
+def test_of_equal_names_the_first_belongs_to_the_first():
+    one, two = (Row.info("worker", "memory", m, "MB") for m in (400.0, 500.0))
+    assert whats([one, two], [one, two]) == []
+    assert whats([one, two], [two, one]) == ["moved", "moved"]
+    assert whats([one, two], [one]) == ["vanished"]
+
+
+def test_without_committed_rows_nothing_has_changed():
+    assert compare(None, [Row.info("can", "slip", 1.0, "mm")]) == []
+
+
+def clocked(times, rates, ratio=1.0):
+    return [
+        *(Row.info(f"{i}", "time", t, "s", clock="time") for i, t in enumerate(times)),
+        *(Row.info(f"{i}", "rate", r, "", clock="rate") for i, r in enumerate(rates)),
+        Row.info("2 : 1", "ratio", ratio, ""),
+    ]
+
+
+@given(
+    times=st.lists(sizes, min_size=2, max_size=4),
+    rates=st.lists(sizes, max_size=3),
+    slower=st.floats(0.1, 10.0),
+)
+def test_another_machine_changes_no_wall_clock_row(times, rates, slower):
+    old = clocked(times, rates)
+    new = clocked([slower * t for t in times], [r / slower for r in rates])
+    assert slowdown(old, new) == pytest.approx(slower)
+    assert compare(old, new) == []
+
+
+@given(slower=st.floats(0.1, 10.0), worse=st.floats(1.6, 10.0))
+def test_a_row_that_got_slower_than_the_others_has_moved(slower, worse):
+    old = clocked([1.0, 2.0, 3.0], [4.0])
+    times = [slower, 2.0 * slower, 3.0 * slower * worse]
+    (change,) = compare(old, clocked(times, [4.0 / slower]))
+    assert (change.what, change.row.name) == ("moved", "2")
+    assert change.new == pytest.approx(3.0 * worse)
+
+
+def test_a_ratio_of_two_times_is_compared_as_it_is():
+    old, new = clocked([1.0, 2.0], [], 2.0), clocked([3.0, 6.0], [], 1.0)
+    (change,) = compare(old, new)
+    assert (change.row.name, change.new) == ("2 : 1", 1.0)
+
+
+def test_times_of_zero_tell_nothing_about_the_machine():
+    old, new = clocked([0.0, 1.0], []), clocked([0.0, 2.0], [])
+    assert slowdown(old, new) == 2.0
