@@ -6,7 +6,13 @@ import argparse
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 
-from drake_srg.cli.process import BAD_INPUT, INTERRUPTED, SUCCESS, TASK_FAILED
+from drake_srg.cli.process import (
+    BAD_INPUT,
+    INTERRUPTED,
+    SUCCESS,
+    TASK_FAILED,
+    end_on_sigterm,
+)
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.registry import (
     find_experiment,
@@ -29,6 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     vanished, or an experiment has no result; 2, bad input.
     """
     options = make_parser().parse_args(arguments)
+    end_on_sigterm()
     try:
         return reproduce(options)
     except (ScenarioError, OSError) as error:
@@ -90,7 +97,10 @@ def reproduce(options: argparse.Namespace) -> int:
             report.missing[run.name] = run.error
         else:
             made[run.name] = run.stamp
-            report.add(run.name, old[run.name], read_rows(OUT / run.name / RESULT))
+            rows = read_rows(OUT / run.name / RESULT)
+            report.add(run.name, old[run.name], rows)
+            wrong = len(report.changes[run.name])
+            say(f"{run.name}: {len(rows)} rows, {wrong} failed or changed")
     if options.accept:
         committed.accept(made, OUT, descriptions)
         report.accepted = True

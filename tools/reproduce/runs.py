@@ -12,6 +12,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
+from drake_srg.cli.process import end_on_sigterm
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.experiments.registry import run_experiment
 from reproduce.page import show_time
@@ -88,11 +89,16 @@ def in_process(function: Callable[..., str], *arguments: object) -> str:
         try:
             return pool.submit(function, *arguments).result()
         except BrokenProcessPool:
-            return "its process ended without a word"
+            return "its process ended without a message"
+        except KeyboardInterrupt:
+            for child in mp.active_children():  # a SIGTERM has reached us alone
+                child.terminate()
+            raise
 
 
 def run_quietly(name: str, out: Path) -> str:
     """Run an experiment; returns why it has no result, or nothing."""
+    end_on_sigterm()
     try:
         run_experiment(name, out, progress=sys.stderr.isatty())
     except ScenarioError as error:  # says it all

@@ -19,6 +19,12 @@ def test_the_cost_of_everything_is_judged(everything, passes):
     assert all(row.passed == passes for row in rows)
 
 
+def test_only_the_time_itself_depends_on_the_machine():
+    clocks = {row.quantity: row.clock for row in judge(made_up(2.0))}
+    assert clocks.pop("unrecorded") == "time"
+    assert set(clocks.values()) == {""}
+
+
 def test_ratios_are_of_the_same_seeds():
     cost = {"unrecorded": np.array([1.0, 10.0]), "everything": np.array([2.0, 30.0])}
     assert ratios(cost) == {"unrecorded": 1.0, "everything": pytest.approx(2.5)}

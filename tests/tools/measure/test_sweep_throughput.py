@@ -43,6 +43,22 @@ def test_growth_is_the_memory_that_each_trial_leaves_behind():
     assert growth(memory) == pytest.approx(1.2)
 
 
+def test_only_the_wall_clock_depends_on_the_machine():
+    rows = judge([made(j, 100.0 / j, [400.0] * 50) for j in (1, 2)])
+    assert {row.quantity for row in rows if row.clock == "time"} == {"wall clock"}
+
+
+@given(at=st.integers(1, 179), size=st.floats(-17.0, 17.0))
+def test_the_spread_of_growth_covers_a_step_of_the_allocator(at, size):
+    still, step = (410.0 + s * (np.arange(200) >= 20 + at) for s in (0.0, size))
+    old, new = (
+        judge([made(1, 100.0, memory), made(2, 51.0, [400.0] * 100)])
+        for memory in (still, step)
+    )
+    for before, after in zip(old, new, strict=True):
+        assert abs(after.measured - before.measured) <= before.spread
+
+
 @given(at=st.integers(1, 179), size=st.floats(-17.0, 17.0))
 def test_a_step_of_the_allocator_does_not_count_as_growth(at, size):
     one = made(1, 100.0, 410.0 + size * (np.arange(200) >= 20 + at))

@@ -1,6 +1,8 @@
 """Rows, stamps and folders of results that no experiment made."""
 
 import json
+import os
+import time
 from pathlib import Path
 
 from PIL import Image
@@ -32,3 +34,10 @@ def write_stamped(folder: Path, made, seconds=8.4):
     stamp = make_stamp(folder / "result.json", seconds)
     write_stamp(folder, stamp)
     return stamp
+
+
+def work_for_hours(file: Path):
+    """Write the process's number, then do nothing for long."""
+    file.with_suffix(".part").write_text(str(os.getpid()))
+    file.with_suffix(".part").rename(file)
+    time.sleep(3600.0)

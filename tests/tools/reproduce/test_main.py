@@ -20,6 +20,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setattr(command, "OUT", tmp_path / "out")
     monkeypatch.setattr(command, "list_experiments", lambda: dict.fromkeys(NAMES, "A."))
     monkeypatch.setattr(command, "list_measurements", dict)
+    monkeypatch.setattr(command, "end_on_sigterm", lambda: None)
     (tmp_path / "docs").mkdir()
     (tmp_path / "docs/experiments.md").write_text("# Page\n")
     return tmp_path

@@ -1,10 +1,13 @@
 import os
+import signal
+import threading
+import time
 
 import pytest
 
 from reproduce import runs
 from reproduce.runs import in_process, remaining, run_all, run_quietly
-from tools.reproduce.made_rows import rows, write_result, write_stamped
+from tools.reproduce.made_rows import rows, work_for_hours, write_result, write_stamped
 
 
 @pytest.fixture
@@ -84,10 +87,27 @@ def test_the_end_of_a_process_is_survived():
     assert "ended" in in_process(os._exit, 3)
 
 
+@pytest.mark.slow
+def test_an_interrupt_ends_the_experiment_s_process(tmp_path):
+    file = tmp_path / "pid"
+
+    def interrupt():
+        while not file.exists():
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt).start()
+    with pytest.raises(KeyboardInterrupt):
+        in_process(work_for_hours, file)
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(file.read_text()), 0)
+
+
 def test_an_exception_has_its_type(tmp_path, monkeypatch, capsys):
     def broken(*_, **__):
         raise ZeroDivisionError("first line\nsecond")
 
     monkeypatch.setattr(runs, "run_experiment", broken)
+    monkeypatch.setattr(runs, "end_on_sigterm", lambda: None)
     assert run_quietly("fake", tmp_path) == "ZeroDivisionError: first line second"
     assert "Traceback" in capsys.readouterr().err
