@@ -54,6 +54,16 @@ def test_the_committed_spread_counts():
     assert (change.row, change.old, change.new) == (old, 1.0, 1.5)
 
 
+def test_a_drift_within_the_criterion_is_noticed():
+    # As happened to fingers that press on each other.
+    old, new = (
+        Row.at_least("fingers", "contact force, mean", 0.5, force, "N")
+        for force in (11.25, 8.36)
+    )
+    assert new.passed
+    assert whats([old], [new]) == ["moved"]
+
+
 @pytest.mark.parametrize("noise", [0.0, 1e-12, 5e-5])
 def test_noise_far_below_a_limit_is_no_change(noise):
     old = Row.at_most("fingers", "speed", 1.5e-3, 8.7e-11, "rad/s")
