@@ -19,6 +19,7 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 
+from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.shapes import drake_shape
 from drake_srg.objects.config import ObjectConfig
@@ -266,6 +267,7 @@ def _contact_properties(
         friction=CoulombFriction(friction, friction),
         properties=properties,
     )
+    properties.AddProperty("material", "relaxation_time", relaxation_time(_DISSIPATION))
     geometry.AddCompliantHydroelasticProperties(
         resolution_hint=resolution,
         hydroelastic_modulus=config.modulus or _MODULUS,

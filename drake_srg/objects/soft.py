@@ -76,6 +76,8 @@ def AddSoftObject(
     proximity = ProximityProperties()
     friction = CoulombFriction(config.friction, config.friction)
     AddContactMaterial(properties=proximity, friction=friction)
+    # Its elements dissipate, its surface does not.
+    proximity.AddProperty("material", "relaxation_time", 0.0)
     geometry.set_proximity_properties(proximity)
     illustration, perception = IllustrationProperties(), PerceptionProperties()
     for properties in (illustration, perception):

@@ -18,6 +18,7 @@ from pydrake.geometry import (
     Role,
 )
 
+from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.parsing import models_path
 from models.built_models import (
     CAN,
@@ -160,3 +161,16 @@ def test_checked_in_models_match_what_the_script_builds():
 def test_meshes_are_small():
     for path in (models_path() / "meshes").iterdir():
         assert path.stat().st_size < 300_000, path.name
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_contact_dissipates_alike_in_each_approximation(name):
+    built = build(name)
+    for body in built.bodies():
+        for geometry in built.plant.GetCollisionGeometriesForBody(body):
+            properties = built.inspector.GetProximityProperties(geometry)
+            d = properties.GetPropertyOrDefault(
+                "material", "hunt_crossley_dissipation", 0.0
+            )
+            tau = properties.GetProperty("material", "relaxation_time")
+            assert tau == pytest.approx(relaxation_time(d))

@@ -2,11 +2,13 @@ import numpy as np
 import pytest
 from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
     AddMultibodyPlantSceneGraph,
     MultibodyPlantConfig,
 )
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
@@ -18,6 +20,7 @@ from drake_srg.objects.models import (
     known_shape,
     object_shape,
 )
+from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
@@ -229,3 +232,41 @@ def test_a_cylinder_as_long_as_it_is_wide_can_be_touched(excess):
     context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
     contacts = plant.get_contact_results_output_port().Eval(context)
     assert contacts.num_hydroelastic_contacts() == 1
+
+
+def impact(approximation):
+    """Return the largest force [N] of a box of rubber that lands on a floor."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlant(
+        MultibodyPlantConfig(
+            time_step=1e-4,
+            contact_model="hydroelastic",
+            discrete_contact_approximation=approximation,
+        ),
+        builder,
+    )
+    parser = Parser(plant)
+    configure_parser(parser)
+    parser.AddModelsFromUrl("package://drake_srg/sdf/floor.sdf")
+    box = ObjectConfig(
+        shape=Box([0.04, 0.05, 0.06]), mass=0.25, friction=0.7, modulus=2e6
+    )
+    (body,) = map(plant.get_body, plant.GetBodyIndices(AddObject(plant, "box", box)))
+    plant.Finalize()
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    plant.SetFreeBodyPose(context, body, RigidTransform([0.0, 0.0, -0.7199]))
+    plant.SetVelocities(context, [0.0, 0.0, 0.0, 0.0, 0.0, -0.3])  # 0.3 m/s down
+    forces = []
+    for step in range(200):
+        simulator.AdvanceTo(1e-4 * step)
+        results = plant.get_contact_results_output_port().Eval(context)
+        for i in range(results.num_hydroelastic_contacts()):
+            force = results.hydroelastic_contact_info(i).F_Ac_W()
+            forces.append(abs(force.translational()[2]))
+    return max(forces)
+
+
+def test_contact_is_damped_alike_in_each_approximation():
+    sap, lagged = impact("sap"), impact("lagged")
+    assert lagged / 2.0 < sap < 2.0 * lagged

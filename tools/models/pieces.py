@@ -34,7 +34,7 @@ class VolumeMesh:
 
 @dc.dataclass(frozen=True)
 class Proximity:
-    """Contact properties; None leaves Drake's default."""
+    """Contact properties; None leaves Drake's default, and dissipates nothing."""
 
     rigid: bool = True
     friction: float | None = None

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 
 from .pieces import Inertial, Piece, Primitive, Proximity, VolumeMesh
@@ -197,10 +198,12 @@ def AddProximity(
         AddChild(node, "drake:rigid_hydroelastic")
     else:
         AddChild(node, "drake:compliant_hydroelastic")
+    d = proximity.dissipation
     for tag, value in (
         ("mesh_resolution_hint", resolution),
         ("hydroelastic_modulus", proximity.modulus),
-        ("hunt_crossley_dissipation", proximity.dissipation),
+        ("hunt_crossley_dissipation", d),
+        ("relaxation_time", relaxation_time(d or 0.0)),
         ("mu_dynamic", proximity.friction),
         ("mu_static", proximity.friction),
     ):
