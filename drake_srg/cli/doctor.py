@@ -28,7 +28,12 @@ OLDEST_PYTHON = "3.10"
 OLDEST_DRAKE = "1.51.1"
 
 # Modules to import, and the packages that contain them.
-_PACKAGES = {"cv2": "opencv-python-headless", "ruckig": "ruckig", "tqdm": "tqdm"}
+_PACKAGES = {
+    "cv2": "opencv-python-headless",
+    "ruckig": "ruckig",
+    "toppra": "toppra",
+    "tqdm": "tqdm",
+}
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}
 _PLOTS = {"matplotlib.figure": "matplotlib"}
 _SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}

@@ -41,7 +41,12 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 # The experiments in tools/measure, so that a wheel can say why it lacks them.
-MEASUREMENTS = ("localizer_thresholds", "recording_cost", "sweep_throughput")
+MEASUREMENTS = (
+    "localizer_thresholds",
+    "recording_cost",
+    "sweep_throughput",
+    "time_parameterization",
+)
 _TOOLS = Path(__file__).resolve().parents[2] / "tools"
 
 

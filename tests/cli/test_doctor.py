@@ -93,6 +93,7 @@ def test_a_long_message_is_one_line():
         ("matplotlib.figure", "plots"),
         ("rosbags.rosbag2", "rosbags"),
         ("ruckig", "packages"),
+        ("toppra", "packages"),
         ("tqdm", "packages"),
     ],
 )

@@ -11,10 +11,12 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.motion.config import MotionConfig
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
 from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
-from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_trajectory
+from drake_srg.planning.motion.trajectories import time_optimal_trajectory
 from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -40,6 +42,7 @@ class Moves:
         self._scene = scene
         self._p_GT = np.asarray(p_GT)
         self._config = config
+        self._parameterize = MakeTimeParameterization(config.time_parameterization)
         limits = MotionLimits.of_plant(scene)
         self.free = limits.scaled(config.speed, config.speed)
         self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
@@ -141,7 +144,7 @@ class Moves:
         else:
             rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]
             trajectory = time_optimal_trajectory(
-                self._scene, path, limits, rounding=rounding
+                self._scene, path, limits, self._parameterize, rounding=rounding
             )
         if isinstance(trajectory, PlanningFailure):
             raise NoPathError(trajectory)

@@ -17,8 +17,8 @@ from pydrake.trajectories import (
 
 from drake_srg.planning.motion.config import TipLimits
 from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.motion.trajectories import MotionLimits
 from drake_srg.types import Failure, Vector
 
 # Longest steps of a path, in distance [m] and of a joint [rad]. Those of

@@ -10,12 +10,8 @@ time-optimal acceleration into ramps without exceeding a limit.
 
 from __future__ import annotations
 
-import dataclasses as dc
-
 import numpy as np
 from pydrake.math import BsplineBasis
-from pydrake.multibody.optimization import Toppra
-from pydrake.multibody.tree import MultibodyForces
 from pydrake.trajectories import (
     BsplineTrajectory,
     PathParameterizedTrajectory,
@@ -23,7 +19,9 @@ from pydrake.trajectories import (
 )
 
 from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
 from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.motion.time_parameterization import TimeParameterization
 from drake_srg.types import Failure, Vector
 
 # Between the configurations that were checked, the polyline may break its margin by
@@ -31,44 +29,11 @@ from drake_srg.types import Failure, Vector
 _GRAZE = 1e-3
 
 
-@dc.dataclass(frozen=True)
-class MotionLimits:
-    """Limits of a trajectory, the same in both directions."""
-
-    velocity: Vector  # shape (N,) [rad/s]
-    acceleration: Vector  # shape (N,) [rad/s²]
-    torque: Vector  # shape (N,) [N m]
-
-    @staticmethod
-    def of_plant(scene: PlanningScene) -> MotionLimits:
-        """Return the limits that the arm's model states."""
-        plant, arm = scene.plant, scene.arm_indices
-        torque = np.full(plant.num_positions(), np.inf)
-        for index in plant.GetJointActuatorIndices():
-            actuator = plant.get_joint_actuator(index)
-            torque[actuator.joint().position_start()] = actuator.effort_limit()
-        return MotionLimits(
-            plant.GetVelocityUpperLimits()[arm],
-            plant.GetAccelerationUpperLimits()[arm],
-            torque[arm],
-        )
-
-    def scaled(
-        self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
-    ) -> MotionLimits:
-        """Return these limits times factors, as for a hand that carries something."""
-        return dc.replace(
-            self,
-            velocity=velocity * self.velocity,
-            acceleration=acceleration * self.acceleration,
-            torque=torque * self.torque,
-        )
-
-
 def time_optimal_trajectory(
     scene: PlanningScene,
     waypoints: Vector,
     limits: MotionLimits,
+    parameterize: TimeParameterization,
     *,
     rounding: float = 0.2,
     ramp: float = 0.04,
@@ -76,14 +41,15 @@ def time_optimal_trajectory(
     """Move from rest to rest along `waypoints`, as fast as `limits` allow.
 
     The path's corners are rounded, less and less until the motion is free in `scene`.
-    Drake's TOPPRA (Pham and Pham, 2018) finds the fastest motion along it; a spline
-    then gives each step of the acceleration a ramp. The result keeps the limits of
-    velocity and acceleration at every instant, and those of torque at every knot.
+    `parameterize` finds the fastest motion along it; a spline then gives each step of
+    the acceleration a ramp. The result keeps the limits of velocity and acceleration at
+    every instant, and those of torque at every knot.
 
     Args:
         scene: The scene in which the polyline is free, with the object in the hand.
         waypoints: The polyline, shape (K, N) [rad].
         limits: What the motion must not exceed.
+        parameterize: Finds the fastest motion along a path.
         rounding: How far the motion may leave the polyline [rad]. For a path of
             `plan_cartesian_path`, 1e-3 keeps the hand on its line to a millimetre.
         ramp: Duration of the shortest ramp from one acceleration to another [s]. The
@@ -109,11 +75,11 @@ def time_optimal_trajectory(
     message = ""
     spans = 4
     while spans <= 256:
-        path, deviation = _rounded_path(waypoints, spans)
+        path, deviation = rounded_path(waypoints, spans)
         spans *= 2
         if deviation > rounding:
             continue
-        motion = _fastest_motion(scene, path, limits)
+        motion = _fastest_motion(scene, path, limits, parameterize)
         if motion is None:
             return PlanningFailure(
                 Failure.OUT_OF_REACH,
@@ -129,8 +95,17 @@ def time_optimal_trajectory(
     return PlanningFailure(Failure.BLOCKED, f"no rounding of the path is free{message}")
 
 
-def _rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
-    """Return a spline of `spans` equal spans over the polyline, and its deviation."""
+def rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
+    """Return a spline of `spans` equal spans over a polyline, and its deviation.
+
+    Args:
+        waypoints: The polyline, shape (K, N) [rad].
+        spans: The more there are, the less the corners are rounded.
+
+    Returns:
+        q(s), shape (N, 1) [rad], from s = 0 to the length of the polyline [rad]; and
+        the spline's distance from the polyline at corners and knots, the largest [rad].
+    """
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     breaks = np.append(0.0, np.cumsum(lengths))
 
@@ -148,26 +123,20 @@ def _rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, flo
 
 
 def _fastest_motion(
-    scene: PlanningScene, path: BsplineTrajectory, limits: MotionLimits
+    scene: PlanningScene,
+    path: BsplineTrajectory,
+    limits: MotionLimits,
+    parameterize: TimeParameterization,
 ) -> Trajectory | None:
-    """Return all positions of the plant over time, from rest to rest, if possible."""
-    control = [scene.positions(point[:, 0])[:, None] for point in path.control_points()]
-    path = BsplineTrajectory(path.basis(), control)
+    """Return q(t), shape (N, 1) [rad], from rest to rest, if possible."""
+    progress = parameterize(scene, path, limits, grid_of(path))
+    return None if progress is None else PathParameterizedTrajectory(path, progress)
+
+
+def grid_of(path: BsplineTrajectory) -> Vector:
+    """Return the points at which a path's motion keeps its limits, shape (K,)."""
     spans = path.num_control_points() - 3
-    grid = np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 30, 200)) + 1)
-    toppra = Toppra(path, scene.plant, grid)
-    toppra.AddJointVelocityLimit(*_bounds(scene, limits.velocity))
-    toppra.AddJointAccelerationLimit(*_bounds(scene, limits.acceleration))
-    toppra.AddJointTorqueLimit(*_bounds(scene, limits.torque))
-    scaling = toppra.SolvePathParameterization()
-    return None if scaling is None else PathParameterizedTrajectory(path, scaling)
-
-
-def _bounds(scene: PlanningScene, limit: Vector) -> tuple[Vector, Vector]:
-    """Return bounds on all positions of the plant, loose ones on what does not move."""
-    upper = np.full(scene.plant.num_positions(), 1e6)
-    upper[scene.arm_indices] = np.minimum(limit, 1e6)
-    return -upper, upper
+    return np.linspace(0.0, path.end_time(), int(np.clip(2 * spans, 30, 200)) + 1)
 
 
 def _within_limits(
@@ -175,13 +144,13 @@ def _within_limits(
 ) -> BsplineTrajectory:
     """Return the motion with ramped acceleration, stretched until it keeps the limits.
 
-    TOPPRA keeps the limits at its grid points, and may exceed them a little in between.
+    TOPP-RA keeps the limits at its grid points, and may exceed them a little between.
     Differences of a uniform cubic spline's control points bound its derivatives.
     """
     count = int(np.ceil(motion.end_time() / ramp))
     times = np.linspace(0.0, motion.end_time(), count + 1)
     times = np.concatenate([[0.0] * 2, times, times[-1:], times[-1:]])
-    control = motion.vector_values(times).T[:, scene.arm_indices]
+    control = motion.vector_values(times).T
     step = motion.end_time() / count
     v = np.diff(control, axis=0) / step
     a = np.diff(v, axis=0) / step
@@ -200,19 +169,11 @@ def _torque_use(
     scene: PlanningScene, q: Vector, v: Vector, a: Vector, limit: Vector
 ) -> float:
     """Return the largest share of the torque that gravity leaves of the limits."""
-    plant, arm = scene.plant, scene.arm_indices
-    context = plant.CreateDefaultContext()
-    no_forces = MultibodyForces(plant)
-    full = np.zeros(plant.num_velocities())
+    dynamics = InverseDynamics(scene)
     use = 0.0
     for q_i, v_i, a_i in zip(q, v, a, strict=True):
-        plant.SetPositions(context, scene.positions(q_i))
-        full[arm] = v_i
-        plant.SetVelocities(context, full)
-        full[arm] = a_i
-        motion = plant.CalcInverseDynamics(context, full, no_forces)[arm]
-        hold = -plant.CalcGravityGeneralizedForces(context)[arm]
-        left = np.maximum(limit - np.sign(motion) * hold, 1e-6)
+        motion = dynamics.moving(q_i, v_i, a_i)
+        left = np.maximum(limit - np.sign(motion) * dynamics.holding(q_i), 1e-6)
         use = max(use, float(np.max(np.abs(motion) / left)))
     return use
 

@@ -8,12 +8,12 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.motion.config import TipLimits
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.paths import (
     plan_cartesian_path,
     plan_joint_path,
 )
 from drake_srg.planning.motion.tip_trajectory import tip_limited_trajectory
-from drake_srg.planning.motion.trajectories import MotionLimits
 from drake_srg.scenario.yaml_typed import load_typed
 from drake_srg.types import Sphere
 

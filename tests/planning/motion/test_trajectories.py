@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 import itertools
 
 import numpy as np
@@ -12,11 +13,13 @@ from pydrake.multibody.tree import MultibodyForces
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.paths import (
     plan_cartesian_path,
     plan_joint_path,
 )
-from drake_srg.planning.motion.trajectories import MotionLimits, time_optimal_trajectory
+from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+from drake_srg.planning.motion.trajectories import time_optimal_trajectory
 from drake_srg.types import Box, Failure
 
 # Velocity and acceleration limits hold by construction, but for rounded sums.
@@ -27,6 +30,13 @@ TORQUE_SLACK = 0.02
 RAMP = 0.04
 
 unit = st.floats(-1.0, 1.0)
+
+
+@pytest.fixture(scope="module", params=["toppra", "drake"])
+def timed(request):
+    """Return `time_optimal_trajectory` with each time parameterization."""
+    parameterize = MakeTimeParameterization(request.param)
+    return functools.partial(time_optimal_trajectory, parameterize=parameterize)
 
 
 def free_postures(scene, values):
@@ -90,19 +100,19 @@ def assert_within(scene, trajectory, limits):
 @settings(max_examples=25, deadline=None)
 @given(st.lists(unit, min_size=14, max_size=14))
 def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
-    iiwa, values
+    timed, iiwa, values
 ):
     q_1, q_2 = free_postures(iiwa, values)
     assume(np.max(np.abs(q_2 - q_1)) > 0.05)
     limits = MotionLimits.of_plant(iiwa)
-    trajectory = time_optimal_trajectory(iiwa, np.array([q_1, q_2]), limits, ramp=RAMP)
+    trajectory = timed(iiwa, np.array([q_1, q_2]), limits, ramp=RAMP)
     assert_within(iiwa, trajectory, limits)
     _, q, _, _ = sampled(trajectory)
     np.testing.assert_allclose(q[[0, -1]], [q_1, q_2], atol=1e-12)
     along = (q - q_1) @ (q_2 - q_1) / np.sum((q_2 - q_1) ** 2)
     np.testing.assert_allclose(q, q_1 + along[:, None] * (q_2 - q_1), atol=1e-9)
     assert np.all(np.diff(along) >= -1e-9)
-    # The ramps cost two intervals, TOPPRA's grid a little.
+    # The ramps cost two intervals, TOPP-RA's grid a little.
     fastest = trapezoid_time(q_1, q_2, limits)
     assert fastest <= trajectory.end_time() <= 1.03 * fastest + 2.2 * RAMP
 
@@ -111,13 +121,13 @@ def test_straight_lines_keep_the_limits_and_take_little_longer_than_a_trapezoid(
 @settings(max_examples=15, deadline=None)
 @given(st.lists(unit, min_size=28, max_size=28), st.sampled_from([0.02, 0.2]))
 def test_polylines_keep_the_limits_stay_near_and_are_no_slower_than_stopping(
-    iiwa, values, rounding
+    timed, iiwa, values, rounding
 ):
     waypoints = free_postures(iiwa, values)
     edges = list(itertools.pairwise(waypoints))
     assume(all(iiwa.is_edge_free(*edge) for edge in edges))
     limits = MotionLimits.of_plant(iiwa)
-    trajectory = time_optimal_trajectory(iiwa, waypoints, limits, rounding=rounding)
+    trajectory = timed(iiwa, waypoints, limits, rounding=rounding)
     assert_within(iiwa, trajectory, limits)
     _, q, _, _ = sampled(trajectory)
     np.testing.assert_allclose(q[[0, -1]], waypoints[[0, -1]], atol=1e-12)
@@ -138,7 +148,7 @@ def distance_to_segment(q, q_1, q_2):
     return np.linalg.norm(q - q_1 - share[:, None] * way, axis=1)
 
 
-def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
+def test_a_way_around_a_wall_stays_free_when_rounded(timed, iiwa, home):
     down = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     left, right = (
         solve_inverse_kinematics(
@@ -151,8 +161,8 @@ def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
     limits = MotionLimits.of_plant(iiwa)
     with iiwa.standing(Box((0.3, 0.03, 0.5)), RigidTransform([0.6, 0.0, 0.25])):
         path = plan_joint_path(iiwa, left, right)
-        trajectory = time_optimal_trajectory(iiwa, path, limits)
-        again = time_optimal_trajectory(iiwa, path, limits)
+        trajectory = timed(iiwa, path, limits)
+        again = timed(iiwa, path, limits)
         _, q, _, _ = sampled(trajectory)
         # The margin may be broken by 1 mm, and by another 1 mm between checks.
         assert min(iiwa.clearance(x).spare for x in q) >= -0.002
@@ -163,12 +173,12 @@ def test_a_way_around_a_wall_stays_free_when_rounded(iiwa, home):
         np.testing.assert_array_equal(first, second)
 
 
-def test_a_timed_line_of_the_hand_stays_a_line(iiwa, home):
+def test_a_timed_line_of_the_hand_stays_a_line(timed, iiwa, home):
     X_start = iiwa.X_WG(home)
     target = HandTarget.from_pose(X_start).shifted(np.array([0.1, 0.05, -0.1]))
     path = plan_cartesian_path(iiwa, home, target)
     limits = MotionLimits.of_plant(iiwa).scaled(acceleration=0.5)
-    trajectory = time_optimal_trajectory(iiwa, path, limits, rounding=1e-3)
+    trajectory = timed(iiwa, path, limits, rounding=1e-3)
     way = target.p_WT - X_start.translation()
     way /= np.linalg.norm(way)
     for q in sampled(trajectory, 100)[1]:
@@ -178,11 +188,11 @@ def test_a_timed_line_of_the_hand_stays_a_line(iiwa, home):
     assert_within(iiwa, trajectory, limits)
 
 
-def test_jerk_falls_with_the_ramp(iiwa, home):
+def test_jerk_falls_with_the_ramp(timed, iiwa, home):
     waypoints = np.array([home, home + 0.5])
     limits = MotionLimits.of_plant(iiwa)
     for ramp in (0.02, 0.1):
-        trajectory = time_optimal_trajectory(iiwa, waypoints, limits, ramp=ramp)
+        trajectory = timed(iiwa, waypoints, limits, ramp=ramp)
         times, _, _, a = sampled(trajectory)
         jerk = np.abs(np.diff(a, axis=0)) / np.diff(times)[:, None]
         # At worst, acceleration goes from one limit to the other within a ramp. The
@@ -190,8 +200,8 @@ def test_jerk_falls_with_the_ramp(iiwa, home):
         assert np.all(jerk <= 2.5 * limits.acceleration / ramp)
 
 
-def test_standing_still_takes_no_more_than_two_ramps(iiwa, home):
-    trajectory = time_optimal_trajectory(
+def test_standing_still_takes_no_more_than_two_ramps(timed, iiwa, home):
+    trajectory = timed(
         iiwa, np.array([home, home]), MotionLimits.of_plant(iiwa), ramp=RAMP
     )
     assert trajectory.end_time() == pytest.approx(2 * RAMP)
@@ -207,44 +217,38 @@ def test_limits_are_those_of_the_model(pendulum):
     np.testing.assert_allclose(limits.torque, [13.0, 13.0])
 
 
-def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(pendulum):
+def test_the_torque_limit_slows_an_arm_that_lifts_a_weight(timed, pendulum):
     # Level, 2 kg at 0.5 m take 9.81 N m to hold; of 13 N m, 3.2 are left to lift.
     # About y, a negative angle is up.
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
     limits = MotionLimits.of_plant(pendulum)
     strong = MotionLimits(limits.velocity, limits.acceleration, np.full(2, 1e3))
-    lifting = time_optimal_trajectory(pendulum, waypoints, limits)
-    unlimited = time_optimal_trajectory(pendulum, waypoints, strong)
+    lifting = timed(pendulum, waypoints, limits)
+    unlimited = timed(pendulum, waypoints, strong)
     assert lifting.end_time() > unlimited.end_time() + 0.02
     assert_within(pendulum, lifting, limits)
     _, q, v, a = sampled(unlimited)
     assert np.max(np.abs(torques_of(pendulum, q, v, a))) > 1.05 * 13.0
 
 
-def test_a_weight_too_heavy_to_hold_is_out_of_reach(pendulum):
+def test_a_weight_too_heavy_to_hold_is_out_of_reach(timed, pendulum):
     limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
-    failure = time_optimal_trajectory(
-        pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits
-    )
+    failure = timed(pendulum, np.array([[0.0, 0.0], [-0.2, 0.0]]), limits)
     assert isinstance(failure, PlanningFailure)
     assert failure.failure is Failure.OUT_OF_REACH
     assert "torque" in failure.message
 
 
-def test_a_payload_slows_the_arm_and_can_be_too_heavy(pendulum, loaded_pendulum):
+def test_a_payload_slows_the_arm_and_can_be_too_heavy(timed, pendulum, loaded_pendulum):
     waypoints = np.array([[0.0, 0.0], [-0.4, 0.0]])
     limits = MotionLimits.of_plant(pendulum)
-    bare = time_optimal_trajectory(pendulum, waypoints, limits)
-    loaded = time_optimal_trajectory(loaded_pendulum, waypoints, limits)
+    bare = timed(pendulum, waypoints, limits)
+    loaded = timed(loaded_pendulum, waypoints, limits)
     assert loaded.end_time() > bare.end_time() + 0.02
     # 12.26 N m to hold 2.5 kg, 9.81 N m to hold 2 kg.
     weak = limits.scaled(torque=12.0 / 13.0)
-    assert not isinstance(
-        time_optimal_trajectory(pendulum, waypoints, weak), PlanningFailure
-    )
-    assert isinstance(
-        time_optimal_trajectory(loaded_pendulum, waypoints, weak), PlanningFailure
-    )
+    assert not isinstance(timed(pendulum, waypoints, weak), PlanningFailure)
+    assert isinstance(timed(loaded_pendulum, waypoints, weak), PlanningFailure)
 
 
 @pytest.mark.parametrize(
@@ -256,6 +260,6 @@ def test_a_payload_slows_the_arm_and_can_be_too_heavy(pendulum, loaded_pendulum)
         (np.zeros((2, 7)), {"ramp": -0.1}, "positive"),
     ],
 )
-def test_invalid_arguments_are_refused(iiwa, waypoints, changes, message):
+def test_invalid_arguments_are_refused(timed, iiwa, waypoints, changes, message):
     with pytest.raises(ValueError, match=message):
-        time_optimal_trajectory(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)
+        timed(iiwa, waypoints, MotionLimits.of_plant(iiwa), **changes)

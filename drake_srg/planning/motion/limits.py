@@ -1,0 +1,86 @@
+"""Limits of the arm's motions, and the torques that a motion takes."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.multibody.tree import MultibodyForces
+
+from drake_srg.planning.motion.arm_model import ArmModel
+from drake_srg.types import Vector
+
+
+@dc.dataclass(frozen=True)
+class MotionLimits:
+    """Limits of a trajectory, the same in both directions."""
+
+    velocity: Vector  # shape (N,) [rad/s]
+    acceleration: Vector  # shape (N,) [rad/s²]
+    torque: Vector  # shape (N,) [N m]
+
+    @staticmethod
+    def of_plant(arm: ArmModel) -> MotionLimits:
+        """Return the limits that the arm's model states."""
+        plant, indices = arm.plant, arm.arm_indices
+        torque = np.full(plant.num_positions(), np.inf)
+        for index in plant.GetJointActuatorIndices():
+            actuator = plant.get_joint_actuator(index)
+            torque[actuator.joint().position_start()] = actuator.effort_limit()
+        return MotionLimits(
+            plant.GetVelocityUpperLimits()[indices],
+            plant.GetAccelerationUpperLimits()[indices],
+            torque[indices],
+        )
+
+    def scaled(
+        self, velocity: float = 1.0, acceleration: float = 1.0, torque: float = 1.0
+    ) -> MotionLimits:
+        """Return these limits times factors, as for a hand that carries something."""
+        return dc.replace(
+            self,
+            velocity=velocity * self.velocity,
+            acceleration=acceleration * self.acceleration,
+            torque=torque * self.torque,
+        )
+
+
+class InverseDynamics:
+    """Joint torques of an arm in motion, with its payload.
+
+    Args:
+        arm: The arm; its context is moved.
+    """
+
+    def __init__(self, arm: ArmModel) -> None:
+        self._arm = arm
+        self._no_forces = MultibodyForces(arm.plant)
+
+    def holding(self, q: Vector) -> Vector:
+        """Return the torques that hold the arm at rest at `q` (N,) [rad], (N,) [N m].
+
+        Without them the arm would fall.
+        """
+        plant = self._arm.plant
+        plant.SetPositions(self._arm.context, self._arm.positions(q))
+        gravity: Vector = plant.CalcGravityGeneralizedForces(self._arm.context)
+        return -gravity[self._arm.arm_indices]
+
+    def moving(self, q: Vector, v: Vector, a: Vector) -> Vector:
+        """Return the torques of a motion besides those that hold the arm, (N,) [N m].
+
+        Args:
+            q: Positions, shape (N,) [rad].
+            v: Velocities, shape (N,) [rad/s].
+            a: Accelerations, shape (N,) [rad/s²].
+        """
+        plant, indices = self._arm.plant, self._arm.arm_indices
+        plant.SetPositions(self._arm.context, self._arm.positions(q))
+        full = np.zeros(plant.num_velocities())
+        full[indices] = v
+        plant.SetVelocities(self._arm.context, full)
+        full[indices] = a
+        torques: Vector = plant.CalcInverseDynamics(
+            self._arm.context, full, self._no_forces
+        )
+        return torques[indices]

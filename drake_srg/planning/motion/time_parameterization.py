@@ -1,0 +1,82 @@
+"""The fastest motions along paths, by TOPP-RA (Pham and Pham, 2018)."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from pydrake.multibody.optimization import Toppra
+from pydrake.trajectories import BsplineTrajectory, Trajectory
+
+from drake_srg.planning.motion.arm_model import ArmModel
+from drake_srg.planning.motion.limits import MotionLimits
+from drake_srg.types import Vector
+
+
+class TimeParameterization(Protocol):
+    """Finds the fastest motion along a path."""
+
+    def __call__(
+        self,
+        arm: ArmModel,
+        path: BsplineTrajectory,
+        limits: MotionLimits,
+        grid: Vector,
+    ) -> Trajectory | None:
+        """Return the progress s(t) along a path, from rest to rest.
+
+        Args:
+            arm: The arm, with its payload.
+            path: q(s), shape (N, 1) [rad]; it never stands still.
+            limits: What the motion must not exceed at the points of the grid. Between
+                them it may, a little.
+            grid: Increasing values of s, shape (K,), from the path's start to its end.
+
+        Returns:
+            s(t) from t = 0, or None if the arm's torque cannot hold the arm all along.
+        """
+
+
+def MakeTimeParameterization(name: str) -> TimeParameterization:
+    """Return a time parameterization: `toppra` or `drake`.
+
+    Importing toppra takes 0.6 s, and happens here.
+
+    Raises:
+        ValueError: If there is no such time parameterization.
+    """
+    if name == "drake":
+        return drake_parameterization
+    if name == "toppra":
+        from drake_srg.planning.motion.toppra_parameterization import (
+            toppra_parameterization,
+        )
+
+        return toppra_parameterization
+    raise ValueError(f"time parameterization must be toppra or drake, got {name!r}")
+
+
+def drake_parameterization(
+    arm: ArmModel, path: BsplineTrajectory, limits: MotionLimits, grid: Vector
+) -> Trajectory | None:
+    """Solve with Drake's Toppra. See `TimeParameterization`.
+
+    It does not keep the limit of acceleration at the last point of the grid, and finds
+    no motion along some paths that turn back on themselves.
+    """
+    # Drake's takes the positions of the whole plant.
+    control = [arm.positions(point[:, 0])[:, None] for point in path.control_points()]
+    # Toppra refers to the path without keeping it alive.
+    whole_path = BsplineTrajectory(path.basis(), control)
+    toppra = Toppra(whole_path, arm.plant, grid)
+    toppra.AddJointVelocityLimit(*_bounds(arm, limits.velocity))
+    toppra.AddJointAccelerationLimit(*_bounds(arm, limits.acceleration))
+    toppra.AddJointTorqueLimit(*_bounds(arm, limits.torque))
+    return toppra.SolvePathParameterization()
+
+
+def _bounds(arm: ArmModel, limit: Vector) -> tuple[Vector, Vector]:
+    """Return bounds on all positions of the plant, loose ones on what does not move."""
+    upper = np.full(arm.plant.num_positions(), 1e6)
+    upper[arm.arm_indices] = np.minimum(limit, 1e6)
+    return -upper, upper

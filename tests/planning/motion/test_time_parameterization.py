@@ -1,0 +1,138 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
+from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+from drake_srg.planning.motion.trajectories import grid_of, rounded_path
+
+NAMES = ("toppra", "drake")
+# Solvers stop at this relative error.
+SOLVER = 1e-6
+MIDDLE = np.array([0.0, 0.2, 0.0, -1.5, 0.0, 1.2, 0.0])  # of the iiwa [rad]
+
+unit = st.floats(-1.0, 1.0)
+share = st.floats(0.2, 1.0)
+
+
+@st.composite
+def motions(draw, count):
+    """Draw points that a path leads along, (count, 7), and factors on the limits."""
+    values = draw(st.lists(unit, min_size=7 * count, max_size=7 * count))
+    points = MIDDLE + 0.5 * np.array(values).reshape(count, 7)
+    # Where a path stands still, no speed along it is too high.
+    assume(np.min(np.linalg.norm(np.diff(points, axis=0), axis=1)) > 0.1)
+    return points, [draw(share), draw(share), draw(st.floats(0.7, 1.0))]
+
+
+@settings(max_examples=25)
+@given(motions(5))
+def test_toppra_keeps_all_limits(iiwa, motion):
+    path, grid, limits = posed(iiwa, motion)
+    progress = MakeTimeParameterization("toppra")(iiwa, path, limits, grid)
+    assert progress.start_time() == 0.0
+    ends = [progress.value(t)[0, 0] for t in (0.0, progress.end_time())]
+    np.testing.assert_allclose(ends, grid[[0, -1]], atol=1e-9)
+    assert max(uses(iiwa, path, progress, grid, limits)) <= 1.0 + SOLVER
+
+
+@settings(max_examples=25)
+@given(motions(3))
+def test_both_take_the_same_time(iiwa, motion):
+    points, _ = motion
+    first, second = np.diff(points, axis=0)
+    if first @ second < 0.0:  # Drake's finds no motion along some paths that turn back
+        points[2] = points[1] - second
+    path, grid, limits = posed(iiwa, motion)
+    toppra, drake = (
+        MakeTimeParameterization(name)(iiwa, path, limits, grid).end_time()
+        for name in NAMES
+    )
+    assert toppra == pytest.approx(drake, rel=0.05)
+
+
+def posed(scene, motion):
+    points, factors = motion
+    path, _ = rounded_path(points, spans=8)
+    grid = grid_of(path)
+    limits = MotionLimits.of_plant(scene).scaled(*factors)
+    holding = InverseDynamics(scene).holding
+    hold = [holding(path.value(s)[:, 0]) for s in grid]
+    assume(np.all(np.abs(hold) < 0.95 * limits.torque))
+    return path, grid, limits
+
+
+def uses(scene, path, progress, grid, limits):
+    """Yield the largest shares of the limits at the grid points."""
+    dynamics = InverseDynamics(scene)
+    first, second = path.MakeDerivative(1), path.MakeDerivative(2)
+    # Speeds and times at grid points: between them, acceleration is constant.
+    times = np.array(progress.get_segment_times())
+    assert len(times) == len(grid)
+    x = np.array([progress.EvalDerivative(t, 1)[0, 0] for t in times]) ** 2
+    u = np.diff(x) / (2.0 * np.diff(grid))
+    for i, s in enumerate(grid):
+        q, dq, ddq = (f.value(s)[:, 0] for f in (path, first, second))
+        v = dq * np.sqrt(x[i])
+        yield np.max(np.abs(v) / limits.velocity)
+        for u_i in u[max(i - 1, 0) : i + 1]:
+            a = dq * u_i + ddq * x[i]
+            torque = dynamics.holding(q) + dynamics.moving(q, v, a)
+            yield np.max(np.abs(a) / limits.acceleration)
+            yield np.max(np.abs(torque) / limits.torque)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_arm_too_weak_to_hold_itself_cannot_move(pendulum, name):
+    limits = MotionLimits.of_plant(pendulum).scaled(torque=0.6)  # 7.8 of 9.81 N m
+    path, _ = rounded_path(np.array([[0.0, 0.0], [-0.2, 0.0]]), spans=8)
+    grid = grid_of(path)
+    assert MakeTimeParameterization(name)(pendulum, path, limits, grid) is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_joints_without_limits_do_not_slow_the_others(pendulum, name):
+    limits = MotionLimits.of_plant(pendulum)
+    free = MotionLimits(
+        np.array([2.0, np.inf]), np.array([10.0, np.inf]), np.full(2, np.inf)
+    )
+    path, _ = rounded_path(np.array([[0.0, 0.0], [0.8, 0.0]]), spans=8)
+    grid = grid_of(path)
+    parameterize = MakeTimeParameterization(name)
+    fast = parameterize(pendulum, path, free, grid).end_time()
+    # 0.8 rad at 2 rad/s and 10 rad/s^2, from rest to rest; the grid costs a little.
+    assert fast == pytest.approx(0.8 / 2.0 + 2.0 / 10.0, rel=0.05)
+    assert parameterize(pendulum, path, limits, grid).end_time() >= fast - 1e-6
+
+
+def test_another_name_is_refused():
+    with pytest.raises(ValueError, match="toppra or drake, got 'topp'"):
+        MakeTimeParameterization("topp")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scenario", "override", "imported"),
+    [
+        ("kitchen_fast", "planner.time_parameterization=toppra", True),
+        ("kitchen_fast", "planner.time_parameterization=drake", False),
+        ("gripper_bench", "random_seed=0", False),
+    ],
+)
+def test_toppra_is_imported_while_the_cell_is_built(scenario, override, imported):
+    code = f"""
+import sys
+from drake_srg import MakeCell, load_scenario
+cell = MakeCell(load_scenario({scenario!r}, overrides=[{override!r}]))
+print("toppra" in sys.modules)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.split() == [str(imported)]
