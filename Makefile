@@ -5,7 +5,7 @@ BIN := .venv/bin
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test test-fast coverage lint types models experiments clean
+.PHONY: demo test test-fast coverage lint types models experiments lock clean
 
 demo: .venv/ready  ## run the main job and record it
 	$(BIN)/drake-srg run kitchen --out out/kitchen
@@ -34,6 +34,12 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 	PYTHONPATH=tools $(BIN)/python -m reproduce \
 		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
 		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
+
+# Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.
+lock: .venv/ready  ## pin the packages of pyproject.toml for every supported Python
+	$(BIN)/uv pip compile --universal --python-version 3.11 --only-binary :all: \
+		--all-extras --no-annotate --quiet --custom-compile-command "make lock" \
+		$(UPGRADE) pyproject.toml --output-file requirements.lock
 
 .venv/ready: requirements.lock pyproject.toml tools/install_system_libraries.sh
 	sh tools/install_system_libraries.sh
