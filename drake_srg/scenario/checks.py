@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pydrake.systems.sensors import CameraConfig
 
+from drake_srg.common.drake_version import contact_approximations
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturbances import Topple
@@ -60,6 +61,10 @@ def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     ):
         if not value > 0.0:
             yield key, f"must be greater than 0.0, got {value}"
+    name, known = plant.discrete_contact_approximation, contact_approximations()
+    if name not in known:
+        key = "plant_config.discrete_contact_approximation"
+        yield key, f"unknown {name!r} (allowed: {', '.join(known)})"
     start = simulator.start_time
     if start != 0.0:  # every run starts then
         yield "simulator_config.start_time", f"must be 0.0, got {start}"
@@ -92,7 +97,8 @@ def _step_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield "gripper", f"{tag} cannot be used with integrator {_CENIC}"
     for key, period in _periods(scenario):
         # These are exact in binary. 1024 periods of 10 ms miss 10.24 s by a rounding
-        # error, and in a step that short, contact goes astray (docs/speed.md).
+        # error, and in a step that short, contact goes astray (docs/speed.md). Drake
+        # 1.51.1 and 1.58 take such steps.
         if not (1024.0 * period).is_integer():
             problem = f"must be a multiple of 1/1024 s with {_CENIC}, got {period}"
             yield key, problem

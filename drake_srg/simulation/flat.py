@@ -6,7 +6,6 @@ Newer Drakes take a nested plant. Once 1.58 is the oldest Drake supported, delet
 file: `MakeRoot` is then `builder = DiagramBuilder()` and `builder.AddNamedSystem(...)`.
 """
 
-import importlib.metadata
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -18,13 +17,12 @@ from pydrake.systems.framework import (
     OutputPort,
 )
 
+from drake_srg.common.drake_version import NEWER_DRAKE, takes_nested_plant
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import collectable
 from drake_srg.scenario.schema import Scenario, is_continuous
 from drake_srg.station.station import AddStation
-
-_NESTED_SINCE = (1, 58)
 
 Make = Callable[..., Diagram]
 Add = Callable[..., None]
@@ -54,7 +52,7 @@ def MakeRoot(
             return builder, builder.AddNamedSystem(name, make(scenario))
     if add is None:
         raise ScenarioError(
-            f"{origin} with a {name} of your own needs drake >= 1.58 (Python 3.12+), "
+            f"{origin} with a {name} of your own needs {NEWER_DRAKE}, "
             "or plant_config.time_step > 0"
         )
     root = _Root()
@@ -65,12 +63,6 @@ def MakeRoot(
     with scenario_errors(origin):
         group = root.AddGroup(name, add, scenario, make_station)
     return root, cast(Diagram, group)
-
-
-def takes_nested_plant() -> bool:
-    """Return whether CENIC of the installed Drake finds a plant in a nested diagram."""
-    version = importlib.metadata.version("drake").split(".")
-    return tuple(int(number) for number in version[:2]) >= _NESTED_SINCE
 
 
 class _Root(DiagramBuilder):

@@ -1,6 +1,6 @@
 """Finds constraints of models that a scenario's solver would ignore or refuse.
 
-Drake 1.51 logs a warning for some of them, refuses some in the first step, and silently
+Drake refuses some of them in the first step, logs a warning for some, and silently
 ignores others. This module reports all of them before the plant is built.
 """
 
@@ -18,6 +18,7 @@ from pydrake.multibody.parsing import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 
+from drake_srg.common.drake_version import NEWER_DRAKE, takes_loop_constraints
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario, is_continuous
@@ -53,11 +54,14 @@ def check_constraints(scenario: Scenario) -> None:
 def _refused(element: str, scenario: Scenario) -> str:
     """Return why the solver refuses an element and what is allowed, else empty text."""
     if is_continuous(scenario):
-        if element.endswith("mimic"):
+        discrete = f"plant_config.time_step greater than 0.0 with {_SAP}"
+        if element.endswith("tendon_constraint"):
+            return f"which integrator cenic refuses (allowed: {discrete})"
+        if element.endswith("mimic") or takes_loop_constraints():
             return ""
         return (
-            "which integrator cenic refuses (allowed: <drake:mimic>, or "
-            f"plant_config.time_step greater than 0.0 with {_SAP})"
+            "which integrator cenic refuses on this Drake (allowed: <drake:mimic>, "
+            f"{NEWER_DRAKE}, or {discrete})"
         )
     if scenario.plant_config.discrete_contact_approximation == "tamsi":
         return f"which tamsi does not support (allowed: {_SAP})"

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.script.scripted import ScriptStep
-from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario import Scenario, checks, load_scenario
 from drake_srg.scenario.checks import check_scenario
 
 
@@ -27,6 +27,15 @@ def test_a_scenario_changed_in_python_can_be_checked():
     message = rf"^mine: script\[{len(bench.script) - 1}\]\.arm: .* the arm \(3\), got 1"
     with pytest.raises(ScenarioError, match=message):
         check_scenario(bench, "mine")
+
+
+def test_an_approximation_that_this_drake_lacks_is_refused(monkeypatch):
+    override = "plant_config.discrete_contact_approximation=tamsi"
+    monkeypatch.setattr(checks, "contact_approximations", lambda: ["sap", "tamsi"])
+    load_scenario("gripper_bench", overrides=[override])
+    monkeypatch.setattr(checks, "contact_approximations", lambda: ["lagged", "sap"])
+    message = "discrete_contact_approximation: unknown 'tamsi' (allowed: lagged, sap)"
+    assert error_of(override) == f"kitchen: plant_config.{message}"
 
 
 def test_the_defaults_pass():

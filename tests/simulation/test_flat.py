@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 
 from drake_srg.cell import AddCell, MakeCell
+from drake_srg.common.drake_version import takes_nested_plant
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate, flat
-from drake_srg.simulation.flat import MakeRoot, takes_nested_plant
+from drake_srg.simulation.flat import MakeRoot
 
 
 def my_cell(scenario):
@@ -17,15 +18,6 @@ def my_cell(scenario):
 @pytest.fixture
 def old_drake(monkeypatch):
     monkeypatch.setattr(flat, "takes_nested_plant", lambda: False)
-
-
-@pytest.mark.parametrize(
-    ("version", "nested"),
-    [("1.51.1", False), ("1.58.0", True), ("1.100.0", True), ("2.0.0", True)],
-)
-def test_nested_plants_depend_on_the_version_of_drake(monkeypatch, version, nested):
-    monkeypatch.setattr("importlib.metadata.version", lambda name: version)
-    assert takes_nested_plant() is nested
 
 
 def test_a_cell_of_your_own_needs_a_newer_drake_for_cenic(old_drake):

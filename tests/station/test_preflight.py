@@ -1,13 +1,24 @@
+import contextlib
+
 import pytest
 from pydrake.multibody.parsing import AddModel, ModelDirective
 from pydrake.multibody.plant import MultibodyPlantConfig
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.drake_version import (
+    contact_approximations,
+    takes_loop_constraints,
+)
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario
+from drake_srg.station import preflight
 from drake_srg.station.plant import AddPlant
 from drake_srg.station.preflight import check_constraints
 
+NEEDS_TAMSI = pytest.mark.skipif(
+    "tamsi" not in contact_approximations(), reason="this Drake has no TAMSI"
+)
 INERTIAL = "<inertial><mass>1</mass></inertial>"
 URDF_INERTIAL = (
     '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
@@ -77,6 +88,12 @@ SOLVERS = {
 }
 
 
+@pytest.fixture(params=[False, True], ids=["cenic refuses loops", "takes loops"])
+def takes_loops(request, monkeypatch):
+    monkeypatch.setattr(preflight, "takes_loop_constraints", lambda: request.param)
+    return request.param
+
+
 @pytest.fixture
 def scenario_with(tmp_path):
     for name, text in MODELS.items():
@@ -97,25 +114,60 @@ def scenario_with(tmp_path):
         ("mimic.urdf", "tamsi", ["<mimic>", "tamsi", "sap, similar or lagged"]),
         ("ball.sdf", "tamsi", ["drake:ball_constraint", "tamsi", "lagged"]),
         ("tendon.sdf", "tamsi", ["drake:tendon_constraint", "tamsi", "lagged"]),
-        ("ball.sdf", "cenic", ["ball.sdf", "drake:ball_constraint", "drake:mimic"]),
-        ("including.sdf", "cenic", ["ball.sdf", "cenic", "drake:mimic"]),
         ("tendon.sdf", "cenic", ["drake:tendon_constraint", "cenic", "time_step"]),
-        ("ball.xml", "cenic", ["connect", "cenic"]),
         ("plain_mimic.sdf", "lagged", ["<mimic>", "ignores", "<drake:mimic>"]),
         ("misplaced_mimic.sdf", "lagged", ["<drake:mimic>", "directly in the joint"]),
         ("drake_mimic.urdf", "lagged", ["<drake:mimic>", "allowed: <mimic>"]),
     ],
 )
 def test_an_unsupported_constraint_is_reported_in_one_line(
-    scenario_with, model, solver, said
+    scenario_with, takes_loops, model, solver, said
 ):
+    check_refusal(scenario_with(model, solver), said)
+
+
+def check_refusal(scenario, said):
     with pytest.raises(ScenarioError) as error:
-        AddPlant(DiagramBuilder(), scenario_with(model, solver))
+        AddPlant(DiagramBuilder(), scenario)
     message = str(error.value)
     assert "\n" not in message
     assert message.startswith("directives: gripper: ")
     for words in said:
         assert words in message
+
+
+LOOPS = [
+    ("ball.sdf", ["ball.sdf", "drake:ball_constraint", "drake:mimic", "1.58"]),
+    ("including.sdf", ["ball.sdf", "cenic", "drake:mimic"]),
+    ("ball.xml", ["connect", "cenic"]),
+]
+
+
+@pytest.mark.parametrize(("model", "said"), LOOPS)
+def test_a_loop_on_cenic_needs_a_drake_that_takes_it(
+    scenario_with, takes_loops, model, said
+):
+    scenario = scenario_with(model, "cenic")
+    if takes_loops:
+        plant, _ = AddPlant(DiagramBuilder(), scenario)
+        assert plant.num_constraints() == 1
+    else:
+        check_refusal(scenario, said)
+
+
+@pytest.mark.parametrize("model", [model for model, _ in LOOPS])
+def test_preflight_and_cenic_refuse_the_same_loops(scenario_with, monkeypatch, model):
+    monkeypatch.setattr(preflight, "takes_loop_constraints", lambda: True)
+    builder = DiagramBuilder()
+    AddPlant(builder, scenario_with(model, "cenic"))
+    simulator = Simulator(builder.Build())
+    config = SimulatorConfig(integration_scheme="cenic", max_step_size=0.01)
+    ApplySimulatorConfig(config, simulator)
+    if takes_loop_constraints():
+        simulator.AdvanceTo(0.1)
+    else:
+        with pytest.raises(RuntimeError, match=r"1 ball constraint\(s\)"):
+            simulator.AdvanceTo(0.1)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +181,7 @@ def test_an_unsupported_constraint_is_reported_in_one_line(
         ("tendon.sdf", "lagged", 1),
         ("including.sdf", "lagged", 1),
         ("ball.xml", "lagged", 1),
-        ("free.sdf", "tamsi", 0),
+        pytest.param("free.sdf", "tamsi", 0, marks=NEEDS_TAMSI),
         ("free.sdf", "cenic", 0),
         ("commented.sdf", "lagged", 0),
     ],
@@ -147,8 +199,14 @@ def test_a_missing_model_is_left_to_the_parser(scenario_with):
 
 
 @pytest.mark.parametrize("name", ("linkage_gripper", "linkage_gripper_flat"))
-def test_the_linkage_needs_a_solver_with_ball_constraints(scenario_with, name):
+def test_the_linkage_needs_a_solver_with_ball_constraints(
+    scenario_with, takes_loops, name
+):
     url = f"package://drake_srg/sdf/{name}.sdf"
-    with pytest.raises(ScenarioError, match="cenic refuses"):
+    with (
+        contextlib.nullcontext()
+        if takes_loops
+        else pytest.raises(ScenarioError, match="cenic refuses")
+    ):
         check_constraints(scenario_with(url, "cenic"))
     check_constraints(scenario_with(url.replace(name, "linkage_gripper_fast"), "cenic"))
