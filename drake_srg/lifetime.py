@@ -1,14 +1,16 @@
 """A LeafSystem that Python's garbage collector can free.
 
 Two things keep a system written in Python, and with it the whole diagram, alive forever
-(measured with Drake 1.51.1; see tests/test_lifetime.py):
+(measured with Drake 1.51.1 and 1.58; see tests/test_lifetime.py):
 
-* Drake holds the callback of an output port or a cache entry in C++, where the
-  collector cannot see it. A bound method holds its system. (Event callbacks do not
-  leak.)
+* Drake holds the callback of an abstract output port or a cache entry, before 1.58 also
+  of a vector output port, in C++, where the collector cannot see it. A bound method
+  holds its system. (Event callbacks do not leak.)
 * Up to Python 3.11, a pybind11 class and a Python class derived from it both report the
   instance's `__dict__` to the collector. The collector then subtracts one reference too
   many, finds a negative count, and considers the system in use.
+
+`collectable` and `DeclareVectorOutputPort` can go once 1.58 is the oldest supported.
 
 The `LeafSystem` of this module is Drake's with both problems fixed. Derive from it.
 """
