@@ -1,8 +1,9 @@
 """Helpers of the tests: fix inputs, evaluate ports, fire one event, skip."""
 
-import importlib
+import importlib.util
 import os
 import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,11 @@ def break_camera(sensor, context):
     )
     sensor.SetColorRenderCamera(context, ColorRenderCamera(broken, False))
     sensor.SetDepthRenderCamera(context, DepthRenderCamera(broken, depth.depth_range()))
+
+
+NO_DDS = "cyclonedds has no wheels for Python 3.14"
+LACKS_DDS = sys.version_info >= (3, 14) and not importlib.util.find_spec("cyclonedds")
+NEEDS_DDS = pytest.mark.skipif(LACKS_DDS, reason=NO_DDS)
 
 
 def needs_debian(*programs):

@@ -24,7 +24,7 @@ from drake_srg.common.installing import pip_install, this_package
 # contain; tools/install_system_libraries.sh has the same list.
 IMPORT_PACKAGES = ("libglib2.0-0",)
 RENDERING_PACKAGES = ("libegl1", "libgl1")
-OLDEST_PYTHON = "3.10"
+OLDEST_PYTHON = "3.11"
 OLDEST_DRAKE = "1.51.1"
 
 # Modules to import, and the packages that contain them.

@@ -1,6 +1,7 @@
 import socket
 
 import pytest
+from helpers import NEEDS_DDS
 
 from bridges.ros2.peers import free_domain
 from drake_srg.bridges.commands import CommandInbox, Warnings
@@ -19,6 +20,7 @@ def connect(scenario=KITCHEN, **options):
     return BridgeOptions(**options).connect(scenario, inbox, [])
 
 
+@NEEDS_DDS
 def test_the_bridges_are_those_that_the_options_name():
     assert connect() == []
     domain = free_domain()
@@ -39,7 +41,11 @@ def test_the_bridges_are_those_that_the_options_name():
         ({"name": "my node"}, "serve: --name: must be a letter, .*, got 'my node'"),
         ({"servo": "tcp:0"}, "serve: --servo: needs a gripper with a wire motor"),
         ({"ros1": True, "master": "roscore"}, "serve: ROS 1 master: must be"),
-        ({"ros2": True, "domain": 233}, "serve: ROS 2 domain: must be 0 to 232"),
+        pytest.param(
+            {"ros2": True, "domain": 233},
+            "serve: ROS 2 domain: must be 0 to 232",
+            marks=NEEDS_DDS,
+        ),
     ],
 )
 def test_invalid_options_are_scenario_errors(options, words):
@@ -47,6 +53,7 @@ def test_invalid_options_are_scenario_errors(options, words):
         connect(**options)
 
 
+@NEEDS_DDS
 def test_a_bridge_that_cannot_be_made_closes_the_others(monkeypatch):
     domain = free_domain()
     with socket.create_server(("127.0.0.1", 0)) as server:

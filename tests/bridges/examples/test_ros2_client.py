@@ -5,19 +5,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import NEEDS_DDS
 
 from bridges.ros2.peers import command_topics, free_domain
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros2.bridge import Ros2Bridge
 from drake_srg.recording import ros_topics
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, NEEDS_DDS]
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "ros2_client.py"
 
 
 def test_the_example_closes_and_opens_the_gripper():
+    from drake_srg.bridges.ros2.bridge import Ros2Bridge
+
     inbox = CommandInbox(command_topics(), Warnings(print))
     joints = ["joint_1", "left_base_joint", "right_base_joint"]
     topic = ros_topics.joint_states({"gripper": joints})

@@ -3,10 +3,23 @@
 import contextlib
 
 import pytest
+from helpers import LACKS_DDS, NO_DDS
 
 from bridges.ros2.peers import CyclonePeer, command_topics, free_domain
 from drake_srg.bridges.commands import CommandInbox, Warnings
-from drake_srg.bridges.ros2.bridge import Ros2Bridge
+
+
+class DdsModule(pytest.Module):
+    """Tests of a module that needs cyclonedds."""
+
+    def collect(self):
+        if LACKS_DDS:
+            pytest.skip(NO_DDS, allow_module_level=True)
+        return super().collect()
+
+
+def pytest_pycollect_makemodule(module_path, parent):
+    return DdsModule.from_parent(parent, path=module_path)
 
 
 @pytest.fixture
@@ -22,6 +35,8 @@ def topics():
 
 @pytest.fixture
 def bridge(inbox, topics, monkeypatch):
+    from drake_srg.bridges.ros2.bridge import Ros2Bridge
+
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
     bridge = Ros2Bridge(inbox, topics, domain=free_domain())
     with contextlib.closing(bridge):
