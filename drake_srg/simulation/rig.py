@@ -45,7 +45,8 @@ class Rig:
     """A simulated station whose inputs the caller commands, with a log.
 
     At first, the arm is commanded to its home and the gripper to be open, with its
-    driver's force limit. The same calls give the same log, bit for bit.
+    driver's force limit. With the same Drake, the same calls give the same log, bit
+    for bit.
 
     Args:
         scenario: The scenario to simulate. Its task, planner and script do not matter.
