@@ -27,7 +27,8 @@ def program(tmp_path_factory):
     needs_debian("g++", "/usr/include/fastdds/dds/domain/DomainParticipant.hpp")
     program = tmp_path_factory.mktemp("fastdds") / "peer"
     source = Path(__file__).parent / "fastdds" / "peer.cpp"
-    libraries = ["-lfastrtps", "-lfastcdr"]
+    old = Path("/usr/include/fastrtps").is_dir()  # Fast DDS 2
+    libraries = ["-lfastrtps" if old else "-lfastdds", "-lfastcdr"]
     command = ["g++", "-std=c++17", "-o", program, source, *libraries]
     subprocess.run(command, check=True, timeout=300.0)
     return program

@@ -27,13 +27,27 @@
 #include <fastdds/dds/subscriber/SampleInfo.hpp>
 #include <fastdds/dds/subscriber/Subscriber.hpp>
 #include <fastdds/dds/topic/TopicDataType.hpp>
-#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
 
 using namespace eprosima::fastdds::dds;
 using eprosima::fastcdr::Cdr;
 using eprosima::fastcdr::FastBuffer;
-using eprosima::fastrtps::rtps::InstanceHandle_t;
-using eprosima::fastrtps::rtps::SerializedPayload_t;
+
+#if __has_include(<fastdds/rtps/transport/UDPv4TransportDescriptor.hpp>)
+#define FAST_DDS_3  // with Fast CDR 2, as in Debian 13
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.hpp>
+namespace rtps = eprosima::fastdds::rtps;
+constexpr auto kOk = RETCODE_OK;
+constexpr auto kCdrVersion = eprosima::fastcdr::CdrVersion::DDS_CDR;
+size_t length(const Cdr& cdr) { return cdr.get_serialized_data_length(); }
+#else  // Fast DDS 2 with Fast CDR 1, as in Debian 12
+#include <fastdds/rtps/transport/UDPv4TransportDescriptor.h>
+namespace rtps = eprosima::fastrtps::rtps;
+constexpr auto kOk = ReturnCode_t::RETCODE_OK;
+constexpr auto kCdrVersion = Cdr::DDS_CDR;
+size_t length(const Cdr& cdr) { return cdr.getSerializedDataLength(); }
+#endif
+using rtps::InstanceHandle_t;
+using rtps::SerializedPayload_t;
 
 struct Int32 {
   static constexpr const char* name = "std_msgs::msg::dds_::Int32_";
@@ -109,6 +123,31 @@ struct Image {
 template <class M>
 class RosType : public TopicDataType {
  public:
+#ifdef FAST_DDS_3
+  RosType() {
+    set_name(M::name);
+    max_serialized_type_size = M::size;
+  }
+  bool serialize(const void* const data, SerializedPayload_t& payload,
+                 DataRepresentationId_t) override {
+    return write(data, payload);
+  }
+  bool deserialize(SerializedPayload_t& payload, void* data) override {
+    return read(payload, data);
+  }
+  uint32_t calculate_serialized_size(const void* const,
+                                     DataRepresentationId_t) override {
+    return M::size;
+  }
+  void* create_data() override { return new M; }
+  void delete_data(void* data) override { delete static_cast<M*>(data); }
+  bool compute_key(SerializedPayload_t&, InstanceHandle_t&, bool) override {
+    return false;
+  }
+  bool compute_key(const void* const, InstanceHandle_t&, bool) override {
+    return false;
+  }
+#else
   RosType() {
     setName(M::name);
     m_typeSize = M::size;
@@ -116,24 +155,39 @@ class RosType : public TopicDataType {
     auto_fill_type_information(false);
   }
   bool serialize(void* data, SerializedPayload_t* payload) override {
-    const M& message = *static_cast<M*>(data);
-    if (!message.raw.empty()) {
-      payload->length = message.raw.size();
-      std::memcpy(payload->data, message.raw.data(), message.raw.size());
-      return true;
-    }
-    FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->max_size);
-    Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
-    payload->encapsulation = CDR_LE;
-    cdr.serialize_encapsulation();
-    message.write(cdr);
-    payload->length = cdr.getSerializedDataLength();
-    return true;
+    return write(data, *payload);
   }
   bool deserialize(SerializedPayload_t* payload, void* data) override {
+    return read(*payload, data);
+  }
+  std::function<uint32_t()> getSerializedSizeProvider(void*) override {
+    return [] { return M::size; };
+  }
+  void* createData() override { return new M; }
+  void deleteData(void* data) override { delete static_cast<M*>(data); }
+  bool getKey(void*, InstanceHandle_t*, bool) override { return false; }
+#endif
+
+ private:
+  static bool write(const void* data, SerializedPayload_t& payload) {
+    const M& message = *static_cast<const M*>(data);
+    if (!message.raw.empty()) {
+      payload.length = message.raw.size();
+      std::memcpy(payload.data, message.raw.data(), message.raw.size());
+      return true;
+    }
+    FastBuffer buffer(reinterpret_cast<char*>(payload.data), payload.max_size);
+    Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, kCdrVersion);
+    payload.encapsulation = CDR_LE;
+    cdr.serialize_encapsulation();
+    message.write(cdr);
+    payload.length = length(cdr);
+    return true;
+  }
+  static bool read(SerializedPayload_t& payload, void* data) {
     try {
-      FastBuffer buffer(reinterpret_cast<char*>(payload->data), payload->length);
-      Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, Cdr::DDS_CDR);
+      FastBuffer buffer(reinterpret_cast<char*>(payload.data), payload.length);
+      Cdr cdr(buffer, Cdr::DEFAULT_ENDIAN, kCdrVersion);
       cdr.read_encapsulation();
       static_cast<M*>(data)->read(cdr);
       return true;
@@ -142,12 +196,6 @@ class RosType : public TopicDataType {
       return false;
     }
   }
-  std::function<uint32_t()> getSerializedSizeProvider(void*) override {
-    return [] { return M::size; };
-  }
-  void* createData() override { return new M; }
-  void deleteData(void* data) override { delete static_cast<M*>(data); }
-  bool getKey(void*, InstanceHandle_t*, bool) override { return false; }
 };
 
 // Without shared memory: Cyclone DDS does not support it, and it would stay behind in
@@ -177,7 +225,7 @@ struct Peer {
   DataWriter* writer(const std::string& name) {
     DataWriterQos qos = DATAWRITER_QOS_DEFAULT;
     qos.endpoint().history_memory_policy =
-        eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+        rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
     qos.data_sharing().off();
     qos.history().depth = 10;
     return publisher->create_datawriter(topic<M>(name), qos);
@@ -186,7 +234,7 @@ struct Peer {
   DataReader* reader(const std::string& name, ReliabilityQosPolicyKind reliability) {
     DataReaderQos qos = DATAREADER_QOS_DEFAULT;
     qos.endpoint().history_memory_policy =
-        eprosima::fastrtps::rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
+        rtps::PREALLOCATED_WITH_REALLOC_MEMORY_MODE;
     qos.data_sharing().off();
     qos.reliability().kind = reliability;
     qos.history().depth = 10;
@@ -203,7 +251,7 @@ std::string last(DataReader* reader) {
   M message;
   SampleInfo info;
   int count = 0;
-  while (reader->take_next_sample(&message, &info) == ReturnCode_t::RETCODE_OK)
+  while (reader->take_next_sample(&message, &info) == kOk)
     if (info.valid_data) ++count;
   return std::to_string(count) + (count ? " " + message.text() : "");
 }
