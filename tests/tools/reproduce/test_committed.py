@@ -15,9 +15,32 @@ from tools.reproduce.made_rows import rows, write_stamped
 
 OURS = Committed(ROOT / "docs")
 DESCRIPTIONS = {**list_experiments(), **list_measurements()}
+# Rows on the page are from before results were committed: `make experiments ACCEPT=1
+# ONLY=NAME`, on a machine that does nothing else, takes a name off this list.
+WAITING = {
+    "bridge_load",
+    "fingertips",
+    "grasp_calibration",
+    "grasp_calibration_fast",
+    "hold_drift",
+    "household",
+    "localization",
+    "localizer_thresholds",
+    "payload_pinch",
+    "payload_wrap",
+    "recording_cost",
+    "soft",
+    "sweep_throughput",
+    "thesis_messages",
+    "thesis_table",
+}
 
 
-@pytest.mark.parametrize("name", DESCRIPTIONS)
+def test_only_experiments_without_a_committed_result_wait():
+    assert WAITING == {name for name in DESCRIPTIONS if OURS.rows(name) is None}
+
+
+@pytest.mark.parametrize("name", sorted(DESCRIPTIONS.keys() - WAITING))
 def test_every_experiment_has_a_section_a_picture_and_its_rows(name):
     page = OURS.page.read_text()
     assert f"\n## {name}\n" in page
