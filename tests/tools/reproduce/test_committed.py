@@ -37,7 +37,8 @@ WAITING = {
 
 
 def test_only_experiments_without_a_committed_result_wait():
-    assert WAITING == {name for name in DESCRIPTIONS if OURS.rows(name) is None}
+    missing = {name for name in DESCRIPTIONS if OURS.rows(name) is None}
+    assert missing == WAITING
 
 
 @pytest.mark.parametrize("name", sorted(DESCRIPTIONS.keys() - WAITING))
