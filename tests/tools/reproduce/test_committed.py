@@ -22,8 +22,6 @@ WAITING = {
     "fingertips",
     "grasp_calibration",
     "grasp_calibration_fast",
-    "hold_drift",
-    "household",
     "localization",
     "localizer_thresholds",
     "payload_pinch",
