@@ -101,7 +101,7 @@ def _parse(text: str, hint: Any, origin: str, key: str) -> Any:
         return value
     many = typing.get_origin(hint) is collections.abc.Sequence
     # Made from the hint, which mypy does not follow.
-    schema = list[typing.get_args(hint)] if many else hint  # type: ignore[misc]
+    schema = list[typing.get_args(hint)] if many else hint  # type: ignore[misc]  # a type by value
     value = check_tree(value, schema, origin, key)
     items = value if many else [value]
     if not items:

@@ -43,8 +43,9 @@ class _Limits(LinearConstraint):
     """All limits of a motion as bounds along its path.
 
     With the path's speed squared x and its acceleration u, a joint's acceleration is
-    q' u + q'' x, and its torque M q' u + (M q'' + C(q, q') q') x + g (equations 3 to 6
-    of Pham and Pham, 2018). toppra's own constraints, one a limit, take twice the time.
+    q' u + q'' x, and its torque M q' u + (M q'' + C(q, q') q') x + g (Pham and Pham,
+    2018). Unlike toppra's own constraints, this one computes the torques that hold the
+    arm only once per grid point, and formats no description of itself.
     """
 
     def __init__(self, arm: ArmModel, limits: MotionLimits) -> None:

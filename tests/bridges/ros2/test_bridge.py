@@ -266,4 +266,4 @@ def test_a_missing_package_comes_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "cyclonedds.core", None)
     monkeypatch.delitem(sys.modules, "drake_srg.bridges.ros2.bridge")
     with pytest.raises(ImportError, match=r"pip install .*\[ros2\]"):
-        import drake_srg.bridges.ros2.bridge  # noqa: F401
+        import drake_srg.bridges.ros2.bridge  # noqa: F401 (imported for its effect)
