@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.gripper.driver import GripperControl
-from drake_srg.gripper.servo import GripperServo, GripperServoConfig
+from drake_srg.gripper.servo import LAWS, GripperServo, GripperServoConfig
 from drake_srg.types import Vector
 
 
@@ -47,6 +47,7 @@ def AddJointServos(
     strength: float,
     state_measured: OutputPort,
     reference: OutputPort,
+    position_desired: OutputPort | None = None,
 ) -> GripperControl:
     """Add one servo per joint to a driver: PWM times the effort limit is the torque.
 
@@ -59,9 +60,13 @@ def AddJointServos(
         strength: Torque at full PWM, as a fraction of the effort limit.
         state_measured: Of the joints, [q; v].
         reference: For the joints, [q; v; a].
+        position_desired: Targets of the reference, [q], for the law `literal`.
 
     Returns:
         The input `force_limit` and the outputs `pwm` and `actuation`.
+
+    Raises:
+        ValueError: If the law `literal` lacks its targets.
     """
     limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
     order = joint_to_actuator(plant, gripper, names)
@@ -69,6 +74,14 @@ def AddJointServos(
         "motors", MatrixGain(strength * np.diag(limits) @ order)
     )
     servo = inner.AddNamedSystem("servo", GripperServo(config))
+    if position_desired is not None:
+        inner.Connect(position_desired, servo.GetInputPort("position_desired"))
+    elif config.law == "literal":
+        allowed = ", ".join(law for law in LAWS if law != config.law)
+        raise ValueError(
+            "gripper.servo.law: 'literal' needs a driver whose reference moves to a "
+            f"target (allowed here: {allowed})"
+        )
     inner.Connect(state_measured, servo.GetInputPort("state_measured"))
     inner.Connect(reference, servo.GetInputPort("reference"))
     pwm = servo.get_output_port()

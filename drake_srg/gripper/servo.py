@@ -1,9 +1,20 @@
-"""The position servo of the SRG thesis: PID with feedforward and a PWM limit."""
+"""The position servo of the SRG thesis: feedforward, feedback and a PWM limit.
+
+Equation 2.3 of the thesis reads
+
+    PWM = floor(K_FF1 q' + K_FF2 q'' + K_P (q* - q) + K_I (q* - q) q'
+                + K_D (q* - q) / q')_kappa
+
+with q the minimum-jerk trajectory and q*, 0 .. 100, the target. No measurement appears
+in it. `GripperServo` offers three readings.
+"""
 
 import dataclasses as dc
 from typing import Any
 
 import numpy as np
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.math import floor
 from pydrake.math import max as max_
 from pydrake.math import min as min_
 from pydrake.systems.framework import LeafSystem_
@@ -12,7 +23,7 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 from drake_srg.lifetime import collectable, weak
 from drake_srg.types import positive
 
-LAWS = ("pid", "printed")
+LAWS = ("pid", "printed", "literal")
 
 
 @dc.dataclass(kw_only=True)
@@ -22,8 +33,11 @@ class GripperServoConfig:
     kp: list[float]  # K_P [1/rad]
     # K_I [1/(rad s)]. Zero suits the SRG: an integral would wind up the position
     # error that Algorithm 1 leaves on purpose, to press on the object.
+    # In the laws `printed` and `literal`, where it multiplies e q' [s/rad²].
     ki: list[float]
-    kd: list[float]  # K_D [s/rad]
+    # K_D [s/rad]. In the laws `printed` and `literal`, where it multiplies e / q'
+    # [1/s].
+    kd: list[float]
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
     law: str = dc.field(default="pid", metadata={"among": LAWS})
@@ -37,7 +51,11 @@ class GripperServoConfig:
     # ringing for seconds. A fifth of the damping stays, in place of the friction that
     # a real motor has.
     current_control: float = dc.field(default=0.8, metadata={"ge": 0.0, "le": 1.0})
-    # The printed law divides by q'. Below this speed [rad/s], the division fades out.
+    # PWM steps from 0 to full scale, such as 1023 for the register of an MX-64; 0 for
+    # a continuous PWM.
+    pwm_steps: int = dc.field(default=0, metadata={"ge": 0})
+    # The laws `printed` and `literal` divide by q'. Below this speed [rad/s], the
+    # division fades out.
     printed_law_min_speed: float = dc.field(default=0.05, metadata=positive())
     period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
 
@@ -53,28 +71,45 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             input_ports:
             - reference
             - state_measured
+            - position_desired (optional)
             - force_limit (optional)
             - torque_commanded (optional)
             output_ports:
             - pwm
 
-        `reference` (3n) is [q; v; a] of the minimum-jerk reference, and
-        `state_measured` (2n) is [q; v], in rad, rad/s, rad/s². Every `config.period`,
-        the servo evaluates the law of the SRG thesis (equation 2.3) and holds its
-        output:
+        `reference` (3n) is [q; v; a] of the minimum-jerk reference, `state_measured`
+        (2n) is [q; v], and `position_desired` (n) is the target that the reference
+        moves to, in rad, rad/s, rad/s². Every `config.period`, the servo evaluates
+        equation 2.3 of the SRG thesis and holds its output:
 
             PWM = clip(K_FF1 q' + K_FF2 q'' + feedback, -kappa, kappa)
 
-        kappa is `force_limit` (1), clipped to 0 .. 1, or `config.force_limit` if that
-        port is not connected or NaN.
+        where q is the reference. kappa is `force_limit` (1), clipped to 0 .. 1, or
+        `config.force_limit` if that port is not connected or NaN.
 
-        * Law `pid`: feedback = K_P e + K_I integral(e) + K_D (v - v_measured), where e
-          is the reference minus the measured position. The integral follows the
+        * Law `pid`, ours: feedback = K_P e + K_I integral(e) + K_D (v - v_measured),
+          where e is the reference minus the measured position. The integral follows the
           saturation (back-calculation), so it does not wind up.
-        * Law `printed`: the equation as the thesis prints it, feedback = K_P e +
-          K_I e q' + K_D e / q', where q' is the reference's velocity. The division is
-          evaluated as e q' / (q'² + s²) with a small s, so it fades out at rest. This
-          law is here for comparison, not for use.
+        * Law `printed` takes the terms as printed, and the error as in `pid`: feedback
+          = K_P e + K_I e q' + K_D e / q'. The thesis's q* is read as the reference and
+          the q of q* - q as the measurement.
+        * Law `literal` takes the symbols as the thesis defines them as well: the same
+          terms with e = `position_desired` minus reference. Nothing is measured, so the
+          servo cannot resist a load.
+
+        The last two are here for comparison, not for use. They evaluate e / q' as
+        e q' / (q'² + s²) with a small s, so that the term fades out at rest.
+
+        The thesis's q* is 0 .. 100 percent of closure. The drivers convert it:
+        `full_scale` / 100 radians of base plus tip angle are one percent, and
+        Algorithm 1, or the spool, makes the target of each motor from that. Gains in
+        percent would be those in rad, scaled: the unit changes no law.
+
+        The floor brackets with kappa are read as a symmetric limit. With
+        `config.pwm_steps` = N, they also round down to integers: the PWM and kappa
+        become the next lower multiples of 1 / N. A floor rounds negative values down as
+        well, so the PWM shifts towards opening, by half a step on average. Steps have
+        no derivatives, so such a servo does not convert to AutoDiffXd.
 
         A finite entry of `torque_commanded` (n), a fraction of the torque at rest at
         full PWM, switches its servo from position to torque control:
@@ -82,7 +117,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             PWM = clip(clip(torque, -kappa, kappa) + c K_FF1 v_measured, -1, 1)
 
         with c = `config.current_control`, so the torque hardly falls with the speed.
-        The integral does not change meanwhile.
+        Steps apply here, too. The integral does not change meanwhile.
 
         `pwm` (n) is the held PWM, a fraction of full scale.
         """
@@ -100,6 +135,15 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                     "kp, ki, kd, kff1, kff2: need one entry per motor each, got "
                     f"{[len(gain) for gain in gains]}"
                 )
+            if config.pwm_steps < 0:
+                raise ValueError(
+                    f"pwm_steps: must be at least 0, got {config.pwm_steps}"
+                )
+            if config.pwm_steps and T is AutoDiffXd:
+                raise ValueError(
+                    "pwm_steps: must be 0 for AutoDiffXd, because steps have no "
+                    f"derivative; got {config.pwm_steps}"
+                )
             self.config = config
             self._gains = tuple(np.asarray(gain, dtype=float) for gain in gains)
             self._n = n = len(config.kp)
@@ -109,6 +153,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             self._measured = self.DeclareVectorInputPort(
                 name="state_measured", size=2 * n
             )
+            self._target = self.DeclareVectorInputPort(name="position_desired", size=n)
             self._force_limit = self.DeclareVectorInputPort(name="force_limit", size=1)
             self._torque = self.DeclareVectorInputPort(name="torque_commanded", size=n)
             self.DeclareVectorOutputPort(
@@ -136,14 +181,17 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             q, v, a = reference[:n], reference[n : 2 * n], reference[2 * n :]
             measured = self._measured.Eval(context)
             integral = context.get_discrete_state(0).CopyToVector()[:n]
-            error = q - measured[:n]
+            if config.law == "literal":
+                error = self._target.Eval(context) - q
+            else:
+                error = q - measured[:n]
             pwm = kff1 * v + kff2 * a + kp * error
             if config.law == "pid":
                 pwm = pwm + kd * (v - measured[n:]) + integral
             else:
                 guard = config.printed_law_min_speed**2
                 pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
-            kappa = self._kappa(context)
+            limit = kappa = self._kappa(context)
             saturated = self._clip(pwm, kappa)
             rate = ki * error + (saturated - pwm) / config.tracking_time
             new_integral = integral + config.period * rate * (ki > 0)
@@ -153,8 +201,21 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 compensated = config.current_control * kff1 * measured[n:]
                 current = self._clip(self._clip(torque, kappa) + compensated, 1.0)
                 saturated = np.where(commanded, current, saturated)
+                limit = np.where(commanded, 1.0, kappa)
                 new_integral = np.where(commanded, integral, new_integral)
-            discrete_state.set_value(np.concatenate([new_integral, saturated]))
+            held = self._in_steps(saturated, limit) if config.pwm_steps else saturated
+            discrete_state.set_value(np.concatenate([new_integral, held]))
+
+        def _in_steps(self, pwm: Any, limit: Any) -> Any:
+            """Round down to whole steps, and the limit (n or scalar) towards zero."""
+            n = self.config.pwm_steps
+            limits = np.broadcast_to(limit, len(pwm))
+            return np.array(
+                [
+                    max_(floor(n * value), -floor(n * most)) / n
+                    for value, most in zip(pwm, limits, strict=True)
+                ]
+            )
 
         def _clip(self, values: Any, limit: Any) -> Any:
             if T is float:

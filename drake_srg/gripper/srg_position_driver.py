@@ -96,6 +96,7 @@ class SrgPositionDriver(GripperDriver):
             strength=self.motor_strength,
             state_measured=sensing.state_measured,
             reference=reference.get_output_port(),
+            position_desired=logic.get_output_port(),
         )
         commands = ("closure_commanded", "joint_position_commanded", "hold")
         inputs = {name: logic.GetInputPort(name) for name in commands}

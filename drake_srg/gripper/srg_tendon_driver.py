@@ -125,6 +125,7 @@ class SrgTendonDriver(GripperDriver):
             (motor_state, command.GetInputPort("motor_state")),
             (sensing.triggered, command.GetInputPort("triggered")),
             (angle, reference.get_input_port()),
+            (angle, servo.GetInputPort("position_desired")),
             (torque, servo.GetInputPort("torque_commanded")),
             (reference.get_output_port(), servo.GetInputPort("reference")),
             (motor_state, servo.GetInputPort("state_measured")),

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
@@ -11,6 +12,7 @@ from drake_srg.gripper.drivers import (
     SrgTendonDriver,
 )
 from drake_srg.parsing import configure_parser
+from gripper import linkage_hand, srg_hand
 
 
 @pytest.mark.parametrize(
@@ -35,3 +37,23 @@ def test_a_driver_of_another_gripper_is_refused(model, config, allowed):
     assert str(error.value) == (
         f"gripper: !{name} does not fit the model; allowed: {allowed}"
     )
+
+
+@pytest.mark.parametrize("driver", [SrgPositionDriver, SrgTendonDriver])
+def test_the_literal_law_pushes_until_its_reference_arrives(driver):
+    config = driver()
+    config.servo.law = "literal"
+    hand = srg_hand.Hand(config=config)
+    hand.command(closure_commanded=0.1)
+    hand.advance(0.05)
+    assert hand.read("pwm")[0] > 0.1
+    hand.advance(1.0)
+    # Where the fingers are by now does not matter.
+    assert hand.read("pwm") == pytest.approx(np.zeros(config.num_motors), abs=1e-12)
+
+
+def test_the_literal_law_is_refused_where_references_have_no_targets():
+    config = LinkageDriver()
+    config.servo.law = "literal"
+    with pytest.raises(ValueError, match=r"servo\.law: .* here: pid, printed"):
+        linkage_hand.Hand(config=config)

@@ -11,7 +11,13 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, InitializeAutoDif
 from pydrake.symbolic import Evaluate, MakeVectorContinuousVariable
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.gripper.servo import GripperServo, GripperServo_, GripperServoConfig
+from drake_srg.gripper.minimum_jerk import minimum_jerk_coefficients
+from drake_srg.gripper.servo import (
+    LAWS,
+    GripperServo,
+    GripperServo_,
+    GripperServoConfig,
+)
 
 GAINS = GripperServoConfig(
     kp=[2.0, 1.0], ki=[0.5, 0.0], kd=[0.1, 0.2], kff1=[0.03, 0.02], kff2=[1e-3, 2e-3]
@@ -19,6 +25,7 @@ GAINS = GripperServoConfig(
 # [q; v; a] and [q; v] of two joints that keep the PWM below 1.
 REFERENCE = np.array([0.3, 0.2, 1.0, -0.5, 5.0, 6.0])
 MEASURED = np.array([0.2, 0.25, 0.6, 0.1])
+TARGET = np.array([0.35, 0.1])
 # By hand: kff1 v + kff2 a + kp e + kd (v - v measured)
 PID = np.array(
     [
@@ -42,7 +49,13 @@ def pwm(servo, context):
 
 def test_ports():
     assert port_table(GripperServo(GAINS)) == (
-        {"reference": 6, "state_measured": 4, "force_limit": 1, "torque_commanded": 2},
+        {
+            "reference": 6,
+            "state_measured": 4,
+            "position_desired": 2,
+            "force_limit": 1,
+            "torque_commanded": 2,
+        },
         {"pwm": 2},
     )
 
@@ -117,13 +130,62 @@ def test_anti_windup_recovers_faster_than_without():
     assert samples_until_reversal(0.05) < 100
 
 
-def test_the_printed_law_is_the_equation_of_the_thesis():
+@pytest.mark.parametrize(
+    ("law", "error"),
+    [
+        ("printed", REFERENCE[:2] - MEASURED[:2]),
+        ("literal", TARGET - REFERENCE[:2]),
+    ],
+)
+def test_both_laws_of_the_thesis_are_its_equation(law, error):
     v = REFERENCE[2:4]
-    e = REFERENCE[:2] - MEASURED[:2]
-    feedback = GAINS.kp * e + GAINS.ki * e * v + GAINS.kd * e / v
+    feedback = GAINS.kp * error + GAINS.ki * error * v + GAINS.kd * error / v
     feedforward = GAINS.kff1 * v + GAINS.kff2 * REFERENCE[4:]
-    result = pwm(*make(law="printed", printed_law_min_speed=1e-9))
-    assert result == pytest.approx(feedforward + feedback)
+    servo, context = make(law=law, printed_law_min_speed=1e-9)
+    fix(servo, context, position_desired=TARGET)
+    assert pwm(servo, context) == pytest.approx(feedforward + feedback)
+
+
+@given(st.lists(st.floats(-10, 10), min_size=4, max_size=4))
+def test_the_literal_law_measures_nothing(measured):
+    servo, context = make(measured=np.array(measured), law="literal")
+    fix(servo, context, position_desired=TARGET)
+    expected = pwm(servo, context)
+    fix(servo, context, state_measured=MEASURED)
+    assert np.array_equal(pwm(servo, context), expected)
+
+
+@given(
+    st.floats(-2, 2),
+    st.floats(0, 1),
+    st.floats(0.01, 1),
+    st.floats(0, 1),
+    st.booleans(),
+)
+def test_along_minimum_jerk_the_literal_terms_always_push_to_close(
+    distance, share, duration, gain, integral
+):
+    zero, start = np.zeros(1), np.array([0.4])
+    target = start + distance
+    c = minimum_jerk_coefficients(start, zero, zero, target, np.array([duration]))
+    blend = np.polynomial.Polynomial(c[0])
+    q, v = blend(share), blend.deriv()(share) / duration
+    config = GripperServoConfig(
+        kp=[0.0],
+        ki=[gain if integral else 0.0],
+        kd=[0.0 if integral else gain],
+        kff1=[0.0],
+        kff2=[0.0],
+        law="literal",
+    )
+    servo, context = make(np.array([q, v, 0.0]), np.zeros(2), config)
+    fix(servo, context, position_desired=target)
+    assert pwm(servo, context)[0] >= -1e-12
+
+
+def test_the_literal_law_needs_a_target():
+    with pytest.raises(RuntimeError, match=r"position_desired.* not connected"):
+        pwm(*make(law="literal"))
 
 
 @given(speed=st.floats(-1.0, 1.0), min_speed=st.floats(1e-3, 1.0))
@@ -152,8 +214,61 @@ def test_gains_of_different_lengths_are_refused():
 
 
 def test_an_unknown_law_is_refused():
-    with pytest.raises(ValueError, match=r"must be one of pid, printed, got 'pdi'"):
+    with pytest.raises(ValueError, match=r"one of pid, printed, literal, got 'pdi'"):
         make(law="pdi")
+
+
+# Steps of the PWM.
+
+STEPS = st.integers(1, 2000)
+
+
+@given(
+    st.lists(st.floats(-2, 2), min_size=6, max_size=6),
+    st.floats(0, 1),
+    STEPS,
+    st.floats(-2, 2) | st.just(np.nan),
+)
+def test_steps_are_the_next_lower_ones_within_the_limit(values, kappa, steps, torque):
+    servo, context = make(np.array(values))
+    stepped, stepped_context = make(np.array(values), pwm_steps=steps)
+    for system, its_context in ((servo, context), (stepped, stepped_context)):
+        fix(system, its_context, force_limit=kappa, torque_commanded=[torque, np.nan])
+    count = steps * pwm(stepped, stepped_context)
+    np.testing.assert_allclose(count, np.round(count), atol=1e-9)
+    limit = steps * np.array([kappa if np.isnan(torque) else 1.0, kappa])
+    assert np.all(np.abs(count) <= limit + 1e-9)
+    below = np.maximum(np.floor(steps * pwm(servo, context)), -np.floor(limit))
+    np.testing.assert_allclose(count, below, atol=1e-9)
+
+
+@given(STEPS)
+def test_full_scale_is_a_whole_step(steps):
+    far = np.array([9.0, -9.0, 0, 0, 0, 0])
+    assert pwm(*make(far, pwm_steps=steps)).tolist() == [1.0, -1.0]
+
+
+def test_without_steps_the_pwm_is_continuous():
+    assert np.array_equal(pwm(*make(pwm_steps=0)), pwm(*make()))
+
+
+def test_steps_do_not_move_the_integral():
+    servo, context = make(pwm_steps=10)
+    for _ in range(50):
+        update(servo, context)
+    integral = context.get_discrete_state(0).value()[0]
+    assert integral == pytest.approx(0.5 * 0.1 * 0.005 * 50)
+
+
+def test_negative_steps_are_refused():
+    with pytest.raises(ValueError, match="pwm_steps: must be at least 0, got -1"):
+        make(pwm_steps=-1)
+
+
+def test_steps_have_no_derivatives():
+    servo = GripperServo(dc.replace(GAINS, pwm_steps=1023))
+    with pytest.raises(ValueError, match="pwm_steps: must be 0 for AutoDiffXd"):
+        servo.ToAutoDiffXd()
 
 
 # Torque control.
@@ -238,22 +353,27 @@ def test_a_torque_has_derivatives_too():
 # NumPy's arithmetic on arrays of Expression warns without a reason.
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:invalid value:RuntimeWarning")
-@pytest.mark.parametrize("law", ["pid", "printed"])
-@given(st.lists(st.floats(-2, 2), min_size=11, max_size=11))
-def test_the_symbolic_law_evaluates_to_the_same_numbers(law, values):
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("steps", [0, 1023])
+@given(st.lists(st.floats(-2, 2), min_size=13, max_size=13))
+def test_the_symbolic_law_evaluates_to_the_same_numbers(law, steps, values):
     values = np.array(values)
-    x = MakeVectorContinuousVariable(11, "x")
-    symbolic = GripperServo(dc.replace(GAINS, law=law)).ToSymbolic()
+    x = MakeVectorContinuousVariable(13, "x")
+    config = dc.replace(GAINS, law=law, pwm_steps=steps)
+    symbolic = GripperServo(config).ToSymbolic()
     context = symbolic.CreateDefaultContext()
     e = x * 1.0
-    fix(symbolic, context, reference=e[:6], state_measured=e[6:10], force_limit=e[10:])
+    fix(symbolic, context, reference=e[:6], state_measured=e[6:10])
+    fix(symbolic, context, force_limit=e[10:11], position_desired=e[11:])
     update(symbolic, context)
     expressions = read(symbolic, context, "pwm")
     result = Evaluate(expressions, dict(zip(x, values, strict=True))).flatten()
 
-    servo, context = make(values[:6], values[6:10], law=law)
-    fix(servo, context, force_limit=values[10:])
-    np.testing.assert_allclose(result, pwm(servo, context), atol=1e-12)
+    servo, context = make(values[:6], values[6:10], config)
+    fix(servo, context, force_limit=values[10:11], position_desired=values[11:])
+    # Round-off may fall on either side of a step.
+    allowed = 1.0 / steps if steps else 0.0
+    np.testing.assert_allclose(result, pwm(servo, context), atol=1e-12 + allowed)
 
 
 @pytest.mark.slow

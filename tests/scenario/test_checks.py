@@ -123,7 +123,12 @@ def test_the_defaults_pass():
             "object.color_range={space: cmyk}",
             "color_range.space: must be one of hsv, rgb",
         ),
-        ("gripper.servo.law=pdi", "gripper.servo.law: must be one of pid, printed"),
+        (
+            "gripper.servo.law=pdi",
+            "gripper.servo.law: must be one of literal, pid, printed; got 'pdi'",
+        ),
+        ("gripper.servo.pwm_steps=-1", "gripper.servo.pwm_steps: must be at least 0"),
+        ("gripper.servo.pwm_steps=1.5", "gripper.servo.pwm_steps: must be "),
         ("gripper.trigger=smell", "gripper.trigger: must name a sensor, got 'smell'"),
         (
             "gripper.servo.kp=[1, 2]",
