@@ -37,6 +37,8 @@ class Motion:
         force_limit: kappa, a fraction of full PWM.
         load: Returns the torque on each base joint, positive where it closes, (K,)
             [N m].
+        target: Returns the target of the base joints, (K,) [rad]; None if the reference
+            is its own target.
         duration: Of the motion [s].
         servo_period: Sample time of the servo [s]; None for that of its config.
     """
@@ -44,6 +46,7 @@ class Motion:
     reference: Callable[[Vector], tuple[Vector, Vector, Vector]]
     force_limit: float
     load: Callable[[Vector], Vector] = np.zeros_like
+    target: Callable[[Vector], Vector] | None = None
     duration: float = 2.0
     servo_period: float | None = None
 
@@ -109,17 +112,20 @@ def simulate(config: GripperServoConfig, motion: Motion) -> tuple[Response, Join
     time = np.arange(0.0, motion.duration + 1.5 * STEP, STEP)
     q, v, a = (np.outer(_BASES, row) for row in motion.reference(time))
     reference = _table(builder, time, np.vstack([q, v, a]))
+    targets = q if motion.target is None else np.outer(_BASES, motion.target(time))
+    target = _table(builder, time, targets)
     loaded = to_ours[len(order) :, len(order) :].T @ _BASES
     load = _table(builder, time, np.outer(loaded, motion.load(time)))
-    for source, target in (
+    for output, port in (
         (plant.get_state_output_port(gripper), encoders.get_input_port()),
         (encoders.get_output_port(), servo.GetInputPort("state_measured")),
         (reference.get_output_port(), servo.GetInputPort("reference")),
+        (target.get_output_port(), servo.GetInputPort("position_desired")),
         (servo.get_output_port(), motors.get_input_port()),
         (motors.get_output_port(), plant.get_actuation_input_port(gripper)),
         (load.get_output_port(), plant.get_applied_generalized_force_input_port()),
     ):
-        builder.Connect(source, target)
+        builder.Connect(output, port)
     logs = [
         LogVectorOutput(system.get_output_port(), builder, STEP)
         for system in (reference, encoders, servo)

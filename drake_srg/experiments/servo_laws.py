@@ -1,4 +1,4 @@
-"""Step and tracking responses of both servo laws, with the PWM limit active.
+"""Responses of the servo laws: ours and both readings of the thesis's equation 2.3.
 
 The experiment judges the left base joint, which closes with positive angles. Expected
 values follow from the gains, the torque limit and the joint's inertia.
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -16,17 +15,18 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.response import overshoot, rise_time, rms, settling_time
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.servo_bench import STEP, Joint, Response, simulate
+from drake_srg.experiments.servo_figure import draw
 from drake_srg.experiments.servo_motions import (
     BLOCKED,
     END,
     LIMIT,
     LOAD,
     MOTIONS,
+    OPENING_TIME,
     SHIPPED,
     START,
     START_TIME,
 )
-from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.types import Vector
 
 BANDWIDTH = 40.0  # of the shipped gains [rad/s]; see srg_position_driver.py
@@ -34,13 +34,19 @@ BANDWIDTH = 40.0  # of the shipped gains [rad/s]; see srg_position_driver.py
 _WITH_KI = dc.replace(SHIPPED, ki=[0.1 * BANDWIDTH * kp for kp in SHIPPED.kp])
 LAWS = {
     "pid": SHIPPED,  # K_I is 0
+    # The register of an MX-64, and percent.
+    "pid, 1023 steps": dc.replace(SHIPPED, pwm_steps=1023),
+    "pid, 100 steps": dc.replace(SHIPPED, pwm_steps=100),
     "pid, K_I": _WITH_KI,
     "pid, K_I, no anti-windup": dc.replace(_WITH_KI, tracking_time=np.inf),
     "printed": dc.replace(_WITH_KI, law="printed"),
     "printed, K_I = 0": dc.replace(SHIPPED, law="printed"),
+    "literal": dc.replace(_WITH_KI, law="literal"),
+    "literal, K_I = 0": dc.replace(SHIPPED, law="literal"),
 }
 # 0.01 rad is 1.1 mm at the end of a straight finger, 0.111 m from the base hinge.
 BAND = 0.01
+_NOTHING = 1e-6  # Round-off of a PWM or a torque [any unit].
 
 
 def run(track: Track) -> ExperimentResult:
@@ -69,32 +75,41 @@ def judge(responses: Mapping[str, Mapping[str, Response]], joint: Joint) -> list
     for law, response in responses["load"].items():
         rows.append(_judge_load(law, response, joint))
     rows += _judge_windup(responses)
+    for law, response in responses["grip"].items():
+        rows.append(_judge_grip(law, response, joint))
+    for law, response in responses["minimum_jerk"].items():
+        rows += _judge_ends(law, response)
     for motion in ("minimum_jerk", "sine"):
         for law, response in responses[motion].items():
             rows += _judge_tracking(motion, law, response)
     for motion in ("minimum_jerk_limited", "sine_limited"):
         for law, response in responses[motion].items():
-            share = _at_limit(motion, response)
+            share = _at_limit(motion, law, response)
             rows.append(Row.info(law, f"{motion}: share at the limit", share, ""))
             error = rms(response.error)
             rows.append(Row.info(law, f"{motion}: RMS error", error, "rad"))
     return rows
 
 
-def _at_limit(motion: str, response: Response) -> float:
+def _at_limit(motion: str, law: str, response: Response) -> float:
     """Return the share of time during which the PWM is at its limit."""
-    limit = MOTIONS[motion].force_limit
+    limit, steps = MOTIONS[motion].force_limit, LAWS[law].pwm_steps
+    if steps:
+        limit = np.floor(steps * limit) / steps
     return float(np.mean(np.abs(response.pwm) >= limit - 1e-9))
 
 
 def _judge_step(law: str, response: Response, joint: Joint) -> list[Row]:
     config, step = LAWS[law], END - START
+    if config.law == "literal":  # The reference is at its target at once.
+        peak = float(np.max(np.abs(response.pwm)))
+        return [Row.within(law, "step: largest PWM", 0.0, peak, "", absolute=_NOTHING)]
     after = response.time > START_TIME
     time, error = response.time[after] - START_TIME, response.error[after]
     rise = rise_time(response.time, response.q, START, END)
     over = overshoot(response.q, START, END)
     settled = settling_time(time, error, BAND)
-    saturated = _at_limit("step", response) * MOTIONS["step"].duration
+    saturated = _at_limit("step", law, response) * MOTIONS["step"].duration
     acceleration = LIMIT * joint.torque_limit / joint.inertia
 
     def name(quantity: str) -> tuple[str, str]:
@@ -103,7 +118,7 @@ def _judge_step(law: str, response: Response, joint: Joint) -> list[Row]:
     # No law is faster than full torque throughout.
     fastest = (np.sqrt(1.8) - np.sqrt(0.2)) * np.sqrt(step / acceleration)
     rows = [Row.at_least(*name("rise time, 10 to 90 %"), fastest, rise, "s")]
-    if law == "pid":
+    if config.law == "pid" and config.ki[0] == 0.0:
         # The standard law takes no longer than full torque to the middle and back,
         # followed by a critically damped step at its bandwidth w: 3.36 / w from 10 to
         # 90 %, 5.83 / w to 2 %, which is the band.
@@ -156,6 +171,8 @@ def _judge_load(law: str, response: Response, joint: Joint) -> Row:
     config = LAWS[law]
     if config.law == "pid" and config.ki[0] > 0:
         return Row.at_most(law, quantity, BAND, abs(error), "rad")
+    if config.law == "literal":  # Nothing resists, so the joint opens to its stop.
+        return Row.within(law, quantity, END, error, "rad", relative=0.05)
     # The printed integral term, K_I e q', is zero where the reference rests.
     expected = -LOAD / (config.kp[0] * joint.torque_limit)
     return Row.within(law, quantity, expected, error, "rad", relative=0.05)
@@ -167,12 +184,47 @@ def _judge_windup(responses: Mapping[str, Mapping[str, Response]]) -> list[Row]:
         released = response.time > BLOCKED[1]
         beyond = max(0.0, float(np.max(-response.error[released])))
         quantity = "blocked for 0.5 s: overshoot after release"
-        if law in ("pid", "pid, K_I"):  # no more than after a step
+        config = LAWS[law]
+        # Back-calculation: no more than after a step.
+        if config.law == "pid" and np.isfinite(config.tracking_time):
             step = responses["step"][law]
             limit = max(BAND, (END - START) * overshoot(step.q, START, END))
             rows.append(Row.at_most(law, quantity, limit, beyond, "rad"))
         else:
             rows.append(Row.info(law, quantity, beyond, "rad"))
+    return rows
+
+
+def _judge_grip(law: str, response: Response, joint: Joint) -> Row:
+    """Judge the torque with which fingers press that cannot reach their reference."""
+    config, rest = LAWS[law], slice(-round(0.3 / STEP), None)
+    torque = float(np.mean(response.pwm[rest])) * joint.torque_limit
+    quantity = "grip: torque at rest"
+    if config.law == "literal":  # The reference has arrived at its target.
+        return Row.within(law, quantity, 0.0, torque, "N m", absolute=_NOTHING)
+    if config.law == "pid" and config.ki[0] > 0.0:  # winds up to the limit
+        full = MOTIONS["grip"].force_limit * joint.torque_limit
+        return Row.at_least(law, quantity, 0.99 * full, torque, "N m")
+    error = float(np.mean(response.error[rest]))
+    expected = config.kp[0] * error * joint.torque_limit
+    return Row.within(law, quantity, expected, torque, "N m", relative=0.05)
+
+
+def _judge_ends(law: str, response: Response) -> list[Row]:
+    """Judge where closing and opening end."""
+    rows = []
+    opening = response.time > OPENING_TIME
+    closed = float(np.max(response.q[~opening]) - response.reference[~opening][-1])
+    opened = abs(float(np.mean(response.error[-round(0.3 / STEP) :])))
+    for quantity, error in (
+        ("minimum_jerk: overshoot closing", max(0.0, closed)),
+        ("minimum_jerk: error after opening", opened),
+    ):
+        if LAWS[law].law == "pid":
+            rows.append(Row.at_most(law, quantity, BAND, error, "rad"))
+        else:
+            spread = max(0.1 * error, BAND)
+            rows.append(Row.info(law, quantity, error, "rad", spread=spread))
     return rows
 
 
@@ -187,6 +239,11 @@ def _judge_tracking(motion: str, law: str, response: Response) -> list[Row]:
         stiffness += config.kd[0] * v / (v**2 + config.printed_law_min_speed**2)
         if config.law == "pid":
             rows.append(Row.at_most(law, quantity, BAND, error, "rad"))
+        elif config.law == "literal":
+            if motion == "sine":  # which is its own target: feedforward alone
+                rows.append(Row.info(law, quantity, error, "rad"))
+            else:  # The feedback pushes the joint ahead of its reference.
+                rows.append(Row.at_least(law, quantity, 10.0 * BAND, error, "rad"))
         elif np.min(stiffness) < 0.0:  # pushes the joint away from the reference
             rows.append(Row.at_least(law, quantity, 10.0 * BAND, error, "rad"))
         else:
@@ -205,40 +262,3 @@ def _columns(laws: Mapping[str, Response]) -> dict[str, Vector]:
         columns[f"{law}: angle [rad]"] = response.q[::5]
         columns[f"{law}: PWM"] = response.pwm[::5]
     return columns
-
-
-_DRAWN = {
-    "step": "Step, PWM limit 0.3",
-    "load": "Load of 0.2 N m, servo at 1 kHz",
-    "blocked": "Blocked from 0.1 to 0.6 s",
-    "minimum_jerk": "Closing and opening",
-    "minimum_jerk_limited": "Closing and opening, 0.7 of required PWM",
-    "sine_limited": "Sine, 0.7 of required PWM",
-}
-
-
-def draw(responses: Mapping[str, Mapping[str, Response]]) -> Any:
-    """Draw angle above PWM for six motions."""
-    figure = make_figure(11.0, 8.5, "Left base joint under the servo laws")
-    all_axes = figure.subplots(4, 3, height_ratios=[2, 1, 2, 1])
-    for k, (motion, title) in enumerate(_DRAWN.items()):
-        row, column = 2 * (k // 3), k % 3
-        angle, pwm = all_axes[row, column], all_axes[row + 1, column]
-        style_axes(angle, ylabel="angle [rad]" if column == 0 else "")
-        style_axes(pwm, xlabel="time [s]", ylabel="PWM" if column == 0 else "")
-        angle.sharex(pwm)
-        angle.tick_params(labelbottom=False)
-        angle.set_title(title, fontsize=9, loc="left")
-        for law, response in responses[motion].items():
-            # Both printed laws coincide at rest.
-            line = {"lw": 1.6 if law == "pid" else 1.0, "label": law}
-            line["ls"] = (0, (3, 3)) if law == "printed, K_I = 0" else "-"
-            angle.plot(response.time, response.q, **line)
-            pwm.plot(response.time, response.pwm, **line)
-        angle.plot(response.time, response.reference, "k--", lw=0.8, label="reference")
-    figure.align_ylabels(all_axes[:, 0])
-    handles, labels = all_axes[0, 0].get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False
-    )
-    return figure
