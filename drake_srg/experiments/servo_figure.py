@@ -12,7 +12,7 @@ from drake_srg.recording.figure import COLORS, make_figure, style_axes
 _LINES: dict[str, dict[str, Any]] = {
     "pid": {"color": COLORS[0], "lw": 1.6},
     "pid, 1023 steps": {"color": "0.5", "lw": 1.0},
-    "pid, 100 steps": {"color": COLORS[4], "lw": 1.0},
+    "pid, 100 steps": {"color": COLORS[6], "lw": 1.0},
     "pid, K_I": {"color": COLORS[1], "lw": 1.0},
     "pid, K_I, no anti-windup": {"color": COLORS[1], "lw": 1.0, "ls": ":"},
     "printed": {"color": COLORS[3], "lw": 1.0},
