@@ -40,18 +40,19 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
 
 
 def MakeScriptedPlanner(scenario: Scenario) -> System:
-    """Make the planner that plays a scenario's script.
+    """Make the planner that plays a scenario's script, `task.repeat` times.
 
     It is a `ScriptedPlanner`. If the scenario has `messages`, it is a diagram of one
     with an `arm_reference` that makes motion of the arm's targets.
     """
     assert scenario.arm is not None
     home = np.array(scenario.arm.home)
+    script = scenario.task.repeat * scenario.script
     if scenario.messages is None:
-        return ScriptedPlanner(home, scenario.script)
+        return ScriptedPlanner(home, script)
     builder = DiagramBuilder()
     messages = builder.AddNamedSystem(
-        "messages", ScriptedPlanner(home, scenario.script, jumps=True)
+        "messages", ScriptedPlanner(home, script, jumps=True)
     )
     reference = AddJerkLimits(builder, scenario.arm)
     position = "position_commanded"

@@ -74,7 +74,8 @@ class TaskConfig:
 
     pick: str = ""  # name of the object; empty: nothing to do
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
-    # Number of cycles. Every second cycle returns the object to where it was found.
+    # Number of cycles. Every second cycle returns the object to where it was found. A
+    # script or messages are played that often.
     repeat: int = dc.field(default=1, metadata={"ge": 1})
     # Where objects without a position are placed, and the distance between centres [m].
     # 0.15 leaves room for an open finger of the SRG between two objects.

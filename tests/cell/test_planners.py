@@ -12,6 +12,7 @@ from drake_srg.cell import (
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.script.scripted import ScriptedPlanner
 from drake_srg.scenario import load_scenario
+from drake_srg.types import Mode
 
 MUG = "objects.mug={model: package://drake_srg/sdf/mug.sdf, position: [0.6, 0.1]}"
 
@@ -60,6 +61,23 @@ def test_a_script_is_played_by_a_scripted_planner():
     assert isinstance(
         MakeScriptedPlanner(load_scenario("gripper_bench")), ScriptedPlanner
     )
+
+
+@pytest.mark.parametrize("repeat", [1, 2, 3])
+@pytest.mark.parametrize("name", ["gripper_bench", "thesis_kitchen"])
+def test_a_script_is_played_as_often_as_the_task_says(name, repeat):
+    scenario = load_scenario(name, overrides=[f"task.repeat={repeat}"])
+    planner = MakeScriptedPlanner(scenario)
+    context = planner.CreateDefaultContext()
+    mode = planner.GetOutputPort("mode")
+    once = sum(step.duration for step in scenario.script)
+    for k in range(repeat):
+        context.SetTime(once * k + 0.5 * scenario.script[0].duration)
+        assert mode.Eval(context).value == scenario.script[0].mode
+    context.SetTime(once * repeat - 0.1)
+    assert mode.Eval(context) != Mode.DONE
+    context.SetTime(once * repeat)
+    assert mode.Eval(context) == Mode.DONE
 
 
 def test_targets_in_messages_are_reached_with_limited_jerk():
