@@ -32,6 +32,7 @@ class Moves:
         config: Distances and speeds.
 
     Attributes:
+        p_GT: The hand's point.
         free: Limits of motions with an empty hand.
         holding: Limits of motions with something in the hand.
     """
@@ -40,7 +41,7 @@ class Moves:
         self, scene: PlanningScene, p_GT: Vector, config: MotionConfig
     ) -> None:
         self._scene = scene
-        self._p_GT = np.asarray(p_GT)
+        self.p_GT = np.asarray(p_GT)
         self._config = config
         self._parameterize = MakeTimeParameterization(config.time_parameterization)
         limits = MotionLimits.of_plant(scene)
@@ -69,7 +70,7 @@ class Moves:
             return HandTarget.from_pose(X_WG)
         z = np.array([0.0, 0.0, 1.0])
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)
-        return HandTarget(X_WG @ self._p_GT, axes=(keep,), p_GT=self._p_GT)
+        return HandTarget(X_WG @ self.p_GT, axes=(keep,), p_GT=self.p_GT)
 
     def straight(
         self, q: Vector, target: HandTarget, *, turning: bool = False
@@ -139,7 +140,7 @@ class Moves:
         trajectory: Trajectory | PlanningFailure
         if self._config.tip_limits is not None:
             trajectory = tip_limited_trajectory(
-                self._scene, path, limits, self._config.tip_limits, p_GT=self._p_GT
+                self._scene, path, limits, self._config.tip_limits, p_GT=self.p_GT
             )
         else:
             rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]
