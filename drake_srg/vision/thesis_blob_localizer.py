@@ -124,9 +124,7 @@ class ThesisBlobLocalizer(LeafSystem):
         center = first_blob(color, self.config)
         if center is None:
             return None
-        p_IO = blob_position(
-            center, depth, self._imager.info, self.config.depth_offset
-        )
+        p_IO = blob_position(center, depth, self._imager.info, self.config.depth_offset)
         X_WI = self._pose.Eval(context) @ self._imager.X_BI
         height, width = depth.shape
         return Blob(

@@ -81,7 +81,7 @@ def test_the_depth_is_that_of_one_pixel_plus_the_offset():
         _, depth = picture((HEIGHT - 1 - used[0], used[1], 1))
         center = np.array([(column + 0.5) / WIDTH, (row + 0.5) / HEIGHT])
         assert blob_position(center, depth, INFO, 0.01)[2] == pytest.approx(0.86)
-        beside = center + [1.0 / WIDTH, 0.0]
+        beside = (center[0] + 1.0 / WIDTH, center[1])
         assert blob_position(beside, depth, INFO, 0.01)[2] == pytest.approx(0.91)
 
 

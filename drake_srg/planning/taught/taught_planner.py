@@ -13,12 +13,12 @@ from pydrake.systems.framework import BasicVector, Context
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning import state_machine
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.state_machine import StateMachine, next_mode
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.planner_memory import Motion
 from drake_srg.planning.taught.taught_motions import TaughtMotions
-from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Vector
+from drake_srg.types import Blob, Failure, Mode, PlannerStatus
 
 
 @dc.dataclass(frozen=True)
