@@ -68,13 +68,17 @@ def MakeScriptedPlanner(scenario: Scenario) -> System:
 
 def MakeTaughtPlanner(scenario: Scenario) -> TaughtPlanner:
     """Make the planner that moves through a scenario's taught waypoints."""
+    motions = MakeTaughtMotions(scenario)
+    return TaughtPlanner(motions, scenario.task.pick, scenario.planner)
+
+
+def MakeTaughtMotions(scenario: Scenario) -> TaughtMotions:
+    """Make the planner of the motions through a scenario's taught waypoints."""
     assert scenario.taught is not None
     assert scenario.arm is not None
-    scene, config = _own_scene(scenario), scenario.planner
-    moves = Moves(scene, MakeHand(scenario, scene.plant).p_GT, config)
-    home = np.array(scenario.arm.home)
-    motions = TaughtMotions(scene, moves, home, scenario.taught)
-    return TaughtPlanner(motions, scenario.task.pick, config)
+    scene = _own_scene(scenario)
+    moves = Moves(scene, MakeHand(scenario, scene.plant).p_GT, scenario.planner)
+    return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.taught)
 
 
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:

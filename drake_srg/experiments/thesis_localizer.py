@@ -205,6 +205,7 @@ def draw(
             style: dict[str, Any] = {"color": color, "hatch": hatch, "label": label}
             bars.bar(at - 0.36 + 0.12 * k, error, 0.11, edgecolor="white", **style)
     bars.set_yscale("log")
+    bars.set_ylim(1e-5, 50.0)  # whatever is less is exact
     bars.set_xticks(at, list("xyz"))
     style_axes(region, xlabel="x [mm]", ylabel="y [mm]")
     for color, (name, found) in zip(COLORS[3:], errors.items(), strict=False):
@@ -218,7 +219,10 @@ def draw(
             label=name,
         )
     region.quiverkey(arrows, 0.9, 1.04, 2.0, "2 mm", fontproperties={"size": 8})
-    region.set_aspect("equal", adjustable="datalim")
+    low, high = 1e3 * p_WO[:, :2].min(axis=0), 1e3 * p_WO[:, :2].max(axis=0)
+    region.set_xlim(low[0] - 45.0, high[0] + 25.0)  # with room for arrows
+    region.set_ylim(low[1] - 45.0, high[1] + 25.0)
+    region.set_aspect("equal")
     region.set_title("Error in x and y, camera as ours", fontsize=9, loc="left")
     figure.legend(loc="outside lower center", ncols=3, fontsize=8, frameon=False)
     return figure

@@ -48,6 +48,11 @@ class Moves:
         self.free = limits.scaled(config.speed, config.speed)
         self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
 
+    def tip(self, q: Vector) -> Vector:
+        """Return where the hand's point is at `q` (N,) [rad], shape (3,) [m]."""
+        p_WT: Vector = self._scene.X_WG(q) @ self.p_GT
+        return p_WT
+
     def above(self, q: Vector, height: float | None = None) -> HandTarget:
         """Return the hand as at `q` (N,) [rad], lifted by `height` or `lift_height`."""
         height = self._config.lift_height if height is None else height
@@ -70,7 +75,7 @@ class Moves:
             return HandTarget.from_pose(X_WG)
         z = np.array([0.0, 0.0, 1.0])
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)
-        return HandTarget(X_WG @ self.p_GT, axes=(keep,), p_GT=self.p_GT)
+        return HandTarget(self.tip(q), axes=(keep,), p_GT=self.p_GT)
 
     def straight(
         self, q: Vector, target: HandTarget, *, turning: bool = False

@@ -25,6 +25,8 @@ _ANGLE = 0.002  # how exactly the hand's z points up [rad]
 class TaughtMotions:
     """Plans the motions P0, P1, P2, P3, P4, P0; holds nothing between calls.
 
+    `moves`, `q_home` and `config` can be read from it.
+
     Args:
         scene: The arm, the gripper and the furniture.
         moves: The moves in that scene.
@@ -46,7 +48,7 @@ class TaughtMotions:
                     f"({len(q_home)}), got {count}"
                 )
         self._scene = scene
-        self._moves = moves
+        self.moves = moves
         self.q_home = np.asarray(q_home, dtype=float)
         self.config = config
 
@@ -70,16 +72,14 @@ class TaughtMotions:
         corners = (self.q_home, q_1, q_2, q_3, q_4, self.q_home)
         modes = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.PLACE, Mode.HOME)
         return {
-            mode: self._moves.timed(
-                self._moves.joint_path(start, end), self._moves.free
-            )
+            mode: self.moves.timed(self.moves.joint_path(start, end), self.moves.free)
             for mode, start, end in zip(modes, corners[:-1], corners[1:], strict=True)
         }
 
     def _reach(self, p_WT: Vector, q_nominal: Vector) -> Vector:
         """Return the posture with the tip at `p_WT` [m] and the hand's z up."""
         axis = AxisTarget(_UP, _UP, angle=_ANGLE)
-        target = HandTarget(p_WT, axes=(axis,), p_GT=self._moves.p_GT)
+        target = HandTarget(p_WT, axes=(axis,), p_GT=self.moves.p_GT)
         found = solve_inverse_kinematics(self._scene, target, q_nominal=q_nominal)
         if isinstance(found, IkFailure):
             raise NoPathError(PlanningFailure(found.failure, found.message))
