@@ -29,8 +29,9 @@ ASSISTIVE_ARM_SCREWS_PRINTED: Array = np.array(
 ASSISTIVE_ARM_SCREWS: Array = ASSISTIVE_ARM_SCREWS_PRINTED.copy()
 ASSISTIVE_ARM_SCREWS[3, 3:] = [0, -0.18974, 0.03813]
 
-# The tip's pose at zero angles, as printed: its matrix is a rotation up to rounding,
-# and its y is where the arm's plane lies in the thesis's world.
+# The tip's pose at zero angles, as appendix A prints it: the matrix is a rotation up to
+# rounding, and its y is where the arm's plane lies in the thesis's world. Section 4.4.3
+# prints the identity instead, which does not give the angles of the thesis's example.
 ASSISTIVE_ARM_HOME_PRINTED: Array = np.array(
     [
         [1.0, 0.0, 0.0018, -0.25308],
@@ -39,6 +40,8 @@ ASSISTIVE_ARM_HOME_PRINTED: Array = np.array(
         [0.0, 0.0, 0.0, 1.0],
     ]
 )
+ASSISTIVE_ARM_HOME_SECTION_4_4_3: Array = ASSISTIVE_ARM_HOME_PRINTED.copy()
+ASSISTIVE_ARM_HOME_SECTION_4_4_3[:3, :3] = np.eye(3)
 # The same pose with a proper rotation about y, in the arm's plane: the model's `tip`.
 ASSISTIVE_ARM_HOME: Array = np.array(
     [
@@ -92,6 +95,22 @@ def forward_kinematics(screws: ArrayLike, home: ArrayLike, q: ArrayLike) -> Arra
     for screw, theta in zip(np.asarray(screws), np.asarray(q), strict=True):
         T = T @ screw_exponential(screw, theta)
     return T @ np.asarray(home)
+
+
+def euler_rotation(angles: ArrayLike) -> Array:
+    """Return the rotation R (3, 3) = Rx(x) Ry(y) Rz(z), as the thesis's second script.
+
+    Args:
+        angles: x, y, z (3) [rad]; the thesis calls them alpha, beta, gamma.
+    """
+    (sx, sy, sz), (cx, cy, cz) = np.sin(angles), np.cos(angles)
+    return np.array(
+        [
+            [cy * cz, -cy * sz, sy],
+            [cx * sz + sx * sy * cz, cx * cz - sx * sy * sz, -sx * cy],
+            [sx * sz - cx * sy * cz, sx * cz + cx * sy * sz, cx * cy],
+        ]
+    )
 
 
 def euler_angles(R: ArrayLike) -> Array:

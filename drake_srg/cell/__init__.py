@@ -12,6 +12,7 @@ from drake_srg.cell.planners import (
     MakePlanner,
     MakeScriptedPlanner,
     MakeTaskPlanner,
+    MakeTaughtPlanner,
 )
 
 __all__ = [
@@ -24,5 +25,6 @@ __all__ = [
     "MakePlanner",
     "MakeScriptedPlanner",
     "MakeTaskPlanner",
+    "MakeTaughtPlanner",
     "register_gripper",
 ]

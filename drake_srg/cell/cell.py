@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
-from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner
+from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import export_outputs
 from drake_srg.objects.disturbance_forces import Target
@@ -43,7 +43,8 @@ def MakeCell(
     `disturber`. To replace one, build the diagram yourself with your own in its place;
     `AddCell` is kept short for that purpose.
 
-    If the scenario has a `script`, the planner plays it, and there is no localizer.
+    If the scenario has a `script`, the planner plays it, and there is no localizer. If
+    it has `taught` waypoints, the planner is a `TaughtPlanner`.
 
     Args:
         scenario: The scenario of the cell.
@@ -91,9 +92,10 @@ def AddCell(
             )
     else:
         localizer = AddLocalizer(builder, scenario, station)
-        planner = builder.AddNamedSystem("planner", MakePlanner(scenario))
+        make_planner = MakePlanner if scenario.taught is None else MakeTaughtPlanner
+        planner = builder.AddNamedSystem("planner", make_planner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
-        if scenario.localizer.obstacles:
+        if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
             finder = AddObstacleFinder(builder, scenario, station, localizer)
             builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
         builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
@@ -143,7 +145,9 @@ def AddDisturber(
 def ConnectPlanner(
     builder: DiagramBuilder, station: Diagram, localizer: System, planner: System
 ) -> None:
-    """Connect a planner with the ports of `PickAndPlacePlanner` to the other systems.
+    """Connect a planner with ports of `PickAndPlacePlanner` to the other systems.
+
+    Of the measurements, only those that the planner has an input for are connected.
 
     Args:
         builder: Builder of the diagram that contains all three.
@@ -157,13 +161,10 @@ def ConnectPlanner(
         ("gripper.state_measured", "gripper_state"),
         ("gripper.grasped", "grasped"),
         ("gripper.proximity", "proximity"),
+        ("arm.external_torque", "external_torque"),
     ):
-        builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
-    if station.HasOutputPort("arm.external_torque"):
-        builder.Connect(
-            station.GetOutputPort("arm.external_torque"),
-            planner.GetInputPort("external_torque"),
-        )
+        if station.HasOutputPort(source) and planner.HasInputPort(target):
+            builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
     ConnectCommands(builder, station, planner)
 
 

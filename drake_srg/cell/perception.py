@@ -15,6 +15,7 @@ from drake_srg.vision.camera_leveling import CameraLeveling
 from drake_srg.vision.color import ColorRange
 from drake_srg.vision.obstacles import ObstacleFinder
 from drake_srg.vision.surface import Surface
+from drake_srg.vision.thesis_blob_localizer import ThesisBlobLocalizer
 
 # A goal whose height differs from the table's by no more than this is a recess of the
 # table or a mat on it, not a surface of its own [m].
@@ -23,13 +24,16 @@ _RECESS = 0.01
 
 def AddLocalizer(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
-) -> BlobLocalizer:
+) -> BlobLocalizer | ThesisBlobLocalizer:
     """Add the localizer of a scenario and connect it to the station's cameras.
 
     Raises:
-        ScenarioError: If two objects look alike or a range of colours is invalid.
+        ScenarioError: If two objects look alike or a range of colours is invalid, or if
+            the thesis's localizer has more than one camera.
     """
     cameras, config = _camera_models(scenario), scenario.localizer
+    if config.thesis is not None:
+        return _AddThesisLocalizer(builder, scenario, station)
     localizer = builder.AddNamedSystem(
         "localizer",
         BlobLocalizer(
@@ -46,6 +50,29 @@ def AddLocalizer(
             if port == "body_pose_in_world" and config.level_cameras:
                 source = _AddLeveling(builder, scenario, station, name, camera)
             builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
+    return localizer
+
+
+def _AddThesisLocalizer(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> ThesisBlobLocalizer:
+    """Add the localizer of the arm's thesis and connect it to its one camera."""
+    cameras = _camera_models(scenario)
+    if len(cameras) != 1:
+        raise ScenarioError(
+            "localizer.cameras: must name one camera where localizer.thesis is given, "
+            f"got {', '.join(cameras)}"
+        )
+    ((name, camera),) = cameras.items()
+    localizer = builder.AddNamedSystem(
+        "localizer",
+        ThesisBlobLocalizer(
+            scenario.task.pick, name, camera, scenario.localizer.thesis
+        ),
+    )
+    for port in ("color_image", "depth_image", "body_pose_in_world"):
+        source = station.GetOutputPort(f"camera_{name}.{port}")
+        builder.Connect(source, localizer.GetInputPort(f"{name}.{port}"))
     return localizer
 
 

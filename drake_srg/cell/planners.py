@@ -11,10 +11,13 @@ from drake_srg.cell.goals import goal_pose
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.ports import output_ports
 from drake_srg.objects.models import known_shape, object_shape
+from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.script.scripted import ScriptedPlanner
 from drake_srg.planning.task.pick_and_place import PickAndPlacePlanner
 from drake_srg.planning.task.task_motions import TaskPlanner
+from drake_srg.planning.taught.taught_motions import TaughtMotions
+from drake_srg.planning.taught.taught_planner import TaughtPlanner
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import Models
 
@@ -64,15 +67,35 @@ def MakeScriptedPlanner(scenario: Scenario) -> System:
     return builder.Build()
 
 
+def MakeTaughtPlanner(scenario: Scenario) -> TaughtPlanner:
+    """Make the planner that moves through a scenario's taught waypoints."""
+    motions = MakeTaughtMotions(scenario)
+    return TaughtPlanner(motions, scenario.task.pick, scenario.planner)
+
+
+def MakeTaughtMotions(scenario: Scenario) -> TaughtMotions:
+    """Make the planner of the motions through a scenario's taught waypoints."""
+    assert scenario.taught is not None
+    assert scenario.arm is not None
+    scene = _own_scene(scenario)
+    moves = Moves(scene, MakeHand(scenario, scene.plant).p_GT, scenario.planner)
+    return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.taught)
+
+
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
     """Make the planner of motions, with its own model of arm and furniture."""
-    config = scenario.planner
-    scene = _planning_scene(
-        Models.of(scenario), config.clearance, config.hand_clearance, config.payload
-    ).copy()
+    scene = _own_scene(scenario)
     assert scenario.arm is not None
     hand = MakeHand(scenario, scene.plant)
-    return TaskPlanner(scene, hand, np.array(scenario.arm.home), config)
+    return TaskPlanner(scene, hand, np.array(scenario.arm.home), scenario.planner)
+
+
+def _own_scene(scenario: Scenario) -> PlanningScene:
+    """Return a planner's own model of arm and furniture."""
+    config = scenario.planner
+    return _planning_scene(
+        Models.of(scenario), config.clearance, config.hand_clearance, config.payload
+    ).copy()
 
 
 @functools.lru_cache(maxsize=2)

@@ -23,9 +23,11 @@ from drake_srg.objects.disturbances import Force, Push, Topple
 from drake_srg.planning.script.messages import MessagesConfig
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.types import positive
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.config import LocalizerThresholds
+from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
 
 if typing.TYPE_CHECKING:
     _Driver = GripperDriver
@@ -102,6 +104,9 @@ class LocalizerConfig:
     # Thresholds of the steps of perception. The defaults serve all scenarios of the
     # package.
     thresholds: LocalizerThresholds = dc.field(default_factory=LocalizerThresholds)
+    # The rule of the five-axis arm's thesis, in place of the known shapes. It takes one
+    # camera and finds only `task.pick`; the other keys do not apply.
+    thesis: ThesisBlobConfig | None = None
 
 
 @dc.dataclass(kw_only=True)
@@ -148,6 +153,8 @@ class Scenario:
     task: TaskConfig = dc.field(default_factory=TaskConfig)
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
+    # Taught waypoints, in place of planned grasps and goals.
+    taught: TaughtConfig | None = None
     # Steps for arm and gripper, in place of localizer and planner.
     script: list[ScriptStep] = dc.field(default_factory=list)
     # Messages to arm and gripper, as the thesis's client sends them; once loaded, they

@@ -15,6 +15,9 @@ from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode, Vector
 
 _MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
+# An object that has risen this far is off its support [m]. Toppling a 25 mm cylinder
+# raises its middle by 3 mm, the soup can's by 10 mm.
+_LIFTED = 0.015
 
 
 def arm_states(log: Mapping[str, Vector]) -> Vector | None:
@@ -48,6 +51,21 @@ def grasp_shift(mode: Vector, poses: Vector) -> float | None:
         return None
     start, end = poses[rows[0], :3], poses[min(rows[-1] + 1, len(poses) - 1), :3]
     return float(np.linalg.norm(end - start))
+
+
+def grasp_lifted(mode: Vector, poses: Vector) -> bool:
+    """Return whether the object has risen with the hand when the last lift ends."""
+    rows = _last_rows(mode, Mode.LIFT)
+    if len(rows) == 0:
+        return False
+    return bool(poses[rows[-1], 2] - poses[0, 2] > _LIFTED)
+
+
+def placed_at(time: Vector, mode: Vector) -> float | None:
+    """Return when the hand last opened after placing [s]."""
+    ends = (MODES.index(Mode.PLACE), MODES.index(Mode.RELEASE))
+    (rows,) = np.nonzero((mode[:-1] == ends[0]) & (mode[1:] == ends[1]))
+    return float(time[rows[-1] + 1]) if len(rows) else None
 
 
 def others_moved(log: Mapping[str, Vector], pick: str) -> float | None:

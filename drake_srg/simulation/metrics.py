@@ -35,10 +35,16 @@ class Metrics:
     # Mean time per cycle, from the first localisation that led to a grasp until the arm
     # is back home [s].
     cycle_time_s: float | None
+    # Until the hand opens at the goal, from the same moment; None unless the planner
+    # has placed the object exactly once [s]. The five-axis arm's thesis reports it.
+    time_to_placement_s: float | None
     planning_wall_s: float
     localization_error_m: list[float] | None  # estimate minus truth
     placement_error_m: list[float] | None  # final position minus goal
     placement_tilt_rad: float | None  # None for a sphere
+    # Whether the object was off its support when the last lift ended: what that thesis
+    # calls a successful grasp.
+    grasp_lifted: bool | None
     grasp_shift_m: float | None  # motion of the object while the fingers close
     smoothness: float | None  # log dimensionless jerk of the arm; higher is smoother
     # Speed of the object in the hand while the arm dwells after lifting.
@@ -123,7 +129,7 @@ def calc_metrics(
     time, mode = log["time"], log["mode"].astype(int)
     poses = log.get(f"object_pose.{pick}")
     placed, error, tilt = False, None, None
-    localization = shift = drift = peak = cycle = None
+    localization = shift = drift = peak = cycle = lifted = to_placement = None
     if poses is not None:
         final = row_to_pose(poses[-1])
         first = 0  # row at which the object was first found
@@ -142,12 +148,16 @@ def calc_metrics(
             and "support" in touching
             and measures.is_home(scenario, log)
         )
+        lifted = measures.grasp_lifted(mode, poses)
         shift = measures.grasp_shift(mode, poses)
         drift = measures.hold_drift(scenario, time, mode, log, poses)
         peak = float(np.max(log["contact_force"])) or None  # None: never touched
     if status.mode is Mode.DONE:
         done = time[mode == MODES.index(Mode.DONE)][0]
         cycle = float(done - status.localized_at) / max(status.cycles, 1)
+    opened = measures.placed_at(time, mode)
+    if status.cycles == 1 and opened is not None:
+        to_placement = opened - status.localized_at
     success = placed and status.mode is Mode.DONE
     failure = status.failure
     if status.mode is Mode.DONE and not success:
@@ -162,10 +172,12 @@ def calc_metrics(
         attempts=status.attempts,
         cycles=status.cycles,
         cycle_time_s=cycle,
+        time_to_placement_s=to_placement,
         planning_wall_s=status.planning_wall,
         localization_error_m=_floats(localization),
         placement_error_m=_floats(error),
         placement_tilt_rad=tilt,
+        grasp_lifted=lifted,
         grasp_shift_m=shift,
         smoothness=measures.smoothness(time, mode, measures.arm_states(log)),
         hold_drift_m_per_s=drift,

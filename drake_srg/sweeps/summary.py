@@ -10,7 +10,7 @@ from drake_srg.sweeps.statistics import wilson_interval
 
 
 def summary(rows: Any) -> str:
-    """Return a short table: success rate, failures by reason, median cycle time.
+    """Return a short table: success rate, grasps, failures by reason, median times.
 
     Args:
         rows: A pyarrow.Table from `rows.read_rows`.
@@ -26,12 +26,19 @@ def summary(rows: Any) -> str:
             rows["claimed"].to_pylist(), rows["success"].to_pylist(), strict=True
         )
     )
-    cycles = rows.filter(rows["success"])["cycle_time_s"].drop_null().to_pylist()
+    lifted = [lift for lift in rows["grasp_lifted"].to_pylist() if lift is not None]
+
+    def median(name: str) -> str:
+        times = rows.filter(rows["success"])[name].drop_null().to_pylist()
+        return f"{statistics.median_low(times):.3g} s" if times else "-"
+
     lines = [
         ("success", f"{succeeded} of {trials}{share}"),
         ("95 % interval (Wilson)", f"{low:.2%} to {high:.2%}"),
+        ("grasped and lifted", f"{sum(lifted)} of {len(lifted)}"),
         *((f"failure: {name}", str(n)) for name, n in failures.most_common()),
         ("wrongly reported done", str(wrong)),
-        ("median cycle", f"{statistics.median_low(cycles):.3g} s" if cycles else "-"),
+        ("median to placement", median("time_to_placement_s")),
+        ("median cycle", median("cycle_time_s")),
     ]
     return "\n".join(f"{name:24} {value}" for name, value in lines)

@@ -11,9 +11,11 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_srg.arm.kinematics import (
     ASSISTIVE_ARM_HOME,
     ASSISTIVE_ARM_HOME_PRINTED,
+    ASSISTIVE_ARM_HOME_SECTION_4_4_3,
     ASSISTIVE_ARM_SCREWS,
     ASSISTIVE_ARM_SCREWS_PRINTED,
     euler_angles,
+    euler_rotation,
     forward_kinematics,
     screw_exponential,
 )
@@ -47,6 +49,25 @@ def test_forward_kinematics_match_the_example_of_the_thesis():
     X = forward_kinematics(ASSISTIVE_ARM_SCREWS_PRINTED, ASSISTIVE_ARM_HOME_PRINTED, q)
     angles = np.degrees(euler_angles(X[:3, :3]))
     np.testing.assert_allclose(angles, [-136.3074, -68.1808, -108.777], atol=1e-4)
+
+
+def test_the_thesis_used_the_home_pose_of_its_appendix():
+    home = ASSISTIVE_ARM_HOME_SECTION_4_4_3
+    q = np.radians([10, 20, 30, 40, 50])
+    X = forward_kinematics(ASSISTIVE_ARM_SCREWS_PRINTED, home, q)
+    angles = np.degrees(euler_angles(X[:3, :3]))
+    np.testing.assert_allclose(angles, [-136.570, -68.147, -109.021], atol=1e-3)
+
+
+@given(st.tuples(angle, angle, angle))
+def test_euler_rotations_are_products_of_turns_about_x_y_and_z(angles):
+    x, y, z = angles
+    R = (
+        RotationMatrix.MakeXRotation(x)
+        @ RotationMatrix.MakeYRotation(y)
+        @ RotationMatrix.MakeZRotation(z)
+    )
+    np.testing.assert_allclose(euler_rotation(angles), R.matrix(), atol=1e-14)
 
 
 def test_the_plant_agrees_with_the_product_of_exponentials(arm):

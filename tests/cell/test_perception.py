@@ -4,6 +4,7 @@ import pytest
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 
@@ -91,3 +92,13 @@ def describe(found):
     return [
         [str(getattr(item, field.name)) for field in dc.fields(item)] for item in found
     ]
+
+
+def test_the_thesis_s_localizer_takes_one_camera():
+    scenario = load_scenario("assistive_arm_thesis", seed=0)
+    scenario.localizer.cameras = ["ceiling", "overview"]
+    builder = DiagramBuilder()
+    with pytest.raises(
+        ScenarioError, match=r"localizer\.cameras: must name one camera"
+    ):
+        AddLocalizer(builder, scenario, builder.AddSystem(MakeStation(scenario)))

@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
@@ -6,8 +8,17 @@ from pydrake.multibody.plant import MultibodyPlant
 from drake_srg.simulation import measures
 from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.station.plant import AddDirectives
-from drake_srg.types import Mode
-from simulation.made_logs import BEGINS, HOME, SCENARIO, SMOOTH, judge, make_log, moving
+from drake_srg.types import Mode, PlannerStatus
+from simulation.made_logs import (
+    BEGINS,
+    BLOB,
+    HOME,
+    SCENARIO,
+    SMOOTH,
+    judge,
+    make_log,
+    moving,
+)
 
 
 def test_the_grasp_shift_is_the_motion_while_closing():
@@ -97,3 +108,28 @@ def test_a_run_too_short_for_a_speed_does_not_count_as_resting():
     poses = log["object_pose.soup_can"]
     assert measures.final_speed(log["time"], poses) == 0.0
     assert measures.final_speed(log["time"][:1], poses[:1]) == np.inf
+
+
+@pytest.mark.parametrize(("rise", "lifted"), [(0.014, False), (0.016, True)])
+def test_a_grasp_counts_once_the_object_is_off_its_support(rise, lifted):
+    log = make_log()
+    log["object_pose.soup_can"][60:75, 2] += rise
+    assert judge(log).grasp_lifted is lifted
+
+
+def test_without_a_lift_nothing_was_grasped():
+    log = make_log()
+    log["mode"][:] = MODES.index(Mode.IDLE)
+    assert judge(log, PlannerStatus(mode=Mode.FAILED)).grasp_lifted is False
+
+
+def test_the_time_to_placement_ends_where_the_hand_opens_at_the_goal():
+    log = make_log()
+    log["mode"][90:100] = MODES.index(Mode.PLACE)  # opens at 2.0 s
+    status = PlannerStatus(
+        mode=Mode.DONE, cycles=1, localization=BLOB, localized_at=0.25
+    )
+    assert judge(log, status).time_to_placement_s == pytest.approx(1.75)
+    for other in (make_log(), None):  # never placed; placed twice
+        twice = dc.replace(status, cycles=2 if other is None else 1)
+        assert judge(other or log, twice).time_to_placement_s is None

@@ -194,6 +194,7 @@ def test_the_peak_force_is_the_largest_of_all_samples():
 
 KEYS = """
 schema_version scenario seed success failure attempts cycles cycle_time_s
+time_to_placement_s grasp_lifted
 planning_wall_s localization_error_m placement_error_m placement_tilt_rad
 grasp_shift_m smoothness
 hold_drift_m_per_s peak_contact_force_n others_moved_m

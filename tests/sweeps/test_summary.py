@@ -23,7 +23,9 @@ def summarize(tmp_path):
 
 def success(cycle_time):
     return {"success": True, "failure": None, "claimed": True} | {
-        "cycle_time_s": cycle_time
+        "cycle_time_s": cycle_time,
+        "time_to_placement_s": cycle_time - 2.0,
+        "grasp_lifted": True,
     }
 
 
@@ -32,15 +34,17 @@ def test_the_summary_counts_outcomes_and_reasons(summarize):
         success(7.0),
         success(9.0),
         success(8.0),
-        {"failure": "dropped"},
+        {"failure": "dropped", "grasp_lifted": False},
         {"failure": "dropped", "cycle_time_s": 30.0},
         {"failure": "misplaced", "claimed": True},
     ) == [
         "success 3 of 6, 50.00%",
         "95 % interval (Wilson) 18.76% to 81.24%",
+        "grasped and lifted 3 of 4",
         "failure: dropped 2",
         "failure: misplaced 1",
         "wrongly reported done 1",
+        "median to placement 6 s",
         "median cycle 8 s",
     ]
 

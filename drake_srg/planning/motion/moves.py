@@ -32,6 +32,7 @@ class Moves:
         config: Distances and speeds.
 
     Attributes:
+        p_GT: The hand's point.
         free: Limits of motions with an empty hand.
         holding: Limits of motions with something in the hand.
     """
@@ -40,12 +41,17 @@ class Moves:
         self, scene: PlanningScene, p_GT: Vector, config: MotionConfig
     ) -> None:
         self._scene = scene
-        self._p_GT = np.asarray(p_GT)
+        self.p_GT = np.asarray(p_GT)
         self._config = config
         self._parameterize = MakeTimeParameterization(config.time_parameterization)
         limits = MotionLimits.of_plant(scene)
         self.free = limits.scaled(config.speed, config.speed)
         self.holding = limits.scaled(config.holding_speed, config.holding_acceleration)
+
+    def tip(self, q: Vector) -> Vector:
+        """Return where the hand's point is at `q` (N,) [rad], shape (3,) [m]."""
+        p_WT: Vector = self._scene.X_WG(q) @ self.p_GT
+        return p_WT
 
     def above(self, q: Vector, height: float | None = None) -> HandTarget:
         """Return the hand as at `q` (N,) [rad], lifted by `height` or `lift_height`."""
@@ -69,7 +75,7 @@ class Moves:
             return HandTarget.from_pose(X_WG)
         z = np.array([0.0, 0.0, 1.0])
         keep = AxisTarget(z, X_WG.rotation() @ z, angle=0.002)
-        return HandTarget(X_WG @ self._p_GT, axes=(keep,), p_GT=self._p_GT)
+        return HandTarget(self.tip(q), axes=(keep,), p_GT=self.p_GT)
 
     def straight(
         self, q: Vector, target: HandTarget, *, turning: bool = False
@@ -139,7 +145,7 @@ class Moves:
         trajectory: Trajectory | PlanningFailure
         if self._config.tip_limits is not None:
             trajectory = tip_limited_trajectory(
-                self._scene, path, limits, self._config.tip_limits, p_GT=self._p_GT
+                self._scene, path, limits, self._config.tip_limits, p_GT=self.p_GT
             )
         else:
             rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.planner_memory import Motion, PlannerMemory
+from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.planning.task.sightings import View
 from drake_srg.types import Vector
 

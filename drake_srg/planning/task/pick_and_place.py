@@ -6,11 +6,12 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context
 
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.state_machine import StateMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.modes import task_modes
 from drake_srg.planning.task.observing import Senses
-from drake_srg.planning.task.planner_memory import Motion, PlannerMemory
+from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View
 from drake_srg.planning.task.task_motions import TaskPlanner

@@ -32,13 +32,15 @@ _OPEN_FAILURES = 12  # rows of failed trials that are open; the others are folde
 
 
 def summary(trials: Trials) -> Element:
-    """Return the summary: success rate, false reports, placement error, cycle time."""
+    """Return the summary: success and grasp rates, false reports, errors, times."""
     n, k = len(trials), int(np.count_nonzero(trials.success))
     low, high = wilson_interval(k, n)
     claimed = int(np.count_nonzero(trials.claimed))
     good = trials.success
     errors = 1e3 * trials.placement_error[good]
-    times = trials.cycle_time[good]
+    times, placing = trials.cycle_time[good], trials.time_to_placement[good]
+    known = np.isfinite(trials.grasp_lifted)
+    lifted = int(np.sum(trials.grasp_lifted[known]))
     return element(
         "div",
         _tile(
@@ -47,6 +49,11 @@ def summary(trials: Trials) -> Element:
             f"{k:,} of {n:,} trials; 95 % interval {percent(low, n)} to "
             f"{percent(high, n)} (Wilson)",
             "tile lead",
+        ),
+        _tile(
+            "Grasped and lifted",
+            f"{lifted:,}",
+            f"of {np.count_nonzero(known):,} trials, whatever came of it",
         ),
         _tile(
             "Wrongly reported done",
@@ -62,7 +69,8 @@ def summary(trials: Trials) -> Element:
         _tile(
             "Cycle time",
             number(quantile(times, 0.5), "s"),
-            f"median; 95 % quantile {number(quantile(times, 0.95), 's')}",
+            f"median; 95 % quantile {number(quantile(times, 0.95), 's')}; "
+            f"until the object is placed {number(quantile(placing, 0.5), 's')}",
         ),
         class_="tiles",
     )

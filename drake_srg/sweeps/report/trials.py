@@ -40,6 +40,8 @@ class Trials:
         self.failure: list[str] = [f or "unknown" for f in self.column("failure")]
         self.message: list[str] = [m or "" for m in self.column("message")]
         self.cycle_time = self.numbers("cycle_time_s")
+        self.time_to_placement = self.numbers("time_to_placement_s")
+        self.grasp_lifted = self.numbers("grasp_lifted")
         self.placement_error = self.norms("placement_error_m")
         self.localization_error = self.norms("localization_error_m")
         self.others_moved = self.numbers("others_moved_m")

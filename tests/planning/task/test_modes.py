@@ -5,6 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.state_machine import Entry, Moment
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.modes import task_modes
@@ -12,7 +13,6 @@ from drake_srg.planning.task.observing import Senses
 from drake_srg.planning.task.planner_memory import (
     Attempt,
     Cycle,
-    Motion,
     PlannerMemory,
     Totals,
     Trouble,

@@ -1,91 +1,22 @@
 import copy
 
 import numpy as np
-import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from drake_srg.planning.task.planner_memory import Motion, PlannerMemory, Trouble
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.task.planner_memory import PlannerMemory, Trouble
 from drake_srg.types import Failure, Mode
-from planning.planning_world import motion as straight
 
-START, END = np.array([0.0, 1.0]), np.array([1.0, 1.0])
-# From START to END in 0.1 s, from 5 s on.
-UNDER_WAY = Motion(np.zeros(2)).followed_by(straight(START, END), 5.0)
-STOP = 0.4  # duration of a stop [s]
-moments = st.floats(0.0, 0.09)
-
-
-def test_without_a_trajectory_the_arm_rests():
-    rest = Motion(START)
-    for time in (0.0, 9.0, np.inf):
-        np.testing.assert_array_equal(rest.position(time), START)
-    assert rest.stopped(1.0) is rest
-
-
-def test_a_motion_ends_at_its_destination():
-    np.testing.assert_allclose(UNDER_WAY.position(5.05), [0.5, 1.0])
-    np.testing.assert_allclose(UNDER_WAY.position(9.0), END)
-    np.testing.assert_allclose(UNDER_WAY.destination, END)
-    assert UNDER_WAY.due == pytest.approx(5.1)
-
-
-def test_a_wait_delays_only_when_the_motion_is_due():
-    waiting = Motion(START).followed_by(straight(START, END), 5.0, wait=0.3)
-    assert waiting.due == pytest.approx(5.4)
-    np.testing.assert_allclose(waiting.position(5.1), END)
-
-
-@given(moments)
-def test_a_stop_brakes_evenly_along_the_path(moment):
-    stopped = UNDER_WAY.stopped(5.0 + moment)
-    assert stopped.due == pytest.approx(5.0 + moment + STOP)
-    times = 5.0 + moment + np.linspace(0.0, STOP, 50)
-    q = np.array([stopped.position(t) for t in times])
-    np.testing.assert_allclose(q[0], UNDER_WAY.position(times[0]), atol=1e-12)
-    np.testing.assert_array_equal(q[:, 1], 1.0)  # on the path
-    speeds = np.diff(q[:, 0]) / np.diff(times)
-    assert np.all(speeds >= -1e-9)
-    assert np.all(np.diff(speeds) <= 1e-6)
-    np.testing.assert_array_equal(stopped.position(99.0), stopped.destination)
-
-
-@given(moments, st.floats(0.0, 1.0))
-def test_an_arm_that_stops_stops_only_once(moment, later):
-    stopped = UNDER_WAY.stopped(5.0 + moment)
-    assert stopped.stopped(5.0 + moment + later) is stopped
-
-
-@given(moments)
-def test_a_motion_that_is_broken_off_comes_to_rest_by_itself(moment):
-    ended = UNDER_WAY.ended(5.0 + moment)
-    expected = UNDER_WAY.stopped(5.0 + moment)
-    for time in 5.0 + moment + np.array([0.0, 0.1, 1.0]):
-        np.testing.assert_array_equal(ended.position(time), expected.position(time))
-
-
-def test_a_motion_that_is_over_leaves_the_arm_at_rest():
-    ended = UNDER_WAY.ended(5.2)
-    assert ended.trajectory is None
-    np.testing.assert_allclose(ended.position(6.0), END)
-
-
-@given(st.floats(0.0, 0.5))
-def test_the_next_motion_knows_where_the_last_one_was(moment):
-    following = UNDER_WAY.followed_by(None, 5.0 + moment)
-    np.testing.assert_array_equal(
-        following.position(9.0), UNDER_WAY.position(5.0 + moment)
-    )
+REST = Motion(np.zeros(2))
 
 
 def test_copies_share_what_never_changes():
-    memory = PlannerMemory(UNDER_WAY)
+    memory = PlannerMemory(REST)
     assert copy.deepcopy(memory) is memory
 
 
 def test_a_failure_is_reported_when_the_task_has_failed():
     trouble = Trouble(failure=Failure.DROPPED, message="lost")
-    memory = PlannerMemory(UNDER_WAY, trouble=trouble)
+    memory = PlannerMemory(REST, trouble=trouble)
     assert memory.status(Mode.FAILED).failure is Failure.DROPPED
     assert memory.status(Mode.RETREAT).failure is None
     assert memory.status(Mode.RETREAT).message == "lost"

@@ -1,0 +1,1 @@
+"""Taught waypoints: the motions of the five-axis arm's thesis."""

@@ -1,0 +1,162 @@
+import numpy as np
+import pytest
+from helpers import port_table
+from pydrake.systems.analysis import Simulator
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.taught.config import TaughtConfig
+from drake_srg.planning.taught.taught_planner import TaughtPlanner
+from drake_srg.types import Blob, Failure, Mode
+
+HOME = np.zeros(2)
+MODES = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.PLACE, Mode.HOME)
+WAYPOINTS = {mode: np.array([i + 1.0, 0.0]) for i, mode in enumerate(MODES)}
+CONFIG = PlannerConfig(
+    latency=0.1, grip_wait=0.5, release_wait=0.5, home_wait=0.5, close_at_home=1.5
+)
+BLOB = Blob("cylinder", "top", (0, 0), np.array([0.3, 0.2, 0.1]), np.eye(3)[2], 1.0)
+
+
+class Motions:
+    """Stands in for `TaughtMotions`: every motion takes a second."""
+
+    def __init__(self, config=None, failure=None):
+        self.q_home = HOME
+        self.config = config or TaughtConfig()
+        self.failure = failure
+        self.asked = []
+
+    def plan(self, p_WT):
+        self.asked.append(p_WT.tolist())
+        if self.failure is not None:
+            return PlanningFailure(self.failure, "too far")
+        ends = [HOME, *WAYPOINTS.values()]
+        return {
+            mode: PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.array([a, b]).T)
+            for mode, a, b in zip(MODES, ends[:-1], ends[1:], strict=True)
+        }
+
+
+class Run:
+    """Advances a planner whose inputs are fixed values."""
+
+    def __init__(self, motions=None, config=CONFIG, blobs=(BLOB,)):
+        self.motions = motions or Motions()
+        self.planner = TaughtPlanner(self.motions, "cylinder", config)
+        self.simulator = Simulator(self.planner)
+        self.context = self.simulator.get_mutable_context()
+        self.show(*blobs)
+        self.grip(False)
+        self.modes = {}
+
+    def show(self, *blobs):
+        self.planner.GetInputPort("blobs").FixValue(self.context, list(blobs))
+
+    def grip(self, gripped):
+        port = self.planner.GetInputPort("grasped")
+        port.FixValue(self.context, [float(gripped)])
+
+    def read(self, port):
+        return self.planner.GetOutputPort(port).Eval(self.context)
+
+    def advance(self, end):
+        """Advance, and remember when each mode began."""
+        time = self.context.get_time()
+        for t in np.arange(time, end, 0.05) + 0.05:
+            self.simulator.AdvanceTo(t)
+            self.modes.setdefault(self.read("mode"), round(t, 2))
+        return self
+
+
+def test_its_ports_are_those_of_a_planner():
+    inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder", CONFIG))
+    assert inputs == {"blobs": None, "grasped": 1}
+    assert outputs == {
+        "mode": None,
+        "position_commanded": 2,
+        "closure_commanded": 1,
+        "status": None,
+    }
+
+
+def test_it_goes_through_all_waypoints_and_waits_where_the_thesis_waits():
+    run = Run().advance(2.5)
+    assert run.read("mode") is Mode.CLOSE
+    assert run.read("closure_commanded") == 1.0
+    run.advance(5.0)
+    assert run.read("mode") is Mode.CLOSE, "it waits until the hand has gripped"
+    run.grip(True)
+    run.advance(12.0)
+    begins = np.array([run.modes[mode] for mode in list(Mode) if mode in run.modes])
+    #  idle, P1, P2, close, P3, P4, release, home, done; each motion takes a second
+    waits = np.diff(begins)[1:]
+    assert waits == pytest.approx([1, 1, 3.4, 1, 1, 0.5, 3], abs=0.11)
+    status = run.read("status")
+    assert (status.mode, status.failure) == (Mode.DONE, None)
+    assert (status.attempts, status.cycles, status.looks) == (1, 1, 1)
+    assert status.localization.position.tolist() == BLOB.position.tolist()
+    assert run.read("position_commanded").tolist() == WAYPOINTS[Mode.HOME].tolist()
+
+
+def test_the_hand_closes_at_home_at_last():
+    run = Run()
+    run.grip(True)
+    run.advance(6.3)
+    assert run.read("mode") is Mode.HOME
+    opened = run.read("closure_commanded")[0]
+    run.advance(10.0)
+    assert (opened, run.read("closure_commanded")[0]) == (0.0, 1.0)
+
+
+def test_a_grip_that_is_interrupted_does_not_count():
+    run = Run().advance(2.5)
+    for t in np.arange(2.5, 6.0, 0.4):
+        run.grip(round(t / 0.4) % 2)
+        run.advance(t + 0.4)
+    assert run.read("mode") is Mode.CLOSE
+
+
+def test_it_looks_once():
+    run = Run().advance(0.5)
+    run.show()
+    run.advance(1.5)
+    assert run.motions.asked == [BLOB.position.tolist()]
+
+
+def test_other_objects_are_not_taken():
+    other = Blob("cup", "top", (0, 0), np.zeros(3), np.eye(3)[2], 1.0)
+    run = Run(blobs=(other,)).advance(1.0)
+    assert run.read("mode") is Mode.FAILED
+    assert run.read("status").failure is Failure.NOT_SEEN
+
+
+def test_a_fixed_pose_needs_no_look():
+    run = Run(Motions(TaughtConfig(grasp=[1.0, 2.0, 3.0])), blobs=()).advance(1.0)
+    assert run.motions.asked == [[1.0, 2.0, 3.0]]
+    status = run.read("status")
+    assert (status.looks, status.localization) == (0, None)
+    assert run.read("mode") is Mode.PRE_GRASP
+
+
+def test_a_pose_out_of_reach_ends_the_task_with_the_reason():
+    run = Run(Motions(failure=Failure.OUT_OF_REACH)).advance(0.5)
+    status = run.read("status")
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.OUT_OF_REACH)
+    assert status.message == "too far"
+    assert run.read("position_commanded").tolist() == HOME.tolist()
+
+
+def test_a_hand_that_never_grips_uses_up_the_time_budget():
+    config = PlannerConfig(time_budget=4.0)
+    run = Run(config=config).advance(5.0)
+    status = run.read("status")
+    assert (status.mode, status.failure) == (Mode.FAILED, Failure.TIME_BUDGET)
+
+
+def test_two_planners_do_not_share_their_memory():
+    first, second = Run(), Run(blobs=())
+    first.advance(1.0)
+    second.advance(0.2)
+    assert (first.read("mode"), second.read("mode")) == (Mode.PRE_GRASP, Mode.IDLE)
