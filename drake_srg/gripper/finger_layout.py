@@ -5,7 +5,14 @@ from __future__ import annotations
 import dataclasses as dc
 from collections.abc import Mapping
 
+import numpy as np
+
 from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
+
+# Inner normal of every link with a sensor, in the link's frame: y points to the closing
+# side.
+INWARD = np.array([0.0, 1.0, 0.0])
+INWARD.setflags(write=False)
 
 
 @dc.dataclass(frozen=True, kw_only=True)

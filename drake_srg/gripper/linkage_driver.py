@@ -45,8 +45,9 @@ class LinkageDriver(GripperDriver):
     layout: ClassVar[FingerLayout] = LINKAGE_FINGERS
 
     # A finger that fires 1 mm before it touches does not mistake the table under a
-    # lying cylinder, 3 mm away, for an object. The table under a standing one, 13 mm
-    # away, is out of range, which saves three quarters of the sensors' time.
+    # lying cylinder, 3 mm away, for an object, even if it looks all round. The table
+    # under a standing one, 13 mm away, is out of range, which saves three quarters of
+    # the sensors' time.
     proximity: ProximityConfig = dc.field(
         default_factory=lambda: ProximityConfig(range=0.01, trigger_distance=0.001)
     )

@@ -1,6 +1,7 @@
 """Distance sensors in the finger links."""
 
 import dataclasses as dc
+import math
 from collections.abc import Mapping, Sequence
 
 from pydrake.common.value import AbstractValue
@@ -14,20 +15,27 @@ from pydrake.systems.framework import (
     DiscreteValues,
 )
 
-from drake_srg.gripper.finger_layout import FingerLayout
+from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import positive
+from drake_srg.types import Vector, positive
 
 
 @dc.dataclass(kw_only=True)
 class ProximityConfig(FingerSensorConfig):
-    """Range, trigger and rate of the distance sensors."""
+    """Field of view, range, trigger and rate of the distance sensors."""
 
     # Readings saturate here [m]. A longer range costs time because more pairs are near.
     range: float = dc.field(default=0.02, metadata=positive())
     # A sensor fires below this distance [m].
     trigger_distance: float = dc.field(default=0.003, metadata=positive())
+    # Half angle of the cone about the link's inner normal in which a sensor sees [rad];
+    # pi: all round. 60 degrees show an object whose side is so oblique to the pad, and
+    # hide a table below links that are within 30 degrees of upright. An object at the
+    # trigger distance escapes a face only over its outer 1.7 mm (`ProximitySensors`).
+    half_angle: float = dc.field(
+        default=math.radians(60.0), metadata=positive(le=math.pi)
+    )
     # Time between readings [s]. A reading costs 0.2 ms, at 100 Hz a twelfth of the time
     # that the plant needs. Algorithm 1 and the reference, sampled at the same rate,
     # each see the other's last value, so a finger reacts 20 to 35 ms after it comes
@@ -58,14 +66,23 @@ class ProximitySensors(LeafSystem):
         - triggered
 
     `proximity` (m) [m] is the least signed distance from each sensor's geometries to
-    any geometry that it does not ignore, saturated at `config.range`. Negative values
-    are penetration. `triggered` (m) is 1 where the distance is below
+    any geometry that it sees, saturated at `config.range`. Negative values are
+    penetration. `triggered` (m) is 1 where the distance is below
     `config.trigger_distance`, else 0. Both are sampled every `config.period`.
+
+    A geometry of a sensor sees another one if the direction to its nearest point (in
+    penetration: the contact normal) is within `config.half_angle` of the link's inner
+    normal. Nothing within that angle is nearer. A convex object that a flat face does
+    not see can reach in front of the face, but only at the rim: where it is h above the
+    face, the face's edge is at most h / tan(half_angle) away. The geometries of a link
+    look past each other: an object in the corner between two of them counts, though
+    the nearer one has it beside itself. So what lies behind a pad can see, from farther
+    away, a round object at the pad's end.
 
     Args:
         sensors: The geometries from which each sensor measures, by its name.
         ignored: The geometries that each sensor does not see, by its name.
-        config: Range, trigger and rate.
+        config: Field of view, range, trigger and rate.
     """
 
     def __init__(
@@ -83,6 +100,8 @@ class ProximitySensors(LeafSystem):
             g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
         }
         self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
+        # Rounding must not narrow the field of view.
+        self._least_cosine = math.cos(self.config.half_angle) - 1e-9
         self.DeclareAbstractInputPort(
             name="query_object", model_value=AbstractValue.Make(QueryObject())
         )
@@ -104,12 +123,23 @@ class ProximitySensors(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         query: QueryObject = self.get_input_port(0).Eval(context)
         distances = [self.config.range] * len(self.sensor_names)
+        normals: dict[int, Vector] = {}  # of the sensors with something near, in world
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
-            a, b = pair.id_A.get_value(), pair.id_B.get_value()
-            for own, other in ((a, b), (b, a)):
-                i = self._sensor_of.get(own)
-                if i is not None and other not in self._ignored[i]:
-                    distances[i] = min(distances[i], pair.distance)
+            A, B = pair.id_A, pair.id_B
+            for own, other, sign in ((A, B, -1.0), (B, A, 1.0)):
+                i = self._sensor_of.get(own.get_value())
+                if (
+                    i is None
+                    or pair.distance >= distances[i]
+                    or other.get_value() in self._ignored[i]
+                ):
+                    continue
+                if i not in normals:
+                    link = query.inspector().GetFrameId(own)
+                    normals[i] = query.GetPoseInWorld(link).rotation() @ INWARD
+                # A touch in a single point can lack a direction (NaN): it counts.
+                if not sign * (normals[i] @ pair.nhat_BA_W) < self._least_cosine:
+                    distances[i] = pair.distance
         discrete_state.set_value(distances)
 
     def _calc_proximity(self, context: Context, output: BasicVector) -> None:
@@ -130,8 +160,8 @@ def AddProximitySensors(
 ) -> ProximitySensors:
     """Add a gripper's distance sensors to a diagram with its (finalized) plant.
 
-    Each sensor sees everything except the gripper's own links; `layout.seen` lists the
-    own links that it does see. The caller connects `query_object` to the scene graph.
+    Each sensor ignores the gripper's own links, except those in `layout.seen`. The
+    caller connects `query_object` to the scene graph.
     """
 
     def geometries(link: str) -> list[GeometryId]:

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
 from drake_srg.common.contacts import each_contact
-from drake_srg.gripper.finger_layout import FingerLayout
+from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
@@ -55,7 +55,8 @@ class ContactForceSensors(LeafSystem):
     sensor and are computed when they are read:
 
     * `contact_force` (m) [N]: pressure on the closing side, as a force sensor under the
-      pad reads it: the sum of all contact forces along the link's -y, at least 0;
+      pad reads it: the sum of all contact forces against the link's inner normal, at
+      least 0;
     * `contact_wrench` (6m) [N m, N]: [torque; force] of all contacts on each link, at
       the link's origin, in the link's frame;
     * `triggered` (m): 1 where the force is `config.trigger_force` or more, else 0.
@@ -126,8 +127,8 @@ class ContactForceSensors(LeafSystem):
         return wrenches
 
     def _forces(self, context: Context) -> Vector:
-        # y points inwards, to the closing side, so pressure there acts along -y.
-        return np.maximum(-self._wrenches(context)[:, 4], 0.0)
+        # Pressure on the closing side pushes outwards.
+        return np.maximum(-self._wrenches(context)[:, 3:] @ INWARD, 0.0)
 
     def _calc_contact_force(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._forces(context))

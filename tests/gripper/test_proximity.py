@@ -1,21 +1,16 @@
 import numpy as np
 import pytest
-from helpers import fix, port_table, read, update
+from helpers import port_table, read, update
 from pydrake.geometry import Box, Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.gripper.finger_layout import SRG_FINGERS
-from drake_srg.gripper.proximity import (
-    AddProximitySensors,
-    ProximityConfig,
-    ProximitySensors,
-)
-from drake_srg.parsing import configure_parser
+from drake_srg.gripper.proximity import ProximityConfig, ProximitySensors
+from gripper.watching_hand import Hand
 
 RANGE = 0.05  # m
 
@@ -32,7 +27,7 @@ def simulate(builder, plant, scene_graph, sensors):
 
 
 class Line:
-    """A ball of 10 mm radius on the x axis that sees a box and another ball.
+    """A ball of 10 mm radius on the x axis that sees a box and another ball all round.
 
     The face of the box is at x = 0.1 m. The centre of the other ball, with a radius of
     20 mm, is at x = -0.1 m.
@@ -59,7 +54,7 @@ class Line:
             ProximitySensors(
                 {"only": [own]},
                 {"only": [others[name] for name in ignored]},
-                ProximityConfig(**{"range": RANGE, **config}),
+                ProximityConfig(**{"range": RANGE, "half_angle": np.pi, **config}),
             )
         )
         self.plant = plant
@@ -138,29 +133,12 @@ def test_a_reading_is_taken_once_per_period():
 # The SRG.
 
 
-def srg_readings(q, post=None, **config):
+def srg_readings(q, post=(0.0, 0.0, 1.0), **config):
     """Return the four distances with the joints at q, and a ball at a point."""
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
-    parser = Parser(plant)
-    configure_parser(parser)
-    (model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
-    if post is not None:
-        friction = CoulombFriction(1.0, 1.0)
-        X_WP = RigidTransform(np.array(post))
-        plant.RegisterCollisionGeometry(
-            plant.world_body(), X_WP, Sphere(0.01), "post", friction
-        )
-    plant.Finalize()
-    config = ProximityConfig(**{"range": RANGE, **config})
-    sensors = AddProximitySensors(builder, plant, model, SRG_FINGERS, config)
-    simulator, plant_context, context = simulate(builder, plant, scene_graph, sensors)
-    for name, angle in zip(sensors.sensor_names, q, strict=True):
-        plant.GetJointByName(f"{name}_joint").set_angle(plant_context, angle)
-    fix(plant, plant_context, srg_actuation=np.zeros(4))
-    simulator.AdvancePendingEvents()
-    return read(sensors, context, "proximity")
+    srg = Hand("srg", SRG_FINGERS, **{"range": RANGE, **config})
+    for name, angle in zip(SRG_FINGERS.joint_names, q, strict=True):
+        srg.plant.GetJointByName(name).set_angle(srg.plant_context, angle)
+    return srg.readings(post)
 
 
 def test_an_open_hand_sees_neither_itself_nor_its_palm():
