@@ -166,8 +166,8 @@ def judge(
                     most = abs(float(printed[i]))
                     text = f"{quantity}; expected: the thesis's"
                     rows.append(Row.at_most(case, text, most, abs(value), "mm"))
-    for name, found in errors.items():
-        largest = 1e3 * np.max(np.abs(found), axis=0)
+    for name, everywhere in errors.items():
+        largest = 1e3 * np.max(np.abs(everywhere), axis=0)
         for axis, value in zip("xyz", largest, strict=True):
             case = f"all over the region, {name}"
             rows.append(Row.info(case, f"largest error in {axis}", float(value), "mm"))
@@ -208,10 +208,10 @@ def draw(
     bars.set_ylim(1e-5, 50.0)  # whatever is less is exact
     bars.set_xticks(at, list("xyz"))
     style_axes(region, xlabel="x [mm]", ylabel="y [mm]")
-    for color, (name, found) in zip(COLORS[3:], errors.items(), strict=False):
+    for color, (name, everywhere) in zip(COLORS[3:], errors.items(), strict=False):
         arrows = region.quiver(
             *1e3 * p_WO[:, :2].T,
-            *1e3 * found[:, :2].T,
+            *1e3 * everywhere[:, :2].T,
             color=color,
             angles="xy",
             scale_units="xy",
