@@ -32,6 +32,7 @@ CELLS = {
     "kitchen_varied_accurate": [],
     "assistive_arm": [],
     "assistive_arm_varied": [],
+    "assistive_arm_thesis": [],
     "thesis_kitchen": [],
 }
 SPONGE = (

@@ -74,7 +74,7 @@ class Eyes:
         """
         moved = self._plant.GetMyMutableContextFromRoot(self._context)
         put_object(self._plant, moved, self._name, X_WO)
-        blob = self._thesis.Locate(self._thesis.GetMyContextFromRoot(self._context))
+        blob = self._thesis.locate(self._thesis.GetMyContextFromRoot(self._context))
         context = self._own.GetMyContextFromRoot(self._context)
         own = self._own.GetOutputPort("blobs").Eval(context)
         return {

@@ -112,13 +112,13 @@ class ThesisBlobLocalizer(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         if self._state(context):
             return EventStatus.DidNothing()
-        found = self.Locate(context)
+        found = self.locate(context)
         if found is None:
             return EventStatus.DidNothing()
         state.get_mutable_abstract_state(int(self._sent)).set_value([found])
         return EventStatus.Succeeded()
 
-    def Locate(self, context: Context) -> Blob | None:
+    def locate(self, context: Context) -> Blob | None:
         """Return the blob in the present images, sent or not; None without one."""
         color: Any = self._color.Eval(context).data
         depth: Any = self._depth.Eval(context).data[..., 0]
