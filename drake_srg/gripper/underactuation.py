@@ -37,7 +37,7 @@ class UnderactuationConfig:
     straight_tolerance: float = 0.002
     # What a base does whose sensor fires while the hand closes. `algorithm_1`: it keeps
     # its target, and so drives on into the object. `freeze`: its target becomes the
-    # angle at which the sensor fired, until the hand opens.
+    # angle at which the sensor fired, and then the farthest one until it has stopped.
     base: str = dc.field(default="algorithm_1", metadata={"among": BASES})
     # A frozen base then approaches the object: its target advances by this speed times
     # `period` per evaluation [rad/s], but no further than the error beyond the measured
@@ -129,7 +129,7 @@ class UnderactuationLogic(LeafSystem):
             2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
         )
         # [Algorithm 1's targets (4), desired (4), last closure, opening, holding,
-        # frozen (2), number of messages]
+        # whether the bases' sensors fired (2), number of messages evaluated]
         state = self.DeclareDiscreteState(14)
         self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
         self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
@@ -160,7 +160,8 @@ class UnderactuationLogic(LeafSystem):
         state = context.get_discrete_state(0).value()
         targets, desired = state[:4], state[4:8]
         last_closure, opening, was_holding = state[8], bool(state[9]), bool(state[10])
-        frozen, messages = state[11:13] != 0.0, self._num_messages(context)
+        fired_before, evaluated = state[11:13] != 0.0, state[13]
+        messages = self._num_messages(context)
         q = self._measured.Eval(context)[:4]
         fired = self._triggered.Eval(context) != 0.0
         holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
@@ -175,18 +176,17 @@ class UnderactuationLogic(LeafSystem):
             if not was_holding:
                 desired = _hold_targets(desired, q, fired)
         else:
-            if self._messages is None or messages != state[13]:
-                if self.config.base == "freeze":
-                    frozen, fired, targets = self._freeze(
-                        frozen, opening, q, fired, targets
-                    )
+            if self._messages is None or messages != evaluated:
+                if self.config.base == "freeze" and not opening:
+                    targets = self._frozen(targets, q, fired[:2], fired_before)
+                fired_before, evaluated = fired[:2], messages
                 targets = self._algorithm(closure, opening, q, fired, targets)
             desired = targets
             if self._override.HasValue(context):
                 override = self._override.Eval(context)
                 desired = np.where(np.isfinite(override), override, targets)
             desired = np.minimum(desired, self._limits)
-        flags = [closure, float(opening), float(holding), *frozen, messages]
+        flags = [closure, float(opening), float(holding), *fired_before, evaluated]
         discrete_state.set_value(np.concatenate([targets, desired, flags]))
 
     def _num_messages(self, context: Context) -> float:
@@ -200,33 +200,27 @@ class UnderactuationLogic(LeafSystem):
             )
         return float(self._messages.Eval(context)[0])
 
-    def _freeze(
-        self, frozen: Vector, opening: bool, q: Vector, fired: Vector, targets: Vector
-    ) -> tuple[Vector, Vector, Vector]:
-        """Return what Algorithm 1 is told, so that bases whose sensors fire stop.
+    def _frozen(
+        self, targets: Vector, q: Vector, fired: Vector, fired_before: Vector
+    ) -> Vector:
+        """Return the last targets, with those that bases at an object keep.
 
         Args:
-            frozen: Whether the base of each finger has stopped, shape (2,).
-            opening: Whether the command decreased when it last changed.
-            q: Measured angles, shape (4,) [rad].
-            fired: Whether each sensor fires, shape (4,).
             targets: Of the last evaluation, shape (4,) [rad].
-
-        Returns:
-            The new `frozen`; `fired`, true for all frozen bases; and `targets`, where
-            those of the frozen bases are what they keep.
+            q: Measured angles, shape (4,) [rad].
+            fired: Whether the sensors of the bases fire, shape (2,).
+            fired_before: Whether they fired at the last evaluation, shape (2,).
         """
         config = self.config
-        if opening:
-            return np.zeros(2, dtype=bool), fired, targets
-        advanced = targets[:2] + config.approach_speed * config.period
-        approaching = np.minimum(advanced, q[:2] + config.approach_error)
-        kept = np.where(frozen, np.maximum(targets[:2], approaching), q[:2])
-        frozen = np.logical_or(frozen, fired[:2])
-        fired, targets = fired.copy(), targets.copy()
-        fired[:2] = frozen
-        targets[:2] = np.where(frozen, kept, targets[:2])
-        return frozen, fired, targets
+        last, base = targets[:2], q[:2]
+        advanced = last + config.approach_speed * config.period
+        approaching = np.minimum(advanced, base + config.approach_error)
+        # While a base comes to rest, its target follows it. It does not return to
+        # where its sensor might cease to fire.
+        kept = np.where(
+            fired_before, np.maximum.reduce([last, base, approaching]), base
+        )
+        return np.concatenate([np.where(fired, kept, last), targets[2:]])
 
     def _algorithm(
         self, closure: float, opening: bool, q: Vector, fired: Vector, targets: Vector

@@ -214,23 +214,30 @@ def test_a_base_freezes_where_its_sensor_fires_and_the_tip_takes_the_rest():
     system, context = closing([0.5, 0.6, 0.0, 0.0], [1, 0, 0, 0])
     expected = [0.5, 1.5, 1.5 - 0.5, 0.0]
     assert targets(system, context) == pytest.approx(expected)
-    # It neither follows what it measures later nor goes on when the sensor ceases.
-    given_inputs(system, context, 0.5, [0.55, 0.6, 0.0, 0.0], [0, 0, 0, 0])
-    assert targets(system, context)[0] == pytest.approx(0.5)
-    assert targets(system, context)[2] == pytest.approx(1.5 - 0.55)
+    # It comes to rest further on and stays there, whatever pushes it back.
+    for angle in (0.55, 0.52, 0.4):
+        given_inputs(system, context, 0.5, [angle, 0.6, 0.0, 0.0], [1, 0, 0, 0])
+        assert targets(system, context)[0] == pytest.approx(0.55)
 
 
-def test_a_frozen_base_presses_as_soon_as_the_tip_fires():
-    system, context = closing([0.5, 0.6, 0.0, 0.0], [1, 1, 0, 0])
+def test_a_frozen_base_goes_on_when_its_sensor_ceases_to_fire():
+    system, context = closing([0.5, 0.5, 0.0, 0.0], [1, 1, 0, 0])
     update(system, context)
-    q = [0.5, 0.6, 0.4, 0.4]
-    given_inputs(system, context, 0.5, q, [0, 1, 1, 1])
-    left, right = (1.5 - 0.5 - 0.4) / 2, (1.5 - 0.6 - 0.4) / 2
-    expected = [0.5 + left, 0.6 + right, 0.4 + left, 0.4 + right]
-    assert targets(system, context) == pytest.approx(expected)
+    given_inputs(system, context, 0.5, [0.5, 0.5, 0.2, 0.2], [0, 1, 0, 0])
+    assert targets(system, context)[:2] == pytest.approx([1.5, 0.5])
+    # The next thing that it meets stops it anew.
+    given_inputs(system, context, 0.5, [0.8, 0.5, 0.2, 0.2], [1, 1, 0, 0])
+    assert targets(system, context)[:2] == pytest.approx([0.8, 0.5])
 
 
-def test_opening_ends_the_freeze():
+@given(q=four_angles)
+def test_fingers_press_as_with_algorithm_1_when_base_and_tip_fire(q):
+    fired = [1] * 4
+    frozen = targets(*closing(q, fired))
+    np.testing.assert_array_equal(frozen, targets(*make(0.5, q, fired)))
+
+
+def test_opening_frees_a_frozen_base():
     system, context = closing([0.5, 0.5, 0.0, 0.0], [1, 1, 0, 0])
     update(system, context)
     given_inputs(system, context, 0.1, [0.5, 0.5, 0.0, 0.0], [1, 1, 0, 0])
@@ -302,6 +309,14 @@ def test_overrides_and_hold_need_no_message():
     given_inputs(system, context, 0.5, [0.3] * 4, [0] * 4)
     fix(system, context, hold=1.0)
     assert targets(system, context) == pytest.approx([0.3] * 4)
+
+
+def test_a_message_that_arrives_during_a_hold_counts_after_it():
+    system, context = per_message()
+    fix(system, context, hold=1.0, closure_messages=1.0)
+    assert targets(system, context).tolist() == [0.0] * 4
+    fix(system, context, hold=0.0)
+    assert targets(system, context).tolist() == [1.5, 1.5, 0.0, 0.0]
 
 
 def test_messages_that_nobody_counts_are_an_error():
