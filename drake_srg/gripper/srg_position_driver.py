@@ -124,7 +124,7 @@ def AddSrgPositionDriver(
         - joint_position_commanded (optional)
         - hold (optional)
         - force_limit (optional)
-        - closure_messages (with underactuation.evaluate: per_message)
+        - closure_messages (with per_message)
         output_ports:
         - state_measured
         - proximity

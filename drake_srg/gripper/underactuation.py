@@ -99,7 +99,7 @@ class UnderactuationLogic(LeafSystem):
         - triggered
         - joint_position_commanded (optional)
         - hold (optional)
-        - closure_messages (with evaluate: per_message)
+        - closure_messages (with per_message)
         output_ports:
         - position_desired
 
