@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import itertools
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -140,6 +141,7 @@ class CommandInbox:
 
 
 _CLOSURE = "gripper.closure_commanded"
+_MESSAGES = "gripper.closure_messages"
 _SINGLE_JOINTS = "gripper.joint_position_commanded"
 _ARM = "arm.position_desired"
 # Ports that override the closure, or limit its force, while their values are finite.
@@ -179,7 +181,8 @@ def station_topics(
     one number per finger joint), `/startgrasp` (Bool, false holds the gripper where it
     is), `/kuka` (Float64MultiArray, rad, one number per joint of the arm). The most
     recent of `/grasp`, `/position_grasp` and servo commands wins, see
-    `gripper_command`.
+    `gripper_command`. Each `/grasp` also counts at `gripper.closure_messages`, if the
+    station has that port.
 
     Args:
         plant: Has the model instances `arm` and `gripper`, if the station has them.
@@ -189,6 +192,7 @@ def station_topics(
     """
     inputs, joints = set(inputs), list(gripper_joints)
     topics = []
+    received = itertools.count(1)  # numbers of the /grasp messages
 
     def gripper(port: str, value: Vector) -> PortValues:
         return gripper_command(inputs, {port: value}, len(joints))
@@ -202,7 +206,10 @@ def station_topics(
             raise CommandError(
                 "range", f"must be 0 (open) to 100 (closed), got {percent}"
             )
-        return gripper(_CLOSURE, np.array([percent / 100.0]))
+        values = dict(gripper(_CLOSURE, np.array([percent / 100.0])))
+        if _MESSAGES in inputs:
+            values[_MESSAGES] = np.array([next(received)], dtype=float)
+        return values
 
     def hold(data: Any) -> PortValues:
         return {"gripper.hold": np.array([0.0 if data else 1.0])}

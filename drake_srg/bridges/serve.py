@@ -153,9 +153,10 @@ def _check_ports(name: str, bridges: Sequence[Bridge], station: Diagram) -> None
 
 
 def _fix_defaults(station: Diagram, context: Context) -> None:
-    """Open the gripper until somebody commands it: its closure needs a value."""
-    if station.HasInputPort("gripper.closure_commanded"):
-        station.GetInputPort("gripper.closure_commanded").FixValue(context, [0.0])
+    """Open the gripper until somebody commands it: these ports need a value."""
+    for name in ("gripper.closure_commanded", "gripper.closure_messages"):
+        if station.HasInputPort(name):
+            station.GetInputPort(name).FixValue(context, [0.0])
 
 
 class _Loop:

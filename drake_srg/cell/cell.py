@@ -20,6 +20,8 @@ _COMMANDS = (
     ("position_commanded", "arm.position_commanded"),
     ("closure_commanded", "gripper.closure_commanded"),
 )
+# The planner's output port that counts messages; the station's is the gripper's.
+_MESSAGES = "closure_messages"
 
 
 @scenario_errors()
@@ -169,6 +171,18 @@ def ConnectPlanner(
 
 
 def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
-    """Connect a planner's commands to a station."""
+    """Connect a planner's commands to a station.
+
+    Raises:
+        ScenarioError: If the gripper waits for messages, and the planner sends none.
+    """
     for source, target in _COMMANDS:
         builder.Connect(planner.GetOutputPort(source), station.GetInputPort(target))
+    counted = f"gripper.{_MESSAGES}"
+    if station.HasInputPort(counted):
+        if not planner.HasOutputPort(_MESSAGES):
+            raise ScenarioError(
+                "gripper.underactuation.evaluate: per_message needs a scenario with "
+                "messages or a script (allowed without: periodic)"
+            )
+        builder.Connect(planner.GetOutputPort(_MESSAGES), station.GetInputPort(counted))

@@ -247,7 +247,7 @@ class TorqueErrors(_NoisySensor):
 def AddLatency(
     builder: DiagramBuilder, command: InputPort, latency: float, period: float
 ) -> InputPort:
-    """Add `command_errors` before an input if there is latency.
+    """Add a system before an input, named after it, if there is latency.
 
     Returns:
         The input to use in its place.
@@ -255,7 +255,8 @@ def AddLatency(
     if latency == 0.0:
         return command
     errors = builder.AddNamedSystem(
-        "command_errors", CommandErrors(command.size(), latency, 0.0, period)
+        f"{command.get_name()}_errors",
+        CommandErrors(command.size(), latency, 0.0, period),
     )
     builder.Connect(errors.GetOutputPort("delayed"), command)
     return errors.get_input_port()

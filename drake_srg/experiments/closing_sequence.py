@@ -15,14 +15,20 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.experiments.data import household_objects
+from drake_srg.experiments.closing import (
+    LOG_PERIOD,
+    NEAR,
+    START,
+    TOUCHED,
+    can_in_hand,
+    first,
+    shifts,
+)
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.gripper.proximity import ProximityConfig
-from drake_srg.gripper.touch import TouchConfig
 from drake_srg.gripper.underactuation import FINGERS, JOINT_NAMES
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
-from drake_srg.simulation.rig import Rig, bench_scenario
+from drake_srg.simulation.rig import Rig
 from drake_srg.types import Vector
 
 DRIVERS = {
@@ -30,16 +36,8 @@ DRIVERS = {
     "Algorithm 1, proximity": "!SrgPositionDriver {trigger: proximity}",
     "Algorithm 1, touch": "!SrgPositionDriver {trigger: touch}",
 }
-CAN = "005_tomato_soup_can"
-# Height of the palm's middle above the table; the palm points to the front [m].
-_HEIGHT = 0.06
-# Middle of the can, whose radius is 34 mm, in the palm frame: 4 mm from the palm's face
-# at 72 mm. Another 2 mm closer, the base sensors of the open hand fire at once [m].
-_X = SRG.palm_face_x + 0.004 + 0.034
-START, DURATION = 0.1, 2.9  # of closing [s]
+DURATION = 2.9  # of closing [s]
 _COUNT = 2.0 * np.pi / 4096.0  # of a 12-bit encoder: less is no motion [rad]
-_TOUCHED = TouchConfig().trigger_force  # at which thin-film sensors respond [N]
-_NEAR = ProximityConfig().trigger_distance  # at which proximity sensors fire [m]
 # Largest difference of a joint between the fingers. They are identical, but the meshes
 # of pads and can are not mirrored.
 _SYMMETRY = np.deg2rad(0.5)
@@ -71,20 +69,13 @@ class ClosingSequence:
 
     def first(self, condition: npt.NDArray[np.bool_]) -> float:
         """Return when a condition (K,) first holds [s]; NaN if it never does."""
-        return float(self.time[np.argmax(condition)]) if condition.any() else np.nan
+        return first(self.time, condition)
 
 
 def close(driver: str, duration: float = DURATION) -> ClosingSequence:
     """Close a hand around the can, for a duration [s]."""
-    can = household_objects()[CAN]
-    can.resolution = 0.005  # as in gripper_bench; the base links' force depends on it
-    scenario = bench_scenario(
-        can,
-        gripper_rpy=[0.0, 0.0, 0.0],
-        home=[-_X, 0.0, _HEIGHT],
-        overrides=[f"gripper={driver}"],
-    )
-    with Rig(scenario, name="closing_sequence", log_period=0.002) as rig:
+    scenario = can_in_hand(driver)
+    with Rig(scenario, name="closing_sequence", log_period=LOG_PERIOD) as rig:
         rig.advance(START)
         rig.advance(duration, closure=1.0)
         log = rig.log()
@@ -94,13 +85,12 @@ def close(driver: str, duration: float = DURATION) -> ClosingSequence:
         wires = log["gripper.wire_force"]
         full = gripper.wire_motor.drive.full_wire_force
         limit = gripper.servo.force_limit * full
-    p_WO = log["object_pose.thing"][:, :3]
     return ClosingSequence(
         time=log["time"] - START,
         angle=log["gripper.state_measured"][:, :4],
         proximity=log["gripper.proximity"],
         touch=log["gripper.contact_force"],
-        shift=np.linalg.norm(p_WO - p_WO[0], axis=1),
+        shift=shifts(log),
         wire_force=wires,
         wire_limit=limit,
     )
@@ -122,10 +112,10 @@ def judge(name: str, s: ClosingSequence) -> list[Row]:
     """Judge the order of events at both fingers, and the grip at the end."""
     rows = []
     for side, (base, tip) in zip(("left", "right"), FINGERS, strict=True):
-        near = s.first(s.proximity[:, base] <= _NEAR)
-        base_touch = s.first(s.touch[:, base] >= _TOUCHED)
+        near = s.first(s.proximity[:, base] <= NEAR)
+        base_touch = s.first(s.touch[:, base] >= TOUCHED)
         tip_start = s.first(s.angle[:, tip] > _COUNT)
-        tip_touch = s.first(s.touch[:, tip] >= _TOUCHED)
+        tip_touch = s.first(s.touch[:, tip] >= TOUCHED)
         # With proximity, Algorithm 1 switches before the base touches the can.
         cue, what = base_touch, "touches"
         if "proximity" in name:
@@ -145,7 +135,7 @@ def judge(name: str, s: ClosingSequence) -> list[Row]:
     off = float(np.max(np.abs(s.angle[:, left] - s.angle[:, right])))
     rows += [
         Row.at_least(
-            name, "smallest touch force at the end", _TOUCHED, float(min(last)), "N"
+            name, "smallest touch force at the end", TOUCHED, float(min(last)), "N"
         ),
         Row.at_most(
             name,
@@ -242,7 +232,7 @@ def draw(sequences: Mapping[str, ClosingSequence]) -> Any:
                         lw=1.3,
                         label=f"{link}, {side}",
                     )
-                start = s.first(s.touch[:, FINGERS[0][joint]] >= _TOUCHED)
+                start = s.first(s.touch[:, FINGERS[0][joint]] >= TOUCHED)
                 axes.axvline(start, color=color, lw=0.8, alpha=0.5)
         axes = all_axes[3, k]
         if s.wire_force is None:

@@ -19,6 +19,9 @@ from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.tendon import TendonDriveConfig
 
+# Commands that arrive late if the driver has latency.
+_DELAYED = ("closure_commanded", "closure_messages")
+
 
 @dc.dataclass(frozen=True)
 class GripperControl:
@@ -108,11 +111,9 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
             inner, plant, gripper, self, period=period, seed=seed
         )
         control = self.AddControl(inner, plant, gripper, sensing)
-        closure = AddLatency(
-            inner, control.inputs["closure_commanded"], self.errors.latency, period
-        )
-        for name, command in {**control.inputs, "closure_commanded": closure}.items():
-            inner.ExportInput(command, name)
+        for name, command in control.inputs.items():
+            latency = self.errors.latency if name in _DELAYED else 0.0
+            inner.ExportInput(AddLatency(inner, command, latency, period), name)
         for name, output in control.outputs.items():
             inner.ExportOutput(output, name)
         driver = builder.AddNamedSystem("gripper_driver", inner.Build())

@@ -8,6 +8,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.common.ports import input_ports
 from drake_srg.gripper.driver import GripperControl, GripperDriver
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
@@ -98,8 +99,8 @@ class SrgPositionDriver(GripperDriver):
             reference=reference.get_output_port(),
             position_desired=logic.get_output_port(),
         )
-        commands = ("closure_commanded", "joint_position_commanded", "hold")
-        inputs = {name: logic.GetInputPort(name) for name in commands}
+        measured = ("state_measured", "triggered")
+        inputs = {k: v for k, v in input_ports(logic).items() if k not in measured}
         return GripperControl({**inputs, **servos.inputs}, servos.outputs)
 
 
@@ -124,6 +125,7 @@ def AddSrgPositionDriver(
         - joint_position_commanded (optional)
         - hold (optional)
         - force_limit (optional)
+        - closure_messages (with per_message)
         output_ports:
         - state_measured
         - proximity
@@ -142,6 +144,7 @@ def AddSrgPositionDriver(
       of that joint, NaN leaves it;
     * `hold` (1): while nonzero, the fingers keep their positions and their grip;
     * `force_limit` (1): largest PWM, a fraction 0 .. 1 of full scale;
+    * `closure_messages` (1): number of messages so far that commanded a closure;
     * `state_measured` (8): [q; v] in rad, rad/s;
     * `proximity` (4) [m], `contact_force` (4) [N], `contact_wrench` (24) [N m, N]: see
       `ProximitySensors` and `ContactForceSensors`;

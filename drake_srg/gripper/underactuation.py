@@ -4,7 +4,12 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    InputPort,
+)
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.lifetime import LeafSystem
@@ -14,6 +19,8 @@ from drake_srg.types import Vector, positive
 # indices (base, tip) into it.
 JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
 FINGERS = ((0, 2), (1, 3))
+BASES = ("algorithm_1", "freeze")
+EVALUATIONS = ("periodic", "per_message")
 
 
 @dc.dataclass(kw_only=True)
@@ -28,6 +35,19 @@ class UnderactuationConfig:
     # The thesis tests `tip angle <= 0`. The measured angle of a finger on its stop is
     # zero only up to the stop's compliance [rad].
     straight_tolerance: float = 0.002
+    # What a base does whose sensor fires while the hand closes. `algorithm_1`: it keeps
+    # its target, and so drives on into the object. `freeze`: its target becomes the
+    # angle at which the sensor fired, and then the farthest one until it has stopped.
+    base: str = dc.field(default="algorithm_1", metadata={"among": BASES})
+    # A frozen base then approaches the object: its target advances by this speed times
+    # `period` per evaluation [rad/s], but no further than the error beyond the measured
+    # angle [rad], which limits the force. At speed 0, the base stays.
+    approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # When the algorithm runs. `periodic`: every `period`. `per_message`: as in the
+    # thesis, where it runs in the callback of /grasp, only in those periods in which a
+    # message has arrived, also one with the same number.
+    evaluate: str = dc.field(default="periodic", metadata={"among": EVALUATIONS})
     # Time between evaluations [s]: the period of the proximity sensors.
     period: float = dc.field(default=0.01, metadata=positive())
 
@@ -79,6 +99,7 @@ class UnderactuationLogic(LeafSystem):
         - triggered
         - joint_position_commanded (optional)
         - hold (optional)
+        - closure_messages (with per_message)
         output_ports:
         - position_desired
 
@@ -90,7 +111,9 @@ class UnderactuationLogic(LeafSystem):
     * `joint_position_commanded` (4) [rad]: finite entries override the algorithm;
     * `hold` (1): while nonzero, a finger that touches something keeps its targets, and
       so its grip. A finger that does not keeps the angles that it had when the hold
-      began.
+      began;
+    * `closure_messages` (1): number of messages so far that commanded a closure. The
+      algorithm runs only when it has changed.
 
     The output `position_desired` (4) [rad] is updated every `config.period`. Joints and
     sensors are in the order of `JOINT_NAMES`.
@@ -105,8 +128,9 @@ class UnderactuationLogic(LeafSystem):
         self._limits = np.array(
             2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
         )
-        # [Algorithm 1's targets (4), desired (4), last closure, opening, holding]
-        state = self.DeclareDiscreteState(11)
+        # [Algorithm 1's targets (4), desired (4), last closure, opening, holding,
+        # whether the bases' sensors fired (2), number of messages evaluated]
+        state = self.DeclareDiscreteState(14)
         self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
         self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
         self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
@@ -114,6 +138,11 @@ class UnderactuationLogic(LeafSystem):
             name="joint_position_commanded", size=4
         )
         self._hold = self.DeclareVectorInputPort(name="hold", size=1)
+        self._messages: InputPort | None = None
+        if self.config.evaluate == "per_message":
+            self._messages = self.DeclareVectorInputPort(
+                name="closure_messages", size=1
+            )
         self.DeclareVectorOutputPort(
             name="position_desired",
             size=4,
@@ -131,6 +160,8 @@ class UnderactuationLogic(LeafSystem):
         state = context.get_discrete_state(0).value()
         targets, desired = state[:4], state[4:8]
         last_closure, opening, was_holding = state[8], bool(state[9]), bool(state[10])
+        fired_before, evaluated = state[11:13] != 0.0, state[13]
+        messages = self._num_messages(context)
         q = self._measured.Eval(context)[:4]
         fired = self._triggered.Eval(context) != 0.0
         holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
@@ -145,13 +176,51 @@ class UnderactuationLogic(LeafSystem):
             if not was_holding:
                 desired = _hold_targets(desired, q, fired)
         else:
-            targets = desired = self._algorithm(closure, opening, q, fired, targets)
+            if self._messages is None or messages != evaluated:
+                if self.config.base == "freeze" and not opening:
+                    targets = self._frozen(targets, q, fired[:2], fired_before)
+                fired_before, evaluated = fired[:2], messages
+                targets = self._algorithm(closure, opening, q, fired, targets)
+            desired = targets
             if self._override.HasValue(context):
                 override = self._override.Eval(context)
                 desired = np.where(np.isfinite(override), override, targets)
             desired = np.minimum(desired, self._limits)
-        flags = [closure, float(opening), float(holding)]
+        flags = [closure, float(opening), float(holding), *fired_before, evaluated]
         discrete_state.set_value(np.concatenate([targets, desired, flags]))
+
+    def _num_messages(self, context: Context) -> float:
+        if self._messages is None:
+            return 0.0
+        if not self._messages.HasValue(context):
+            raise RuntimeError(
+                "gripper.underactuation.evaluate: per_message needs a count of "
+                "messages at the input port closure_messages (allowed without it: "
+                "periodic)"
+            )
+        return float(self._messages.Eval(context)[0])
+
+    def _frozen(
+        self, targets: Vector, q: Vector, fired: Vector, fired_before: Vector
+    ) -> Vector:
+        """Return the last targets, with those that bases at an object keep.
+
+        Args:
+            targets: Of the last evaluation, shape (4,) [rad].
+            q: Measured angles, shape (4,) [rad].
+            fired: Whether the sensors of the bases fire, shape (2,).
+            fired_before: Whether they fired at the last evaluation, shape (2,).
+        """
+        config = self.config
+        last, base = targets[:2], q[:2]
+        advanced = last + config.approach_speed * config.period
+        approaching = np.minimum(advanced, base + config.approach_error)
+        # While a base comes to rest, its target follows it. It does not return to
+        # where its sensor might cease to fire.
+        kept = np.where(
+            fired_before, np.maximum.reduce([last, base, approaching]), base
+        )
+        return np.concatenate([np.where(fired, kept, last), targets[2:]])
 
     def _algorithm(
         self, closure: float, opening: bool, q: Vector, fired: Vector, targets: Vector

@@ -35,6 +35,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.joint_position_commanded (optional; not SrgTendonDriver)
         - gripper.hold (optional; with a gripper)
         - gripper.force_limit (optional; with a gripper)
+        - gripper.closure_messages (SrgPositionDriver with per_message)
         - gripper.motor_position_commanded (optional; SrgTendonDriver)
         - gripper.motor_torque_commanded (optional; SrgTendonDriver)
         - object_forces_cheat (optional)

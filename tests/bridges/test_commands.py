@@ -105,6 +105,19 @@ def test_a_gripper_command_cancels_those_of_other_sources(kitchen, topic, data, 
     assert all(np.isnan(value).all() for value in values.values())
 
 
+def test_each_grasp_is_counted_where_the_station_counts_messages(kitchen, told):
+    messages = "gripper.closure_messages"
+    topics = station_topics(kitchen, [*INPUTS, messages], JOINT_NAMES)
+    inbox = CommandInbox(topics, Warnings(told.append))
+    for number, percent in ((1.0, 50), (2.0, 50), (3.0, 60)):
+        inbox.receive("/grasp", percent)
+        inbox.receive("/kuka", [0.0] * 7)
+        assert inbox.take()[messages] == [number]
+    inbox.receive("/grasp", 101)
+    inbox.receive("/position_grasp", [0.1] * 4)
+    assert messages not in inbox.take()
+
+
 def test_a_source_amends_its_command_until_another_source_commands(inbox):
     port = "gripper.closure_commanded"
     inbox.amend({port: np.array([0.1])}, "servo")

@@ -112,6 +112,17 @@ def test_the_gripper_moves(commanded):
     np.testing.assert_allclose(gripper[:4], [1.2, 1.2, 0.0, 0.0], atol=0.02)
 
 
+def test_a_gripper_that_waits_for_messages_gets_them():
+    def act(bridge):
+        if abs(bridge.time - 0.102) < 1e-6:
+            bridge.inbox.receive("/grasp", 40)
+
+    overrides = ["gripper.underactuation.evaluate=per_message"]
+    bridge, _ = serve(act, until=1.0, overrides=overrides)
+    _, (_, _, gripper, _) = bridge.messages["/joint_states"][-1]
+    np.testing.assert_allclose(gripper[:4], [1.2, 1.2, 0.0, 0.0], atol=0.02)
+
+
 def test_invalid_commands_are_reported_and_change_nothing():
     told = []
 

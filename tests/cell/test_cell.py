@@ -114,6 +114,14 @@ def test_a_scripted_cell_has_the_same_ports_but_no_localizer(scripted):
 
 
 @pytest.mark.slow
+def test_a_gripper_that_waits_for_messages_needs_somebody_who_sends_them():
+    evaluate = "gripper.underactuation.evaluate=per_message"
+    cell = MakeCell(load_scenario("thesis_kitchen", overrides=[evaluate]))
+    assert "gripper.closure_messages" not in port_table(cell)[0]
+    with pytest.raises(ScenarioError, match=r"evaluate: per_message needs a scenario"):
+        MakeCell(load_scenario("kitchen", overrides=[evaluate]))
+
+
 def test_a_script_drives_the_station(scripted):
     cell = MakeCell(scripted)
     simulator = Simulator(cell)

@@ -6,6 +6,7 @@ rate, in named routines, without looking at the outcome.
 """
 
 import dataclasses as dc
+from collections import Counter
 
 import numpy as np
 
@@ -102,10 +103,11 @@ def _steps(message: MessageConfig, mode: str, period: float) -> list[ScriptStep]
     return [
         ScriptStep(
             mode=mode,
-            duration=percents.count(percent) * period,
+            duration=number * period,
             closure=percent / 100.0,
+            messages=number,
         )
-        for percent in dict.fromkeys(percents)
+        for percent, number in Counter(percents).items()
     ]
 
 

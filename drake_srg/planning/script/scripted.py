@@ -30,6 +30,9 @@ class ScriptStep:
     arm: list[float] | None = None
     # Closure of the gripper during the step, 0 open .. 1 closed; null: as before.
     closure: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
+    # Messages that command the closure, evenly over the step from its beginning. Only
+    # `gripper.underactuation.evaluate: per_message` counts them.
+    messages: int = dc.field(default=1, metadata={"ge": 0})
     # Fraction of full PWM during the step; null: as before, and in the first steps the
     # driver's own limit.
     force_limit: float | None = dc.field(default=None, metadata={"ge": 0.0, "le": 1.0})
@@ -44,13 +47,15 @@ class ScriptedPlanner(LeafSystem):
         output_ports:
         - position_commanded
         - closure_commanded
+        - closure_messages
         - force_limit
         - mode
         - status
 
     `position_commanded` (N) [rad or m] moves from rest to rest with minimum jerk. Each
     step starts where the one before it ended, the first from `home` at time 0.
-    `closure_commanded` (1) and `force_limit` (1) change as soon as a step begins;
+    `closure_commanded` (1) and `force_limit` (1) change as soon as a step begins.
+    `closure_messages` (1) is the number of messages so far that commanded a closure;
     `force_limit` is NaN, which means the driver's own limit, until a step names one.
     `mode` (Mode) is that of the step, and DONE after the last; `status` (PlannerStatus)
     contains only the mode.
@@ -86,12 +91,18 @@ class ScriptedPlanner(LeafSystem):
             np.asarray(home, dtype=float), [step.arm for step in script]
         )
         self._closures = _filled(0.0, [step.closure for step in script])[1:]
+        # Messages of each step, and of all steps before it.
+        self._messages = np.array(
+            [0 if step.closure is None else step.messages for step in script]
+        )
+        self._messages_before = np.cumsum(self._messages) - self._messages
         self._force_limits = _filled(np.nan, [step.force_limit for step in script])[1:]
 
         time = {self.time_ticket()}
         for name, size, calc in (
             ("position_commanded", n, self._calc_position),
             ("closure_commanded", 1, self._calc_closure),
+            ("closure_messages", 1, self._calc_messages),
             ("force_limit", 1, self._calc_force_limit),
         ):
             self.DeclareVectorOutputPort(
@@ -129,6 +140,14 @@ class ScriptedPlanner(LeafSystem):
 
     def _calc_closure(self, context: Context, output: BasicVector) -> None:
         output[0] = self._closures[min(self._step(context), len(self._script) - 1)]
+
+    def _calc_messages(self, context: Context, output: BasicVector) -> None:
+        i = min(self._step(context), len(self._script) - 1)
+        duration = self._script[i].duration
+        # As in `_step`, a message belongs to the update at its time.
+        share = (context.get_time() + 1e-9 - self._ends[i]) / duration + 1.0
+        sent = min(np.floor(share * self._messages[i]) + 1.0, self._messages[i])
+        output[0] = self._messages_before[i] + sent
 
     def _calc_force_limit(self, context: Context, output: BasicVector) -> None:
         output[0] = self._force_limits[min(self._step(context), len(self._script) - 1)]

@@ -65,6 +65,8 @@ def test_the_last_messages_hold_at_any_time(messages, rate):
             q = planner.GetOutputPort("position_commanded").Eval(context)
             np.testing.assert_array_equal(q, position)
             assert planner.GetOutputPort("closure_commanded").Eval(context) == [closure]
+            grasps = sum(topic == "grasp" for topic, _ in all_sent[: k + 1])
+            assert planner.GetOutputPort("closure_messages").Eval(context) == [grasps]
             assert planner.GetOutputPort("mode").Eval(context) is Mode.LIFT
 
 

@@ -39,6 +39,7 @@ def test_its_ports_are_those_of_a_planner():
     assert outputs == {
         "position_commanded": 2,
         "closure_commanded": 1,
+        "closure_messages": 1,
         "force_limit": 1,
         "mode": None,
         "status": None,
@@ -64,6 +65,13 @@ def test_each_step_has_its_time(at, time, mode, closure, force_limit):
     assert at("status", time).failure is None
     assert at("closure_commanded", time) == [closure]
     assert at("force_limit", time) == pytest.approx([force_limit], nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("time", "messages"), [(0.999, 0), (1.0, 1), (3.4, 1), (3.5, 2), (100.0, 2)]
+)
+def test_each_closure_is_one_message(at, time, messages):
+    assert at("closure_messages", time) == [messages]
 
 
 def test_a_step_begins_at_a_time_that_is_rounded(at):
