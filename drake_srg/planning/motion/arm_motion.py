@@ -14,6 +14,9 @@ from drake_srg.types import Vector
 _STOP_TIME = 0.4
 
 
+_ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
+
+
 @dc.dataclass(frozen=True)
 class Motion:
     """The arm's motion under way, or where the arm rests without one."""
@@ -39,6 +42,14 @@ class Motion:
     def destination(self) -> Vector:
         """The position in which the commands end, shape (N,) [rad]."""
         return self.position(np.inf)
+
+    def arrived(self, q: Vector, time: float) -> bool:
+        """Return whether the motion is over and the arm, at `q` (N,) [rad], there."""
+        if self.trajectory is None:
+            return True
+        if time < self.due:
+            return False
+        return bool(np.max(np.abs(q - self.destination)) < _ARRIVED)
 
     def stopped(self, time: float) -> Motion:
         """Return the motion that comes to rest along its own path from `time` on."""

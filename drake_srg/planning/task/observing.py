@@ -15,7 +15,6 @@ from drake_srg.types import Vector
 
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 _CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
-_ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
 
 
 @dc.dataclass(frozen=True)
@@ -39,15 +38,6 @@ class Senses:
     def clear(self) -> bool:
         """Whether nothing is near the fingers."""
         return bool(np.min(self.proximity) > _CLEAR)
-
-
-def arrived(motion: Motion, senses: Senses, time: float) -> bool:
-    """Return whether a motion is over and the arm has followed it."""
-    if motion.trajectory is None:
-        return True
-    if time < motion.due:
-        return False
-    return bool(np.max(np.abs(senses.q - motion.destination)) < _ARRIVED)
 
 
 def holding(memory: PlannerMemory, senses: Senses) -> bool:

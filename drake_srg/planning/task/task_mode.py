@@ -11,7 +11,6 @@ from drake_srg.planning import state_machine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.observing import (
     Senses,
-    arrived,
     holding,
     watch_grasp,
     watch_touch,
@@ -99,7 +98,7 @@ class Moving(TaskMode):
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
         """Look around once the arm has arrived."""
         memory = super().update(memory, now)
-        there = arrived(memory.motion, now.senses, now.time)
+        there = memory.motion.arrived(now.senses.q, now.time)
         look = there and not memory.attempt.looked
         return self.look(memory, now) if look else memory
 
@@ -109,7 +108,7 @@ class Moving(TaskMode):
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report whether the arm has arrived, or is stopped by something."""
-        if arrived(memory.motion, now.senses, now.time):
+        if memory.motion.arrived(now.senses.q, now.time):
             return self.observe_arrived(memory, now)
         late = now.time > memory.motion.due + self.config.arrival_timeout
         return Observation(failure=Failure.STOPPED if late else None)

@@ -69,11 +69,17 @@ class TaughtMotions:
         q_2 = self._reach(p_2, self.q_home)
         q_1 = self._reach(p_2 + np.array(self.config.approach), q_2)
         q_3, q_4 = np.array(self.config.lift), np.array(self.config.place)
-        corners = (self.q_home, q_1, q_2, q_3, q_4, self.q_home)
-        modes = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.PLACE, Mode.HOME)
+        free, holding = self.moves.free, self.moves.holding
+        legs = (
+            (Mode.PRE_GRASP, self.q_home, q_1, free),
+            (Mode.GRASP, q_1, q_2, free),
+            (Mode.LIFT, q_2, q_3, holding),
+            (Mode.PLACE, q_3, q_4, holding),
+            (Mode.HOME, q_4, self.q_home, free),
+        )
         return {
-            mode: self.moves.timed(self.moves.joint_path(start, end), self.moves.free)
-            for mode, start, end in zip(modes, corners[:-1], corners[1:], strict=True)
+            mode: self.moves.timed(self.moves.joint_path(start, end), limits)
+            for mode, start, end, limits in legs
         }
 
     def _reach(self, p_WT: Vector, q_nominal: Vector) -> Vector:

@@ -18,13 +18,14 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.state_machine import StateMachine, next_mode
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.taught_motions import TaughtMotions
-from drake_srg.types import Blob, Failure, Mode, PlannerStatus
+from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Vector
 
 
 @dc.dataclass(frozen=True)
 class Senses:
     """What the planner measures."""
 
+    q: Vector  # the arm's joints, shape (N,) [rad]
     gripped: bool  # both fingers sense something
     see: Callable[[], Sequence[Blob]]  # looks through the camera
 
@@ -50,8 +51,9 @@ class Observation:
     """The facts that decide the next mode."""
 
     ready: bool = False  # motions are planned, and the planning latency has passed
-    arrived: bool = False  # the mode's motion and its wait are over
-    gripped: float = 0.0  # how long both fingers have sensed something [s]
+    arrived: bool = False  # motion and wait are over, and the arm has followed
+    # How long both fingers have sensed something [s]; -inf where they do not.
+    gripped: float = -np.inf
     failure: Failure | None = None  # the reason to give up
 
 
@@ -140,11 +142,11 @@ class TaughtMode(state_machine.ModeActions[Mode, Memory, Senses, Observation]):
         return dc.replace(memory, gripped_since=since)
 
     def observe(self, memory: Memory, now: Now) -> Observation:
-        """Report the clock: of the motion, of the grip and of the time budget."""
+        """Report whether the arm has arrived, the grip lasts and the time is up."""
         over = now.time - memory.status.localized_at > self.config.time_budget
         return Observation(
-            arrived=now.time >= memory.motion.due,
-            gripped=max(now.time - memory.gripped_since, 0.0),
+            arrived=memory.motion.arrived(now.senses.q, now.time),
+            gripped=now.time - memory.gripped_since,
             failure=Failure.TIME_BUDGET if over else None,
         )
 
@@ -244,6 +246,7 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
         name: TaughtPlanner
         input_ports:
         - blobs
+        - arm_state
         - grasped
         output_ports:
         - position_commanded
@@ -252,9 +255,9 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
         - status
 
     Inputs: `blobs` (list[Blob]), evaluated until it has an object of the name;
-    `grasped` (1), nonzero once both fingers sense something. Outputs:
-    `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1 closed; `mode`
-    (Mode); `status` (PlannerStatus).
+    `arm_state` (2N), [q; v] in rad and rad/s; `grasped` (1), nonzero once both fingers
+    sense something. Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0
+    open .. 1 closed; `mode` (Mode); `status` (PlannerStatus).
 
     The blob's position is the grasp point P2. The tip goes from P0 (home) to P1 beside
     it, to P2, up to the taught P3, down to the taught P4 and home, on straight lines
@@ -295,11 +298,13 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
         self._blobs = self.DeclareAbstractInputPort(
             name="blobs", model_value=AbstractValue.Make([])
         )
+        self._n = len(motions.q_home)
+        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
         self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
         state = {self.state_ticket}
         self.DeclareVectorOutputPort(
             name="position_commanded",
-            size=len(motions.q_home),
+            size=self._n,
             calc=self._calc_position,
             prerequisites_of_calc={*state, self.time_ticket()},
         )
@@ -319,6 +324,7 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the camera is asked only while the planner looks."""
         return Senses(
+            q=self._arm.Eval(context)[: self._n],
             gripped=bool(self._grasped.Eval(context)[0]),
             see=lambda: self._blobs.Eval(context),
         )

@@ -73,3 +73,12 @@ def test_the_next_motion_knows_where_the_last_one_was(moment):
     np.testing.assert_array_equal(
         following.position(9.0), UNDER_WAY.position(5.0 + moment)
     )
+
+
+@pytest.mark.parametrize(
+    ("time", "off", "arrived"),
+    [(5.05, 0.0, False), (5.2, 0.0049, True), (5.2, 0.0051, False)],
+)
+def test_an_arm_arrives_when_the_motion_is_over_and_it_has_followed(time, off, arrived):
+    assert UNDER_WAY.arrived(END + off, time) == arrived
+    assert Motion(START).arrived(END, time)

@@ -49,6 +49,7 @@ class Run:
         self.context = self.simulator.get_mutable_context()
         self.show(*blobs)
         self.grip(False)
+        self.follow(0.0)
         self.modes = {}
 
     def show(self, *blobs):
@@ -58,13 +59,19 @@ class Run:
         port = self.planner.GetInputPort("grasped")
         port.FixValue(self.context, [float(gripped)])
 
+    def follow(self, lag):
+        """The arm is where it was sent, or `lag` [rad] off."""
+        state = np.append(self.read("position_commanded") + lag, [0.0, 0.0])
+        self.planner.GetInputPort("arm_state").FixValue(self.context, state)
+
     def read(self, port):
         return self.planner.GetOutputPort(port).Eval(self.context)
 
-    def advance(self, end):
+    def advance(self, end, lag=0.0):
         """Advance, and remember when each mode began."""
         time = self.context.get_time()
         for t in np.arange(time, end, 0.05) + 0.05:
+            self.follow(lag)
             self.simulator.AdvanceTo(t)
             self.modes.setdefault(self.read("mode"), round(t, 2))
         return self
@@ -72,7 +79,7 @@ class Run:
 
 def test_its_ports_are_those_of_a_planner():
     inputs, outputs = port_table(TaughtPlanner(Motions(), "cylinder", CONFIG))
-    assert inputs == {"blobs": None, "grasped": 1}
+    assert inputs == {"blobs": None, "arm_state": 4, "grasped": 1}
     assert outputs == {
         "mode": None,
         "position_commanded": 2,
@@ -116,6 +123,19 @@ def test_a_grip_that_is_interrupted_does_not_count():
         run.grip(round(t / 0.4) % 2)
         run.advance(t + 0.4)
     assert run.read("mode") is Mode.CLOSE
+
+
+def test_without_a_wait_it_still_waits_for_the_grip():
+    run = Run(config=PlannerConfig()).advance(4.0)
+    assert run.read("mode") is Mode.CLOSE
+    run.grip(True)
+    assert run.advance(4.1).read("mode") is Mode.LIFT
+
+
+def test_an_arm_that_lags_has_not_arrived():
+    run = Run().advance(3.0, lag=0.006)
+    assert run.read("mode") is Mode.PRE_GRASP
+    assert run.advance(3.1).read("mode") is Mode.GRASP
 
 
 def test_it_looks_once():
