@@ -19,15 +19,8 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 # ONLY=NAME`, on a machine that does nothing else, takes a name off this list.
 WAITING = {
     "bridge_load",
-    "fingertips",
-    "grasp_calibration",
-    "grasp_calibration_fast",
-    "localization",
     "localizer_thresholds",
-    "payload_pinch",
-    "payload_wrap",
     "recording_cost",
-    "soft",
     "sweep_throughput",
     "thesis_messages",
     "thesis_table",
