@@ -21,8 +21,6 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 
-_FLAT_PADS = "package://drake_srg/sdf/linkage_gripper_flat.sdf"
-_FLAT = f"directives.gripper.add_model.file={_FLAT_PADS}"
 _AT_ITS_PLACE = f"object.position={ACTUAL[:2].tolist()}"
 
 
@@ -49,7 +47,6 @@ VARIANTS: Mapping[str, Variant] = {
     # As many as in the thesis; only the friction differs from run to run.
     AT_PLACE: Variant("assistive_arm_thesis", (_AT_ITS_PLACE,), 10),
     RULES: Variant("assistive_arm_thesis"),
-    f"{RULES}, flat fingertips": Variant("assistive_arm_thesis", (_FLAT,)),
 }
 
 _SEATED, _LIFTED = "seated in the recess", "grasped and lifted"
@@ -112,7 +109,7 @@ def judge(name: str, cycles: Mapping[str, Sequence[Cycle]]) -> list[Row]:
     values, count = figures(cycles[name]), len(cycles[name])
     if name == AT_PLACE:
         return [*_limits(name, values, count, THESIS), *_fit(name, values)]
-    if name.startswith(RULES):
+    if name == RULES:
         kept = {key: THESIS[key] for key in (_CYCLE, *_PLACED)}
         return _limits(name, values, count, kept)
     limits = {**THESIS, **BOUNDS} if name == OURS else dict(THESIS)
