@@ -42,9 +42,9 @@ _CLOSE, _LIFT, HOLD = 3.5, 3.0, 10.0
 _LIFT_HEIGHT = 0.06  # m
 # An object counts as held while it moves less than this in the hand [m]. Pinched,
 # motion counts from when the load comes on. Wrapped, it counts from the end of the
-# lift, because heavy cylinders settle from the base links onto the tips (palm down; 5 kg
-# by 12 mm). The tips must then reach around the object: base plus tip angle above 90
-# degrees.
+# lift, because heavy cylinders settle from the base links onto the tips (palm down;
+# 5 kg by 12 mm). The tips must then reach around the object: base plus tip angle above
+# 90 degrees.
 _MOST_MOTION = 0.005
 
 _RESOLUTION = 0.02  # relative, of largest masses
