@@ -73,14 +73,16 @@ def test_a_complete_sweep_prints_a_summary(stubbed, tmp_path, capsys):
     output = capsys.readouterr()
     assert output.err == ""
     lines = [" ".join(line.split()) for line in output.out.splitlines()]
-    assert lines[:5] == [
+    assert lines[:7] == [
         "success 5 of 7, 71.43%",
         "95 % interval (Wilson) 35.89% to 91.78%",
+        "grasped and lifted 7 of 7",
         "failure: dropped 2",
         "wrongly reported done 1",
+        "median to placement 6 s",
         "median cycle 8 s",
     ]
-    assert lines[6:] == [str(tmp_path / "trials.parquet"), str(tmp_path / "recordings")]
+    assert lines[8:] == [str(tmp_path / "trials.parquet"), str(tmp_path / "recordings")]
 
 
 def test_an_existing_sweep_is_kept_and_can_be_resumed(stubbed, tmp_path, capsys):

@@ -28,6 +28,8 @@ def trial(tree, origin, seed, trial, record):
         "success": success,
         "failure": None if success else "dropped",
         "claimed": trial % 2 == 0,
+        "grasp_lifted": True,
+        "time_to_placement_s": 3.0 + trial,
         "cycle_time_s": 5.0 + trial,
         MASS: 0.1 * (seed + trial),
         "worker": str(os.getpid()),

@@ -90,6 +90,8 @@ def test_the_end_of_a_process_is_survived():
 @pytest.mark.slow
 def test_an_interrupt_ends_the_experiment_s_process(tmp_path):
     file = tmp_path / "pid"
+    # A shell's background jobs ignore interrupts, and so do these tests in one.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupt():
         while not file.exists():
@@ -97,8 +99,11 @@ def test_an_interrupt_ends_the_experiment_s_process(tmp_path):
         os.kill(os.getpid(), signal.SIGINT)
 
     threading.Thread(target=interrupt).start()
-    with pytest.raises(KeyboardInterrupt):
-        in_process(work_for_hours, file)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            in_process(work_for_hours, file)
+    finally:
+        signal.signal(signal.SIGINT, before)
     with pytest.raises(ProcessLookupError):
         os.kill(int(file.read_text()), 0)
 
