@@ -54,7 +54,7 @@ def test_enough_commands_are_found():
 def test_overrides_in_tables_are_valid():
     """The tables of `--set` values in kitchen.md belong to the scenario `kitchen`."""
     found = re.findall(r"^\| `(\S+=\S+)`", PAGES["kitchen.md"], re.MULTILINE)
-    assert len(found) >= 5
+    assert len(found) >= 10
     for override in found:
         load_scenario("kitchen", overrides=[override])
 
