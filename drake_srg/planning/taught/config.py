@@ -2,8 +2,6 @@
 
 import dataclasses as dc
 
-from drake_srg.types import positive
-
 
 @dc.dataclass(kw_only=True)
 class TaughtConfig:
@@ -23,5 +21,3 @@ class TaughtConfig:
     place: list[float] = dc.field(default_factory=list, metadata={"nonempty": True})
     # P2 in world [m] instead of where the localizer says; null: where it says.
     grasp: list[float] | None = dc.field(default=None, metadata={"length": 3})
-    # Time between looks until the object has been seen [s].
-    period: float = dc.field(default=0.05, metadata=positive())

@@ -162,7 +162,8 @@ class Idle(TaughtMode):
         if memory.motions or now.time < memory.next_look:
             return memory
         taught, status = self.planner.config, memory.status
-        memory = dc.replace(memory, next_look=now.time + taught.period)
+        next_look = now.time + self.config.search_period
+        memory = dc.replace(memory, next_look=next_look)
         if taught.grasp is not None:
             p_WT = np.array(taught.grasp)
         else:
