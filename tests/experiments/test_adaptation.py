@@ -93,7 +93,7 @@ def test_shares_have_intervals_and_figures_are_of_placed_cylinders():
 
 
 @pytest.mark.parametrize(
-    ("options", "count"), [({"trials": 2}, 2), ({"quick": True}, 5)]
+    ("options", "count"), [({"trials": 2}, 2), ({"quick": True}, 10)]
 )
 def test_every_trial_is_in_the_table(monkeypatch, options, count):
     monkeypatch.setattr(
