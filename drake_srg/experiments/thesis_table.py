@@ -110,7 +110,8 @@ def judge(name: str, cycles: Mapping[str, Sequence[Cycle]]) -> list[Row]:
     if name == AT_PLACE:
         return [*_limits(name, values, count, THESIS), *_fit(name, values)]
     if name == RULES:
-        kept = {key: THESIS[key] for key in (_CYCLE, *_PLACED)}
+        # Elsewhere, the tip goes other ways, so the cycle takes another time.
+        kept = {key: THESIS[key] for key in _PLACED}
         return _limits(name, values, count, kept)
     limits = {**THESIS, **BOUNDS} if name == OURS else dict(THESIS)
     rules = figures(cycles[RULES])

@@ -24,7 +24,6 @@ WAITING = {
     "recording_cost",
     "sweep_throughput",
     "thesis_messages",
-    "thesis_table",
 }
 
 
