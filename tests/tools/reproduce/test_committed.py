@@ -23,7 +23,6 @@ WAITING = {
     "localizer_thresholds",
     "recording_cost",
     "sweep_throughput",
-    "thesis_messages",
 }
 
 
