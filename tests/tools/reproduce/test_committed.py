@@ -20,7 +20,6 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 WAITING = {
     "adaptation",
     "localizer_thresholds",
-    "recording_cost",
     "sweep_throughput",
 }
 
