@@ -107,12 +107,11 @@ def judge(name: str, cycles: Mapping[str, Sequence[Cycle]]) -> list[Row]:
         cycles: Of all variants.
     """
     values, count = figures(cycles[name]), len(cycles[name])
-    if name == AT_PLACE:
-        return [*_limits(name, values, count, THESIS), *_fit(name, values)]
-    if name == RULES:
-        # Elsewhere, the tip goes other ways, so the cycle takes another time.
-        kept = {key: THESIS[key] for key in _PLACED}
-        return _limits(name, values, count, kept)
+    if name in (AT_PLACE, RULES):
+        # Cycle time and sightings are reproduced at its place, not beaten. Elsewhere,
+        # the tip goes other ways, so the cycle takes another time.
+        rows = _limits(name, values, count, {key: THESIS[key] for key in _PLACED})
+        return rows if name == RULES else [*rows, *_fit(name, values)]
     limits = {**THESIS, **BOUNDS} if name == OURS else dict(THESIS)
     rules = figures(cycles[RULES])
     return [
@@ -130,8 +129,6 @@ def _limits(
         Row.at_least(name, what, count, values[what], "") for what in (_LIFTED, _SEATED)
     ]
     for what, limit in limits.items():
-        if name == AT_PLACE and what in (_CYCLE, *_SEEN):
-            continue  # reproduced, not beaten: see `_fit`
         rows.append(Row.at_most(name, *_named(what, values, limit)))
     return rows
 
