@@ -4,6 +4,7 @@ import gc
 import weakref
 
 import pytest
+from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
 from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem

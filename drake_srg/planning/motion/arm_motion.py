@@ -12,8 +12,6 @@ from drake_srg.types import Vector
 # Duration of a stop in the middle of a motion [s]: at the iiwa's top speed, 1.5 to 2.4
 # rad/s, that brakes with less than half of its acceleration limits.
 _STOP_TIME = 0.4
-
-
 _ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
 
 
