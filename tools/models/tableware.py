@@ -7,6 +7,7 @@ have at most 24 corners, and wedges of round walls share one mesh.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -106,7 +107,7 @@ def pitcher() -> Files:
     path = np.array([(0.052, 0.21), (0.085, 0.205), (0.092, 0.19), (0.085, 0.08)])
     path = np.vstack([path, (0.052, 0.065)])
     handle = []
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in itertools.pairwise(path):
         along = (b - a) / np.linalg.norm(b - a)
         side = 0.005 * np.array([-along[1], along[0]])
         corners = np.array([a - side, a + side, b - side, b + side])
@@ -135,9 +136,10 @@ def _bent(
         turn = rot_z(np.pi / count)[:2, :2]
         ring = np.round(ring @ turn.T, 9)  # a flat is underneath
         section = np.column_stack([ring[:, 0], np.zeros(count), ring[:, 1]])
-        section = (section + (arc, 0, 0)) @ rot_z(angle).T - (arc, 0, 0)
-        sections.append(section + (0, 0, height))
-    return [hull(a, b) for a, b in zip(sections[:-1], sections[1:], strict=True)]
+        center = np.array([arc, 0, 0])
+        section = (section + center) @ rot_z(angle).T - center
+        sections.append(section + np.array([0, 0, height]))
+    return [hull(a, b) for a, b in itertools.pairwise(sections)]
 
 
 def banana() -> Files:
