@@ -8,8 +8,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from pydrake.multibody.tree import SpatialInertia
 
-from drake_srg.common.contact_damping import relaxation_time
-
 DRAKE = "http://drake.mit.edu"  # the namespace of Drake's own tags
 ET.register_namespace("drake", DRAKE)
 
@@ -47,6 +45,11 @@ def AddPose(
     return pose
 
 
+def is_placed(element: ET.Element) -> bool:
+    """Return whether an element has a pose other than the identity."""
+    return any(float(x) != 0.0 for x in (element.findtext("pose") or "").split())
+
+
 def AddInertial(link: ET.Element, M_LLo_L: SpatialInertia) -> None:
     """Append the inertial element of a link.
 
@@ -62,29 +65,6 @@ def AddInertial(link: ET.Element, M_LLo_L: SpatialInertia) -> None:
     central = M_LLo_L.Shift(com).CalcRotationalInertia().CopyToFullMatrix3()
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
         AddChild(matrix, "i" + "xyz"[i] + "xyz"[j], f"{central[i, j]:.9g}")
-
-
-def AddCompliantContact(
-    collision: ET.Element, friction: float, modulus: float, dissipation: float
-) -> None:
-    """Append contact properties: compliant hydroelastic, and for point contact.
-
-    Args:
-        collision: The collision element.
-        friction: Coulomb's coefficient.
-        modulus: Hydroelastic modulus [Pa].
-        dissipation: Hunt and Crossley's [s/m].
-    """
-    node = AddChild(collision, f"{{{DRAKE}}}proximity_properties")
-    AddChild(node, f"{{{DRAKE}}}compliant_hydroelastic")
-    for tag, value in (
-        ("hydroelastic_modulus", modulus),
-        ("hunt_crossley_dissipation", dissipation),
-        ("relaxation_time", relaxation_time(dissipation)),
-        ("mu_dynamic", friction),
-        ("mu_static", friction),
-    ):
-        AddChild(node, f"{{{DRAKE}}}{tag}", value)
 
 
 def SetMass(root: ET.Element, mass: float) -> None:
