@@ -17,7 +17,7 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.shapes import drake_shape
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.contact import MODULUS, contact_properties, facet_length
@@ -158,7 +158,8 @@ def AddObject(
     root_model = root.find("model")
     assert root_model is not None
     root_model.set("name", name)
-    (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
+    with scenario_errors(f"objects.{name}.model: {config.model}"):
+        (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
     return model
 
 

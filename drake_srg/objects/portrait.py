@@ -48,7 +48,9 @@ def take_portrait(name: str, config: ObjectConfig, size: int = 320) -> Image:
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     lights = [
-        LightParameter(type="directional", direction=direction, intensity=intensity)
+        LightParameter(
+            type="directional", frame="world", direction=direction, intensity=intensity
+        )
         for direction, intensity in _LIGHTS
     ]
     params = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)

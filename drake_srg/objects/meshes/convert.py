@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import SpatialInertia
 
 from drake_srg.objects.contact import AddContact, facet_length
-from drake_srg.objects.meshes.contents import Contents, MeshFile
+from drake_srg.objects.meshes.contents import Contents, MeshFile, TriangleMesh
 from drake_srg.objects.meshes.mesh_file import check_size, require_trimesh
 from drake_srg.objects.meshes.parts import MeshReader, Part, parts_of, total
 from drake_srg.objects.meshes.pieces import TOLERANCE
@@ -26,6 +26,7 @@ _GREY = (0.7, 0.7, 0.7)
 # Moments of inertia that differ from the geometry's by more than this factor are
 # placeholders.
 _PLAUSIBLE = 5.0
+_CREASE = 0.7  # edges of larger angles look sharp [rad]
 _NEAR = 0.001  # an origin this close to the underside is underneath the object [m]
 
 
@@ -101,7 +102,7 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
         node = AddChild(link, "collision", name=f"piece_{i}")
         if isinstance(shape, np.ndarray):
             hull = require_trimesh().convex.convex_hull(shape - p_LO)
-            mesh = _AddMesh(node, folder / f"piece_{i}.obj", hull.vertices, hull.faces)
+            mesh = _AddMesh(node, folder / f"piece_{i}.obj", hull)
             AddChild(mesh, f"{{{DRAKE}}}declare_convex")
         else:
             _AddPrimitive(node, shape, part.X_LG, p_LO)
@@ -213,8 +214,8 @@ def _AddVisuals(
             continue
         for mesh, color in reader.meshes(geometry):
             node = AddChild(link, "visual", name=f"visual_{count}")
-            path = folder / f"visual_{count}.obj"
-            _AddMesh(node, path, mesh.vertices - p_LO, mesh.faces)
+            mesh.apply_translation(-p_LO)
+            _AddMesh(node, folder / f"visual_{count}.obj", mesh)
             _AddColor(node, geometry.color or color or _GREY)
             count += 1
 
@@ -239,13 +240,14 @@ def _AddPrimitive(
             AddChild(AddChild(geometry, "sphere"), "radius", radius)
 
 
-def _AddMesh(
-    parent: ET.Element, path: Path, vertices: Vector, faces: Vector
-) -> ET.Element:
+def _AddMesh(parent: ET.Element, path: Path, mesh: TriangleMesh) -> ET.Element:
     """Write a mesh to a file, and append a geometry that names it."""
-    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in vertices]
-    lines += [f"f {a} {b} {c}" for a, b, c in np.asarray(faces) + 1]
+    shaded = require_trimesh().graph.smooth_shade(mesh, angle=_CREASE)
+    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in shaded.vertices]
+    lines += [f"vn {x:.3f} {y:.3f} {z:.3f}" for x, y, z in shaded.vertex_normals]
+    corners = [[f"{k}//{k}" for k in face] for face in np.asarray(shaded.faces) + 1]
+    lines += ["f " + " ".join(face) for face in corners]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    mesh = AddChild(AddChild(parent, "geometry"), "mesh")
-    AddChild(mesh, "uri", path.name)
-    return mesh
+    node = AddChild(AddChild(parent, "geometry"), "mesh")
+    AddChild(node, "uri", path.name)
+    return node

@@ -74,13 +74,14 @@ def resolve(model: str) -> Path:
         raise ScenarioError(f"{model}: cannot be read: {one_line(error)}") from None
 
 
-def import_model(path: Path, scale: float, pieces: int) -> Path:
+def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) -> Path:
     """Return the folder in the cache with the converted model of a file.
 
     Args:
         path: The file.
         scale: Metres per unit of a mesh.
         pieces: Greatest number of convex pieces per mesh.
+        quiet: Whether not to log what was mended.
 
     Raises:
         ScenarioError: If the file cannot be read or is broken.
@@ -97,7 +98,7 @@ def import_model(path: Path, scale: float, pieces: int) -> Path:
 
     def make(folder: Path) -> None:
         convert(contents, pieces, folder)
-        for warning in read_report(folder).warnings:
+        for warning in [] if quiet else read_report(folder).warnings:
             logging.getLogger("drake_srg").warning("%s: %s", path, warning)
 
     return cached_folder(key, make)
