@@ -96,12 +96,12 @@ def drop(thing: ObjectConfig, scenario: str = "kitchen") -> DropOutcome:
         ScenarioError: If its model cannot be read.
     """
     prepared = table_scenario(thing, scenario)
-    start = prepared.objects["thing"].pose.GetDeterministicValue().translation()
     size = np.linalg.norm(object_facts("thing", thing).size)
     with Rig(prepared, name="drop", period=_PERIOD, log_period=_PERIOD) as rig:
         model = rig.plant.GetModelInstanceByName("thing")
         (index,) = rig.plant.GetBodyIndices(model)
         body = rig.plant.get_body(index)
+        start = rig.X_WO("thing").translation()
         speeds: list[float] = []
         try:
             while True:

@@ -109,8 +109,10 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
         if part.contact is not None:
             node.append(part.contact)
         else:
-            round_ = isinstance(shape, Cylinder | Sphere)
-            AddContact(node, facet_length(shape) if round_ else None)
+            AddContact(
+                node,
+                facet_length(shape) if isinstance(shape, Cylinder | Sphere) else None,
+            )
     report = Report(
         size=(high - low).tolist(),
         mass=inertia.get_mass(),

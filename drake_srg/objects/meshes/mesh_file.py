@@ -122,6 +122,11 @@ def check_size(path: Path, low: Vector, high: Vector) -> None:
         raise ScenarioError(f"{path}: is flat ({text} m): a body needs a volume")
 
 
+def mesh_parts(mesh: TriangleMesh) -> list[TriangleMesh]:
+    """Return the connected parts of a mesh."""
+    return list(mesh.split(only_watertight=False, repair=False))
+
+
 def is_cavity(part: TriangleMesh, whole: TriangleMesh) -> bool:
     """Return whether a part of a mesh bounds a hollow inside it."""
     (low, high), (least, most) = part.bounds, whole.bounds
@@ -135,7 +140,7 @@ def _is_inside_out(mesh: TriangleMesh) -> bool:
 
 def _turned_outside_out(mesh: TriangleMesh, warnings: list[str]) -> TriangleMesh:
     """Return a mesh with the faces of its closed parts turned outwards."""
-    parts = mesh.split(only_watertight=False)
+    parts = mesh_parts(mesh)
     if _is_inside_out(mesh):
         wrong = list(parts)
     else:

@@ -100,7 +100,9 @@ def _mesh_part(
     pieces, cut = convex_pieces(mesh, most)
     openness = describe_openness(mesh)
     if openness:
-        warnings.append(f"the mesh is {openness}: mass and inertia are the pieces'")
+        warnings.append(
+            f"the mesh is {openness}: it counts as solid, with the volume of its pieces"
+        )
         hull = require_trimesh().convex.convex_hull
         solids = [_mesh_inertia(hull(corners)) for corners in pieces]
     else:

@@ -10,7 +10,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from drake_srg.common.installing import require
 from drake_srg.objects.meshes.contents import TriangleMesh
-from drake_srg.objects.meshes.mesh_file import is_cavity, require_trimesh
+from drake_srg.objects.meshes.mesh_file import is_cavity, mesh_parts, require_trimesh
 from drake_srg.types import Vector
 
 # Corners of a piece: hulls with 24 cost 2.4 times less in contact than untouched ones.
@@ -21,7 +21,9 @@ TOLERANCE = 0.002
 _FINE = 5e-5
 # A part whose mesh is nowhere deeper than this inside its hull counts as convex [m].
 _CONVEX = 0.001
-_SAMPLES, _HULL_SAMPLES, _NEAREST = 20_000, 600, 12
+# Random points on a mesh and on a hull. A point is compared with the triangles of so
+# many of its nearest points on the mesh, or with all if there are not more.
+_SAMPLES, _HULL_SAMPLES, _NEAREST = 20_000, 500, 16
 
 
 @dc.dataclass(frozen=True)
@@ -53,17 +55,18 @@ def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
     Raises:
         ImportError: If CoACD is needed but missing.
     """
-    parts = [p for p in mesh.split(only_watertight=False) if not is_cavity(p, mesh)]
+    parts = [part for part in mesh_parts(mesh) if not is_cavity(part, mesh)]
     if len(parts) <= most and all(map(_is_convex, parts)):
         return [decimated(np.asarray(part.vertices)) for part in parts], False
     return [decimated(piece) for piece in _cut(mesh, most)], True
 
 
 def decimated(points: Vector, most: int = MOST_CORNERS) -> Vector:
-    """Return corners of a hull that lies within the hull of points.
+    """Return the corners of a hull that stands for the hull of points.
 
     Starting from the extreme points along 14 directions, the point that stands out
-    most is added until all are within 0.05 mm or there are enough.
+    most is added until all are within 0.05 mm or there are enough. A hull that still
+    leaves out more than the tolerance grows by half of that.
 
     Args:
         points: Shape (n, 3) [m].
@@ -73,7 +76,7 @@ def decimated(points: Vector, most: int = MOST_CORNERS) -> Vector:
     signs = np.array([(1, 1, 1), (1, 1, -1), (1, -1, 1), (1, -1, -1)])
     along = corners @ np.vstack([np.eye(3), signs]).T
     chosen = list(dict.fromkeys([*along.argmax(axis=0), *along.argmin(axis=0)]))
-    while len(chosen) < min(most, len(corners)):
+    while True:
         try:
             planes = ConvexHull(corners[chosen]).equations
         except QhullError:  # the first few lie in one plane
@@ -81,10 +84,15 @@ def decimated(points: Vector, most: int = MOST_CORNERS) -> Vector:
             continue
         outside = (corners @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         farthest = int(outside.argmax())
-        if outside[farthest] < _FINE:
+        if len(chosen) >= most or outside[farthest] < _FINE:
             break
         chosen.append(farthest)
-    return corners[sorted(chosen)]
+    kept = corners[sorted(chosen)]
+    if outside[farthest] <= TOLERANCE:
+        return kept
+    away = kept - kept.mean(axis=0)
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    return kept + 0.5 * outside[farthest] * away
 
 
 def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
@@ -113,8 +121,10 @@ def measure_fit(mesh: TriangleMesh, pieces: Sequence[Vector]) -> Fit:
     others = depths(points)
     others[owner, np.arange(len(points))] = np.inf
     points = points[others.min(axis=0) > -1e-5]  # nothing touches what is inside
-    _, nearest = cKDTree(seen).query(points, k=_NEAREST)
-    candidates = faces[nearest]
+    if len(mesh.faces) <= _NEAREST:
+        candidates = np.tile(np.arange(len(mesh.faces)), (len(points), 1))
+    else:
+        candidates = faces[cKDTree(seen).query(points, k=_NEAREST)[1]]
     best = np.full(len(points), np.inf)
     outside = np.zeros(len(points), bool)
     for column in candidates.T:

@@ -34,12 +34,12 @@ def read_xml(path: Path, warnings: list[str]) -> ET.Element:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
     except UnicodeError:
         raise ScenarioError(f"{path}: cannot be read: not text in UTF-8") from None
-    text = re.sub(r'xmlns:drake="[^"]*"', f'xmlns:drake="{DRAKE}"', text)
+    text = re.sub(r"""xmlns:drake=(["'])[^"']*\1""", f'xmlns:drake="{DRAKE}"', text)
     try:
         return ET.fromstring(text)
     except ET.ParseError as error:
-        # Some public URDF files state XML version 0.0, which does not exist.
-        mended = re.sub(r"<\?xml.*?\?>", "", text, count=1, flags=re.DOTALL).strip()
+        # Public URDF files have headers such as `<xml version="0.0" ?>`.
+        mended = re.sub(r"<\??xml\b[^>]*>", "", text, count=1).strip()
         try:
             root = ET.fromstring(mended)
         except ET.ParseError:
