@@ -13,7 +13,6 @@ from pydrake.multibody.plant import CoulombFriction
 
 from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.objects.sdf import DRAKE, AddChild
-from drake_srg.types import Shape
 
 # Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m]. Much stiffer than the
 # fingers' rubber (2 MPa), so that the pads deform, as they do on hard household
@@ -26,12 +25,13 @@ _RESOLUTION = 0.3
 FRICTION = 0.6  # of imported objects: dry cardboard, plastic or wood
 
 
-def facet_length(shape: Shape) -> float:
+def facet_length(radius: float) -> float:
     """Return the edge length of the facets that represent a round shape [m].
 
-    A box has no radius; Drake meshes it the same way at any length.
+    Args:
+        radius: Of the shape [m].
     """
-    return _RESOLUTION * float(getattr(shape, "radius", 1.0))
+    return _RESOLUTION * radius
 
 
 def contact_properties(

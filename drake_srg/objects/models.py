@@ -208,10 +208,12 @@ def _AddShape(
     color = np.array([*config.color, 1.0])
     plant.RegisterVisualGeometry(body, X_BG, solid, "visual", color)
     if plant.geometry_source_is_registered():
+        # A box has no radius; Drake meshes it the same way at any resolution.
+        radius = getattr(config.shape, "radius", 1.0)
         properties = contact_properties(
             config.friction,
             config.modulus or MODULUS,
-            config.resolution or facet_length(config.shape),
+            config.resolution or facet_length(radius),
         )
         plant.RegisterCollisionGeometry(body, X_BG, touched, "collision", properties)
     return model

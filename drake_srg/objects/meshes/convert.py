@@ -109,10 +109,8 @@ def convert(contents: Contents, most: int, folder: Path) -> None:
         if part.contact is not None:
             node.append(part.contact)
         else:
-            AddContact(
-                node,
-                facet_length(shape) if isinstance(shape, Cylinder | Sphere) else None,
-            )
+            radius = getattr(shape, "radius", None)
+            AddContact(node, None if radius is None else facet_length(radius))
     report = Report(
         size=(high - low).tolist(),
         mass=inertia.get_mass(),

@@ -18,7 +18,7 @@ from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.contact import AddContact
+from drake_srg.objects.contact import AddContact, facet_length
 from drake_srg.objects.meshes.cache import cached_folder
 from drake_srg.objects.meshes.contents import Contents, Geometry, MeshFile
 from drake_srg.objects.meshes.convert import MODEL, convert, read_report
@@ -130,8 +130,11 @@ def _completed(root: ET.Element, folder: Path) -> ET.Element:
         if "://" not in text:
             uri.text = (folder / text).absolute().as_uri()
     for collision in root.iter("collision"):
-        if collision.find(f"{{{DRAKE}}}proximity_properties") is None:
-            AddContact(collision)
+        shapes = [shape.tag for shape in collision.findall("geometry/*")]
+        known = all(tag in ("box", "cylinder", "sphere", "mesh") for tag in shapes)
+        if known and collision.find(f"{{{DRAKE}}}proximity_properties") is None:
+            radius = collision.findtext("geometry/*/radius")
+            AddContact(collision, facet_length(float(radius)) if radius else None)
     return root
 
 
