@@ -15,8 +15,10 @@ from models import (
     household,
     iiwa14,
     linkage_gripper,
+    packages,
     props,
     srg,
+    tableware,
     workplace,
 )
 
@@ -28,7 +30,7 @@ def main() -> int:
     parser.add_argument("--check", action="store_true", help="compare, do not write")
     check = parser.parse_args().check
     builders = (
-        *(srg, iiwa14, gantry, props, household),
+        *(srg, iiwa14, gantry, props, household, packages, tableware),
         *(assistive_arm, linkage_gripper, workplace),
     )
     files = {k: v for module in builders for k, v in module.build().items()}

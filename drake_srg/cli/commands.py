@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from drake_srg.cli import doctor as machine
+from drake_srg.cli.objects import list_objects
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 
@@ -45,10 +46,12 @@ def run(options: argparse.Namespace) -> int:
     return SUCCESS if metrics.success else TASK_FAILED
 
 
-def list_scenarios(options: argparse.Namespace) -> int:
-    """Print the name and the first comment line of every scenario."""
+def list_all(options: argparse.Namespace) -> int:
+    """Print the name and the first comment line of every scenario, or the objects."""
     from drake_srg import scenario
 
+    if options.objects or options.pictures is not None:
+        return list_objects(options)
     for name in scenario.list_scenarios():
         first = (scenario.SCENARIOS / f"{name}.yaml").read_text().splitlines()[0]
         print(f"{name:24} {first.removeprefix('#').strip()}")

@@ -37,6 +37,7 @@ _PACKAGES = {
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}
 _PLOTS = {"matplotlib.figure": "matplotlib"}
 _SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}
+_IMPORT = {"coacd": "coacd", "scipy": "scipy", "trimesh": "trimesh"}
 _ROS2 = {"cyclonedds.domain": "cyclonedds"}
 
 _APT = "sudo apt-get update && sudo apt-get install -y --no-install-recommends "
@@ -75,8 +76,8 @@ def examine_machine() -> list[Check]:
 
     Returns:
         One Check each for Python, Drake, the other packages, rendering, video, rosbags,
-        plots, solvers and models, and optional ones for sweeps, Ray, ROS 2 and
-        Graphviz.
+        plots, solvers and models, and optional ones for sweeps, Ray, ROS 2,
+        meshes and Graphviz.
     """
     recording = pip_install(*this_package("recording"))
     required: list[tuple[str, Callable[[], str], str]] = [
@@ -106,6 +107,7 @@ def examine_machine() -> list[Check]:
         ("sweeps", partial(_versions, _SWEEPS), pip_install(*this_package("sweep"))),
         ("ray", _ray, pip_install(*this_package("ray"))),
         ("ros2", partial(_versions, _ROS2), pip_install(*this_package("ros2"))),
+        ("import", partial(_versions, _IMPORT), pip_install(*this_package("import"))),
         ("graphviz", _graphviz, _APT + "graphviz"),
     ]
     return [

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from drake_srg.cli import commands
 from drake_srg.cli import experiment as cli_experiment
+from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
 from drake_srg.cli.process import BAD_INPUT, SUCCESS
@@ -122,7 +123,18 @@ def make_parser() -> argparse.ArgumentParser:
     )
     cli_sweep.add_dataset_arguments(dataset)
 
-    add("list", commands.list_scenarios, "list the scenarios")
+    list_ = add("list", commands.list_all, "list the scenarios or our objects")
+    cli_objects.add_list_arguments(list_)
+
+    import_ = add(
+        "import",
+        cli_objects.import_object,
+        "make a model of an object from a mesh, a URDF or an SDF file",
+        "It mends the file, cuts meshes into convex pieces, draws the object and drops "
+        "it on the kitchen's table. Exit code: 0 it rests there, 1 it does not, 2 bad "
+        "input.",
+    )
+    cli_objects.add_import_arguments(import_)
 
     diagram = add("diagram", commands.diagram, "draw a scenario's block diagram")
     _add_scenario(diagram)

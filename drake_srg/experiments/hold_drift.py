@@ -16,6 +16,8 @@ from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.household import object_facts
+from drake_srg.objects.models import simple_shape
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box, Vector
@@ -51,10 +53,12 @@ def things() -> dict[str, tuple[ObjectConfig, float]]:
     Both are grasped from above with their tops at the roots of the pads.
     """
     objects = household_objects()
-    can, box = objects["005_tomato_soup_can"], objects["004_sugar_box"]
-    assert isinstance(box.shape, Box)
-    x, height, y = box.shape.size  # on its end, the thin side between the fingers
-    box.shape = Box([x, y, height])
+    can, sugar = objects["005_tomato_soup_can"], objects["004_sugar_box"]
+    shape = simple_shape("sugar_box", sugar)
+    assert isinstance(shape, Box)
+    x, height, y = shape.size  # on its end, the thin side between the fingers
+    mass = object_facts("sugar_box", sugar).mass
+    box = ObjectConfig(shape=Box([x, y, height]), mass=mass, friction=0.6)
     return {"can": (can, 0.1018 + 0.118), "box": (box, height + 0.118)}
 
 

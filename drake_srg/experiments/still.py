@@ -8,9 +8,9 @@ import dataclasses as dc
 import numpy as np
 import numpy.typing as npt
 from pydrake.common.schema import Transform
-from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.viewing import look_at
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
@@ -41,7 +41,7 @@ def take_picture(
         raise ScenarioError("recording.video_camera: must name a camera")
     camera = copy.deepcopy(scenario.cameras[name])
     camera.width = camera.height = size
-    X_WC = _look_at(p_WL + _EYE, p_WL)
+    X_WC = look_at(p_WL + _EYE, p_WL)
     camera.X_PB = Transform(X_WC)
     camera.X_PB.base_frame = "world"
     station = MakeStation(
@@ -59,11 +59,3 @@ def take_picture(
     shown = [int(body) for model in models for body in plant.GetBodyIndices(model)]
     color[~np.isin(label, shown)] = 255
     return color
-
-
-def _look_at(p_WC: Vector, p_WL: Vector) -> RigidTransform:
-    """Return the pose of an upright camera (z ahead, y down) that looks at a point."""
-    z = (p_WL - p_WC) / np.linalg.norm(p_WL - p_WC)
-    x = np.cross(z, [0.0, 0.0, 1.0])
-    x /= np.linalg.norm(x)
-    return RigidTransform(RotationMatrix(np.column_stack([x, np.cross(z, x), z])), p_WC)

@@ -55,11 +55,17 @@ class OcclusionConfig:
 class ObjectConfig:
     """A movable object. It starts upright on the table unless `pose` says otherwise."""
 
-    # URL of a model with one link; exclusive with `shape`. If the link has exactly one
-    # collision geometry, a cylinder, box or sphere around its origin, the localizer and
-    # the planner know that shape. They neither see nor pick any other object, whose
-    # origin is underneath it, on the table.
+    # File of a model with one link: SDF, URDF, OBJ, STL or GLB, as a path (relative to
+    # the scenario's file) or URL (package://drake_srg/sdf/mug.sdf); exclusive with
+    # `shape`. If the link has exactly one collision geometry, a cylinder, box or sphere
+    # around its origin, the localizer and the planner know that shape. They neither see
+    # nor pick any other object, whose origin is underneath it, on the table. Meshes are
+    # cut into convex pieces, once, for which a cache is kept; see docs/objects.md.
     model: str | None = None
+    # Metres per unit of a mesh as `model`: 0.001 for one in millimetres.
+    scale: float = dc.field(default=1.0, metadata=positive())
+    # Greatest number of convex pieces that stand for a mesh of `model`.
+    pieces: int = dc.field(default=32, metadata={"ge": 1, "le": 256})
     shape: Cylinder | Box | Sphere | None = None
     # Makes a `shape`, which must be a box, deformable. A script can pick it, the
     # planner cannot. Needs the contact approximation `sap` and steps of up to 5 ms.

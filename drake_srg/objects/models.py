@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import xml.etree.ElementTree as ET
-from pathlib import Path
 
 import numpy as np
 from pydrake import geometry
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     BodyIndex,
     DeformableBody,
@@ -19,22 +17,15 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 
-from drake_srg.common.contact_damping import relaxation_time
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.shapes import drake_shape
 from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.contact import MODULUS, contact_properties, facet_length
+from drake_srg.objects.meshes.load import model_tree
+from drake_srg.objects.sdf import SetContact, SetMass, is_placed
 from drake_srg.objects.soft import AddSoftObject
 from drake_srg.parsing import configure_parser
 from drake_srg.types import Box, Cylinder, Shape, Sphere
-
-# Hydroelastic modulus [Pa] and Hunt-Crossley dissipation [s/m] of objects made from a
-# shape. Much stiffer than the fingers' rubber (2 MPa), so that the pads deform, as they
-# do on hard household objects.
-_MODULUS = 5.0e7
-_DISSIPATION = 5.0
-# Edge length of the facets of round shapes, over the radius. It gives a circle 22 sides
-# and an error within 1 % of the radius, as in the soup can's model.
-_RESOLUTION = 0.3
 
 # Drake (1.51.1) cuts a cylinder along its medial axis. If length and diameter differ by
 # less than this [m], it fails on the slivers. Equal lengths are fine.
@@ -89,9 +80,9 @@ def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
     """
     if config.shape is not None:
         return config.shape
-    collisions = _model_tree(name, config).findall(".//collision")
+    collisions = model_tree(name, config).findall(".//collision")
     geometries = [g for c in collisions for g in c.findall("geometry/*")]
-    if len(geometries) != 1:
+    if len(geometries) != 1 or any(map(is_placed, collisions)):
         return None
     values = {child.tag: child.text or "" for child in geometries[0]}
     match geometries[0].tag:
@@ -148,32 +139,27 @@ def AddObject(
         return AddSoftObject(plant, name, config)
     if config.shape is not None:
         return _AddShape(plant, name, config)
-    root = _model_tree(name, config)
+    root = model_tree(name, config)
     if (links := len(root.findall("model/link"))) != 1:
         raise ScenarioError(
             f"objects.{name}.model: {config.model} must have one link, got {links}"
         )
     if config.mass is not None:
-        masses = root.findall(".//inertial/mass")
-        scale = config.mass / sum(float(m.text or 0.0) for m in masses)
-        for element in (*masses, *root.findall(".//inertial/inertia/*")):
-            element.text = repr(float(element.text or 0.0) * float(scale))
-    for value, tags in (
-        (config.resolution, ("mesh_resolution_hint",)),
-        (config.modulus, ("hydroelastic_modulus",)),
-        (config.friction, ("mu_dynamic", "mu_static")),
-    ):
-        if value is None:
-            continue
-        for element in root.iter():
-            if element.tag.rpartition("}")[2] in tags:
-                element.text = repr(float(value))
+        SetMass(root, config.mass)
+    values = {
+        "mesh_resolution_hint": config.resolution,
+        "hydroelastic_modulus": config.modulus,
+        "mu_dynamic": config.friction,
+        "mu_static": config.friction,
+    }
+    SetContact(root, values)
     parser = Parser(plant, model_name_prefix="")
     configure_parser(parser)
     root_model = root.find("model")
     assert root_model is not None
     root_model.set("name", name)
-    (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
+    with scenario_errors(f"objects.{name}.model: {config.model}"):
+        (model,) = parser.AddModelsFromString(ET.tostring(root, "unicode"), "sdf")
     return model
 
 
@@ -196,25 +182,6 @@ def object_body(
     soft = [deformables.GetBody(i) for i in deformables.GetBodyIds(model)]
     (body,) = soft or plant.GetBodyIndices(model)
     return body
-
-
-def _model_tree(name: str, config: ObjectConfig) -> ET.Element:
-    key = f"objects.{name}.model"
-    try:
-        plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
-        parser = Parser(plant)
-        configure_parser(parser)
-        path = parser.package_map().ResolveUrl(str(config.model))
-        text = Path(path).read_text(encoding="utf-8")
-        for _, (prefix, uri) in ET.iterparse(io.StringIO(text), events=["start-ns"]):
-            ET.register_namespace(prefix, uri)  # so that `drake:` is kept
-        root = ET.fromstring(text)
-    except (RuntimeError, OSError, ET.ParseError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise ScenarioError(f"{key}: {config.model} cannot be read: {reason}") from None
-    if root.find("model") is None:
-        raise ScenarioError(f"{key}: {config.model} must be an SDF file with a model")
-    return root
 
 
 def _AddShape(
@@ -241,7 +208,13 @@ def _AddShape(
     color = np.array([*config.color, 1.0])
     plant.RegisterVisualGeometry(body, X_BG, solid, "visual", color)
     if plant.geometry_source_is_registered():
-        properties = _contact_properties(config.shape, config, config.friction)
+        # A box has no radius; Drake meshes it the same way at any resolution.
+        radius = getattr(config.shape, "radius", 1.0)
+        properties = contact_properties(
+            config.friction,
+            config.modulus or MODULUS,
+            config.resolution or facet_length(radius),
+        )
         plant.RegisterCollisionGeometry(body, X_BG, touched, "collision", properties)
     return model
 
@@ -254,23 +227,3 @@ def _unit_inertia(shape: Shape) -> UnitInertia:
             return UnitInertia.SolidBox(*size)
         case Sphere(radius):
             return UnitInertia.SolidSphere(radius)
-
-
-def _contact_properties(
-    shape: Shape, config: ObjectConfig, friction: float
-) -> geometry.ProximityProperties:
-    # A box has no radius; Drake meshes it the same way at any resolution.
-    resolution = config.resolution or _RESOLUTION * getattr(shape, "radius", 1.0)
-    properties = geometry.ProximityProperties()
-    geometry.AddContactMaterial(
-        dissipation=_DISSIPATION,
-        friction=CoulombFriction(friction, friction),
-        properties=properties,
-    )
-    properties.AddProperty("material", "relaxation_time", relaxation_time(_DISSIPATION))
-    geometry.AddCompliantHydroelasticProperties(
-        resolution_hint=resolution,
-        hydroelastic_modulus=config.modulus or _MODULUS,
-        properties=properties,
-    )
-    return properties

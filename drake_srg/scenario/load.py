@@ -170,7 +170,24 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
                 raise ScenarioError(f"--set {key}: the scenario picks no object")
             key = f"objects.{picked}{key.removeprefix('object')}"
         set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
+    _resolve_models(tree, Path.cwd())
     return tree
+
+
+def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:
+    """Make relative paths of objects' models in a tree absolute.
+
+    Args:
+        tree: Tree of a scenario or a part of it; changed.
+        folder: The folder that paths are relative to.
+    """
+    clutter = tree.get("clutter")
+    kinds = clutter.get("kinds") if isinstance(clutter, dict) else None
+    for group in (tree.get("objects"), kinds):
+        for entry in group.values() if isinstance(group, dict) else ():
+            model = entry.get("model") if isinstance(entry, dict) else None
+            if isinstance(model, str) and "://" not in model:
+                entry["model"] = str((folder / Path(model).expanduser()).absolute())
 
 
 def _builtin(name: str | Path) -> Path:
@@ -195,6 +212,7 @@ def _read(path: Path, seen: tuple[Path, ...] = ()) -> dict[str, Any]:
         tree = {}
     if not isinstance(tree, dict):
         raise ScenarioError(f"{path.name}: must be a mapping of keys to values")
+    _resolve_models(tree, path.parent)
     base = tree.pop("base", None)
     if base is None:
         return tree

@@ -35,6 +35,7 @@ def test_this_machine_passes_every_required_check():
         "sweeps",
         "ray",
         "ros2",
+        "import",
         "graphviz",
     ]
     assert [check for check in checks if not (check.ok or check.optional)] == []

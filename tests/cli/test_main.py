@@ -15,7 +15,7 @@ from drake_srg.recording.log import read_log
 # A run that ends after less than a second of simulated time.
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
 COMMANDS = ("run", "serve", "sweep", "report", "dataset", "list", "diagram", "bench")
-COMMANDS += ("experiment", "doctor")
+COMMANDS += ("experiment", "doctor", "import")
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.objects.household import HOUSEHOLD
 from drake_srg.parsing import configure_parser
 
 BASES = {
@@ -37,7 +38,11 @@ BASES = {
 
 
 CAN = "005_tomato_soup_can"
-NOT_CONVEX = ("mug", "bowl", "squeeze_bottle", "wrench")
+NOT_CONVEX = (
+    *("mug", "bowl", "squeeze_bottle", "wrench", "011_banana", "019_pitcher_base"),
+    *("029_plate", "031_spoon", "043_phillips_screwdriver", "048_hammer"),
+)
+PACKAGES = tuple(name for name in HOUSEHOLD if name not in (*NOT_CONVEX, CAN))
 SEED = 20240607
 
 

@@ -16,13 +16,16 @@ from pydrake.geometry import (
     Cylinder,
     ReadObjToTriangleSurfaceMesh,
     Role,
+    Sphere,
 )
 
 from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.objects.household import HOUSEHOLD
 from drake_srg.parsing import models_path
 from models.built_models import (
     CAN,
     NOT_CONVEX,
+    PACKAGES,
     SEED,
     Built,
     Distances,
@@ -33,8 +36,9 @@ from models.built_models import (
 
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench")
-MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
+MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", *HOUSEHOLD)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
+MASSES |= {"011_banana": 0.066, "029_plate": 0.279, "048_hammer": 0.665}
 
 
 @pytest.mark.slow
@@ -56,7 +60,7 @@ def test_total_mass(name, mass):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
-    ("srg", "assistive_arm", "linkage_gripper", "lid", "marker", CAN, *NOT_CONVEX),
+    ("srg", "assistive_arm", "linkage_gripper", "lid", "marker", *HOUSEHOLD),
 )
 def test_inertia_fits_the_bodys_extent(name):
     built = build(name)
@@ -88,6 +92,9 @@ def surface_points(shape: Any, rng: np.random.Generator) -> np.ndarray:
         z = np.where(r < 1, np.sign(rng.normal(size=60)), rng.uniform(-1, 1, 60))
         R, h = shape.radius(), shape.length() / 2
         return np.column_stack([R * r * np.cos(a), R * r * np.sin(a), h * z])
+    if isinstance(shape, Sphere):
+        p = rng.normal(size=(60, 3))
+        return shape.radius() * p / np.linalg.norm(p, axis=1, keepdims=True)
     mesh = ReadObjToTriangleSurfaceMesh(str(path_of(shape)))
     V = np.array(mesh.vertices())
     weights = rng.dirichlet((1, 1, 1), mesh.num_triangles())
@@ -113,7 +120,7 @@ def surface_points(shape: Any, rng: np.random.Generator) -> np.ndarray:
         ("lid", 0.002),
         (CAN, 3e-4),
     ]
-    + [(name, 0.002) for name in (*NOT_CONVEX, *WORKPLACE)],
+    + [(name, 0.002) for name in (*NOT_CONVEX, *PACKAGES, *WORKPLACE)],
 )
 def test_visuals_and_collision_geometry_coincide(name, tolerance):
     built = build(name)
@@ -142,7 +149,7 @@ def test_collision_geometry_is_convex_or_primitive(name):
         shapes = built.shapes(body, Role.kProximity)
         assert bool(shapes) == (name not in ("marker", "gantry"))
         for label, shape, _ in shapes:
-            assert isinstance(shape, Box | Cylinder | Convex), label
+            assert isinstance(shape, Box | Cylinder | Sphere | Convex), label
 
 
 @pytest.mark.slow

@@ -67,8 +67,5 @@ def test_household_models_are_not_convex(name):
 def test_household_models_rest_on_z_0(name):
     built = build(name)
     (body,) = built.bodies()
-    low, high = extent(built, body)
+    low, _ = extent(built, body)
     assert low[2] == pytest.approx(0.0, abs=1e-6)
-    assert np.all(high - low < 0.21)
-    mass = built.plant.CalcTotalMass(built.plant_context, [built.model])
-    assert 0.15 < mass < 0.65  # of ordinary weight

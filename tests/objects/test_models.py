@@ -152,6 +152,32 @@ def test_a_models_shape_is_that_of_its_collision(tmp_path, geometry, shape):
     assert object_shape("thing", config) == shape
 
 
+def test_a_shape_beside_the_origin_is_not_known(tmp_path):
+    url = sdf(tmp_path / "m.sdf", "<box><size>1 1 1</size></box>")
+    text = (tmp_path / "m.sdf").read_text()
+    pose = "<pose>0 0 0.1 0 0 0</pose></collision>"
+    (tmp_path / "m.sdf").write_text(text.replace("</collision>", pose))
+    assert known_shape("thing", ObjectConfig(model=url)) is None
+
+
+@pytest.mark.parametrize(
+    "geometry",
+    [
+        "<cylinder><radius>0.03</radius><length>0.1</length></cylinder>",
+        "<box><size>0.04 0.05 0.06</size></box>",
+    ],
+)
+def test_a_model_without_contact_properties_gets_those_of_a_shape(tmp_path, geometry):
+    path = tmp_path / "m.sdf"
+    sdf(path, geometry)
+    visual = f"<visual name='v'><geometry>{geometry}</geometry></visual></link>"
+    path.write_text(path.read_text().replace("</link>", visual))
+    _, _, properties, *_ = add(ObjectConfig(model=str(path), friction=0.3))
+    assert properties.GetProperty("hydroelastic", "hydroelastic_modulus") == 5e7
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.static_friction() == 0.3
+
+
 def test_the_can_has_the_datasheets_size():
     shape = object_shape("can", ObjectConfig(model=CAN))
     # YCB's object 005 is 66 mm wide and 101 mm high, within 2 mm or so.

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from drake_srg import scenario as module
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import SrgPositionDriver
-from drake_srg.scenario import Scenario, list_scenarios, load_scenario
+from drake_srg.scenario import Scenario, list_scenarios, load_scenario, load_tree
 from drake_srg.types import Box, Sphere
 
 
@@ -283,3 +283,26 @@ def test_messages_become_the_script():
         ScenarioError, match=r"unknown routine 'gripp' \(did you mean 'grip'"
     ):
         load_scenario("thesis_kitchen", overrides=[unknown])
+
+
+def test_paths_of_models_are_relative_to_their_own_file(tmp_path, monkeypatch):
+    (tmp_path / "bases").mkdir()
+    base = tmp_path / "bases" / "base.yaml"
+    base.write_text(
+        "objects: {a: {model: a.obj}, b: {model: b.obj}, c: {model: package://d/c.obj}}\n"
+        "clutter: {kinds: {k: {model: ../k.obj}}}\n"
+    )
+    path = tmp_path / "mine.yaml"
+    path.write_text("base: bases/base.yaml\nobjects: {b: {model: b.obj}}\n")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    tree = load_tree(path, ["objects.d={model: d.obj}"])
+    found = {name: entry["model"] for name, entry in tree["objects"].items()}
+    assert found == {
+        "a": str(tmp_path / "bases" / "a.obj"),
+        "b": str(tmp_path / "b.obj"),
+        "c": "package://d/c.obj",
+        "d": str(tmp_path / "here" / "d.obj"),
+    }
+    kind = tree["clutter"]["kinds"]["k"]["model"]
+    assert kind == str(tmp_path / "bases" / ".." / "k.obj")

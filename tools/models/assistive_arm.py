@@ -15,6 +15,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from drake_srg.objects.sdf import AddChild, AddPose
+
 from .hobby_servo import (
     BEHIND,
     BOTTOM,
@@ -30,7 +32,7 @@ from .hobby_servo import (
     servo_part,
 )
 from .pieces import Inertial, Piece, Primitive
-from .sdf import AddChild, AddPose, Files, Model
+from .sdf import Files, Model
 from .shapes import (
     Points,
     disc,

@@ -20,7 +20,7 @@ from .shapes import Solid, at_height, block, disc, hull, prism, rot_x, union_pro
 STONEWARE, STEEL, MUSTARD = 2300.0, 7850.0, 1050.0
 
 
-def _hard(friction: float) -> Proximity:
+def hard(friction: float) -> Proximity:
     """Return contact properties as stiff as the can's with another friction."""
     return Proximity(
         rigid=False,
@@ -32,20 +32,20 @@ def _hard(friction: float) -> Proximity:
 
 # Handbooks give 0.6 to 0.9 for these against dry rubber. Drake combines the friction of
 # both bodies by their harmonic mean.
-GLAZE, PLASTIC, METAL = _hard(0.7), _hard(0.6), _hard(0.7)
+GLAZE, PLASTIC, METAL = hard(0.7), hard(0.6), hard(0.7)
 
 
-def _touched(
+def touched(
     name: str, look: str | None, solids: Sequence[Solid], how: Proximity
 ) -> list:
     return [Piece(f"{name}_{i}", look, s, s, how) for i, s in enumerate(solids)]
 
 
 # Sides of round parts: of visuals, and of collision pieces.
-_FINE, _COARSE = 48, 16
+FINE, COARSE = 48, 16
 
 
-def _rings(profile: Sequence[tuple[float, float]], count: int) -> list:
+def rings(profile: Sequence[tuple[float, float]], count: int) -> list:
     """Return circles, given as (radius, height), as polygons that straddle them."""
     stretch = 1 + (1 - np.cos(np.pi / count)) / 2
     return [at_height(disc(stretch * r, count=count), z) for r, z in profile]
@@ -62,27 +62,27 @@ def _hollow(
     """Return a vessel from the (radius, height) profiles of its floor and wall."""
 
     def solids(count: int) -> list[Solid]:
-        return [hull(*_rings(floor, count)), *_shell(outer, inner, count)]
+        return [hull(*rings(floor, count)), *shell(outer, inner, count)]
 
     return [
-        *[Piece(name, look, solid) for solid in solids(_FINE)],
-        *_touched(name, None, solids(_COARSE), how),
+        *[Piece(name, look, solid) for solid in solids(FINE)],
+        *touched(name, None, solids(COARSE), how),
     ]
 
 
-def _shell(
+def shell(
     outer: Sequence[tuple[float, float]],
     inner: Sequence[tuple[float, float]],
     count: int,
 ) -> list[Solid]:
     """Return the wall between two (radius, height) profiles, cut into wedges."""
-    a, b = _rings(outer, count), _rings(inner, count)
+    a, b = rings(outer, count), rings(inner, count)
     solids = []
     for low in range(len(a) - 1):
         for i in range(count):
             j = (i + 1) % count
-            rings = (a[low], a[low + 1], b[low], b[low + 1])
-            solids.append(hull(np.array([ring[k] for ring in rings for k in (i, j)])))
+            corners = (a[low], a[low + 1], b[low], b[low + 1])
+            solids.append(hull(np.array([ring[k] for ring in corners for k in (i, j)])))
     return solids
 
 
@@ -120,11 +120,11 @@ def mug() -> Files:
         ]
         link = prism(np.array(corners), -0.0055, 0.0055)
         handle.append(link.moved(rot_x(np.pi / 2)))
-    pieces += _touched("mug_handle", "glaze", handle, GLAZE)
-    band = _shell(
+    pieces += touched("mug_handle", "glaze", handle, GLAZE)
+    band = shell(
         [(radius + 0.0003, 0.018), (radius + 0.0003, 0.030)],
         [(radius - 0.001, 0.018), (radius - 0.001, 0.030)],
-        _FINE,
+        FINE,
     )
     pieces += [Piece("mug_band", "band", s) for s in band]
     looks = {"glaze": (0.20, 0.42, 0.58), "band": (0.93, 0.91, 0.86)}
@@ -137,8 +137,8 @@ def bowl() -> Files:
     outer = [(0.034, 0.006), (0.058, 0.022), (0.072, 0.056)]
     inner = [(0.030, 0.010), (0.0535, 0.0245), (0.068, 0.056)]
     pieces = _hollow("bowl", "glaze", floor, outer, inner, GLAZE)
-    rim = _shell(
-        [(0.0718, 0.054), (0.0726, 0.0565)], [(0.067, 0.054), (0.0675, 0.0565)], _FINE
+    rim = shell(
+        [(0.0718, 0.054), (0.0726, 0.0565)], [(0.067, 0.054), (0.0675, 0.0565)], FINE
     )
     pieces += [Piece("bowl_rim", "rim", s) for s in rim]
     looks = {"glaze": (0.90, 0.87, 0.80), "rim": (0.45, 0.55, 0.45)}
@@ -165,8 +165,8 @@ def bottle() -> Files:
         hull(oval(0.0165, 0.0165, 0.150), oval(0.0165, 0.0165, 0.164)),
         hull(oval(0.0095, 0.0095, 0.164), oval(0.0040, 0.0040, 0.188)),
     ]
-    pieces = _touched("bottle_body", "body", body, PLASTIC)
-    pieces += _touched("bottle_cap", "cap", cap, PLASTIC)
+    pieces = touched("bottle_body", "body", body, PLASTIC)
+    pieces += touched("bottle_cap", "cap", cap, PLASTIC)
     label = hull(oval(0.0473, 0.0293, 0.014), oval(0.0473, 0.0293, 0.044))
     pieces.append(Piece("bottle_label", "label", label))
     looks = {
@@ -210,9 +210,9 @@ def wrench() -> Files:
     for i in range(count):
         j = (i + 1) % count
         ring.append(prism(np.array([a[i], a[j], b[j], b[i]]), 0, thick))
-    pieces = _touched("wrench_handle", "steel", [handle], METAL)
-    pieces += _touched("wrench_head", "steel", [neck, *jaws], METAL)
-    pieces += _touched("wrench_ring", "steel", ring, METAL)
+    pieces = touched("wrench_handle", "steel", [handle], METAL)
+    pieces += touched("wrench_head", "steel", [neck, *jaws], METAL)
+    pieces += touched("wrench_ring", "steel", ring, METAL)
     grip = block(
         (-0.045, -0.0045, middle - half - 3e-4), (0.045, 0.0045, middle + half + 3e-4)
     )

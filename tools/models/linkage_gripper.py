@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from drake_srg.objects.sdf import AddChild, sdf_text
+
 from .linkage_pieces import (
     CRANK,
     CRANK_RANGE,
@@ -25,7 +27,7 @@ from .linkage_pieces import (
     tip_pieces,
 )
 from .pieces import Inertial, Piece
-from .sdf import AddChild, Files, Model, sdf_text
+from .sdf import Files, Model
 from .shapes import union_properties
 
 # Dynamixel XL330-M288-T at 5 V (ROBOTIS e-Manual): the strongest hobby-size servo that

@@ -21,6 +21,18 @@ class Primitive:
 
 
 @dc.dataclass(frozen=True)
+class Turned:
+    """A convex solid, turned by `angle` [rad] about the link's z.
+
+    Pieces that turn a solid of the same name share its mesh.
+    """
+
+    name: str
+    solid: Solid
+    angle: float
+
+
+@dc.dataclass(frozen=True)
 class VolumeMesh:
     """A box (x, y, z), centred at xyz, cut into tetrahedra of edge `resolution` [m].
 
@@ -54,7 +66,7 @@ class Piece:
     name: str
     look: str | None
     solid: Solid
-    collision: Primitive | VolumeMesh | Solid | None = None
+    collision: Primitive | VolumeMesh | Turned | Solid | None = None
     proximity: Proximity = Proximity()
 
 
@@ -65,12 +77,25 @@ class Inertial:
     mass: float
     com: Sequence[float]
     inertia: Points
+    digits: int = 4  # significant ones of the inertia in the file
 
     @staticmethod
     def uniform(mass: float, properties: MassProperties) -> Inertial:
         """Spread a mass evenly over a volume."""
         scale = mass / properties.volume
         return Inertial(mass, properties.center, properties.inertia * scale)
+
+    @staticmethod
+    def joined(parts: Sequence[Inertial]) -> Inertial:
+        """Return the mass properties of parts that are fixed to each other."""
+        mass = sum(part.mass for part in parts)
+        com = sum(part.mass * np.asarray(part.com) for part in parts) / mass
+        inertia = np.zeros((3, 3))
+        for part in parts:
+            d = np.asarray(part.com) - com
+            shift = d @ d * np.eye(3) - np.outer(d, d)
+            inertia += part.inertia + part.mass * shift
+        return Inertial(mass, com, inertia)
 
 
 def box_piece(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from drake_srg.objects.sdf import AddChild
+
 from .pieces import Inertial, Piece, Primitive, Proximity, box_piece
-from .sdf import AddChild, Files, Model
+from .sdf import Files, Model
 from .shapes import disc, prism, revolve, rot_x, union_properties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.

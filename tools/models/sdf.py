@@ -8,42 +8,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from drake_srg.common.contact_damping import relaxation_time
+from drake_srg.objects.sdf import AddChild, AddPose
 from drake_srg.objects.soft_mesh import box_mesh, vtk_text
 
-from .pieces import Inertial, Piece, Primitive, Proximity, VolumeMesh
+from .pieces import Inertial, Piece, Primitive, Proximity, Turned, VolumeMesh
 from .shapes import Solid, format_number, obj_text
 
 Color = tuple[float, float, float]
 Files = dict[str, str]  # path below models/ -> text
-
-
-def AddChild(parent: ET.Element, tag: str, text: object = None, **attributes: str):
-    """Append a child element and return it."""
-    child = ET.SubElement(parent, tag, attributes)
-    if text is not None:
-        child.text = text if isinstance(text, str) else sdf_text(text)
-    return child
-
-
-def sdf_text(value: object) -> str:
-    """Return numbers as SDF text."""
-    values = np.atleast_1d(np.asarray(value, float))
-    return " ".join(_significant(x) for x in values)
-
-
-def _significant(x: float) -> str:
-    text = f"{x:.12g}"
-    if "e" in text and abs(x) < 1e-4:
-        return "0" if abs(x) < 1e-12 else f"{x:.5g}"
-    return "0" if text == "-0" else text
-
-
-def AddPose(parent: ET.Element, xyz: Sequence[float], rpy: Sequence[float] = (0, 0, 0)):
-    """Append a pose unless it is the identity."""
-    pose = AddChild(parent, "pose", [*xyz, *rpy])
-    if not np.any(np.abs([*xyz, *rpy]) > 0):
-        parent.remove(pose)
-    return pose
 
 
 class Model:
@@ -81,7 +53,7 @@ class Model:
             AddChild(node, "mass", inertial.mass)
             matrix = AddChild(node, "inertia")
             for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-                value = f"{inertial.inertia[i, j]:.4g}"
+                value = f"{inertial.inertia[i, j]:.{inertial.digits}g}"
                 floor = 1e-5 * np.max(inertial.inertia)
                 if abs(inertial.inertia[i, j]) < floor:
                     value = "0"
@@ -121,8 +93,12 @@ class Model:
             mesh = AddChild(AddChild(collision, "geometry"), "mesh")
             AddChild(mesh, "uri", f"package://drake_srg/{path}")
         else:
-            path = f"meshes/{self._name}_{piece.name}_collision.obj"
-            self.files[path] = obj_text([shape], crease=0)
+            name, solid = piece.name, shape
+            if isinstance(shape, Turned):
+                AddPose(collision, (0, 0, 0), (0, 0, shape.angle))
+                name, solid = shape.name, shape.solid
+            path = f"meshes/{self._name}_{name}_collision.obj"
+            self.files[path] = obj_text([solid], crease=0)
             mesh = AddChild(AddChild(collision, "geometry"), "mesh")
             AddChild(mesh, "uri", f"package://drake_srg/{path}")
             AddChild(mesh, "drake:declare_convex")

@@ -1,0 +1,213 @@
+"""The commands `drake-srg import` and `drake-srg list --objects`."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses as dc
+import json
+import re
+import tempfile
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
+
+if TYPE_CHECKING:
+    from drake_srg.objects.meshes.convert import Report
+
+_PICTURE = "picture.png"
+_SHEET = "objects.png"
+_PIXELS = 320
+
+
+def add_import_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `drake-srg import`."""
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="an .sdf, .urdf, .obj, .stl or .glb"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder to make (default: out/objects/NAME)",
+    )
+    weight = parser.add_mutually_exclusive_group()
+    weight.add_argument(
+        "--mass", type=_positive, metavar="KG", help="replaces the file's"
+    )
+    weight.add_argument(
+        "--density", type=_positive, metavar="KG/M3", help="sets the mass"
+    )
+    parser.add_argument(
+        "--friction", type=_positive, metavar="MU", help="Coulomb's coefficient"
+    )
+    parser.add_argument(
+        "--color", type=_color, metavar="R,G,B", help="of all that is seen, 0 .. 1 each"
+    )
+    parser.add_argument(
+        "--scale",
+        type=_positive,
+        default=1.0,
+        metavar="X",
+        help="metres per unit of a mesh: 0.001 for millimetres",
+    )
+    parser.add_argument(
+        "--pieces",
+        type=int,
+        default=32,
+        metavar="N",
+        help="greatest number of convex pieces per mesh (default: 32)",
+    )
+
+
+def add_list_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `drake-srg list`."""
+    parser.add_argument(
+        "--objects", action="store_true", help="list our household objects instead"
+    )
+    parser.add_argument(
+        "--pictures",
+        type=Path,
+        metavar="DIR",
+        help="with --objects: folder for a picture of each, and one of all",
+    )
+
+
+@scenario_errors()
+def import_object(options: argparse.Namespace) -> int:
+    """Make a checked SDF from a file; print what was mended and whether it rests."""
+    from drake_srg.objects.meshes.cache import copy_folder
+    from drake_srg.objects.meshes.convert import MODEL, read_report
+    from drake_srg.objects.meshes.load import import_model, resolve
+
+    end_on_sigterm()
+    file = resolve(str(options.file))
+    name = re.sub(r"\W+", "_", file.stem)
+    out: Path = options.output or Path("out") / "objects" / name
+    if out.exists():
+        raise ScenarioError(f"-o {out}: already exists (choose another, or remove it)")
+    if not 1 <= options.pieces <= 256:
+        raise ScenarioError(f"--pieces: must be 1 .. 256, got {options.pieces}")
+    folder = import_model(file, options.scale, options.pieces, quiet=True)
+    report = read_report(folder)
+    with writing("-o", out):
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".", dir=out.parent) as there:
+            new = Path(there) / name
+            copy_folder(folder, new)
+            report = _adjust(new, name, report, options)
+            rests = _describe(new / MODEL, name, report)
+            new.rename(out)
+    print()
+    for path in (out / MODEL, out / _PICTURE):
+        print(path)
+    return SUCCESS if rests else TASK_FAILED
+
+
+def _adjust(
+    folder: Path, name: str, report: Report, options: argparse.Namespace
+) -> Report:
+    """Apply name, mass, friction and colour to a model; return the new report."""
+    from drake_srg.objects.meshes.convert import MODEL, REPORT
+    from drake_srg.objects.sdf import SetColor, SetContact, SetMass
+
+    tree = ET.parse(folder / MODEL)
+    root = tree.getroot()
+    for element in (root.find("model"), root.find("model/link")):
+        assert element is not None
+        element.set("name", name)
+    mass = options.mass
+    if options.density is not None:
+        mass = options.density * report.volume
+    if mass is not None:
+        SetMass(root, mass)
+        kept = [text for text in report.warnings if not text.startswith("no mass")]
+        report = dc.replace(report, mass=mass, warnings=kept)
+    friction = options.friction
+    SetContact(root, {"mu_static": friction, "mu_dynamic": friction})
+    if options.color is not None:
+        SetColor(root, options.color)
+    ET.indent(root, "  ")
+    tree.write(folder / MODEL, encoding="unicode")
+    text = json.dumps(dc.asdict(report), indent=2)
+    (folder / REPORT).write_text(text + "\n", encoding="utf-8")
+    return report
+
+
+def _describe(model: Path, name: str, report: Report) -> bool:
+    """Draw and drop an imported model, and print about it; return whether it rests."""
+    import cv2
+
+    from drake_srg.objects.config import ObjectConfig
+    from drake_srg.objects.portrait import take_portrait
+    from drake_srg.simulation.drop import drop
+
+    config = ObjectConfig(model=str(model))
+    portrait = take_portrait(name, config, _PIXELS)
+    cv2.imwrite(str(model.with_name(_PICTURE)), portrait[:, :, ::-1])
+    outcome = drop(config)
+    for warning in report.warnings:
+        print(f"warning: {warning}")
+    size = " x ".join(f"{1e3 * side:.1f}" for side in report.size)
+    cut = " cut by CoACD" if report.cut else ""
+    count = f"{report.pieces} piece" + "s" * (report.pieces != 1)
+    print(f"{'size':10} {size} mm")
+    print(f"{'mass':10} {report.mass:.4g} kg")
+    print(f"{'contact':10} {count}{cut}")
+    fit = [f"{1e3 * value:.1f} mm" for value in (report.excess, report.gap)]
+    print(f"{'fit':10} pieces stand out by up to {fit[0]}, the mesh by {fit[1]}")
+    print(f"{'drop test':10} {outcome}")
+    return outcome.rests
+
+
+def list_objects(options: argparse.Namespace) -> int:
+    """Print name, size, mass and pieces of our household objects; draw them."""
+    from drake_srg.objects.household import HOUSEHOLD, household_object, object_facts
+
+    print(f"{'object':26} {'size [mm]':>18} {'mass [g]':>9} {'pieces':>7}")
+    for name in HOUSEHOLD:
+        facts = object_facts(name, household_object(name))
+        size = " x ".join(f"{1e3 * side:.0f}" for side in facts.size)
+        print(f"{name:26} {size:>18} {1e3 * facts.mass:>9.4g} {facts.pieces:>7}")
+    if options.pictures is not None:
+        print()
+        with writing("--pictures", options.pictures):
+            for path in _draw_all(options.pictures):
+                print(path)
+    return SUCCESS
+
+
+def _draw_all(folder: Path) -> list[Path]:
+    """Draw each of our objects, and a sheet of all; return the files."""
+    import cv2
+
+    from drake_srg.objects.household import HOUSEHOLD, household_object
+    from drake_srg.objects.portrait import contact_sheet, take_portrait
+
+    folder.mkdir(parents=True, exist_ok=True)
+    pictures = {
+        name: take_portrait(name, household_object(name), _PIXELS) for name in HOUSEHOLD
+    }
+    files = {f"{name}.png": picture for name, picture in pictures.items()}
+    files[_SHEET] = contact_sheet(pictures)
+    for name, picture in files.items():
+        _, png = cv2.imencode(".png", picture[:, :, ::-1])
+        (folder / name).write_bytes(png.tobytes())
+    return [folder / name for name in files]
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be greater than 0, got {text}")
+    return value
+
+
+def _color(text: str) -> list[float]:
+    values = [float(word) for word in text.split(",")]
+    if len(values) != 3 or not all(0.0 <= value <= 1.0 for value in values):
+        raise argparse.ArgumentTypeError(f"needs R,G,B, each 0 .. 1, got {text}")
+    return values

@@ -1,0 +1,112 @@
+"""The household objects among our models, for experiments, clutter and trying out."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.geometry import Box, Convex, Cylinder, Mesh, Role, Sphere
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.models import AddObject, object_body
+from drake_srg.types import Vector
+
+# Numbers are those of the YCB object set. The generators, tools/models/props.py,
+# household.py, packages.py and tableware.py, say what is theirs and what is ours.
+HOUSEHOLD = (
+    "003_cracker_box",
+    "004_sugar_box",
+    "005_tomato_soup_can",
+    "007_tuna_can",
+    "008_pudding_box",
+    "010_potted_meat_can",
+    "011_banana",
+    "019_pitcher_base",
+    "029_plate",
+    "031_spoon",
+    "036_wood_block",
+    "040_large_marker",
+    "043_phillips_screwdriver",
+    "048_hammer",
+    "056_tennis_ball",
+    "061_foam_brick",
+    "bowl",
+    "mug",
+    "squeeze_bottle",
+    "wrench",
+)
+
+
+def household_object(name: str) -> ObjectConfig:
+    """Return a new config of one of `HOUSEHOLD`."""
+    return ObjectConfig(model=f"package://drake_srg/sdf/{name}.sdf")
+
+
+@dc.dataclass(frozen=True, eq=False)
+class ObjectFacts:
+    """What an object is like.
+
+    Attributes:
+        low: Least coordinates of its collision geometry in its frame, shape (3,) [m].
+        high: Greatest coordinates, shape (3,) [m].
+        mass: [kg].
+        pieces: Number of its collision geometries.
+    """
+
+    low: Vector
+    high: Vector
+    mass: float
+    pieces: int
+
+    @property
+    def size(self) -> Vector:
+        """Extents along x, y, z [m], shape (3,)."""
+        return self.high - self.low
+
+
+def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
+    """Measure an object that is not soft.
+
+    Args:
+        name: For error messages.
+        config: The object.
+
+    Raises:
+        ScenarioError: If the model cannot be read.
+    """
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    body = plant.get_body(object_body(plant, AddObject(plant, name, config)))
+    plant.Finalize()
+    inspector = scene_graph.model_inspector()
+    frame = plant.GetBodyFrameIdOrThrow(body.index())
+    corners = []
+    geometries = inspector.GetGeometries(frame, Role.kProximity)
+    for geometry in geometries:
+        X_LG = inspector.GetPoseInFrame(geometry)
+        shape = inspector.GetShape(geometry)
+        corners.append((X_LG @ _extreme_points(shape, X_LG.rotation().matrix()).T).T)
+    points = np.vstack(corners)
+    mass = body.default_mass()
+    return ObjectFacts(points.min(axis=0), points.max(axis=0), mass, len(geometries))
+
+
+def _extreme_points(shape: object, R_LG: Vector) -> Vector:
+    """Return points of a shape that reach as far along L's axes as it does, (n, 3)."""
+    if isinstance(shape, Mesh | Convex):
+        hull = shape.GetConvexHull()
+        return np.array([hull.vertex(i) for i in range(hull.num_vertices())])
+    if isinstance(shape, Box):
+        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+        return signs * shape.size()
+    directions = np.vstack([R_LG, -R_LG])  # L's axes, in G
+    if isinstance(shape, Sphere):
+        return directions * shape.radius()
+    assert isinstance(shape, Cylinder)
+    across = directions[:, :2]
+    norm = np.linalg.norm(across, axis=1, keepdims=True)
+    round_ = shape.radius() * across / np.maximum(norm, 1e-12)
+    ends = 0.5 * shape.length() * np.where(directions[:, 2:] < 0.0, -1.0, 1.0)
+    return np.hstack([round_, ends])

@@ -1,0 +1,253 @@
+"""Makes a checked SDF of convex pieces from the contents of an object's file."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.tree import SpatialInertia
+
+from drake_srg.objects.contact import AddContact, facet_length
+from drake_srg.objects.meshes.contents import Contents, MeshFile, TriangleMesh
+from drake_srg.objects.meshes.mesh_file import check_size, require_trimesh
+from drake_srg.objects.meshes.parts import MeshReader, Part, parts_of, total
+from drake_srg.objects.meshes.pieces import TOLERANCE
+from drake_srg.objects.sdf import DRAKE, AddChild, AddInertial, AddPose
+from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+
+REPORT, MODEL = "import.json", "model.sdf"
+DENSITY = 500.0  # where no mass is known: packed food, half as dense as water [kg/m³]
+_GREY = (0.7, 0.7, 0.7)
+# Moments of inertia that differ from the geometry's by more than this factor are
+# placeholders.
+_PLAUSIBLE = 5.0
+_CREASE = 0.7  # edges of larger angles look sharp [rad]
+_NEAR = 0.001  # an origin this close to the underside is underneath the object [m]
+
+
+@dc.dataclass(frozen=True)
+class Report:
+    """What an import found and did.
+
+    Attributes:
+        size: Extents of the pieces along x, y, z [m].
+        mass: Of the model [kg].
+        volume: Of its meshes, or of the pieces of open ones [m³].
+        pieces: Number of collision geometries.
+        cut: Whether CoACD made some of them.
+        excess: How far pieces stand out of their mesh [m].
+        gap: How far meshes stand out of their pieces [m].
+        warnings: What was mended or assumed.
+    """
+
+    size: list[float]
+    mass: float
+    volume: float
+    pieces: int
+    cut: bool
+    excess: float
+    gap: float
+    warnings: list[str]
+
+
+def read_report(folder: Path) -> Report:
+    """Return the report of a folder that `convert` filled."""
+    return Report(**json.loads((folder / REPORT).read_text(encoding="utf-8")))
+
+
+def convert(contents: Contents, most: int, folder: Path) -> None:
+    """Write model, meshes and report of an object into a folder.
+
+    Args:
+        contents: Of the object's file.
+        most: Greatest number of pieces per mesh.
+        folder: An empty folder.
+
+    Raises:
+        ScenarioError: If a mesh is broken.
+        ImportError: If a package of the extra `import` is missing.
+    """
+    reader = MeshReader(list(contents.warnings))
+    warnings = reader.warnings
+    parts = [p for g in contents.collisions for p in parts_of(g, reader, most)]
+    low = np.min([part.low for part in parts], axis=0)
+    high = np.max([part.high for part in parts], axis=0)
+    p_LO = _origin(parts, low, high, warnings)
+    volume = total([part.M_LLo_L for part in parts])
+    inertia = _inertia(contents, volume, (low, high), warnings)
+    check_size(contents.path, low, high)
+    fits = [part.fit for part in parts if part.fit is not None]
+    excess = max((fit.excess for fit in fits), default=0.0)
+    gap = max((fit.gap for fit in fits), default=0.0)
+    for what, value in (
+        ("pieces stand out of the mesh", excess),
+        ("the mesh stands out of its pieces", gap),
+    ):
+        if value > TOLERANCE:
+            warnings.append(
+                f"{what} by up to {1e3 * value:.1f} mm, more than "
+                f"{1e3 * TOLERANCE:.0f} mm (try more pieces)"
+            )
+    root = ET.Element("sdf", {"version": "1.9"})
+    link = AddChild(AddChild(root, "model", name="object"), "link", name="object")
+    AddInertial(link, inertia.Shift(p_LO))
+    _AddVisuals(link, contents, reader, p_LO, folder)
+    shapes = [(shape, part) for part in parts for shape in part.shapes]
+    for i, (shape, part) in enumerate(shapes):
+        node = AddChild(link, "collision", name=f"piece_{i}")
+        if isinstance(shape, np.ndarray):
+            hull = require_trimesh().convex.convex_hull(shape - p_LO)
+            mesh = _AddMesh(node, folder / f"piece_{i}.obj", hull)
+            AddChild(mesh, f"{{{DRAKE}}}declare_convex")
+        else:
+            _AddPrimitive(node, shape, part.X_LG, p_LO)
+        if part.contact is not None:
+            node.append(part.contact)
+        else:
+            radius = getattr(shape, "radius", None)
+            AddContact(node, None if radius is None else facet_length(radius))
+    report = Report(
+        size=(high - low).tolist(),
+        mass=inertia.get_mass(),
+        volume=volume.get_mass(),
+        pieces=len(shapes),
+        cut=any(part.cut for part in parts),
+        excess=excess,
+        gap=gap,
+        warnings=list(dict.fromkeys(warnings)),
+    )
+    ET.indent(root, "  ")
+    model = ET.tostring(root, encoding="unicode")
+    (folder / MODEL).write_text(model + "\n", encoding="utf-8")
+    text = json.dumps(dc.asdict(report), indent=2)
+    (folder / REPORT).write_text(text + "\n", encoding="utf-8")
+
+
+def _origin(
+    parts: Sequence[Part], low: Vector, high: Vector, warnings: list[str]
+) -> Vector:
+    """Return where the object's origin is in the link, p_LO (3,) [m].
+
+    It is in the middle of a single primitive, and otherwise underneath the object.
+    """
+    if len(parts) == 1 and not isinstance(parts[0].shapes[0], np.ndarray):
+        X_LG = parts[0].X_LG
+        if X_LG.rotation().IsNearlyIdentity():
+            return X_LG.translation()
+    below = bool(np.all(low[:2] < 0.0) and np.all(high[:2] > 0.0))
+    if below and abs(low[2]) <= _NEAR:
+        return np.array([0.0, 0.0, low[2]])
+    x, y = 0.5 * (low + high)[:2]
+    p_LO = np.array([x, y, low[2]])
+    text = ", ".join(f"{value:.4g}" for value in p_LO)
+    warnings.append(f"moved the origin to the middle of the underside, ({text}) m")
+    return p_LO
+
+
+def _inertia(
+    contents: Contents,
+    volume: SpatialInertia,
+    bounds: tuple[Vector, Vector],
+    warnings: list[str],
+) -> SpatialInertia:
+    """Return the spatial inertia of the link about its origin.
+
+    Args:
+        contents: Of the file, which may have one.
+        volume: That of the geometry at 1 kg/m³.
+        bounds: Least and greatest coordinates of the geometry.
+        warnings: Receives what is replaced or assumed.
+    """
+    mass = contents.mass
+    if mass is None:
+        mass = DENSITY * volume.get_mass()
+        warnings.append(
+            f"no mass in the file: assumed {mass:.4g} kg unless you set it "
+            f"({DENSITY:.0f} kg/m³ over {1e6 * volume.get_mass():.4g} cm³)"
+        )
+    geometry = SpatialInertia(mass, volume.get_com(), volume.get_unit_inertia())
+    if contents.inertia is None:
+        if contents.mass is not None:
+            warnings.append("no possible moments of inertia: took the geometry's")
+        return geometry
+    ours, file = _central_moments(geometry), _central_moments(contents.inertia)
+    com = contents.inertia.get_com()
+    inside = np.all(bounds[0] <= com) and np.all(com <= bounds[1])
+    if inside and np.all(np.abs(np.log(file / ours)) < np.log(_PLAUSIBLE)):
+        return contents.inertia
+    warnings.append(
+        "replaced implausible inertia: principal moments "
+        f"{_listed(file)} kg m², the geometry's are {_listed(ours)} kg m²"
+    )
+    return geometry
+
+
+def _central_moments(M: SpatialInertia) -> Vector:
+    """Return the principal moments about the centre of mass, sorted, (3,) [kg m²]."""
+    central = M.Shift(M.get_com()).CalcRotationalInertia()
+    return np.sort(np.linalg.eigvalsh(central.CopyToFullMatrix3()))
+
+
+def _listed(values: Vector) -> str:
+    return ", ".join(f"{value:.2g}" for value in values)
+
+
+def _AddVisuals(
+    link: ET.Element,
+    contents: Contents,
+    reader: MeshReader,
+    p_LO: Vector,
+    folder: Path,
+) -> None:
+    count = 0
+    for geometry in contents.visuals:
+        if not isinstance(geometry.shape, MeshFile):
+            node = AddChild(link, "visual", name=f"visual_{count}")
+            _AddPrimitive(node, geometry.shape, geometry.X_LG, p_LO)
+            _AddColor(node, geometry.color or _GREY)
+            count += 1
+            continue
+        for mesh, color in reader.meshes(geometry):
+            node = AddChild(link, "visual", name=f"visual_{count}")
+            mesh.apply_translation(-p_LO)
+            _AddMesh(node, folder / f"visual_{count}.obj", mesh)
+            _AddColor(node, geometry.color or color or _GREY)
+            count += 1
+
+
+def _AddColor(visual: ET.Element, color: Sequence[float]) -> None:
+    AddChild(AddChild(visual, "material"), "diffuse", [*color, 1.0])
+
+
+def _AddPrimitive(
+    parent: ET.Element, shape: Shape | Vector, X_LG: RigidTransform, p_LO: Vector
+) -> None:
+    AddPose(parent, X_LG.translation() - p_LO, RollPitchYaw(X_LG.rotation()).vector())
+    geometry = AddChild(parent, "geometry")
+    match shape:
+        case Cylinder(radius, length):
+            cylinder = AddChild(geometry, "cylinder")
+            AddChild(cylinder, "radius", radius)
+            AddChild(cylinder, "length", length)
+        case Box(size):
+            AddChild(AddChild(geometry, "box"), "size", size)
+        case Sphere(radius):
+            AddChild(AddChild(geometry, "sphere"), "radius", radius)
+
+
+def _AddMesh(parent: ET.Element, path: Path, mesh: TriangleMesh) -> ET.Element:
+    """Write a mesh to a file, and append a geometry that names it."""
+    shaded = require_trimesh().graph.smooth_shade(mesh, angle=_CREASE)
+    lines = [f"v {x:.7g} {y:.7g} {z:.7g}" for x, y, z in shaded.vertices]
+    lines += [f"vn {x:.3f} {y:.3f} {z:.3f}" for x, y, z in shaded.vertex_normals]
+    corners = [[f"{k}//{k}" for k in face] for face in np.asarray(shaded.faces) + 1]
+    lines += ["f " + " ".join(face) for face in corners]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    node = AddChild(AddChild(parent, "geometry"), "mesh")
+    AddChild(node, "uri", path.name)
+    return node

@@ -1,0 +1,167 @@
+"""The one loader of objects' files: every format becomes the tree of an SDF."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import hashlib
+import importlib.metadata
+import logging
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.contact import AddContact, facet_length
+from drake_srg.objects.meshes.cache import cached_folder
+from drake_srg.objects.meshes.contents import Contents, Geometry, MeshFile
+from drake_srg.objects.meshes.convert import MODEL, convert, read_report
+from drake_srg.objects.meshes.xml_file import read_link, read_xml
+from drake_srg.objects.sdf import DRAKE
+from drake_srg.parsing import configure_parser
+
+# Changes with what `convert` makes of a file, so that old entries of the cache do not
+# serve.
+_VERSION = 1
+_XML = (".sdf", ".urdf", ".xml")
+
+
+def model_tree(name: str, config: ObjectConfig) -> ET.Element:
+    """Return the SDF tree of an object's model, with one model and absolute paths.
+
+    An SDF of primitives and declared convex meshes is taken as it is. Everything else
+    is converted, once, and kept in the cache; see docs/objects.md.
+
+    Args:
+        name: The object's name, for error messages.
+        config: The object.
+
+    Returns:
+        A tree that the caller may change.
+
+    Raises:
+        ScenarioError: If the file cannot be read or is broken.
+        ImportError: If a mesh needs packages of the extra `import`.
+    """
+    try:
+        path = resolve(str(config.model))
+        changed = path.stat().st_mtime_ns if path.is_file() else 0
+        return copy.deepcopy(_tree(path, changed, config.scale, config.pieces))
+    except ScenarioError as error:
+        raise ScenarioError(f"objects.{name}.model: {error}") from None
+
+
+def resolve(model: str) -> Path:
+    """Return the file that a model's path or URL names.
+
+    Raises:
+        ScenarioError: If the URL's package is unknown.
+    """
+    if "://" not in model:
+        return Path(model).expanduser().absolute()
+    plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
+    parser = Parser(plant)
+    configure_parser(parser)
+    try:
+        return Path(parser.package_map().ResolveUrl(model))
+    except RuntimeError as error:
+        raise ScenarioError(f"{model}: cannot be read: {one_line(error)}") from None
+
+
+def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) -> Path:
+    """Return the folder in the cache with the converted model of a file.
+
+    Args:
+        path: The file.
+        scale: Metres per unit of a mesh.
+        pieces: Greatest number of convex pieces per mesh.
+        quiet: Whether not to log what was mended.
+
+    Raises:
+        ScenarioError: If the file cannot be read or is broken.
+        ImportError: If packages of the extra `import` are missing.
+    """
+    if path.suffix.lower() in _XML:
+        if scale != 1.0:
+            raise ScenarioError(f"{path}: scale: must be 1, got {scale} (only meshes)")
+        contents = read_link(path)
+    else:
+        mesh = Geometry(MeshFile(path, np.full(3, scale)))
+        contents = Contents(path, [mesh], [mesh])
+    key = _key([path, *contents.mesh_files()], f"{_VERSION} {scale} {pieces}")
+
+    def make(folder: Path) -> None:
+        convert(contents, pieces, folder)
+        for warning in [] if quiet else read_report(folder).warnings:
+            logging.getLogger("drake_srg").warning("%s: %s", path, warning)
+
+    return cached_folder(key, make)
+
+
+@functools.lru_cache(maxsize=256)
+def _tree(path: Path, _changed: int, scale: float, pieces: int) -> ET.Element:
+    """Return the tree of a file; `_changed` is when it was changed."""
+    if path.suffix.lower() == ".sdf":
+        root = read_xml(path, [])
+        if root.find("model") is None:
+            raise ScenarioError(f"{path}: must be an SDF file with a model")
+        if scale == 1.0 and _is_convex(root):
+            return _completed(root, path.parent)
+    folder = import_model(path, scale, pieces)
+    return _completed(read_xml(folder / MODEL, []), folder)
+
+
+def _is_convex(root: ET.Element) -> bool:
+    """Return whether all touched meshes are declared to be convex."""
+    meshes = root.findall(".//collision/geometry/mesh")
+    return all(mesh.find(f"{{{DRAKE}}}declare_convex") is not None for mesh in meshes)
+
+
+def _completed(root: ET.Element, folder: Path) -> ET.Element:
+    """Return the tree with absolute paths and contact properties of all collisions."""
+    for uri in root.iter("uri"):
+        text = (uri.text or "").strip()
+        if "://" not in text:
+            uri.text = (folder / text).absolute().as_uri()
+    for collision in root.iter("collision"):
+        shapes = [shape.tag for shape in collision.findall("geometry/*")]
+        known = all(tag in ("box", "cylinder", "sphere", "mesh") for tag in shapes)
+        if known and collision.find(f"{{{DRAKE}}}proximity_properties") is None:
+            radius = collision.findtext("geometry/*/radius")
+            AddContact(collision, facet_length(float(radius)) if radius else None)
+    return root
+
+
+def _key(files: list[Path], options: str) -> str:
+    """Return a key of the contents of files, options and the tools' versions."""
+    digest = hashlib.sha256(options.encode())
+    for package in ("trimesh", "coacd"):
+        try:
+            digest.update(importlib.metadata.version(package).encode())
+        except importlib.metadata.PackageNotFoundError:
+            digest.update(b"none")
+    for path in _with_materials(files):
+        try:
+            content = path.read_bytes()
+        except OSError as error:
+            raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
+        digest.update(path.suffix.encode() + len(content).to_bytes(8, "big") + content)
+    return digest.hexdigest()[:32]
+
+
+def _with_materials(files: list[Path]) -> Iterator[Path]:
+    """Yield files, and those of the materials of OBJ files."""
+    for path in files:
+        yield path
+        if path.suffix.lower() == ".obj" and path.is_file():
+            names = re.findall(rb"^mtllib\s+(.+?)\s*$", path.read_bytes(), re.MULTILINE)
+            for name in names:
+                material = path.parent / name.decode(errors="replace")
+                if material.is_file():
+                    yield material

@@ -1,0 +1,10 @@
+import pytest
+
+from drake_srg.objects.meshes import load
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(tmp_path, monkeypatch):
+    """Give each test an empty cache."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    load._tree.cache_clear()

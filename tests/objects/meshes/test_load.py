@@ -1,0 +1,154 @@
+import logging
+import os
+
+import numpy as np
+import pytest
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.household import object_facts
+from drake_srg.objects.meshes import load
+from drake_srg.objects.meshes.load import import_model, model_tree
+from drake_srg.objects.models import AddObject
+from objects.meshes.made_meshes import box, joined, write_obj, write_stl
+from objects.meshes.test_xml_file import collision, urdf
+
+# Two cubes far apart: the hull of both would fill the space between them.
+PAIR = joined(box([0.02] * 3, [0, 0, 0.01]), box([0.02] * 3, [0.1, 0, 0.01]))
+
+
+def test_each_part_of_a_mesh_is_a_piece_of_its_own(tmp_path):
+    config = ObjectConfig(model=str(write_obj(tmp_path / "pair.obj", PAIR)))
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    AddObject(plant, "pair", config)
+    plant.Finalize()
+    inspector = scene_graph.model_inspector()
+    geometries = [
+        g
+        for b in plant.GetBodyIndices(plant.GetModelInstanceByName("pair"))
+        for g in plant.GetCollisionGeometriesForBody(plant.get_body(b))
+    ]
+    assert len(geometries) == 2
+    for geometry in geometries:
+        properties = inspector.GetProximityProperties(geometry)
+        assert properties.HasProperty("hydroelastic", "hydroelastic_modulus")
+
+
+@pytest.mark.parametrize("name", ["a.obj", "a.stl", "a.urdf", "a.sdf", "a.glb"])
+def test_every_format_gives_the_same_object(tmp_path, name):
+    vertices, faces = box([0.04, 0.05, 0.06], at=[0, 0, 0.03])
+    path = tmp_path / name
+    match path.suffix:
+        case ".obj":
+            write_obj(path, (vertices, faces))
+        case ".stl":
+            write_stl(path, (vertices, faces))
+        case ".urdf":
+            write_obj(tmp_path / "m.obj", (vertices, faces))
+            urdf(path, collision("<mesh filename='m.obj'/>"))
+        case ".sdf":
+            write_obj(tmp_path / "m.obj", (vertices, faces))
+            path.write_text(
+                "<sdf version='1.9'><model name='m'><link name='l'><collision name='c'>"
+                "<geometry><mesh><uri>m.obj</uri></mesh></geometry></collision></link>"
+                "</model></sdf>"
+            )
+        case _:
+            trimesh = pytest.importorskip("trimesh")
+            up = vertices[:, [0, 2, 1]] * (1, 1, -1)  # y is up
+            trimesh.Trimesh(up, faces).export(path)
+    facts = object_facts("a", ObjectConfig(model=str(path)))
+    np.testing.assert_allclose(facts.size, [0.04, 0.05, 0.06], atol=1e-6)
+    assert facts.low[2] == pytest.approx(0.0, abs=1e-6)
+    assert facts.mass == pytest.approx(500.0 * 0.04 * 0.05 * 0.06, rel=1e-5)
+
+
+def test_mass_friction_and_modulus_override_the_files(tmp_path):
+    path = write_obj(tmp_path / "a.obj", box([0.04] * 3))
+    config = ObjectConfig(model=str(path), mass=0.3, friction=0.2, modulus=1e6)
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 0.0)
+    model = AddObject(plant, "a", config)
+    plant.Finalize()
+    body = plant.get_body(plant.GetBodyIndices(model)[0])
+    assert body.default_mass() == pytest.approx(0.3)
+    (geometry,) = plant.GetCollisionGeometriesForBody(body)
+    properties = scene_graph.model_inspector().GetProximityProperties(geometry)
+    friction = properties.GetProperty("material", "coulomb_friction")
+    assert friction.static_friction() == friction.dynamic_friction() == 0.2
+    assert properties.GetProperty("hydroelastic", "hydroelastic_modulus") == 1e6
+
+
+def test_our_models_are_taken_as_they_are(monkeypatch):
+    monkeypatch.setattr(load, "import_model", None)  # nothing calls it
+    for name in ("mug", "005_tomato_soup_can"):
+        config = ObjectConfig(model=f"package://drake_srg/sdf/{name}.sdf")
+        assert model_tree(name, config).find("model").get("name") == name
+
+
+def test_a_caller_may_change_the_tree(tmp_path):
+    config = ObjectConfig(model=str(write_obj(tmp_path / "a.obj", box([0.04] * 3))))
+    model_tree("a", config).find("model").clear()
+    assert model_tree("a", config).find("model/link") is not None
+
+
+def test_a_conversion_is_kept(tmp_path, monkeypatch, caplog):
+    path = write_obj(tmp_path / "a.obj", box([0.04] * 3))
+    calls, original = [], load.convert
+    monkeypatch.setattr(
+        load, "convert", lambda *args: (calls.append(args), original(*args))
+    )
+    with caplog.at_level(logging.WARNING, logger="drake_srg"):
+        folder = import_model(path, 1.0, 32)
+        assert "no mass in the file" in caplog.text
+        caplog.clear()
+        assert import_model(path, 1.0, 32) == folder
+        assert not caplog.records
+    assert len(calls) == 1
+    assert import_model(path, 2.0, 32) != folder
+    assert import_model(path, 1.0, 8) != folder
+    assert len(calls) == 3
+
+
+@pytest.mark.parametrize("changed", ["a.urdf", "m.obj", "m.mtl"])
+def test_a_change_of_any_file_is_noticed(tmp_path, changed):
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 0.8 0.2 0.1\n")
+    write_obj(tmp_path / "m.obj", box([0.04] * 3), head="mtllib m.mtl\nusemtl red")
+    path = urdf(tmp_path / "a.urdf", collision("<mesh filename='m.obj'/>"))
+    folder = import_model(path, 1.0, 32)
+    with (tmp_path / changed).open("a") as file:
+        file.write("\n")
+    assert import_model(path, 1.0, 32) != folder
+
+
+def test_a_changed_file_is_read_again(tmp_path):
+    path = write_obj(tmp_path / "a.obj", box([0.04] * 3))
+    config = ObjectConfig(model=str(path))
+    assert object_facts("a", config).size[0] == pytest.approx(0.04)
+    write_obj(path, box([0.05] * 3))
+    os.utime(path, (1, 1))
+    assert object_facts("a", config).size[0] == pytest.approx(0.05)
+
+
+def test_only_meshes_are_scaled(tmp_path):
+    path = urdf(tmp_path / "a.urdf", collision("<box size='40 40 40'/>"))
+    config = ObjectConfig(model=str(path), scale=0.001)
+    with pytest.raises(ScenarioError, match=r"^objects\.a\.model: .*scale: must be 1"):
+        model_tree("a", config)
+
+
+@pytest.mark.parametrize(
+    ("model", "problem"),
+    [
+        ("none.obj", "No such file"),
+        ("none.sdf", "No such file"),
+        ("package://nobody/a.obj", "nobody"),
+        ("package://drake_srg/sdf/mug.stl", "mug.stl"),
+    ],
+)
+def test_a_missing_file_is_told(model, problem):
+    with pytest.raises(ScenarioError, match=rf"^objects\.a\.model: .*{problem}"):
+        model_tree("a", ObjectConfig(model=model))
