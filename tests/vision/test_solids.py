@@ -54,7 +54,7 @@ def test_the_bounding_size_holds_all_points_inside(shape, p):
 
 @pytest.mark.parametrize("shape", SOLIDS, ids=lambda s: type(s).__name__)
 def test_outline_points_lie_on_the_surface(shape):
-    p = outline_points(shape, np.array([0.3, -0.4, 0.9]))
+    (p,) = outline_points(shape, np.array([0.3, -0.4, 0.9]))
     np.testing.assert_allclose(signed_distance(shape, p)[0], 0.0, atol=1e-12)
 
 

@@ -1,0 +1,56 @@
+"""Poses of a solid that look alike."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.common.convex_pieces import Solid
+from drake_srg.types import Box, Cylinder, Sphere, Vector
+
+
+def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
+    """Return the pose that looks like another one and is turned least.
+
+    A ball is not turned at all. A cylinder's z points upwards, and the cylinder does
+    not spin about it. A box has four such poses, more with sides of equal length.
+    Convex pieces have one.
+    """
+    R_WO = X_WO.rotation().matrix()
+    match solid:
+        case Sphere():
+            return RigidTransform(X_WO.translation())
+        case Cylinder():
+            z_W = R_WO[:, 2] * np.copysign(1.0, R_WO[2, 2])
+            R_WO = _turn_of_z(z_W)
+        case Box(size):
+            turns = _turns_onto_itself(np.array(size))
+            R_WO = max((R_WO @ turn for turn in turns), key=np.trace)
+    return RigidTransform(RotationMatrix(R_WO), X_WO.translation())
+
+
+def _turn_of_z(z_W: Vector) -> Vector:
+    """Return the least rotation (3, 3) that takes z to a unit vector with z >= 0."""
+    x, y, z = z_W
+    share = 1.0 / (1.0 + z)
+    return np.array(
+        [
+            [1.0 - share * x * x, -share * x * y, x],
+            [-share * x * y, 1.0 - share * y * y, y],
+            [-x, -y, z],
+        ]
+    )
+
+
+def _turns_onto_itself(size: Vector) -> list[Vector]:
+    """Return the rotations that take a box of some size onto itself, (3, 3) each."""
+    signs = [np.diag(s) for s in itertools.product((1.0, -1.0), repeat=3)]
+    swaps = [np.eye(3)[list(order)] for order in itertools.permutations(range(3))]
+    turns = (swap @ sign for swap in swaps for sign in signs)
+    return [
+        turn
+        for turn in turns
+        if np.linalg.det(turn) > 0 and np.array_equal(np.abs(turn) @ size, size)
+    ]
