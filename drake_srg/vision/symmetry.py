@@ -31,6 +31,24 @@ def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
     return RigidTransform(RotationMatrix(R_WO), X_WO.translation())
 
 
+def turn_between(solid: Solid, R_1: RotationMatrix, R_2: RotationMatrix) -> float:
+    """Return the least angle between orientations that look like two given ones [rad].
+
+    It is 0 for a ball and the angle between the axes for a cylinder.
+    """
+    R_12 = R_1.InvertAndCompose(R_2).matrix()
+    match solid:
+        case Sphere():
+            return 0.0
+        case Cylinder():
+            sine = np.linalg.norm(np.cross([0.0, 0.0, 1.0], R_12[:, 2]))
+            return float(np.arctan2(sine, abs(R_12[2, 2])))
+        case Box(size):
+            turns = _turns_onto_itself(np.array(size))
+            R_12 = max((R_12 @ turn for turn in turns), key=np.trace)
+    return float(RotationMatrix(R_12).ToAngleAxis().angle())
+
+
 def _turn_of_z(z_W: Vector) -> Vector:
     """Return the least rotation (3, 3) that takes z to a unit vector with z >= 0."""
     x, y, z = z_W

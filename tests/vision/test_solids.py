@@ -60,5 +60,5 @@ def test_outline_points_lie_on_the_surface(shape):
 
 def test_a_balls_outline_is_where_rays_are_tangent():
     eye = np.array([0.03, 0.05, -0.06])
-    p = outline_points(Sphere(0.03), eye)
+    (p,) = outline_points(Sphere(0.03), eye)
     np.testing.assert_allclose(((p - eye) * p).sum(axis=1), 0.0, atol=1e-12)
