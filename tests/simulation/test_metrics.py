@@ -203,7 +203,8 @@ def test_the_peak_force_is_the_largest_of_all_samples():
 KEYS = """
 schema_version scenario seed success failure attempts cycles cycle_time_s
 time_to_placement_s grasp_lifted
-planning_wall_s localization_error_m localization_turn_rad placement_error_m placement_tilt_rad
+planning_wall_s localization_error_m localization_turn_rad
+placement_error_m placement_tilt_rad
 grasp_shift_m smoothness
 hold_drift_m_per_s peak_contact_force_n others_moved_m
 sim_time_s wall_time_s real_time_factor artifacts
