@@ -43,6 +43,24 @@ class ConvexPieces:
         """Outward unit normals (m, 3) and their distances from the origin (m,) [m]."""
         return tuple(_faces(piece) for piece in self.pieces)
 
+    @functools.cached_property
+    def balls(self) -> tuple[tuple[Vector, float], ...]:
+        """Centre (3,) and radius of a ball around each piece [m]."""
+        centers = [piece.mean(axis=0) for piece in self.pieces]
+        return tuple(
+            (center, float(np.linalg.norm(piece - center, axis=1).max()))
+            for piece, center in zip(self.pieces, centers, strict=True)
+        )
+
+    @functools.cached_property
+    def resting(self) -> tuple[Vector, ...]:
+        """Directions (3,) of the ground under the solid where it rests on a plane.
+
+        It rests on a face of its convex hull that has the centre of mass, at uniform
+        density, above it. Of directions within 10 degrees, one stays.
+        """
+        return tuple(_resting(self))
+
 
 Solid: TypeAlias = Shape | ConvexPieces
 
@@ -54,6 +72,32 @@ def _faces(corners: Vector) -> tuple[Vector, Vector]:
     A, b = hull.A(), hull.b()
     length = np.linalg.norm(A, axis=1)
     return A / length[:, None], b / length
+
+
+def _resting(solid: ConvexPieces) -> list[Vector]:
+    import cv2
+
+    corners = solid.corners
+    center = _center_of_mass(solid)
+    found: list[Vector] = []
+    for down, offset in zip(*_faces(corners), strict=True):
+        if any(down @ other > np.cos(np.deg2rad(10.0)) for other in found):
+            continue
+        across = np.linalg.svd(down[None])[2][1:]
+        face = corners[corners @ down > offset - 1e-4] @ across.T
+        polygon = cv2.convexHull((1e3 * face).astype(np.float32))
+        x, y = 1e3 * across @ center
+        if cv2.pointPolygonTest(polygon, (float(x), float(y)), False) >= 0:
+            found.append(down)
+    return found
+
+
+def _center_of_mass(solid: ConvexPieces) -> Vector:
+    from pydrake.geometry.optimization import VPolytope
+
+    volumes = [VPolytope(piece.T).CalcVolume() for piece in solid.pieces]
+    middles = [piece.mean(axis=0) for piece in solid.pieces]
+    return np.average(middles, axis=0, weights=volumes)
 
 
 def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:

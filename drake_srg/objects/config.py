@@ -57,8 +57,9 @@ class ObjectConfig:
 
     # URL of a model with one link; exclusive with `shape`. If the link has exactly one
     # collision geometry, a cylinder, box or sphere around its origin, the localizer and
-    # the planner know that shape. They neither see nor pick any other object, whose
-    # origin is underneath it, on the table.
+    # the planner know that shape. The planner picks no other object. The localizer
+    # knows the convex pieces of another one if its `color_range` is given. The origin
+    # of such an object is underneath it, on the table.
     model: str | None = None
     shape: Cylinder | Box | Sphere | None = None
     # Makes a `shape`, which must be a box, deformable. A script can pick it, the

@@ -41,11 +41,16 @@ class Outline:
             Distance [pixels], negative inside, shape (n,); its Jacobian, as that of the
             corners, shape (n, 6); depth of the solid at the side [m], shape (n,).
         """
-        nearest, *others = (piece.distance(pixels) for piece in self.pieces)
-        for other in others:
-            nearer = other[0] < nearest[0]
-            for values, more in zip(nearest, other, strict=True):
-                values[nearer] = more[nearer]
+        first, *others = self.pieces
+        nearest = first.distance(pixels)
+        for piece in others:
+            center, radius = piece.circle
+            beyond = np.linalg.norm(pixels - center, axis=1) - radius
+            near = np.flatnonzero(beyond < nearest[0])
+            found = piece.distance(pixels[near])
+            nearer = found[0] < nearest[0][near]
+            for values, more in zip(nearest, found, strict=True):
+                values[near[nearer]] = more[nearer]
         return nearest
 
     def mask(self, shape: tuple[int, ...]) -> Mask:
@@ -117,6 +122,12 @@ class PieceOutline:
         # A turn moves a point by turn x r, and a coordinate g by g . (turn x r).
         by_turn = cross((p_W - p_WO)[:, None], by_W)
         return cls(corners, z, np.concatenate([by_W, by_turn], axis=-1))
+
+    @property
+    def circle(self) -> tuple[Vector, float]:
+        """Centre (2,) and radius of a circle around the outline [pixels]."""
+        center = self.corners.mean(axis=0)
+        return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
     def distance(self, pixels: Vector) -> tuple[Vector, Vector, Vector]:
         """Return how far pixels are beyond the outline's nearest side.

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import Solid
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.types import Sphere, Vector
 from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.guesses import guess_poses, guess_upright
@@ -103,10 +103,13 @@ class _Fitter:
             middle.position_deviation > limits.position_deviation
             or middle.axis_deviation > limits.axis_deviation
         )
+        quality, cut, hidden = self._seen(sight, X_WO)
         return Fit(
             least_turned(shape, X_WO),
-            *self._seen(sight, X_WO),
-            uncertain=unsure or self._doubtful(X_WO, sight),
+            quality,
+            cut,
+            hidden,
+            uncertain=unsure or not quality or self._doubtful(X_WO, sight),
             misfit=unexplained + self._through(sight) + abs(lift) / shape.height,
         )
 
@@ -128,10 +131,10 @@ class _Fitter:
         far more. A solid that hangs from a hand may have turned in it and is free to
         lean.
         """
-        limits, view = self._limits, self._view
+        limits, view, shape = self._limits, self._view, self._shape
         best, least, upright = RigidTransform(), np.inf, False
-        if view.noise and not isinstance(self._shape, Sphere):
-            guess = guess_upright(self._shape, view, self._config.guesses)
+        if view.noise and not isinstance(shape, Sphere):
+            guess = guess_upright(shape, view, self._config.guesses)
             best = self._align(guess, limits.coarse_softness, upright=True).X_WO
             sight = self._look(best)
             scatter = robust_deviation(sight.error[sight.blob])
@@ -143,14 +146,15 @@ class _Fitter:
                 if least <= limits.explained:
                     return best, upright
                 least -= limits.upright_margin * upright
-        guesses = guess_poses(self._shape, view, self._config.guesses)
+        guesses = guess_poses(shape, view, self._config.guesses)
         guesses = sorted(guesses, key=lambda guess: self._distance(guess, points))
         for guess in guesses[: limits.noisy_guesses if view.noise else None]:
             X_WO = self._align(guess, limits.coarse_softness).X_WO
             unexplained = self._unexplained(self._look(X_WO))
             if unexplained < least:
                 best, least, upright = X_WO, unexplained, False
-            if least <= limits.explained:
+            # Of pieces, one end may be almost like the other.
+            if least <= limits.explained and not isinstance(shape, ConvexPieces):
                 break
         return best, upright
 

@@ -78,12 +78,17 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
     """Return distances and gradients of the piece that is nearest to each point."""
     least = np.full(len(p_O), np.inf)
     gradient = np.zeros((len(p_O), 3))
-    for normals, offsets in shape.faces:
-        beyond = p_O @ normals.T - offsets
+    for (normals, offsets), (center, radius) in zip(
+        shape.faces, shape.balls, strict=True
+    ):
+        # Planes are nearer than the piece, by no more than this for a point that far.
+        near = np.flatnonzero(np.linalg.norm(p_O - center, axis=1) - radius < least)
+        beyond = p_O[near] @ normals.T - offsets
         face = beyond.argmax(axis=1)
-        distance = beyond[np.arange(len(p_O)), face]
-        nearer = distance < least
-        least[nearer], gradient[nearer] = distance[nearer], normals[face[nearer]]
+        distance = beyond[np.arange(len(near)), face]
+        nearer = distance < least[near]
+        least[near[nearer]] = distance[nearer]
+        gradient[near[nearer]] = normals[face[nearer]]
     return least, gradient
 
 
