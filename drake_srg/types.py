@@ -153,10 +153,9 @@ class Blob:
     object_name: str
     camera: str
     pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
-    position: Vector  # p_WO, the object's centre in world [m], shape (3,)
-    # Unit vector of the object's z axis in world, shape (3,). A cylinder's ends look
-    # alike, so its axis is the direction with z >= 0. A ball's is (0, 0, 1).
-    axis: Vector
+    # Pose in world [m]. Of the poses that look alike, the one that is turned least: a
+    # ball is not turned, a cylinder's z has z >= 0 and its x is near the world's.
+    X_WO: RigidTransform
     quality: float  # 0 .. 1, visible share of the expected outline
     flags: frozenset[BlobFlag] = frozenset()
     # Evidence against the object's shape; 0 for the object itself in clear view. The
@@ -165,8 +164,20 @@ class Blob:
     misfit: float = 0.0
 
     @property
+    def position(self) -> Vector:
+        """Origin p_WO of the object's frame in world [m], shape (3,)."""
+        p_WO: Vector = self.X_WO.translation()
+        return p_WO
+
+    @property
+    def axis(self) -> Vector:
+        """Unit vector of the object's z axis in world, shape (3,)."""
+        z_W: Vector = self.X_WO.rotation().matrix()[:, 2]
+        return z_W
+
+    @property
     def certain(self) -> bool:
-        """Whether position and axis are determined."""
+        """Whether the pose is determined, as far as the shape shows it."""
         return BlobFlag.UNCERTAIN not in self.flags
 
     @property

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydrake.math import RigidTransform
 
 from drake_srg.types import Blob, BlobFlag, Box, Cylinder, Sphere
 
-PLAIN = Blob("can", "eye", (1.0, 2.0), np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.9)
+PLAIN = Blob("can", "eye", (1.0, 2.0), RigidTransform(), 0.9)
 HIDDEN = frozenset({BlobFlag.OCCLUDED})
 UNCERTAIN = frozenset({BlobFlag.UNCERTAIN})
 

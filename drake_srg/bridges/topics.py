@@ -93,6 +93,11 @@ def _camera_info(
     )
 
 
+def _orientation(blob: Blob) -> dict[str, float]:
+    quaternion = blob.X_WO.rotation().ToQuaternion()
+    return {name: float(getattr(quaternion, name)()) for name in "xyzw"}
+
+
 def _blobs(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
     """Return blobs as JSON: no standard message has an object's name and flags."""
     rows = [
@@ -102,6 +107,7 @@ def _blobs(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
             "pixel": list(blob.pixel),
             "position": blob.position.tolist(),
             "axis": blob.axis.tolist(),
+            "orientation": _orientation(blob),
             "quality": blob.quality,
             "flags": sorted(flag.value for flag in blob.flags),
         }

@@ -8,6 +8,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, Syste
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import known_shape
+from drake_srg.objects.solids import known_solid
 from drake_srg.scenario import Scenario
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
@@ -163,9 +164,10 @@ def _around_goal(scenario: Scenario) -> Surface:
 def _targets(scenario: Scenario) -> list[BlobTarget]:
     targets: list[BlobTarget] = []
     for name, config in scenario.objects.items():
-        shape = known_shape(name, config)
-        if shape is None:
+        solid = known_solid(name, config)
+        if solid is None:
             continue  # the localizer does not look for it
+        shape, p_OC = solid
         with scenario_errors(f"objects.{name}.color_range"):
             colors = _color_range(config)
         for other in targets:
@@ -174,7 +176,7 @@ def _targets(scenario: Scenario) -> list[BlobTarget]:
                     f"objects.{name}: looks like {other.name}; "
                     "give it another shape, color or color_range"
                 )
-        targets.append(BlobTarget(name, shape, colors))
+        targets.append(BlobTarget(name, shape, colors, tuple(p_OC)))
     return targets
 
 

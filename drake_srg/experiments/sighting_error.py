@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses as dc
 from collections.abc import Callable
 
-import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from drake_srg.cell import ConnectPlanner, MakePlanner
@@ -35,7 +35,7 @@ class SightingError(LeafSystem):
 
     def __init__(self, offset: Vector) -> None:
         super().__init__()
-        self._offset = np.array(offset)
+        self._X_error = RigidTransform(offset)
         nothing: list[Blob] = []
         self._seen = self.DeclareAbstractInputPort(
             "blobs_seen", AbstractValue.Make(nothing)
@@ -47,7 +47,7 @@ class SightingError(LeafSystem):
     def _calc_blobs(self, context: Context, output: AbstractValue) -> None:
         seen: list[Blob] = self._seen.Eval(context)
         output.set_value(
-            [dc.replace(blob, position=blob.position + self._offset) for blob in seen]
+            [dc.replace(blob, X_WO=self._X_error @ blob.X_WO) for blob in seen]
         )
 
 

@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from drake_srg.cell.goals import final_pose, final_tilt
+from drake_srg.objects.models import simple_shape
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+from drake_srg.vision.symmetry import turn_between
 
 SCHEMA_VERSION = 1
 
@@ -40,6 +42,9 @@ class Metrics:
     time_to_placement_s: float | None
     planning_wall_s: float
     localization_error_m: list[float] | None  # estimate minus truth
+    # Angle between the estimated and the true orientation, as far as the shape shows
+    # it: 0 for a ball, the angle between the axes for a cylinder.
+    localization_turn_rad: float | None
     placement_error_m: list[float] | None  # final position minus goal
     placement_tilt_rad: float | None  # None for a sphere
     # Whether the object was off its support when the last lift ended: what that thesis
@@ -65,6 +70,9 @@ class Metrics:
         def show(value: float | None, scale: float, unit: str) -> str:
             return "-" if value is None else f"{scale * value:.3g} {unit}"
 
+        def degrees(value: float | None) -> str:
+            return show(value, 180.0 / np.pi, "degrees")
+
         def across(vector: list[float] | None) -> str:
             if vector is None:
                 return "-"
@@ -76,8 +84,9 @@ class Metrics:
             ("result", f"{word}, {self.attempts} attempt(s)"),
             ("cycle", show(self.cycle_time_s, 1.0, "s")),
             ("localisation error", across(self.localization_error_m)),
+            ("localisation turn", degrees(self.localization_turn_rad)),
             ("placement error", across(self.placement_error_m)),
-            ("placement tilt", show(self.placement_tilt_rad, 180.0 / np.pi, "degrees")),
+            ("placement tilt", degrees(self.placement_tilt_rad)),
             ("shift while closing", show(self.grasp_shift_m, 1e3, "mm")),
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
@@ -128,7 +137,7 @@ def calc_metrics(
     pick = scenario.task.pick
     time, mode = log["time"], log["mode"].astype(int)
     poses = log.get(f"object_pose.{pick}")
-    placed, error, tilt = False, None, None
+    placed, error, tilt, turn = False, None, None, None
     localization = shift = drift = peak = cycle = lifted = to_placement = None
     if poses is not None:
         final = row_to_pose(poses[-1])
@@ -136,6 +145,10 @@ def calc_metrics(
         if status.localization is not None:
             first = int(np.searchsorted(time, status.localized_at - 1e-9))
             localization = status.localization.position - poses[first, :3]
+            shape = simple_shape(pick, scenario.objects[pick])
+            if shape is not None:
+                found = status.localization.X_WO.rotation()
+                turn = turn_between(shape, found, row_to_pose(poses[first]).rotation())
         start, place = row_to_pose(poses[first]), scenario.task.place
         goal = final_pose(scenario, start)
         error = final.translation() - goal.translation()
@@ -175,6 +188,7 @@ def calc_metrics(
         time_to_placement_s=to_placement,
         planning_wall_s=status.planning_wall,
         localization_error_m=_floats(localization),
+        localization_turn_rad=turn,
         placement_error_m=_floats(error),
         placement_tilt_rad=tilt,
         grasp_lifted=lifted,

@@ -13,8 +13,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, EventStatus, State
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Blob, BlobFlag, Shape
+from drake_srg.types import Blob, BlobFlag
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
@@ -26,19 +27,28 @@ from drake_srg.vision.view import view_around
 
 @dc.dataclass(frozen=True)
 class BlobTarget:
-    """An object to look for: its name, shape and colours."""
+    """An object to look for.
+
+    Attributes:
+        name: The object's name.
+        shape: Its shape.
+        color: Its colours.
+        p_OC: The centre of `shape` in the object's frame, to which the shape's frame is
+            parallel [m].
+    """
 
     name: str
-    shape: Shape
+    shape: Solid
     color: ColorRange
+    p_OC: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 class BlobLocalizer(LeafSystem):
     """Locates targets in camera images, with one Blob for each sighting.
 
     Connected pixels of a target's colour are its blobs. Depth and the known shape give
-    each blob the position of the object's centre (see `fit_shape`). Cylinders may
-    stand, lean or lie. Boxes are assumed to stand within 15 degrees. An object's colour
+    each blob the object's pose (see `fit_shape`). Cylinders may stand, lean or lie.
+    Boxes are assumed to be on one of their faces, within 15 degrees. An object's colour
     need not lie in the range everywhere: depth decides what belongs to the object, so a
     strict range may find it by its lit parts. If no blob is certain by its colour, as
     under another light, regions that steps in depth set off become blobs, too. Two
@@ -221,8 +231,7 @@ class BlobLocalizer(LeafSystem):
             object_name=target.name,
             camera=camera,
             pixel=(float(columns.mean()), float(rows.mean())),
-            position=fit.position,
-            axis=fit.axis,
+            X_WO=fit.X_WO @ RigidTransform(target.p_OC).inverse(),
             quality=fit.quality,
             flags=_flags(fit, bool(at_border)),
             misfit=fit.misfit,
@@ -258,7 +267,7 @@ def _best_first(blobs: Iterable[Blob]) -> list[Blob]:
     return sorted(blobs, key=lambda blob: blob.trust, reverse=True)
 
 
-def _near(blob: Blob, others: list[Blob], shape: Shape) -> bool:
+def _near(blob: Blob, others: list[Blob], shape: Solid) -> bool:
     """Return whether a blob shows the same object as one of the others.
 
     It does if their distance is below half of the object's width.
@@ -269,7 +278,7 @@ def _near(blob: Blob, others: list[Blob], shape: Shape) -> bool:
     )
 
 
-def _distinct(blobs: list[Blob], shape: Shape) -> list[Blob]:
+def _distinct(blobs: list[Blob], shape: Solid) -> list[Blob]:
     """Return the best blob of each object."""
     kept: list[Blob] = []
     for blob in _best_first(blobs):

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Shape
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.color import ColorImage, ColorRange
 from drake_srg.vision.config import BlobLocalizerConfig, CandidatesConfig
@@ -53,13 +53,13 @@ class Candidate:
 
 
 Search: TypeAlias = Callable[
-    [Picture, Shape, ColorRange, int, BlobLocalizerConfig], Iterator[Candidate]
+    [Picture, Solid, ColorRange, int, BlobLocalizerConfig], Iterator[Candidate]
 ]
 
 
 def by_color(
     picture: Picture,
-    shape: Shape,
+    shape: Solid,
     colors: ColorRange,
     min_area: int,
     config: BlobLocalizerConfig,
@@ -75,7 +75,7 @@ def by_color(
 
 def by_steps(
     picture: Picture,
-    shape: Shape,
+    shape: Solid,
     colors: ColorRange,
     min_area: int,
     config: BlobLocalizerConfig,
@@ -106,7 +106,7 @@ def by_steps(
 
 
 def _refined(
-    picture: Picture, shape: Shape, region: Mask, config: CandidatesConfig
+    picture: Picture, shape: Solid, region: Mask, config: CandidatesConfig
 ) -> Mask | None:
     """Return a region with its rim drawn between its own colour and the background's.
 
@@ -140,7 +140,7 @@ def _refined(
 
 def _step(
     picture: Picture,
-    shape: Shape,
+    shape: Solid,
     depth: npt.NDArray[np.float32] | np.float32,
     config: CandidatesConfig,
 ) -> npt.NDArray[np.float32] | np.float32:

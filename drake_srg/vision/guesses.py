@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.types import Box, Cylinder, Sphere, Vector
 from drake_srg.vision.config import GuessesConfig
+from drake_srg.vision.piece_guesses import guess_pieces
 from drake_srg.vision.rectangle import narrowest_rectangle
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.view import View
@@ -17,7 +19,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 def guess_upright(
-    shape: Cylinder | Box, view: View, config: GuessesConfig
+    shape: Cylinder | Box | ConvexPieces, view: View, config: GuessesConfig
 ) -> RigidTransform:
     """Return a pose X_WO with the solid's z upwards, from which a fit may start.
 
@@ -29,17 +31,20 @@ def guess_upright(
     points = view.points()[view.blob & view.valid]
     if isinstance(shape, Box):
         return _standing_box(shape, points, view.noise, config, upright=True)
+    if isinstance(shape, ConvexPieces):
+        return guess_pieces(shape, view, upright=True)[0]
     forward = points.mean(axis=0) - view.origin
     forward /= np.linalg.norm(forward)
     return _cylinder(shape, points, _UP, forward, view)
 
 
 def guess_poses(
-    shape: Shape, view: View, config: GuessesConfig
+    shape: Solid, view: View, config: GuessesConfig
 ) -> list[RigidTransform]:
     """Return poses X_WO from which a fit may start.
 
-    A box is assumed to stand, its top within 15 degrees of level. A cylinder's normals
+    A box is assumed to be on one of its faces, within 15 degrees. Convex pieces stand
+    upright or lie on a side of their bounding box. A cylinder's normals
     are parallel or square to its axis, so the axis is an eigenvector of their second
     moments, whatever part is seen. Where noise spoils the normals, the axis may be the
     normal of a top or the direction in which the points extend farthest. Either end of
@@ -57,7 +62,9 @@ def guess_poses(
         # On average, a ball's visible surface is this far before its centre.
         return [RigidTransform(middle + 2 / 3 * shape.radius * forward)]
     if isinstance(shape, Box):
-        return [_standing_box(shape, points, view.noise, config)]
+        return [_box_on_a_side(shape, i, points, view.noise, config) for i in (2, 0, 1)]
+    if isinstance(shape, ConvexPieces):
+        return guess_pieces(shape, view)
     top, _, _ = fit_plane(points, 2 * shape.radius, config, view.noise)
     long = np.linalg.eigh(np.cov(points.T))[1][:, -1]
     normals = _normals(view)
@@ -98,6 +105,17 @@ def _cylinder(
     x /= np.linalg.norm(x)
     R_WO = RotationMatrix(np.column_stack([x, np.cross(axis, x), axis]))
     return RigidTransform(R_WO, center)
+
+
+def _box_on_a_side(
+    shape: Box, up: int, points: Vector, noise: float, config: GuessesConfig
+) -> RigidTransform:
+    """Return the pose of a box whose `up`-th axis is nearly vertical."""
+    order = [(up + 1) % 3, (up + 2) % 3, up]
+    R_OS = RotationMatrix(np.eye(3)[:, order])
+    side = Box([shape.size[i] for i in order])
+    X_WS = _standing_box(side, points, noise, config)
+    return X_WS @ RigidTransform(R_OS.inverse())
 
 
 def _standing_box(

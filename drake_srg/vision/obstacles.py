@@ -12,7 +12,7 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Blob, Box, Cylinder, Obstacle, Shape, Vector
+from drake_srg.types import Blob, Box, Obstacle, Shape, Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.config import ObstacleFinderConfig
 from drake_srg.vision.mask import Mask
@@ -85,7 +85,7 @@ class ObstacleFinder(LeafSystem):
             for name, imager in self._imagers.items()
         }
         self._surfaces = tuple(surfaces)
-        self._known = {name: _all_around(shape) for name, shape in known.items()}
+        self._known = dict(known)
         self._max_height, self._min_height = max_height, min_height
         self._config = config or ObstacleFinderConfig()
         for camera in cameras:
@@ -163,8 +163,7 @@ class ObstacleFinder(LeafSystem):
             own = [blob for blob in blobs if blob.object_name == name]
             if own:
                 blob = max(own, key=lambda blob: blob.trust)
-                R_WO = RotationMatrix.MakeFromOneVector(blob.axis, 2)
-                p_O = (points - blob.position) @ R_WO.matrix()
+                p_O = (points - blob.position) @ blob.X_WO.rotation().matrix()
                 known |= signed_distance(shape, p_O)[0] < margin
         return known
 
@@ -176,13 +175,6 @@ class ObstacleFinder(LeafSystem):
             if surface.contains(group, near).all() and top < self._max_height - near:
                 return surface
         return None
-
-
-def _all_around(shape: Shape) -> Shape:
-    """Return a shape, or the cylinder around a box: a blob does not show its yaw."""
-    if not isinstance(shape, Box):
-        return shape
-    return Cylinder(shape.upright_radius, shape.height)
 
 
 def _groups(points: Vector, gap: float, least: int) -> Iterator[Vector]:

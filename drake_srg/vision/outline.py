@@ -1,4 +1,4 @@
-"""Outlines of convex solids in an image: polygons that move with the solid."""
+"""Outlines of solids in an image: polygons that move with the solid."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Shape, Vector
+from drake_srg.common.convex_pieces import Solid
+from drake_srg.types import Vector
 from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import outline_points
 from drake_srg.vision.view import View
@@ -19,7 +20,70 @@ _FAR = 1e4
 
 @dc.dataclass(frozen=True)
 class Outline:
-    """The outline of a solid in a view's window.
+    """The outline of a solid in a view's window: the union of its convex pieces'."""
+
+    pieces: tuple[PieceOutline, ...]
+
+    @classmethod
+    def of(cls, shape: Solid, X_WO: RigidTransform, view: View) -> Outline:
+        """Return the outline of a solid at a pose."""
+        R_WO, p_WO = X_WO.rotation().matrix(), X_WO.translation()
+        points = outline_points(shape, R_WO.T @ (view.origin - p_WO))
+        return cls(tuple(PieceOutline.of(p_O, X_WO, view) for p_O in points))
+
+    def distance(self, pixels: Vector) -> tuple[Vector, Vector, Vector]:
+        """Return how far pixels are beyond the nearest side of the nearest piece.
+
+        Args:
+            pixels: Columns and rows, shape (n, 2).
+
+        Returns:
+            Distance [pixels], negative inside, shape (n,); its Jacobian, as that of the
+            corners, shape (n, 6); depth of the solid at the side [m], shape (n,).
+        """
+        first, *others = self.pieces
+        nearest = first.distance(pixels)
+        for piece in others:
+            center, radius = piece.circle
+            beyond = np.linalg.norm(pixels - center, axis=1) - radius
+            near = np.flatnonzero(beyond < nearest[0])
+            found = piece.distance(pixels[near])
+            nearer = found[0] < nearest[0][near]
+            for values, more in zip(nearest, found, strict=True):
+                values[near[nearer]] = more[nearer]
+        return nearest
+
+    def mask(self, shape: tuple[int, ...]) -> Mask:
+        """Return which pixels lie within the outline, to the nearest pixel.
+
+        Args:
+            shape: Of the image, (h, w).
+        """
+        mask = np.zeros(shape, np.uint8)
+        for piece in self.pieces:
+            cv2.fillConvexPoly(mask, np.rint(piece.corners).astype(np.int32), 1)
+        return np.asarray(mask > 0)
+
+    def ring(self, grow: float, count: int) -> Vector:
+        """Return points spaced evenly along the outline.
+
+        Args:
+            grow: How far to move them outwards [pixels].
+            count: How many along each piece. Those inside other pieces are left out.
+
+        Returns:
+            Columns and rows, shape (n, 2).
+        """
+        if len(self.pieces) == 1:
+            return self.pieces[0].ring(grow, count)
+        points = np.concatenate([piece.ring(0.0, count) for piece in self.pieces])
+        moved = np.concatenate([piece.ring(grow, count) for piece in self.pieces])
+        return np.asarray(moved[self.distance(points)[0] > -1e-6])
+
+
+@dc.dataclass(frozen=True)
+class PieceOutline:
+    """The outline of a convex piece in a view's window.
 
     Attributes:
         corners: Corners of the convex polygon, in order [pixels], shape (m, 2).
@@ -33,10 +97,9 @@ class Outline:
     jacobian: Vector
 
     @classmethod
-    def of(cls, shape: Shape, X_WO: RigidTransform, view: View) -> Outline:
-        """Return the outline of a solid at a pose."""
+    def of(cls, p_O: Vector, X_WO: RigidTransform, view: View) -> PieceOutline:
+        """Return the outline of the convex hull of points (n, 3) at a pose [m]."""
         R_WO, p_WO = X_WO.rotation().matrix(), X_WO.translation()
-        p_O = outline_points(shape, R_WO.T @ (view.origin - p_WO))
         p_W = p_O @ R_WO.T + p_WO
         corners = np.clip(view.project(p_W), -_FAR, _FAR)
         # This turns from the image's x towards its y, whatever OpenCV calls it.
@@ -59,6 +122,12 @@ class Outline:
         # A turn moves a point by turn x r, and a coordinate g by g . (turn x r).
         by_turn = cross((p_W - p_WO)[:, None], by_W)
         return cls(corners, z, np.concatenate([by_W, by_turn], axis=-1))
+
+    @property
+    def circle(self) -> tuple[Vector, float]:
+        """Centre (2,) and radius of a circle around the outline [pixels]."""
+        center = self.corners.mean(axis=0)
+        return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
     def distance(self, pixels: Vector) -> tuple[Vector, Vector, Vector]:
         """Return how far pixels are beyond the outline's nearest side.
@@ -84,16 +153,6 @@ class Outline:
         nearest = np.clip(share, 0.0, 1.0)
         depth = self.depth[k] + nearest * (self.depth[after] - self.depth)[k]
         return beyond[np.arange(len(k)), k], -moves, depth
-
-    def mask(self, shape: tuple[int, ...]) -> Mask:
-        """Return which pixels lie within the outline, to the nearest pixel.
-
-        Args:
-            shape: Of the image, (h, w).
-        """
-        mask = np.zeros(shape, np.uint8)
-        cv2.fillConvexPoly(mask, np.rint(self.corners).astype(np.int32), 1)
-        return np.asarray(mask > 0)
 
     def ring(self, grow: float, count: int) -> Vector:
         """Return points spaced evenly along the outline.

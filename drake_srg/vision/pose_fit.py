@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.types import Box, Cylinder, Shape, Vector
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.types import Box, Cylinder, Vector
 from drake_srg.vision.config import AlignmentConfig, BlobLocalizerConfig
 from drake_srg.vision.outline import Outline, cross
 from drake_srg.vision.robust import robust_deviation
@@ -46,7 +47,7 @@ class Alignment:
 
 
 def align(
-    shape: Shape,
+    shape: Solid,
     X_WO: RigidTransform,
     view: View,
     softnesses: Sequence[float],
@@ -100,7 +101,7 @@ def align(
 
 
 def _directions(
-    shape: Shape, X_WO: RigidTransform, radius: float, upright: bool
+    shape: Solid, X_WO: RigidTransform, radius: float, upright: bool
 ) -> Vector:
     """Return how the pose may move: translations, and turns about the axes that show.
 
@@ -108,7 +109,8 @@ def _directions(
         A translation and a rotation vector in W in each column, shape (6, k). A unit
         step is 1 m, also along a circle of `radius` [m].
     """
-    turns = 3 if isinstance(shape, Box) else 2 if isinstance(shape, Cylinder) else 0
+    turned = isinstance(shape, Box | ConvexPieces)
+    turns = 3 if turned else 2 if isinstance(shape, Cylinder) else 0
     axes = X_WO.rotation().matrix()[:, 2 * upright : turns]
     basis = np.zeros((6, 3 + axes.shape[1]))
     basis[:3, :3] = np.eye(3)
@@ -117,7 +119,7 @@ def _directions(
 
 
 def _depth_cost(
-    shape: Shape,
+    shape: Solid,
     X_WO: RigidTransform,
     points: Vector,
     count: int,

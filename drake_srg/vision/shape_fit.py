@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Cylinder, Shape, Sphere, Vector
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.types import Sphere, Vector
 from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.guesses import guess_poses, guess_upright
 from drake_srg.vision.mask import Mask
@@ -22,18 +23,16 @@ from drake_srg.vision.pose_fit import Alignment, align
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight, look
 from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.symmetry import least_turned
 from drake_srg.vision.view import View
-
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 @dc.dataclass(frozen=True)
 class Fit:
-    """The fitted position of a solid.
+    """The fitted pose of a solid.
 
     Attributes:
-        position: Centre p_WO [m], shape (3,).
-        axis: The solid's z axis in W, shape (3,); a cylinder's points upwards.
+        X_WO: The pose; of those that look alike, the one that is turned least.
         quality: Share of the expected outline that is seen, 0 .. 1.
         cut: Whether a part of the expected outline lies outside the image.
         hidden: Whether more than a tenth of the outline in the image was not found.
@@ -42,8 +41,7 @@ class Fit:
             far it is from standing on its surroundings, as a share of its height.
     """
 
-    position: Vector
-    axis: Vector
+    X_WO: RigidTransform
     quality: float
     cut: bool
     hidden: bool
@@ -51,7 +49,7 @@ class Fit:
     misfit: float
 
 
-def fit_shape(shape: Shape, view: View, config: BlobLocalizerConfig) -> Fit | None:
+def fit_shape(shape: Solid, view: View, config: BlobLocalizerConfig) -> Fit | None:
     """Return the fit of a solid, None if the view shows too little or something else.
 
     Args:
@@ -66,7 +64,7 @@ def fit_shape(shape: Shape, view: View, config: BlobLocalizerConfig) -> Fit | No
     return _Fitter(shape, view, config).fit(points)
 
 
-def _within_reach(shape: Shape, view: View) -> View:
+def _within_reach(shape: Solid, view: View) -> View:
     """Return a view whose blob holds no pixels that are too far off for one solid.
 
     Where something hides a part of the solid, the solid's colour bleeds onto it.
@@ -82,7 +80,7 @@ def _within_reach(shape: Shape, view: View) -> View:
 class _Fitter:
     """Fits a solid to a view of its blob, which has depth."""
 
-    def __init__(self, shape: Shape, view: View, config: BlobLocalizerConfig) -> None:
+    def __init__(self, shape: Solid, view: View, config: BlobLocalizerConfig) -> None:
         self._shape, self._view, self._config = shape, view, config
         self._limits = config.fit
 
@@ -96,11 +94,6 @@ class _Fitter:
         start, upright = self._start(points)
         middle = self._align(start, limits.middle_softness, upright=upright)
         X_WO = self._align(middle.X_WO, limits.fine_softness, upright=upright).X_WO
-        axis = X_WO.rotation().matrix()[:, 2]
-        if isinstance(shape, Sphere):
-            axis = _UP
-        elif isinstance(shape, Cylinder):
-            axis = axis * np.copysign(1.0, axis[2])
         sight = self._look(X_WO, margin=limits.beside)
         lift = self._lift(X_WO, sight)
         unexplained = self._unexplained(sight)
@@ -110,11 +103,13 @@ class _Fitter:
             middle.position_deviation > limits.position_deviation
             or middle.axis_deviation > limits.axis_deviation
         )
+        quality, cut, hidden = self._seen(sight, X_WO)
         return Fit(
-            X_WO.translation(),
-            axis,
-            *self._seen(sight, X_WO),
-            uncertain=unsure or self._doubtful(X_WO, sight),
+            least_turned(shape, X_WO),
+            quality,
+            cut,
+            hidden,
+            uncertain=unsure or not quality or self._doubtful(X_WO, sight),
             misfit=unexplained + self._through(sight) + abs(lift) / shape.height,
         )
 
@@ -136,10 +131,10 @@ class _Fitter:
         far more. A solid that hangs from a hand may have turned in it and is free to
         lean.
         """
-        limits, view = self._limits, self._view
+        limits, view, shape = self._limits, self._view, self._shape
         best, least, upright = RigidTransform(), np.inf, False
-        if view.noise and not isinstance(self._shape, Sphere):
-            guess = guess_upright(self._shape, view, self._config.guesses)
+        if view.noise and not isinstance(shape, Sphere):
+            guess = guess_upright(shape, view, self._config.guesses)
             best = self._align(guess, limits.coarse_softness, upright=True).X_WO
             sight = self._look(best)
             scatter = robust_deviation(sight.error[sight.blob])
@@ -151,14 +146,15 @@ class _Fitter:
                 if least <= limits.explained:
                     return best, upright
                 least -= limits.upright_margin * upright
-        guesses = guess_poses(self._shape, view, self._config.guesses)
+        guesses = guess_poses(shape, view, self._config.guesses)
         guesses = sorted(guesses, key=lambda guess: self._distance(guess, points))
         for guess in guesses[: limits.noisy_guesses if view.noise else None]:
             X_WO = self._align(guess, limits.coarse_softness).X_WO
             unexplained = self._unexplained(self._look(X_WO))
             if unexplained < least:
                 best, least, upright = X_WO, unexplained, False
-            if least <= limits.explained:
+            # Of pieces, one end may be almost like the other.
+            if least <= limits.explained and not isinstance(shape, ConvexPieces):
                 break
         return best, upright
 
@@ -263,20 +259,20 @@ class _Fitter:
 
     def _seen(self, sight: Sight, X_WO: RigidTransform) -> tuple[float, bool, bool]:
         """Return `quality`, `cut` and `hidden` of a fit, from two rings of pixels."""
-        count, view = self._limits.ring, self._view
-        outline = Outline.of(self._shape, X_WO, view)
+        view, outline = self._view, Outline.of(self._shape, X_WO, self._view)
         labels = np.full(view.depth.shape, OUTSIDE, dtype=np.int8)
         known = np.where(sight.surface, INSIDE, sight.labels)
         labels[tuple(sight.pixels.T[::-1])] = known
         h, w = view.depth.shape
-        in_image, found = np.ones(count, bool), np.ones(count, bool)
+        in_image = found = np.array(True)
         # Where pixels are not in doubt: the median of 3 x 3 reaches one pixel farther.
         beside = self._limits.frayed + bool(view.noise)
         for grow, expected in ((-beside, INSIDE), (beside, OUTSIDE)):
-            pixels = np.rint(outline.ring(grow, count)).astype(int)
+            pixels = np.rint(outline.ring(grow, self._limits.ring)).astype(int)
             u, v = pixels[:, 0], pixels[:, 1]
-            in_image &= (u >= 0) & (v >= 0) & (u < w) & (v < h)
-            found &= labels[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)] == expected
+            in_image = in_image & (u >= 0) & (v >= 0) & (u < w) & (v < h)
+            label = labels[np.clip(v, 0, h - 1), np.clip(u, 0, w - 1)]
+            found = found & (label == expected)
         found &= in_image
         missing = (in_image & ~found).mean()
         return float(found.mean()), bool((~in_image).any()), bool(missing > 0.1)

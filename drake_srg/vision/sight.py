@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Shape, Vector
+from drake_srg.common.convex_pieces import Solid
+from drake_srg.types import Vector
 from drake_srg.vision.config import SightConfig
 from drake_srg.vision.mask import Mask, grow, has_depth
 from drake_srg.vision.outline import Outline
@@ -52,7 +53,7 @@ class Sight:
 
 
 def look(
-    shape: Shape,
+    shape: Solid,
     X_WO: RigidTransform,
     view: View,
     config: SightConfig,

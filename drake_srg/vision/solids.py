@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.types import Box, Cylinder, Sphere, Vector
 
 # Corners of the polygon that stands for a circle, which is within 0.1 % of the radius.
 _RIM = 72
 
 
-def signed_distance(shape: Shape, p_O: Vector) -> tuple[Vector, Vector]:
+def signed_distance(shape: Solid, p_O: Vector) -> tuple[Vector, Vector]:
     """Return the signed distance of points to a solid's surface, and its gradient.
 
     Args:
@@ -23,7 +24,10 @@ def signed_distance(shape: Shape, p_O: Vector) -> tuple[Vector, Vector]:
 
     Returns:
         Distances [m], negative inside, shape (n,), and unit gradients, shape (n, 3).
+        Outside convex pieces, it is the distance to the plane of the nearest face.
     """
+    if isinstance(shape, ConvexPieces):
+        return _beyond_pieces(shape, p_O)
     if isinstance(shape, Box):
         away, inner = np.abs(p_O) - 0.5 * np.array(shape.size), np.sign(p_O)
         return _beyond(away, inner[:, :, None] * np.eye(3))
@@ -38,25 +42,27 @@ def signed_distance(shape: Shape, p_O: Vector) -> tuple[Vector, Vector]:
     return _beyond(away, directions)
 
 
-def outline_points(shape: Shape, eye: Vector) -> Vector:
-    """Return points of a solid whose images have the outline as their convex hull.
+def outline_points(shape: Solid, eye: Vector) -> list[Vector]:
+    """Return points of each convex piece whose images have its outline as their hull.
 
     Args:
         shape: The solid.
         eye: The viewpoint, in O [m], shape (3,); outside the solid.
 
     Returns:
-        In O [m], shape (n, 3).
+        In O [m], shape (n, 3) each; one for a simple shape.
     """
+    if isinstance(shape, ConvexPieces):
+        return list(shape.pieces)
     if isinstance(shape, Box):
         corners = np.stack(np.meshgrid(*[[-0.5, 0.5]] * 3), axis=-1).reshape(-1, 3)
-        return np.asarray(corners * shape.size)
+        return [np.asarray(corners * shape.size)]
     angle = 2 * np.pi * np.arange(_RIM) / _RIM
     circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     if isinstance(shape, Cylinder):
         half = np.array([0.0, 0.0, 0.5 * shape.length])
         rim = shape.radius * circle
-        return np.concatenate([rim + half, rim - half])
+        return [np.concatenate([rim + half, rim - half])]
     # The visible rim of a ball is a small circle on the near side of its equator.
     distance = float(np.linalg.norm(eye))
     toward = eye / distance
@@ -65,7 +71,25 @@ def outline_points(shape: Shape, eye: Vector) -> Vector:
     e1 /= np.linalg.norm(e1)
     basis = np.stack([e1, np.cross(toward, e1), toward])
     radius = shape.radius * np.sqrt(max(0.0, 1.0 - sine**2))
-    return np.asarray(shape.radius * sine * toward + radius * circle @ basis)
+    return [np.asarray(shape.radius * sine * toward + radius * circle @ basis)]
+
+
+def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
+    """Return distances and gradients of the piece that is nearest to each point."""
+    least = np.full(len(p_O), np.inf)
+    gradient = np.zeros((len(p_O), 3))
+    for (normals, offsets), (center, radius) in zip(
+        shape.faces, shape.balls, strict=True
+    ):
+        # Planes are nearer than the piece, by no more than this for a point that far.
+        near = np.flatnonzero(np.linalg.norm(p_O - center, axis=1) - radius < least)
+        beyond = p_O[near] @ normals.T - offsets
+        face = beyond.argmax(axis=1)
+        distance = beyond[np.arange(len(near)), face]
+        nearer = distance < least[near]
+        least[near[nearer]] = distance[nearer]
+        gradient[near[nearer]] = normals[face[nearer]]
+    return least, gradient
 
 
 def _beyond(away: Vector, directions: Vector) -> tuple[Vector, Vector]:

@@ -132,8 +132,7 @@ class ThesisBlobLocalizer(LeafSystem):
             object_name=self._object_name,
             camera=self._camera,
             pixel=(center[0] * width - 0.5, (1.0 - center[1]) * height - 0.5),
-            position=X_WI @ p_IO,
-            axis=np.array([0.0, 0.0, 1.0]),
+            X_WO=RigidTransform(X_WI @ p_IO),
             quality=1.0,
         )
 

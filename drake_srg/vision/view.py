@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Shape, Vector
+from drake_srg.common.convex_pieces import Solid
+from drake_srg.types import Vector
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.mask import Mask, has_depth
 
@@ -56,7 +57,7 @@ class View:
 
 
 def view_around(
-    shape: Shape,
+    shape: Solid,
     blob: Mask,
     colored: Mask,
     depth: npt.NDArray[Any],

@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
@@ -68,11 +69,11 @@ def test_blobs_are_json_with_every_field(send):
         "can",
         "ceiling",
         (320.5, 240.25),
-        np.array([0.5, 0.1, 0.05]),
-        np.array([0.0, 0.0, 1.0]),
+        RigidTransform(RotationMatrix.MakeZRotation(np.pi / 2), [0.5, 0.1, 0.05]),
         0.9,
         frozenset({BlobFlag.OCCLUDED}),
     )
+    half = np.sqrt(0.5)
     text = json.loads(send(BLOBS, [blob]).data)
     assert text == {
         "stamp": 1.25,
@@ -84,6 +85,7 @@ def test_blobs_are_json_with_every_field(send):
                 "pixel": [320.5, 240.25],
                 "position": [0.5, 0.1, 0.05],
                 "axis": [0.0, 0.0, 1.0],
+                "orientation": pytest.approx({"x": 0, "y": 0, "z": half, "w": half}),
                 "quality": 0.9,
                 "flags": ["occluded"],
             }

@@ -20,6 +20,7 @@ def metrics(**changes):
             "time_to_placement_s": 5.0,
             "planning_wall_s": 0.5,
             "localization_error_m": [1e-5, -2e-5, 0.0],
+            "localization_turn_rad": 1e-4,
             "placement_error_m": [2e-4, -1e-4, 0.0],
             "placement_tilt_rad": 1e-5,
             "grasp_lifted": True,

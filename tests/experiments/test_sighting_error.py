@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from helpers import fix, read
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 
 from drake_srg.experiments.sighting_error import SightingError, cell_maker
 from drake_srg.scenario import load_scenario
@@ -11,7 +12,7 @@ from drake_srg.types import Blob
 def test_sightings_are_off_by_the_error():
     system = SightingError(np.array([0.0, 0.004, 0.0]))
     context = system.CreateDefaultContext()
-    blob = Blob("a", "b", (1.0, 2.0), np.ones(3), np.array([0.0, 0.0, 1.0]), 0.9)
+    blob = Blob("a", "b", (1.0, 2.0), RigidTransform(np.ones(3)), 0.9)
     fix(system, context, blobs_seen=AbstractValue.Make([blob]))
     (moved,) = read(system, context, "blobs")
     np.testing.assert_array_equal(moved.position, [1.0, 1.004, 1.0])

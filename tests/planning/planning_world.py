@@ -3,7 +3,7 @@
 import numpy as np
 from helpers import fix
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
@@ -31,7 +31,8 @@ _CLOSED = [Mode.CLOSE, Mode.VERIFY, Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
 
 
 def blob(position, name="can", quality=0.9, axis=(0.0, 0.0, 1.0)):
-    return Blob(name, "eye", (1.0, 2.0), np.array(position), np.array(axis), quality)
+    X_WO = RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), position)
+    return Blob(name, "eye", (1.0, 2.0), X_WO, quality)
 
 
 def motion(start, end):

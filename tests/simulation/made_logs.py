@@ -2,6 +2,7 @@
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from pydrake.math import RigidTransform
 
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.log_format import MODES, pose_to_row
@@ -25,7 +26,7 @@ BEGINS = {
     Mode.DONE: 2.5,
 }
 ERROR = np.array([1e-4, -2e-4, 3e-4])
-BLOB = Blob("soup_can", "ceiling", (1.0, 2.0), START + ERROR, np.eye(3)[2], 1.0)
+BLOB = Blob("soup_can", "ceiling", (1.0, 2.0), RigidTransform(START + ERROR), 1.0)
 
 
 def make_log(**changes):

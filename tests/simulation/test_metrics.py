@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 from pydrake.common.eigen_geometry import AngleAxis
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.types import Failure, Mode, PlannerStatus
@@ -38,6 +38,14 @@ def test_a_perfect_run():
     assert metrics.localization_error_m == pytest.approx(ERROR)
     assert metrics.real_time_factor == 2.0
     assert (metrics.sim_time_s, metrics.wall_time_s) == (3.0, 1.5)
+
+
+def test_a_cans_turn_about_its_axis_does_not_count():
+    seen = RollPitchYaw(0.02, 0.0, 1.0).ToRotationMatrix()
+    blob = dc.replace(BLOB, X_WO=RigidTransform(seen, BLOB.position))
+    status = PlannerStatus(mode=Mode.DONE, attempts=1, localization=blob)
+    metrics = judge(make_log(), status)
+    assert metrics.localization_turn_rad == pytest.approx(0.02, abs=1e-6)
 
 
 # Criteria of success.
@@ -195,7 +203,8 @@ def test_the_peak_force_is_the_largest_of_all_samples():
 KEYS = """
 schema_version scenario seed success failure attempts cycles cycle_time_s
 time_to_placement_s grasp_lifted
-planning_wall_s localization_error_m placement_error_m placement_tilt_rad
+planning_wall_s localization_error_m localization_turn_rad
+placement_error_m placement_tilt_rad
 grasp_shift_m smoothness
 hold_drift_m_per_s peak_contact_force_n others_moved_m
 sim_time_s wall_time_s real_time_factor artifacts

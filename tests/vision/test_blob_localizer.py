@@ -239,7 +239,7 @@ def test_with_a_period_blobs_wait_for_their_event():
     mutable = localizer.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     pose = RigidTransform(DOWN, [0.5, 0.0, 1.5])
     localizer.GetInputPort("camera.body_pose_in_world").FixValue(mutable, pose)
-    assert port.Eval(context)[0].position is blob.position
+    assert port.Eval(context)[0].X_WO is blob.X_WO
     simulator.AdvanceTo(0.15)
     assert port.Eval(context)[0].position[0] == pytest.approx(0.5, abs=4e-4)
 

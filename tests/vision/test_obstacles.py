@@ -45,8 +45,8 @@ def find(things, *, blobs=None, known=None, cameras=None, change=None, **options
 
 
 def blob_of(thing, name="can"):
-    axis = np.array([0.0, 0.0, 1.0])
-    return Blob(name, "top", (0.0, 0.0), np.array(thing.position), axis, 1.0)
+    X_WO = RigidTransform(thing.rotation, thing.position)
+    return Blob(name, "top", (0.0, 0.0), X_WO, 1.0)
 
 
 def corners(thing):

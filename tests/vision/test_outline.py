@@ -80,7 +80,7 @@ def test_a_ring_is_as_far_outside_as_requested(shape, axis, grow):
 def test_its_depth_is_that_of_the_solid():
     X_WO = RigidTransform([0.0, 0.0, 0.025])
     outline = Outline.of(CYLINDER, X_WO, a_view())
-    middle = np.mean(outline.corners, axis=0)
+    middle = np.mean(outline.pieces[0].corners, axis=0)
     _, _, depth = outline.distance(middle + np.array([[9.0, 0.0], [0.0, -12.0]]))
     assert depth == pytest.approx(X_WC.translation()[2] - CYLINDER.length)
 

@@ -54,11 +54,11 @@ def test_the_bounding_size_holds_all_points_inside(shape, p):
 
 @pytest.mark.parametrize("shape", SOLIDS, ids=lambda s: type(s).__name__)
 def test_outline_points_lie_on_the_surface(shape):
-    p = outline_points(shape, np.array([0.3, -0.4, 0.9]))
+    (p,) = outline_points(shape, np.array([0.3, -0.4, 0.9]))
     np.testing.assert_allclose(signed_distance(shape, p)[0], 0.0, atol=1e-12)
 
 
 def test_a_balls_outline_is_where_rays_are_tangent():
     eye = np.array([0.03, 0.05, -0.06])
-    p = outline_points(Sphere(0.03), eye)
+    (p,) = outline_points(Sphere(0.03), eye)
     np.testing.assert_allclose(((p - eye) * p).sum(axis=1), 0.0, atol=1e-12)

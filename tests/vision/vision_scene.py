@@ -7,6 +7,7 @@ from pydrake.geometry import (
     Box,
     ClippingRange,
     ColorRenderCamera,
+    Convex,
     Cylinder,
     DepthRange,
     DepthRenderCamera,
@@ -26,6 +27,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from drake_srg import types
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
@@ -59,7 +61,7 @@ TENT = [directional([0.0, 0.0, -1.0], 0.9)] + [
 
 @dc.dataclass
 class Thing:
-    shape: types.Shape
+    shape: Solid
     position: tuple[float, float, float]
     color: tuple[float, float, float] = RED
     rotation: RotationMatrix = dc.field(default_factory=RotationMatrix)
@@ -98,18 +100,21 @@ def make_sensors(builder, things, cameras, table=True, lights=()):
     for i, thing in enumerate(things):
         match thing.shape:
             case types.Cylinder(radius=radius, length=length):
-                shape = Cylinder(radius, length)
+                shapes = [Cylinder(radius, length)]
             case types.Box(size=size):
-                shape = Box(*size)
+                shapes = [Box(*size)]
             case types.Sphere(radius=radius):
-                shape = Sphere(radius)
+                shapes = [Sphere(radius)]
+            case ConvexPieces(pieces=pieces):
+                shapes = [Convex(piece.T, "piece") for piece in pieces]
         pose = RigidTransform(thing.rotation, thing.position)
-        instance = GeometryInstance(pose, shape, f"thing_{i}")
-        properties = PerceptionProperties()
-        properties.AddProperty("phong", "diffuse", Rgba(*thing.color))
-        properties.AddProperty("label", "id", RenderLabel(i + 1))
-        instance.set_perception_properties(properties)
-        scene_graph.RegisterAnchoredGeometry(source, instance)
+        for k, shape in enumerate(shapes):
+            instance = GeometryInstance(pose, shape, f"thing_{i}_{k}")
+            properties = PerceptionProperties()
+            properties.AddProperty("phong", "diffuse", Rgba(*thing.color))
+            properties.AddProperty("label", "id", RenderLabel(i + 1))
+            instance.set_perception_properties(properties)
+            scene_graph.RegisterAnchoredGeometry(source, instance)
     sensors = {}
     for name, camera in cameras.items():
         clip = ClippingRange(0.05, 10.0)

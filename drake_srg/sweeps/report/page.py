@@ -163,6 +163,7 @@ def distributions(trials: Trials) -> Element:
         ("Cycle time", "s", trials.cycle_time, False),
         ("Placement error", "mm", 1e3 * trials.placement_error, False),
         ("Localisation error", "mm", 1e3 * trials.localization_error, False),
+        ("Localisation turn", "deg", np.rad2deg(trials.localization_turn), False),
         ("Motion of other objects", "mm", 1e3 * trials.others_moved, False),
         ("Attempts", "", trials.attempts, True),
     )

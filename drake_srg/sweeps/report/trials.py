@@ -44,6 +44,7 @@ class Trials:
         self.grasp_lifted = self.numbers("grasp_lifted")
         self.placement_error = self.norms("placement_error_m")
         self.localization_error = self.norms("localization_error_m")
+        self.localization_turn = self.numbers("localization_turn_rad")
         self.others_moved = self.numbers("others_moved_m")
         self.attempts = self.numbers("attempts")
 

@@ -5,6 +5,7 @@ import threading
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
@@ -21,7 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.ros]
 PIXELS = (np.arange(480 * 640 * 3) % 251).astype(np.uint8).reshape(480, 640, 3)
 INTRINSICS = CameraInfo(640, 480, 600.0, 601.0, 320.5, 240.5)
 CAMERA = camera.camera_topics("ceiling", INTRINSICS)
-BLOB = Blob("soup_can", "ceiling", (320, 240), np.zeros(3), np.array([0, 0, 1]), 1.0)
+BLOB = Blob("soup_can", "ceiling", (320, 240), RigidTransform(), 1.0)
 # Every topic that is published, with the values of its ports.
 PUBLISHED = {
     "/clock": (ros_topics.clock(), []),

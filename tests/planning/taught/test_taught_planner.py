@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from helpers import port_table
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -16,7 +17,7 @@ WAYPOINTS = {mode: np.array([i + 1.0, 0.0]) for i, mode in enumerate(MODES)}
 CONFIG = PlannerConfig(
     latency=0.1, grip_wait=0.5, release_wait=0.5, home_wait=0.5, close_at_home=1.5
 )
-BLOB = Blob("cylinder", "top", (0, 0), np.array([0.3, 0.2, 0.1]), np.eye(3)[2], 1.0)
+BLOB = Blob("cylinder", "top", (0, 0), RigidTransform([0.3, 0.2, 0.1]), 1.0)
 
 
 class Motions:
@@ -146,7 +147,7 @@ def test_it_looks_once():
 
 
 def test_other_objects_are_not_taken():
-    other = Blob("cup", "top", (0, 0), np.zeros(3), np.eye(3)[2], 1.0)
+    other = Blob("cup", "top", (0, 0), RigidTransform(), 1.0)
     run = Run(blobs=(other,)).advance(1.0)
     assert run.read("mode") is Mode.FAILED
     assert run.read("status").failure is Failure.NOT_SEEN

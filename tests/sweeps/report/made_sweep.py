@@ -64,6 +64,7 @@ def made_rows(trials, *, effects=True, failure_rate=0.05, seed=0):
         "cycle_time_s": [None if f else c for f, c in zip(failed, cycle, strict=True)],
         "placement_error_m": offset,
         "localization_error_m": random.normal(0.0, 2e-4, (trials, 3)),
+        "localization_turn_rad": np.abs(random.normal(0.0, 2e-3, trials)),
         "sim_time_s": cycle + 0.5,
         "planning_wall_s": random.uniform(0.1, 0.4, trials),
         "wall_time_s": cycle / 5.0,

@@ -1,0 +1,120 @@
+"""A solid made of convex pieces."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+from typing import TypeAlias
+
+import numpy as np
+
+from drake_srg.types import Shape, Vector
+
+
+@dc.dataclass(frozen=True, eq=False)
+class ConvexPieces:
+    """A solid that is the union of convex pieces, such as a model's collision meshes.
+
+    Its origin is the middle of its bounding box, as with the simple shapes.
+
+    Attributes:
+        pieces: Corners of each piece [m], shape (n, 3) each, n >= 4.
+    """
+
+    pieces: tuple[Vector, ...]
+
+    @property
+    def corners(self) -> Vector:
+        """Corners of all pieces [m], shape (n, 3)."""
+        return np.concatenate(self.pieces)
+
+    @property
+    def height(self) -> float:
+        """Extent along the object's z [m]."""
+        return float(self.bounding_size[2])
+
+    @property
+    def bounding_size(self) -> Vector:
+        """Extents along the object's x, y, z [m], shape (3,)."""
+        return np.asarray(np.ptp(self.corners, axis=0))
+
+    @functools.cached_property
+    def faces(self) -> tuple[tuple[Vector, Vector], ...]:
+        """Outward unit normals (m, 3) and their distances from the origin (m,) [m]."""
+        return tuple(_faces(piece) for piece in self.pieces)
+
+    @functools.cached_property
+    def balls(self) -> tuple[tuple[Vector, float], ...]:
+        """Centre (3,) and radius of a ball around each piece [m]."""
+        centers = [piece.mean(axis=0) for piece in self.pieces]
+        return tuple(
+            (center, float(np.linalg.norm(piece - center, axis=1).max()))
+            for piece, center in zip(self.pieces, centers, strict=True)
+        )
+
+    @functools.cached_property
+    def resting(self) -> tuple[Vector, ...]:
+        """Directions (3,) of the ground under the solid where it rests on a plane.
+
+        It rests on a face of its convex hull that has the centre of mass, at uniform
+        density, above it. Of directions within 10 degrees, one stays.
+        """
+        return tuple(_resting(self))
+
+
+Solid: TypeAlias = Shape | ConvexPieces
+
+
+def _faces(corners: Vector) -> tuple[Vector, Vector]:
+    from pydrake.geometry.optimization import HPolyhedron, VPolytope
+
+    hull = HPolyhedron(VPolytope(corners.T))
+    A, b = hull.A(), hull.b()
+    length = np.linalg.norm(A, axis=1)
+    return A / length[:, None], b / length
+
+
+def _resting(solid: ConvexPieces) -> list[Vector]:
+    import cv2
+
+    corners = solid.corners
+    center = _center_of_mass(solid)
+    found: list[Vector] = []
+    for down, offset in zip(*_faces(corners), strict=True):
+        if any(down @ other > np.cos(np.deg2rad(10.0)) for other in found):
+            continue
+        across = np.linalg.svd(down[None])[2][1:]
+        face = corners[corners @ down > offset - 1e-4] @ across.T
+        polygon = cv2.convexHull((1e3 * face).astype(np.float32))
+        x, y = 1e3 * across @ center
+        if cv2.pointPolygonTest(polygon, (float(x), float(y)), False) >= 0:
+            found.append(down)
+    return found
+
+
+def _center_of_mass(solid: ConvexPieces) -> Vector:
+    from pydrake.geometry.optimization import VPolytope
+
+    volumes = [VPolytope(piece.T).CalcVolume() for piece in solid.pieces]
+    middles = [piece.mean(axis=0) for piece in solid.pieces]
+    return np.average(middles, axis=0, weights=volumes)
+
+
+def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:
+    """Return convex pieces about the middle of their bounding box, and that point.
+
+    Args:
+        pieces: Corners of each piece in a frame O [m], shape (n, 3) each.
+
+    Returns:
+        The solid, in a frame at C that is parallel to O; p_OC [m], shape (3,).
+
+    Raises:
+        ValueError: If a piece is flat or empty.
+    """
+    corners = np.concatenate(pieces)
+    p_OC = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    for i, piece in enumerate(pieces):
+        if len(piece) < 4 or np.linalg.svd(piece - piece.mean(axis=0))[1][2] < 1e-9:
+            raise ValueError(f"piece {i} of {len(pieces)} has no volume")
+    return ConvexPieces(tuple(piece - p_OC for piece in pieces)), p_OC

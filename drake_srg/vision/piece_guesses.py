@@ -1,0 +1,80 @@
+"""First guesses of the pose of convex pieces from the points of their surface."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.common.convex_pieces import ConvexPieces
+from drake_srg.types import Vector
+from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.view import View
+
+# A fit from a guess finds the pose if it is turned by less than about half of this from
+# the true one [rad].
+_TURN = np.deg2rad(30.0)
+# Points that rank the guesses, steps that bring a guess to them, and guesses that are
+# worth a fit.
+_POINTS, _STEPS, _BEST = 150, 4, 6
+# Distance beyond which a point counts less [m], as when something hides the solid.
+_FAR = 0.005
+
+
+def guess_pieces(
+    shape: ConvexPieces, view: View, *, upright: bool = False
+) -> list[RigidTransform]:
+    """Return poses X_WO from which a fit may start, the likeliest first.
+
+    Args:
+        shape: The solid.
+        view: Where it is. At least three pixels of the blob have depth.
+        upright: Whether its z points upwards; otherwise, it stands or rests on a face.
+    """
+    points = view.points()[view.blob & view.valid]
+    points = points[:: -(-len(points) // _POINTS)]
+    downs = [np.array([0.0, 0.0, -1.0])]
+    if not upright:
+        downs += [down for down in shape.resting if down[2] > -0.99]
+    guesses = [
+        _settled(
+            shape, RotationMatrix.MakeZRotation(yaw) @ _put_down(down), points, view
+        )
+        for down in downs
+        for yaw in np.arange(0.0, 2 * np.pi, _TURN)
+    ]
+    return [X_WO for _, X_WO in sorted(guesses, key=lambda guess: guess[0])[:_BEST]]
+
+
+def _put_down(down: Vector) -> RotationMatrix:
+    """Return a rotation R_WO that turns a direction in O downwards."""
+    return RotationMatrix.MakeFromOneVector(-down, 2).inverse()
+
+
+def _settled(
+    shape: ConvexPieces, R_WO: RotationMatrix, points: Vector, view: View
+) -> tuple[float, RigidTransform]:
+    """Return the pose of some rotation that the points show, and how badly they do.
+
+    At first, its visible extents are those of the points: in the camera's x and y, the
+    middles agree, and in depth the nearest points. As the points may show a part only,
+    the solid then moves to where its surface is near them.
+
+    Returns:
+        The mean distance of the points to the surface [m], far ones counting less, and
+        the pose.
+    """
+    R = R_WO.matrix()
+    solid, seen = shape.corners @ R.T @ view.R_WD, points @ view.R_WD
+    middle = [0.5 * (p.max(axis=0) + p.min(axis=0)) for p in (seen, solid)]
+    offset = middle[0] - middle[1]
+    offset[2] = np.quantile(seen[:, 2], 0.02) - solid[:, 2].min()
+    p_WO = view.R_WD @ offset
+    for step in range(_STEPS + 1):
+        error, gradient = signed_distance(shape, (points - p_WO) @ R)
+        weight = 1.0 / np.maximum(1.0, np.abs(error) / _FAR)
+        if step < _STEPS:
+            g = gradient @ R.T
+            H = (g.T * weight) @ g + 1e-3 * len(g) * np.eye(3)
+            p_WO = p_WO + np.linalg.solve(H, g.T @ (weight * error))
+    misfit = float(np.mean(weight * np.abs(error)))
+    return misfit, RigidTransform(R_WO, p_WO)

@@ -1,0 +1,109 @@
+"""Poses of a solid that look alike."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.types import Box, Cylinder, Sphere, Vector
+from drake_srg.vision.solids import signed_distance
+
+# Distance from the surface within which the corners of convex pieces look alike [m].
+_ALIKE = 2e-3
+
+
+def least_turned(solid: Solid, X_WO: RigidTransform) -> RigidTransform:
+    """Return the pose that looks like another one and is turned least.
+
+    A ball is not turned at all. A cylinder's z points upwards, and the cylinder does
+    not spin about it. A box has four such poses, more with sides of equal length.
+    Convex pieces have one.
+    """
+    R_WO = X_WO.rotation().matrix()
+    match solid:
+        case Sphere():
+            return RigidTransform(X_WO.translation())
+        case Cylinder():
+            z_W = R_WO[:, 2] * np.copysign(1.0, R_WO[2, 2])
+            R_WO = _turn_of_z(z_W)
+        case Box(size):
+            turns = _turns_onto_itself(np.array(size))
+            R_WO = max((R_WO @ turn for turn in turns), key=np.trace)
+    return RigidTransform(RotationMatrix(R_WO), X_WO.translation())
+
+
+def turn_between(solid: Solid, R_1: RotationMatrix, R_2: RotationMatrix) -> float:
+    """Return the least angle between orientations that look like two given ones [rad].
+
+    It is 0 for a ball and the angle between the axes for a cylinder. Convex pieces look
+    alike where their corners are within 2 mm of the other's surface.
+    """
+    R_12 = R_1.InvertAndCompose(R_2).matrix()
+    match solid:
+        case Sphere():
+            return 0.0
+        case Cylinder():
+            return _between_axes(R_12, flips=True)
+        case Box(size):
+            turns = _turns_onto_itself(np.array(size))
+        case ConvexPieces():
+            turns, is_round = _turns_of_pieces(solid)
+            if is_round:
+                return _between_axes(R_12, any(turn[2, 2] < 0 for turn in turns))
+    R_12 = max((R_12 @ turn for turn in turns), key=np.trace)
+    return float(RotationMatrix(R_12).ToAngleAxis().angle())
+
+
+def _between_axes(R_12: Vector, flips: bool) -> float:
+    """Return the angle between two z axes [rad], whose ends may look alike."""
+    sine = np.linalg.norm(R_12[:2, 2])
+    cosine = abs(R_12[2, 2]) if flips else R_12[2, 2]
+    return float(np.arctan2(sine, cosine))
+
+
+@functools.cache
+def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], bool]:
+    """Return rotations (3, 3) that keep a solid's surface, and whether it is round.
+
+    They are half turns about the axes and turns about z in steps of 30 degrees. A solid
+    that all of these keep is round about z.
+    """
+    about_z = [RotationMatrix.MakeZRotation(a) for a in np.deg2rad(range(0, 360, 30))]
+    over = [RotationMatrix.MakeXRotation(np.pi), RotationMatrix.MakeYRotation(np.pi)]
+    kept = [_keeps(solid, turn.matrix()) for turn in about_z]
+    turns = [t.matrix() for t, keeps in zip(about_z, kept, strict=True) if keeps]
+    turns += [t.matrix() for t in over if _keeps(solid, t.matrix())]
+    return turns, all(kept)
+
+
+def _keeps(solid: ConvexPieces, turn: Vector) -> bool:
+    return bool(signed_distance(solid, solid.corners @ turn.T)[0].max() < _ALIKE)
+
+
+def _turn_of_z(z_W: Vector) -> Vector:
+    """Return the least rotation (3, 3) that takes z to a unit vector with z >= 0."""
+    x, y, z = z_W
+    share = 1.0 / (1.0 + z)
+    return np.array(
+        [
+            [1.0 - share * x * x, -share * x * y, x],
+            [-share * x * y, 1.0 - share * y * y, y],
+            [-x, -y, z],
+        ]
+    )
+
+
+def _turns_onto_itself(size: Vector) -> list[Vector]:
+    """Return the rotations that take a box of some size onto itself, (3, 3) each."""
+    signs = [np.diag(s) for s in itertools.product((1.0, -1.0), repeat=3)]
+    swaps = [np.eye(3)[list(order)] for order in itertools.permutations(range(3))]
+    turns = (swap @ sign for swap in swaps for sign in signs)
+    return [
+        turn
+        for turn in turns
+        if np.linalg.det(turn) > 0 and np.array_equal(np.abs(turn) @ size, size)
+    ]
