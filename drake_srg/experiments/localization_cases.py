@@ -13,7 +13,7 @@ from drake_srg.cell.perception import AddLocalizer
 from drake_srg.experiments.varied_scenes import angle_between_axes, put_object
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
-from drake_srg.types import BlobFlag, Cylinder, Vector
+from drake_srg.types import Blob, BlobFlag, Cylinder, Vector
 
 SCENARIO, CAMERA = "assistive_arm", "ceiling"
 STANDING, RECESS, TILTED, LYING = "standing", "in the recess", "tilted", "lying"
@@ -117,13 +117,17 @@ class Eye:
         self._context = self._diagram.CreateDefaultContext()
         self._plant = station.GetSubsystemByName("plant")
 
-    def look(self, X_WO: RigidTransform) -> Sighting:
-        """Move the picked object and locate it."""
+    def blobs(self, X_WO: RigidTransform) -> list[Blob]:
+        """Move the picked object and return its blobs, the best first."""
         moved = self._plant.GetMyMutableContextFromRoot(self._context)
         put_object(self._plant, moved, self._name, X_WO)
         context = self._localizer.GetMyContextFromRoot(self._context)
-        blobs = self._localizer.GetOutputPort("blobs").Eval(context)
-        blobs = [blob for blob in blobs if blob.object_name == self._name]
+        blobs: list[Blob] = self._localizer.GetOutputPort("blobs").Eval(context)
+        return [blob for blob in blobs if blob.object_name == self._name]
+
+    def look(self, X_WO: RigidTransform) -> Sighting:
+        """Move the picked object and locate it."""
+        blobs = self.blobs(X_WO)
         if len(blobs) != 1:  # a second blob would show something else
             return Sighting(X_WO, np.full(3, np.nan), np.nan, np.nan, True)
         blob = blobs[0]

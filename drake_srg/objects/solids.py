@@ -37,10 +37,22 @@ def known_solid(name: str, config: ObjectConfig) -> tuple[Solid, Vector] | None:
         return shape, np.zeros(3)
     if not config.known or config.soft is not None or config.color_range is None:
         return None
-    with scenario_errors(f"objects.{name}.model"):
-        solid, p_OC = centered_pieces(_pieces(name, config))
+    solid, p_OC = object_pieces(name, config)
     scale = config.known_scale
     return ConvexPieces(tuple(scale * piece for piece in solid.pieces)), scale * p_OC
+
+
+def object_pieces(name: str, config: ObjectConfig) -> tuple[ConvexPieces, Vector]:
+    """Return the convex hulls of an object's collision geometries.
+
+    Returns:
+        The solid, about its centre C, and p_OC [m], shape (3,).
+
+    Raises:
+        ScenarioError: If the model cannot be read, or a piece has no volume.
+    """
+    with scenario_errors(f"objects.{name}.model"):
+        return centered_pieces(_pieces(name, config))
 
 
 def _pieces(name: str, config: ObjectConfig) -> list[Vector]:

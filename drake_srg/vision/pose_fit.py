@@ -18,12 +18,13 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
-from drake_srg.types import Box, Cylinder, Vector
+from drake_srg.types import Box, Cylinder, Sphere, Vector
 from drake_srg.vision.config import AlignmentConfig, BlobLocalizerConfig
 from drake_srg.vision.outline import Outline, cross
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import INSIDE, UNKNOWN, look
 from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.symmetry import round_axis
 from drake_srg.vision.view import View
 
 Normal = tuple[Vector, Vector]  # gradient (k,) and Hessian (k, k) of a cost
@@ -37,8 +38,8 @@ class Alignment:
         X_WO: The pose.
         position_deviation: Standard deviation of p_WO in the direction in which it is
             largest [m].
-        axis_deviation: Standard deviation of the direction of the solid's z [rad]; 0
-            for a ball.
+        axis_deviation: Standard deviation of the direction of the solid's z [rad], or
+            of the orientation of convex pieces; 0 for a ball.
     """
 
     X_WO: RigidTransform
@@ -95,9 +96,16 @@ def align(
                 break
     covariance = np.linalg.inv(H)
     largest = np.linalg.eigvalsh(covariance[:3, :3])[-1]
-    # About the solid's x and y.
-    turns = 0.0 if upright else np.diag(covariance)[3:5].sum()
+    turns = 0.0 if upright else np.diag(covariance)[3:][_matters(shape)].sum()
     return Alignment(X_WO, float(np.sqrt(largest)), float(np.sqrt(turns)) / radius)
+
+
+def _matters(shape: Solid) -> list[int]:
+    """Return about which of the axes that `_directions` turns a turn shows."""
+    if isinstance(shape, ConvexPieces):
+        return [axis for axis in range(3) if axis != round_axis(shape)]
+    # A box's turn about z shows by its outline.
+    return [] if isinstance(shape, Sphere) else [0, 1]
 
 
 def _directions(

@@ -6,6 +6,7 @@ import functools
 import itertools
 
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
@@ -47,37 +48,54 @@ def turn_between(solid: Solid, R_1: RotationMatrix, R_2: RotationMatrix) -> floa
         case Sphere():
             return 0.0
         case Cylinder():
-            return _between_axes(R_12, flips=True)
+            return _between_axes(R_12, 2, flips=True)
         case Box(size):
             turns = _turns_onto_itself(np.array(size))
         case ConvexPieces():
-            turns, is_round = _turns_of_pieces(solid)
-            if is_round:
-                return _between_axes(R_12, any(turn[2, 2] < 0 for turn in turns))
+            turns, axis = _turns_of_pieces(solid)
+            if axis is not None:
+                flips = any(turn[axis, axis] < -0.5 for turn in turns)
+                return _between_axes(R_12, axis, flips)
     R_12 = max((R_12 @ turn for turn in turns), key=np.trace)
     return float(RotationMatrix(R_12).ToAngleAxis().angle())
 
 
-def _between_axes(R_12: Vector, flips: bool) -> float:
-    """Return the angle between two z axes [rad], whose ends may look alike."""
-    sine = np.linalg.norm(R_12[:2, 2])
-    cosine = abs(R_12[2, 2]) if flips else R_12[2, 2]
+def round_axis(solid: Solid) -> int | None:
+    """Return the axis (0: x) about which convex pieces or a cylinder are round."""
+    match solid:
+        case Cylinder():
+            return 2
+        case ConvexPieces():
+            return _turns_of_pieces(solid)[1]
+    return None
+
+
+def _between_axes(R_12: Vector, axis: int, flips: bool) -> float:
+    """Return the angle between two axes [rad], whose ends may look alike."""
+    sine = np.linalg.norm(np.delete(R_12[:, axis], axis))
+    cosine = abs(R_12[axis, axis]) if flips else R_12[axis, axis]
     return float(np.arctan2(sine, cosine))
 
 
 @functools.cache
-def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], bool]:
-    """Return rotations (3, 3) that keep a solid's surface, and whether it is round.
+def _turns_of_pieces(solid: ConvexPieces) -> tuple[list[Vector], int | None]:
+    """Return rotations (3, 3) that keep a solid's surface, and its round axis.
 
-    They are half turns about the axes and turns about z in steps of 30 degrees. A solid
-    that all of these keep is round about z.
+    They are turns about x, y and z in steps of 30 degrees. A solid that all turns about
+    an axis keep is round about it.
     """
-    about_z = [RotationMatrix.MakeZRotation(a) for a in np.deg2rad(range(0, 360, 30))]
-    over = [RotationMatrix.MakeXRotation(np.pi), RotationMatrix.MakeYRotation(np.pi)]
-    kept = [_keeps(solid, turn.matrix()) for turn in about_z]
-    turns = [t.matrix() for t, keeps in zip(about_z, kept, strict=True) if keeps]
-    turns += [t.matrix() for t in over if _keeps(solid, t.matrix())]
-    return turns, all(kept)
+    turns: list[Vector] = []
+    is_round: int | None = None
+    for axis in range(3):
+        about = [
+            RotationMatrix(AngleAxis(angle, np.eye(3)[axis])).matrix()
+            for angle in np.deg2rad(range(0, 360, 30))
+        ]
+        kept = [turn for turn in about if _keeps(solid, turn)]
+        turns += kept
+        if len(kept) == len(about):
+            is_round = axis
+    return turns, is_round
 
 
 def _keeps(solid: ConvexPieces, turn: Vector) -> bool:

@@ -149,7 +149,7 @@ def banana() -> Files:
     fine = np.linspace(0, 1, 25)
     seen = _bent(np.interp(fine, knots, radius), 0.13, 0.2, 0.018, 24)
     pieces = [Piece("banana", "peel", solid) for solid in seen]
-    solids = _bent(radius, 0.13, 0.2, 0.018, 8)
+    solids = _bent(radius, 0.13, 0.2, 0.018, 12)
     pieces += touched("banana", None, solids, PEEL)
     return _finish("011_banana", {"peel": (0.95, 0.82, 0.20)}, pieces, 0.066)
 
