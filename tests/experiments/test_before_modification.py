@@ -9,12 +9,12 @@ from drake_srg.experiments.before_modification import (
     CORRECTED,
     FRICTION,
     SCENARIO,
-    STEPS,
     TIPS,
     all_cases,
     by_group,
+    distances,
     judge,
-    offsets,
+    levels,
     overrides,
 )
 from drake_srg.experiments.linkage_pads import write_model
@@ -35,15 +35,23 @@ def made(placed):
 
 
 def mended(group):
-    return 10 if group[2] == CORRECTED else 1
+    return 10 if group[2] == CORRECTED else 5
 
 
 def test_every_combination_is_a_case_of_its_own():
     cases = all_cases()
     assert len(set(cases)) == len(cases) == 2 * 2 * 2 * len(FRICTION)
     groups = by_group(made(mended))
-    assert set(STEPS.values()) <= groups.keys()
     assert {len(cycles) for cycles in groups.values()} == {10 * len(FRICTION)}
+    assert len(groups) == 8
+
+
+def test_every_trial_is_at_one_level_of_each_factor():
+    runs = made(mended)
+    total = sum(map(len, runs.values()))
+    for cycles_at in levels(runs).values():
+        counts = {len(cycles) for cycles in cycles_at.values()}
+        assert counts == {total // len(cycles_at)}
 
 
 @pytest.mark.parametrize("tip", TIPS)
@@ -54,8 +62,8 @@ def test_a_case_follows_the_rules_of_its_tip_s_scenario(tip, tmp_path):
     ours = load_scenario(SCENARIO, seed=3, overrides=overrides(case, 3, model))
     rules = load_scenario(TIPS[tip])
     assert (ours.taught, ours.arm.home) == (rules.taught, rules.arm.home)
-    assert ours.localizer == rules.localizer
-    assert dc.replace(ours.planner, period=0.0) == dc.replace(rules.planner, period=0.0)
+    assert ours.localizer.thesis is not None
+    assert ours.planner.tip_limits == rules.planner.tip_limits
     (frames,) = (d.add_directives for d in ours.directives if d.add_directives)
     assert ("nominal" in frames.file) == (tip == AS_DRAWN)
     assert ours.plant_config.time_step == 0.0
@@ -67,22 +75,19 @@ def failed(placed):
     return [row.name for row in judge(made(placed)) if not row.passed]
 
 
-def test_both_modifications_must_mend_it_beyond_doubt():
+def test_the_corrected_tip_must_pay_beyond_doubt():
     assert failed(mended) == []
-    assert failed(lambda group: 5) == ["both"]
-    assert failed(lambda group: 1 if group == STEPS["both"] else 0) == ["both"]
+    assert failed(lambda group: 5) == [CORRECTED]
+    assert failed(lambda group: 10 if group[0] == "curved" else 0) == [CORRECTED]
 
 
-def test_offsets_are_of_cylinders_that_were_lifted_and_released():
-    good = cycle(error_G=np.array([1e-3, -2e-3, 5e-3]))
-    lost = cycle(grasp_lifted=False, error_G=np.array([1.0, 1.0, 0.0]))
-    held = dc.replace(good, error_G=None)
-    np.testing.assert_allclose(offsets([good, lost, held]), [[1.0, -2.0]])
-    assert offsets([held]).shape == (0, 2)
+def test_distances_are_in_the_plane_and_of_cylinders_that_are_there():
+    off = cycle(placement_error_m=[3e-3, -4e-3, 0.1])
+    np.testing.assert_allclose(distances([off, cycle(placement_error_m=None)]), [5.0])
 
 
 @pytest.mark.parametrize(
-    ("options", "count"), [({"trials": 3}, 3), ({"quick": True}, 2)]
+    ("options", "count"), [({"trials": 3}, 3), ({"quick": True}, 1)]
 )
 def test_every_trial_is_in_the_table(monkeypatch, options, count):
     monkeypatch.setattr(
