@@ -40,7 +40,7 @@ from drake_srg.scenario.load import load_tree
 from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm_fast"
-AS_DRAWN, CORRECTED = "tip as drawn", "tip corrected"
+AS_DRAWN, CORRECTED = "as drawn", "corrected"
 # The scenario that has the waypoints taught with each tip.
 TIPS = {AS_DRAWN: "assistive_arm_before", CORRECTED: "assistive_arm_thesis"}
 FRICTION = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8)
@@ -67,7 +67,7 @@ class Case:
         return self.pads.shape, self.pads.material, self.tip
 
     def __str__(self) -> str:
-        return f"{self.pads}, {self.tip}"
+        return f"{self.pads}, tip {self.tip}"
 
 
 _Runs = Mapping[Case, Sequence[Cycle]]
@@ -181,30 +181,32 @@ def judge(runs: _Runs) -> list[Row]:
     for factor, cycles_at in factors.items():
         for level, cycles in cycles_at.items():
             rows += share_rows(f"{factor} {level}", cycles)
-    for group, cycles in by_group(runs).items():
-        rows += quantile_rows(
-            ", ".join(group), "distance from the goal", distances(cycles), "mm"
-        )
+    for (shape, material, tip), cycles in by_group(runs).items():
+        name = f"{shape}, {material}, tip {tip}"
+        rows += quantile_rows(name, "distance from the goal", distances(cycles), "mm")
     for case, cycles in runs.items():
         for what, done in outcomes(cycles).items():
             share = float(np.mean(done))
             rows.append(Row.info(str(case), f"{what}, share", share, "", spread=0.2))
     (_, most), (least, _) = (bounds(factors["tip"][tip]) for tip in TIPS)
-    quantity = f"placed: least share; expected: most with {AS_DRAWN}"
-    rows.append(Row.at_least(CORRECTED, quantity, most, least, "", spread=0.05))
+    name, quantity = (
+        f"tip {CORRECTED}",
+        f"placed: least share; expected: most {AS_DRAWN}",
+    )
+    rows.append(Row.at_least(name, quantity, most, least, "", spread=0.05))
     return rows
 
 
 def draw(runs: _Runs) -> Any:
     """Draw the shares of every combination by friction, and of every level."""
     count = len(next(iter(runs.values())))
-    title = f"Fingertips or tip frame: {count} of each combination, placed"
+    title = f"Which mended it, fingertips or tip? Trials of each combination: {count}"
     figure = make_figure(11.0, 4.4, title)
     *panels, mends = figure.subplots(1, 3, sharey=True)
     panels[0].set_ylim(-0.03, 1.03)
     for axes, tip in zip(panels, TIPS, strict=True):
         style_axes(axes, xlabel="friction between pad and cylinder")
-        axes.set_title(tip, fontsize=9, loc="left")
+        axes.set_title(f"tip {tip}", fontsize=9, loc="left")
         pads = list(itertools.product(MODELS, MATERIALS))
         for k, ((shape, material), color) in enumerate(zip(pads, COLORS, strict=False)):
             cycles = [runs[Case(Pads(shape, material, f), tip)] for f in FRICTION]
@@ -219,7 +221,8 @@ def draw(runs: _Runs) -> Any:
         at = np.arange(2.0) + len(ticks)
         _draw_shares(mends, at, [*found[factor].values()], fmt="o", color=color)
         ticks += found[factor]
-    mends.set_xticks(range(len(ticks)), [t.replace(" ", "\n", 1) for t in ticks])
+    ticks[:2] = [f"tip\n{tip}" for tip in ticks[:2]]
+    mends.set_xticks(range(len(ticks)), ticks)
     panels[0].set_ylabel("share placed, with 95 % interval", fontsize=9)
     figure.legend(loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return figure

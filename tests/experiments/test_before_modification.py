@@ -77,8 +77,10 @@ def failed(placed):
 
 def test_the_corrected_tip_must_pay_beyond_doubt():
     assert failed(mended) == []
-    assert failed(lambda group: 5) == [CORRECTED]
-    assert failed(lambda group: 10 if group[0] == "curved" else 0) == [CORRECTED]
+    assert failed(lambda group: 5) == [f"tip {CORRECTED}"]
+    assert failed(lambda group: 10 if group[0] == "curved" else 0) == [
+        f"tip {CORRECTED}"
+    ]
 
 
 def test_distances_are_in_the_plane_and_of_cylinders_that_are_there():

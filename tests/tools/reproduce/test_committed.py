@@ -19,6 +19,7 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 # ONLY=NAME`, on a machine that does nothing else, takes a name off this list.
 WAITING = {
     "adaptation",
+    "before_modification",
     "localizer_thresholds",
     "sweep_throughput",
 }
