@@ -184,8 +184,8 @@ def judge(runs: _Runs) -> list[Row]:
     for (shape, material, tip), cycles in by_group(runs).items():
         name = f"{shape}, {material}, tip {tip}"
         rows += quantile_rows(name, "distance from the goal", distances(cycles), "mm")
-    for case, cycles in runs.items():
-        for what, done in outcomes(cycles).items():
+    for case, trials in runs.items():
+        for what, done in outcomes(trials).items():
             share = float(np.mean(done))
             rows.append(Row.info(str(case), f"{what}, share", share, "", spread=0.2))
     (_, most), (least, _) = (bounds(factors["tip"][tip]) for tip in TIPS)

@@ -9,7 +9,7 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.types import PlannerStatus
 
 
-def DeclarePlannerOutputs(
+def AddPlannerOutputs(
     planner: LeafSystem,
     num_joints: int,
     *,
@@ -18,7 +18,7 @@ def DeclarePlannerOutputs(
     status: Callable[[Context, AbstractValue], None],
     prerequisites: set[DependencyTicket],
 ) -> None:
-    """Declare a planner's outputs `position_commanded`, `closure_commanded`, `status`.
+    """Add a planner's outputs `position_commanded`, `closure_commanded`, `status`.
 
     Args:
         planner: The planner; it declares its `mode` itself.

@@ -5,7 +5,7 @@ import pytest
 from helpers import port_table, read
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import DeclarePlannerOutputs
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.types import Mode, PlannerStatus
 
 
@@ -16,7 +16,7 @@ class Counting(LeafSystem):
         super().__init__()
         self.count = {"position": 0, "closure": 0, "status": 0}
         state = self.DeclareDiscreteState(1)
-        DeclarePlannerOutputs(
+        AddPlannerOutputs(
             self,
             3,
             position=lambda _, output: output.SetFromVector(

@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import DeclarePlannerOutputs
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.types import Mode, PlannerStatus, Vector, positive
 
 # The modes that steps may have: those of a cycle that is under way.
@@ -100,7 +100,7 @@ class ScriptedPlanner(LeafSystem):
         self._force_limits = _filled(np.nan, [step.force_limit for step in script])[1:]
 
         time = {self.time_ticket()}
-        DeclarePlannerOutputs(
+        AddPlannerOutputs(
             self,
             n,
             position=self._calc_position,

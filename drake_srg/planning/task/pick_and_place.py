@@ -7,7 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import DeclarePlannerOutputs
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.planning.state_machine import StateMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.modes import task_modes
@@ -135,7 +135,7 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
         self._external_torque = self.DeclareVectorInputPort(
             name="external_torque", size=self._n
         )
-        DeclarePlannerOutputs(
+        AddPlannerOutputs(
             self,
             self._n,
             position=self._calc_position,

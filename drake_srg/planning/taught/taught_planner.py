@@ -4,7 +4,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import DeclarePlannerOutputs
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.planning.state_machine import StateMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.taught_modes import (
@@ -69,7 +69,7 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
         self._n = len(motions.q_home)
         self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
         self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
-        DeclarePlannerOutputs(
+        AddPlannerOutputs(
             self,
             self._n,
             position=self._calc_position,
