@@ -1,4 +1,4 @@
-"""The five-axis arm before its modification: fingertips or tip frame, which mended it?
+"""What mended the five-axis arm after its beginning: its fingertips or its tip frame.
 
 The thesis of the five-axis arm began with flat, hard, smooth fingertips and a tip frame
 as drawn, and reports frequent failures and a constant offset. With curved fingertips
