@@ -73,7 +73,7 @@ class Case:
 _Runs = Mapping[Case, Sequence[Cycle]]
 
 
-def run(track: Track, *, trials: int = 7, quick: bool = False) -> ExperimentResult:
+def run(track: Track, *, trials: int = 5, quick: bool = False) -> ExperimentResult:
     """Grasp, carry and place the cylinder with every combination.
 
     Args:
