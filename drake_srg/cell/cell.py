@@ -97,7 +97,7 @@ def AddCell(
         make_planner = MakePlanner if scenario.taught is None else MakeTaughtPlanner
         planner = builder.AddNamedSystem("planner", make_planner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
-        if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
+        if scenario.localizer.obstacles:
             finder = AddObstacleFinder(builder, scenario, station, localizer)
             builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
         builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")

@@ -19,8 +19,15 @@ from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.localization import ACTUAL
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.trials import (
+    PLACED,
+    bounds,
+    line,
+    outcomes,
+    quantile_rows,
+    share_rows,
+)
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
-from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 
 SCENARIO = "assistive_arm_fast"
@@ -106,22 +113,9 @@ def judge(runs: _Runs) -> list[Row]:
     rows = []
     for (method, situation), cycles in runs.items():
         case = f"{situation}: {method}"
-        for what, done in outcomes(cycles).items():
-            low, high = wilson_interval(int(np.sum(done)), len(done))
-            share = float(np.mean(done))
-            rows += [
-                Row.info(case, f"{what}, share", share, "", spread=0.05),
-                Row.info(case, f"{what}, at least", low, "", spread=0.05),
-                Row.info(case, f"{what}, at most", high, "", spread=0.05),
-            ]
+        rows += share_rows(case, cycles)
         for what, (values, unit) in medians(cycles).items():
-            if len(values):
-                low, middle, high = np.quantile(values, (0.05, 0.5, 0.95))
-                rows += [
-                    Row.info(case, f"{what}, median", float(middle), unit),
-                    Row.info(case, f"{what}, 5 % quantile", float(low), unit),
-                    Row.info(case, f"{what}, 95 % quantile", float(high), unit),
-                ]
+            rows += quantile_rows(case, what, values, unit)
     better = (
         (ANYWHERE, ONE_LOOK, FIXED),
         (ANYWHERE, LOOKS, FIXED),
@@ -135,20 +129,6 @@ def judge(runs: _Runs) -> list[Row]:
         quantity = f"placed: least share with {method}; expected: most with {other}"
         rows.append(Row.at_least(situation, quantity, high, low, "", spread=0.05))
     return rows
-
-
-def bounds(cycles: Sequence[Cycle]) -> tuple[float, float]:
-    """Return the 95 % interval (Wilson) of the share of placed cylinders."""
-    placed = outcomes(cycles)["placed"]
-    return wilson_interval(int(np.sum(placed)), len(placed))
-
-
-def outcomes(cycles: Sequence[Cycle]) -> dict[str, Any]:
-    """Return which trials grasped and lifted the cylinder, and which placed it."""
-    return {
-        "grasped and lifted": np.array([bool(c.metrics.grasp_lifted) for c in cycles]),
-        "placed": np.array([c.metrics.success for c in cycles]),
-    }
 
 
 def medians(cycles: Sequence[Cycle]) -> dict[str, tuple[Vector, str]]:
@@ -171,27 +151,6 @@ def medians(cycles: Sequence[Cycle]) -> dict[str, tuple[Vector, str]]:
     }
 
 
-def line(cycle: Cycle) -> dict[str, Any]:
-    """Return a row of the table."""
-    m = cycle.metrics
-
-    def number(value: float | None) -> float:
-        return np.nan if value is None else value
-
-    x, y, _ = m.placement_error_m or (np.nan,) * 3
-    return {
-        "seed": cycle.seed,
-        "lifted": int(bool(m.grasp_lifted)),
-        "placed": int(m.success),
-        "failure": m.failure or "",
-        "placement error x [m]": x,
-        "placement error y [m]": y,
-        "time to placement [s]": number(m.time_to_placement_s),
-        "cycle [s]": number(m.cycle_time_s),
-        "smoothness": number(m.smoothness),
-    }
-
-
 def draw(runs: _Runs) -> Any:
     """Draw shares with their intervals, errors and times, by situation and method."""
     count = len(next(iter(runs.values())))
@@ -205,7 +164,7 @@ def draw(runs: _Runs) -> Any:
     for k, (method, color) in enumerate(zip(METHODS, COLORS, strict=False)):
         for i, situation in enumerate(SITUATIONS):
             cycles, x = runs[method, situation], i + 0.25 * (k - 1)
-            placed = float(np.mean(outcomes(cycles)["placed"]))
+            placed = float(np.mean(outcomes(cycles)[PLACED]))
             low, high = bounds(cycles)
             label = method if i == 0 else None
             shares.bar(x, placed, 0.22, color=color, label=label)

@@ -45,6 +45,7 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         yield from _object_problems(scenario, f"objects.{name}", config)
     yield from _region_problems(scenario)
     yield from _script_problems(scenario)
+    yield from _taught_problems(scenario)
     yield from _disturbance_problems(scenario)
     yield from _camera_problems(scenario)
 
@@ -208,6 +209,12 @@ def _script_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
                 f"script[{i}].arm",
                 f"needs one entry per joint of the arm ({n}), got {len(step.arm)}",
             )
+
+
+def _taught_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    if scenario.taught is not None and scenario.localizer.obstacles:
+        problem = "must be false with taught waypoints, which avoid nothing"
+        yield "localizer.obstacles", f"{problem}, got true"
 
 
 def _disturbance_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:

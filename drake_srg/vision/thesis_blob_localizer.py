@@ -3,8 +3,6 @@
 It is here to be compared with `BlobLocalizer`, not to be used.
 """
 
-from __future__ import annotations
-
 import dataclasses as dc
 from typing import Any
 

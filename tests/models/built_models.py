@@ -31,6 +31,7 @@ BASES = {
     "linkage_gripper": "palm",
     "linkage_gripper_flat": "palm",
     "linkage_gripper_fast": "palm",
+    "linkage_gripper_bare": "palm",
     "small_table": "table",
     "small_table_recess": "table",
     "bench": "bench",

@@ -11,7 +11,8 @@ from pydrake.geometry import Role
 
 from models.built_models import Built, Distances, build, mesh_points
 
-VARIANTS = ("linkage_gripper", "linkage_gripper_flat", "linkage_gripper_fast")
+RUBBER = ("linkage_gripper", "linkage_gripper_flat", "linkage_gripper_fast")
+VARIANTS = (*RUBBER, "linkage_gripper_bare")
 FINGERS = ("master", "slave")
 JOINTS = tuple(
     f"{finger}_{name}_joint"
@@ -92,7 +93,8 @@ def test_loops_are_closed_by_constraints():
     # Per finger: two balls, or three joints that mimic the crank's.
     assert build("linkage_gripper").plant.num_constraints() == 4
     assert build("linkage_gripper_flat").plant.num_constraints() == 4
-    assert build("linkage_gripper_fast").plant.num_constraints() == 6
+    for mimic in ("linkage_gripper_fast", "linkage_gripper_bare"):
+        assert build(mimic).plant.num_constraints() == 6
 
 
 @pytest.mark.slow
@@ -165,7 +167,7 @@ def test_curved_pads_follow_the_cylinder():
 
 
 def test_only_the_pads_are_soft_with_a_modulus_per_finger():
-    for name in VARIANTS:
+    for name in RUBBER:
         built = build(name)
         moduli = {}
         for body in built.bodies():
@@ -180,6 +182,19 @@ def test_only_the_pads_are_soft_with_a_modulus_per_finger():
                 if is_pad:
                     moduli.setdefault(body.name(), set()).add(modulus)
         assert moduli == {"master_tip": {2.0e6}, "slave_tip": {2.2e6}}
+
+
+def test_bare_pads_are_as_hard_as_the_rest_and_smoother():
+    built, friction = build("linkage_gripper_bare"), {}
+    for body in built.bodies():
+        frame = built.plant.GetBodyFrameIdOrThrow(body.index())
+        for g in built.inspector.GetGeometries(frame, Role.kProximity):
+            properties = built.inspector.GetProximityProperties(g)
+            assert not properties.HasProperty("hydroelastic", "hydroelastic_modulus")
+            mu = properties.GetProperty("material", "coulomb_friction")
+            is_pad = "_pad" in built.inspector.GetName(g)
+            friction.setdefault(is_pad, set()).add(mu.static_friction())
+    assert friction == {True: {0.2}, False: {0.4}}
 
 
 @pytest.mark.slow

@@ -1,4 +1,5 @@
 import dataclasses as dc
+import typing
 
 import pytest
 from pydrake.common.yaml import yaml_dump_typed
@@ -14,6 +15,21 @@ def test_the_defaults_are_valid_values():
     text = yaml_dump_typed(Scenario())
     loaded = load_typed(Scenario, parse_yaml(text, "defaults"), "defaults")
     assert yaml_dump_typed(loaded) == text
+
+
+def dataclasses_within(kind):
+    """Return a dataclass and those that its fields may hold."""
+    if not dc.is_dataclass(kind):
+        return set().union(*map(dataclasses_within, typing.get_args(kind)))
+    inner = (dataclasses_within(field.type) for field in dc.fields(kind))
+    return {kind}.union(*inner)
+
+
+def test_fields_have_types_that_drake_can_read():
+    found = dataclasses_within(Scenario)
+    assert len(found) > 20
+    texts = {k.__name__ for k in found for f in dc.fields(k) if isinstance(f.type, str)}
+    assert texts == set()
 
 
 @pytest.mark.parametrize(

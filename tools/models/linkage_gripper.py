@@ -8,6 +8,8 @@ dimensions are ours.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from drake_srg.objects.sdf import AddChild, sdf_text
@@ -22,11 +24,13 @@ from .linkage_pieces import (
     PALM_TO_TIP,
     ROCKER,
     bar_pieces,
+    bare_plastic,
     coupler_pieces,
     palm_pieces,
+    rubber,
     tip_pieces,
 )
-from .pieces import Inertial, Piece
+from .pieces import Inertial, Piece, Proximity
 from .sdf import Files, Model
 from .shapes import union_properties
 
@@ -48,17 +52,26 @@ DENSITY = 1200.0  # kg/m^3, of the printed links
 def build() -> Files:
     """Return the gripper's files, with curved and with flat fingertips.
 
-    `linkage_gripper_fast` is for Drake's convex integrator, which takes no ball
-    constraints: its passive joints mimic the crank's, which keeps the loops closed.
+    `linkage_gripper_fast` and `linkage_gripper_bare` are for Drake's convex integrator,
+    too, which takes no ball constraints: their passive joints mimic the crank's, which
+    keeps the loops closed. `linkage_gripper_bare` has flat fingertips without rubber.
     """
     return {
         **_build("linkage_gripper"),
         **_build("linkage_gripper_flat", curved=False),
         **_build("linkage_gripper_fast", balls=False),
+        **_build(
+            "linkage_gripper_bare", curved=False, balls=False, material=bare_plastic
+        ),
     }
 
 
-def _build(name: str, curved: bool = True, balls: bool = True) -> Files:
+def _build(
+    name: str,
+    curved: bool = True,
+    balls: bool = True,
+    material: Callable[[str], Proximity] = rubber,
+) -> Files:
     comment = "A gripper of two parallelograms; see tools/models/linkage_gripper.py."
     model = Model("linkage_gripper", LOOKS, comment)
 
@@ -68,7 +81,7 @@ def _build(name: str, curved: bool = True, balls: bool = True) -> Files:
     whole = union_properties([p.solid for p in palm])
     model.AddLink("palm", palm, Inertial.uniform(mass, whole))
     for finger, h in (("master", 1), ("slave", -1)):
-        _AddFinger(model, finger, h, tip_pieces(finger, curved))
+        _AddFinger(model, finger, h, tip_pieces(curved, material(finger)))
         if balls:
             _AddBalls(model, finger)
         else:

@@ -67,6 +67,15 @@ def rubber(finger: str) -> Proximity:
     return Proximity(rigid=False, friction=0.8, modulus=modulus, dissipation=5.0)
 
 
+def bare_plastic(finger: str) -> Proximity:
+    """Return a smooth printed face without rubber, the same on both fingers.
+
+    With a cylinder's own 0.5 to 0.8, Drake's rule (the harmonic mean) makes 0.29 to
+    0.32 of it: the smooth end of what handbooks give for plastic on plastic.
+    """
+    return dc.replace(PLASTIC, friction=0.2)
+
+
 _box = functools.partial(box_piece, proximity=PLASTIC)
 _extruded = functools.partial(extruded_piece, bevel=0.0004, proximity=PLASTIC)
 
@@ -129,8 +138,13 @@ def bar_pieces(name: str) -> list[Piece]:
     return pieces
 
 
-def tip_pieces(finger: str, curved: bool) -> list[Piece]:
-    """Return a fingertip: the coupler half at the crank's pin, a carrier and a pad."""
+def tip_pieces(curved: bool, material: Proximity) -> list[Piece]:
+    """Return a fingertip: the coupler half at the crank's pin, a carrier and a pad.
+
+    Args:
+        curved: Whether the pad is cut to the cylinder.
+        material: Of the pad.
+    """
     back = PAD_FACE - PAD_THICKNESS
     x0, x1 = PAD_X - 0.0094, PAD_X + 0.0094
     seam = -ROCKER / 2 + 1e-4
@@ -146,18 +160,18 @@ def tip_pieces(finger: str, curved: bool) -> list[Piece]:
         head = prism(disc(0.0015, count=12), -4e-4, 5e-4, 2e-4)
         head = head.moved(rot_x(np.pi / 2), (PAD_X, -0.003, z))
         pieces.append(Piece("tip_screw", "metal", head))
-    return pieces + (_arc_pads(finger) if curved else [_flat_pad(finger)])
+    return pieces + (_arc_pads(material) if curved else [_flat_pad(material)])
 
 
-def _flat_pad(finger: str) -> Piece:
+def _flat_pad(material: Proximity) -> Piece:
     half, back = PAD_LENGTH / 2, PAD_FACE - PAD_THICKNESS
     low = (PAD_X - half, back, -PAD_HALF)
     high = (PAD_X + half, PAD_FACE, PAD_HALF)
     pad = _box("pad", "flat_pad", low, high, 5e-4)
-    return dc.replace(pad, proximity=rubber(finger))
+    return dc.replace(pad, proximity=material)
 
 
-def _arc_pads(finger: str) -> list[Piece]:
+def _arc_pads(material: Proximity) -> list[Piece]:
     """Return boxes whose faces touch the cylinder, and the wedges behind them."""
     middle = np.array([PAD_X, PAD_FACE + OBJECT_RADIUS, 0.0])
     width = 2 * OBJECT_RADIUS * np.tan(ARC_STEP / 2)
@@ -170,7 +184,7 @@ def _arc_pads(finger: str) -> list[Piece]:
         p = middle - R @ np.array([0.0, OBJECT_RADIUS + PAD_THICKNESS / 2, 0.0])
         box = Primitive("box", size, tuple(np.round(p, 7)), (0.0, 0.0, angle))
         seen = block(-half, half).moved(R, p)
-        pieces.append(Piece(f"pad_{i + 1}", "curved_pad", seen, box, rubber(finger)))
+        pieces.append(Piece(f"pad_{i + 1}", "curved_pad", seen, box, material))
     # Behind the outer boxes, which lean away from the carrier.
     back = PAD_FACE - PAD_THICKNESS
     for end, s in (("rear", -1), ("front", 1)):

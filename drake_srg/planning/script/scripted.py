@@ -9,6 +9,7 @@ from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.types import Mode, PlannerStatus, Vector, positive
 
 # The modes that steps may have: those of a cycle that is under way.
@@ -99,25 +100,25 @@ class ScriptedPlanner(LeafSystem):
         self._force_limits = _filled(np.nan, [step.force_limit for step in script])[1:]
 
         time = {self.time_ticket()}
-        for name, size, calc in (
-            ("position_commanded", n, self._calc_position),
-            ("closure_commanded", 1, self._calc_closure),
-            ("closure_messages", 1, self._calc_messages),
-            ("force_limit", 1, self._calc_force_limit),
+        AddPlannerOutputs(
+            self,
+            n,
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
+            prerequisites=time,
+        )
+        for name, calc in (
+            ("closure_messages", self._calc_messages),
+            ("force_limit", self._calc_force_limit),
         ):
             self.DeclareVectorOutputPort(
-                name=name, size=size, calc=calc, prerequisites_of_calc=time
+                name=name, size=1, calc=calc, prerequisites_of_calc=time
             )
         self.DeclareAbstractOutputPort(
             name="mode",
             alloc=lambda: AbstractValue.Make(Mode.IDLE),
             calc=self._calc_mode,
-            prerequisites_of_calc=time,
-        )
-        self.DeclareAbstractOutputPort(
-            name="status",
-            alloc=lambda: AbstractValue.Make(PlannerStatus()),
-            calc=self._calc_status,
             prerequisites_of_calc=time,
         )
 

@@ -7,6 +7,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.planning.state_machine import StateMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.modes import task_modes
@@ -16,7 +17,7 @@ from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View
 from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.planning.task.transitions import Observation, transition
-from drake_srg.types import Mode, PlannerStatus, Shape
+from drake_srg.types import Mode, Shape
 
 
 class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]):
@@ -134,24 +135,13 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
         self._external_torque = self.DeclareVectorInputPort(
             name="external_torque", size=self._n
         )
-        state = {self.state_ticket}
-        self.DeclareVectorOutputPort(
-            name="position_commanded",
-            size=self._n,
-            calc=self._calc_position,
-            prerequisites_of_calc={*state, self.time_ticket()},
-        )
-        self.DeclareVectorOutputPort(
-            name="closure_commanded",
-            size=1,
-            calc=self._calc_closure,
-            prerequisites_of_calc=state,
-        )
-        self.DeclareAbstractOutputPort(
-            name="status",
-            alloc=lambda: AbstractValue.Make(PlannerStatus()),
-            calc=self._calc_status,
-            prerequisites_of_calc=state,
+        AddPlannerOutputs(
+            self,
+            self._n,
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
+            prerequisites={self.state_ticket},
         )
 
     def sense(self, context: Context) -> Senses:

@@ -4,6 +4,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.planning.state_machine import StateMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.taught_modes import (
@@ -14,7 +15,7 @@ from drake_srg.planning.taught.taught_modes import (
     transition,
 )
 from drake_srg.planning.taught.taught_motions import TaughtMotions
-from drake_srg.types import Mode, PlannerStatus
+from drake_srg.types import Mode
 
 
 class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
@@ -68,24 +69,13 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
         self._n = len(motions.q_home)
         self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
         self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
-        state = {self.state_ticket}
-        self.DeclareVectorOutputPort(
-            name="position_commanded",
-            size=self._n,
-            calc=self._calc_position,
-            prerequisites_of_calc={*state, self.time_ticket()},
-        )
-        self.DeclareVectorOutputPort(
-            name="closure_commanded",
-            size=1,
-            calc=self._calc_closure,
-            prerequisites_of_calc=state,
-        )
-        self.DeclareAbstractOutputPort(
-            name="status",
-            alloc=lambda: AbstractValue.Make(PlannerStatus()),
-            calc=self._calc_status,
-            prerequisites_of_calc=state,
+        AddPlannerOutputs(
+            self,
+            self._n,
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
+            prerequisites={self.state_ticket},
         )
 
     def sense(self, context: Context) -> Senses:

@@ -75,6 +75,17 @@ def test_what_cannot_be_reached_is_said(motions, p_WT, failure):
     assert result.failure is failure
 
 
+def test_either_tip_was_taught_the_same_places(motions):
+    before = MakeTaughtMotions(load_scenario("assistive_arm_before"))
+    apart = np.linalg.norm(before.moves.p_GT - motions.moves.p_GT)
+    assert 1e-3 < apart < 1.5e-3  # a constant offset, beyond the recess's clearance
+    for name in ("lift", "place"):
+        ours, other = (
+            m.moves.tip(np.array(getattr(m.config, name))) for m in (motions, before)
+        )
+        np.testing.assert_allclose(other, ours, atol=5e-5)
+
+
 def test_a_posture_of_another_arm_is_refused():
     scenario = load_scenario("assistive_arm_thesis")
     scenario.taught.lift = [0.0, 0.0]
