@@ -161,7 +161,7 @@ def make_result(findings: _Findings) -> ExperimentResult:
             "",
         ),
     ]
-    table = {
+    table: dict[str, Any] = {
         "object": [name for name, _, _ in flat],
         "way": [way for _, way, _ in flat],
         "error of the centre [m]": [found.off for _, _, found in flat],
