@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import logging
 from collections.abc import Sequence
 
 import numpy as np
@@ -39,7 +40,9 @@ class Fit:
     gap: float
 
 
-def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
+def convex_pieces(
+    mesh: TriangleMesh, most: int, warnings: list[str]
+) -> tuple[list[Vector], bool]:
     """Return the corners of convex pieces that stand for a mesh.
 
     A mesh of parts that are convex, such as one cut by another program, keeps them.
@@ -48,6 +51,7 @@ def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
     Args:
         mesh: The mesh.
         most: Greatest number of pieces.
+        warnings: Receives a line if the mesh has more parts than that.
 
     Returns:
         Corners of each piece, shape (n, 3) [m], and whether CoACD made them.
@@ -56,8 +60,13 @@ def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
         ImportError: If CoACD is needed but missing.
     """
     parts = [part for part in mesh_parts(mesh) if not is_cavity(part, mesh)]
-    if len(parts) <= most and all(map(_is_convex, parts)):
-        return [decimated(np.asarray(part.vertices)) for part in parts], False
+    if all(map(_is_convex, parts)):
+        if len(parts) <= most:
+            return [decimated(np.asarray(part.vertices)) for part in parts], False
+        warnings.append(
+            f"CoACD cuts {len(parts)} convex parts into {most} pieces at most "
+            f"({len(parts)} pieces would keep them)"
+        )
     return [decimated(piece) for piece in _cut(mesh, most)], True
 
 
@@ -154,6 +163,10 @@ def _is_convex(part: TriangleMesh) -> bool:
 def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
     """Return the vertices of CoACD's pieces."""
     coacd = require("coacd", "import", "Cutting a mesh into convex pieces needs")
+    logging.getLogger("drake_srg").warning(
+        "cutting a mesh of %d triangles into convex pieces: may take minutes, once",
+        len(mesh.faces),
+    )
     coacd.set_log_level("error")
     cut = coacd.run_coacd(
         coacd.Mesh(mesh.vertices, mesh.faces),
