@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
 
 _PACKAGE = Path(__file__).resolve().parent
 
@@ -46,3 +47,15 @@ def configure_parser(parser: Parser) -> None:
             f"This parser already maps package 'drake_srg' to {known}, not to {path}."
         )
     packages.Add("drake_srg", path)
+
+
+def resolve_url(url: str) -> Path:
+    """Return the file that a URL such as `package://drake_srg/sdf/mug.sdf` names.
+
+    Raises:
+        RuntimeError: If its package is unknown or the file does not exist.
+    """
+    plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
+    parser = Parser(plant)
+    configure_parser(parser)
+    return Path(parser.package_map().ResolveUrl(url))

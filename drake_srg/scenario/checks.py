@@ -161,6 +161,16 @@ def _object_problems(
         yield key, "an object with a shape needs mass and friction"
     if config.soft is not None and not isinstance(config.shape, Box):
         yield f"{key}.soft", "needs a shape (allowed: !Box)"
+    if config.shape is not None and config.pose is None:
+        (x0, y0), (x1, y1) = scenario.table.min, scenario.table.max
+        width, depth = config.shape.bounding_size[:2]
+        table = (x1 - x0, y1 - y0)
+        if max(table) > 0.0 and (width > table[0] or depth > table[1]):
+            yield (
+                f"{key}.shape",
+                f"must fit on the table, got {width:g} x {depth:g} m "
+                f"(allowed: up to {table[0]:g} x {table[1]:g} m)",
+            )
     has_place = config.position is not None or config.yaw != 0.0
     if config.pose is not None and has_place:
         yield key, "needs either a pose, or position and yaw"

@@ -54,6 +54,12 @@ def test_the_defaults_pass():
         ("object.mass=heavy", "objects.soup_can.mass: must be a number, got 'heavy'"),
         ("object.mass=.nan", "objects.soup_can.mass: must be a number, got NaN"),
         ("object.resolution=0", "objects.soup_can.resolution: must be greater than 0"),
+        (
+            "objects.x={shape: !Box {size: [3, 1, 1]}, mass: 1, friction: 1}",
+            "x.shape: must fit on the table, got 3 x 1 m (allowed: up to 1.7 x 1.6 m)",
+        ),
+        ("object.scale=0", "objects.soup_can.scale: must be greater than 0.0, got 0"),
+        ("object.pieces=0", "objects.soup_can.pieces: must be at least 1, got 0"),
         ("object.friction=-0.1", "objects.soup_can.friction: must be at least 0.0"),
         (
             "object.mass=!Unifrom {min: 1, max: 2}",

@@ -146,8 +146,8 @@ def banana() -> Files:
     """Return a banana that lies on its side, bent around z."""
     knots = np.linspace(0, 1, 7)
     radius = np.array([0.006, 0.0145, 0.018, 0.018, 0.018, 0.0145, 0.005])
-    fine = np.linspace(0, 1, 25)
-    seen = _bent(np.interp(fine, knots, radius), 0.13, 0.2, 0.018, 24)
+    fine = np.linspace(0, 1, 19)
+    seen = _bent(np.interp(fine, knots, radius), 0.13, 0.2, 0.018, 20)
     pieces = [Piece("banana", "peel", solid) for solid in seen]
     solids = _bent(radius, 0.13, 0.2, 0.018, 12)
     pieces += touched("banana", None, solids, PEEL)

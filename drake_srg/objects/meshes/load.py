@@ -13,8 +13,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from pydrake.multibody.parsing import Parser
-from pydrake.multibody.plant import MultibodyPlant
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.objects.config import ObjectConfig
@@ -24,7 +22,7 @@ from drake_srg.objects.meshes.contents import Contents, Geometry, MeshFile
 from drake_srg.objects.meshes.convert import MODEL, convert, read_report
 from drake_srg.objects.meshes.xml_file import read_link, read_xml
 from drake_srg.objects.sdf import DRAKE
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import resolve_url
 
 # Changes with what `convert` makes of a file, so that old entries of the cache do not
 # serve.
@@ -65,11 +63,8 @@ def resolve(model: str) -> Path:
     """
     if "://" not in model:
         return Path(model).expanduser().absolute()
-    plant = MultibodyPlant(time_step=0.0)  # the parser does not keep it alive
-    parser = Parser(plant)
-    configure_parser(parser)
     try:
-        return Path(parser.package_map().ResolveUrl(model))
+        return resolve_url(model)
     except RuntimeError as error:
         raise ScenarioError(f"{model}: cannot be read: {one_line(error)}") from None
 

@@ -97,7 +97,7 @@ def parts_of(geometry: Geometry, reader: MeshReader, most: int) -> list[Part]:
 def _mesh_part(
     mesh: TriangleMesh, geometry: Geometry, warnings: list[str], most: int
 ) -> Part:
-    pieces, cut = convex_pieces(mesh, most)
+    pieces, cut = convex_pieces(mesh, most, warnings)
     openness = describe_openness(mesh)
     if openness:
         warnings.append(

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import logging
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.installing import require
 from drake_srg.objects.meshes.contents import TriangleMesh
 from drake_srg.objects.meshes.mesh_file import is_cavity, mesh_parts, require_trimesh
@@ -39,7 +46,9 @@ class Fit:
     gap: float
 
 
-def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
+def convex_pieces(
+    mesh: TriangleMesh, most: int, warnings: list[str]
+) -> tuple[list[Vector], bool]:
     """Return the corners of convex pieces that stand for a mesh.
 
     A mesh of parts that are convex, such as one cut by another program, keeps them.
@@ -48,6 +57,7 @@ def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
     Args:
         mesh: The mesh.
         most: Greatest number of pieces.
+        warnings: Receives a line if the mesh has more parts than that.
 
     Returns:
         Corners of each piece, shape (n, 3) [m], and whether CoACD made them.
@@ -56,8 +66,13 @@ def convex_pieces(mesh: TriangleMesh, most: int) -> tuple[list[Vector], bool]:
         ImportError: If CoACD is needed but missing.
     """
     parts = [part for part in mesh_parts(mesh) if not is_cavity(part, mesh)]
-    if len(parts) <= most and all(map(_is_convex, parts)):
-        return [decimated(np.asarray(part.vertices)) for part in parts], False
+    if all(map(_is_convex, parts)):
+        if len(parts) <= most:
+            return [decimated(np.asarray(part.vertices)) for part in parts], False
+        warnings.append(
+            f"CoACD cuts {len(parts)} convex parts into {most} pieces at most "
+            f"({len(parts)} pieces would keep them)"
+        )
     return [decimated(piece) for piece in _cut(mesh, most)], True
 
 
@@ -152,14 +167,51 @@ def _is_convex(part: TriangleMesh) -> bool:
 
 
 def _cut(mesh: TriangleMesh, most: int) -> list[Vector]:
-    """Return the vertices of CoACD's pieces."""
-    coacd = require("coacd", "import", "Cutting a mesh into convex pieces needs")
-    coacd.set_log_level("error")
-    cut = coacd.run_coacd(
-        coacd.Mesh(mesh.vertices, mesh.faces),
-        threshold=TOLERANCE,
-        real_metric=True,  # the threshold is in metres
-        max_convex_hull=most,
-        seed=0,
+    """Return the vertices of CoACD's pieces.
+
+    It runs in a process of its own, because nothing interrupts its C++ code.
+    """
+    require("coacd", "import", "Cutting a mesh into convex pieces needs")
+    logging.getLogger("drake_srg").warning(
+        "cutting a mesh of %d triangles into convex pieces: may take minutes, once",
+        len(mesh.faces),
     )
-    return [np.asarray(vertices) for vertices, _ in cut]
+    with tempfile.TemporaryDirectory() as folder:
+        there = Path(folder)
+        np.savez(there / "mesh.npz", vertices=mesh.vertices, faces=mesh.faces)
+        command = [sys.executable, "-c", _COACD, folder, str(TOLERANCE), str(most)]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, env=environment
+        )
+        if done.returncode != 0:
+            reason = (done.stderr.strip().splitlines() or [str(done.returncode)])[-1]
+            raise ScenarioError(f"CoACD cannot cut the mesh: {reason}")
+        with np.load(there / "pieces.npz") as pieces:
+            return [pieces[key] for key in pieces.files]
+
+
+# Its threshold is in metres. A shallower search than by default takes a fraction of the
+# time.
+_COACD = """
+import sys
+from pathlib import Path
+import coacd
+import numpy as np
+
+folder, threshold, most = Path(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3])
+coacd.set_log_level("error")
+with np.load(folder / "mesh.npz") as file:
+    mesh = coacd.Mesh(file["vertices"], file["faces"])
+pieces = coacd.run_coacd(
+    mesh,
+    threshold=threshold,
+    real_metric=True,
+    max_convex_hull=most,
+    mcts_nodes=10,
+    mcts_iterations=40,
+    mcts_max_depth=2,
+    seed=0,
+)
+np.savez(folder / "pieces.npz", *[np.asarray(vertices) for vertices, _ in pieces])
+"""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.meshes.contents import Contents, Geometry, MeshFile
 from drake_srg.objects.sdf import DRAKE
+from drake_srg.parsing import resolve_url
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
@@ -213,7 +215,7 @@ class _Urdf(_Sdf):
 def _resolved(path: Path, uri: str) -> Path:
     """Return the file that a URI in a file names: relative, absolute or in a package.
 
-    A package is a folder of that name above or beside the file.
+    A package is ours, or a folder of that name above or beside the file.
 
     Raises:
         ScenarioError: If there is no such file.
@@ -230,4 +232,7 @@ def _resolved(path: Path, uri: str) -> Path:
     for candidate in candidates:
         if candidate.is_file():
             return candidate
+    if scheme == "package" and name == "drake_srg":
+        with contextlib.suppress(RuntimeError):
+            return resolve_url(uri)
     raise ScenarioError(f"{path}: its mesh {uri!r} does not exist")

@@ -58,35 +58,38 @@ def test_round_hulls_have_few_corners_and_balance_their_error(radius, seed):
 
 def test_parts_that_are_convex_are_kept():
     both = mesh(joined(box([0.04, 0.05, 0.06]), box([0.02] * 3, at=[0.1, 0.0, 0.0])))
-    found, cut = convex_pieces(both, 8)
+    found, cut = convex_pieces(both, 8, [])
     assert not cut
     assert sorted(len(corners) for corners in found) == [8, 8]
 
 
 def test_a_hollow_is_not_touched():
     inner, faces = box([0.02] * 3)
-    found, cut = convex_pieces(
-        mesh(joined(box([0.04] * 3), (inner, faces[:, ::-1]))), 8
-    )
+    hollow = mesh(joined(box([0.04] * 3), (inner, faces[:, ::-1])))
+    found, cut = convex_pieces(hollow, 8, [])
     assert (len(found), cut) == (1, False)
 
 
+ROW = joined(*[box([0.01] * 3, [0.02 * i, 0, 0]) for i in range(5)])
+
+
 @pytest.mark.parametrize(
-    "parts", [elbow(), joined(*[box([0.01] * 3, [0.02 * i, 0, 0]) for i in range(5)])]
+    ("parts", "told"), [(elbow(), []), (ROW, ["CoACD cuts 5 convex parts into 4"])]
 )
-def test_other_meshes_are_cut_by_coacd(monkeypatch, parts):
-    calls = []
+def test_other_meshes_are_cut_by_coacd(monkeypatch, parts, told):
+    calls, warnings = [], []
     monkeypatch.setattr(
         pieces, "_cut", lambda mesh, most: calls.append(most) or [box([0.03] * 3)[0]]
     )
-    found, cut = convex_pieces(mesh(parts), 4)
+    found, cut = convex_pieces(mesh(parts), 4, warnings)
     assert (len(found), cut, calls) == (1, True, [4])
+    assert [text[: len(told[0])] for text in warnings] == told if told else not warnings
 
 
 def test_coacd_cuts_an_elbow_in_two():
     needs_module("coacd")
     solid = mesh(elbow())
-    found, cut = convex_pieces(solid, 8)
+    found, cut = convex_pieces(solid, 8, [])
     assert cut
     assert len(found) == 2
     volume = sum(ConvexHull(corners).volume for corners in found)

@@ -128,6 +128,17 @@ def test_meshes_are_found(tmp_path, uri):
     np.testing.assert_allclose(shape.scale, [0.1, 0.2, 0.3])
 
 
+def test_meshes_of_our_package_are_found(tmp_path):
+    uri = "package://drake_srg/meshes/011_banana_banana_0_collision.obj"
+    contents = read_link(
+        urdf(tmp_path / "a.urdf", collision(f"<mesh filename='{uri}'/>"))
+    )
+    assert contents.mesh_files()[0].is_file()
+    with pytest.raises(ScenarioError, match="does not exist"):
+        mesh = collision("<mesh filename='package://drake_srg/meshes/no.obj'/>")
+        read_link(urdf(tmp_path / "a.urdf", mesh))
+
+
 @pytest.mark.parametrize(
     ("elements", "problem"),
     [
