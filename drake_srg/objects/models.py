@@ -137,8 +137,8 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Where given, mass, friction, resolution and modulus replace the model's. Inertia
-    scales with mass.
+    Where given, mass, friction, resolution, modulus and dissipation replace the model's.
+    Inertia scales with mass.
 
     Raises:
         ScenarioError: If the model cannot be read or does not have exactly one link, or
@@ -158,9 +158,13 @@ def AddObject(
         scale = config.mass / sum(float(m.text or 0.0) for m in masses)
         for element in (*masses, *root.findall(".//inertial/inertia/*")):
             element.text = repr(float(element.text or 0.0) * float(scale))
+    dissipation = config.dissipation
+    tau = None if dissipation is None else relaxation_time(dissipation)
     for value, tags in (
         (config.resolution, ("mesh_resolution_hint",)),
         (config.modulus, ("hydroelastic_modulus",)),
+        (dissipation, ("hunt_crossley_dissipation",)),
+        (tau, ("relaxation_time",)),
         (config.friction, ("mu_dynamic", "mu_static")),
     ):
         if value is None:
@@ -261,13 +265,14 @@ def _contact_properties(
 ) -> geometry.ProximityProperties:
     # A box has no radius; Drake meshes it the same way at any resolution.
     resolution = config.resolution or _RESOLUTION * getattr(shape, "radius", 1.0)
+    dissipation = _DISSIPATION if config.dissipation is None else config.dissipation
     properties = geometry.ProximityProperties()
     geometry.AddContactMaterial(
-        dissipation=_DISSIPATION,
+        dissipation=dissipation,
         friction=CoulombFriction(friction, friction),
         properties=properties,
     )
-    properties.AddProperty("material", "relaxation_time", relaxation_time(_DISSIPATION))
+    properties.AddProperty("material", "relaxation_time", relaxation_time(dissipation))
     geometry.AddCompliantHydroelasticProperties(
         resolution_hint=resolution,
         hydroelastic_modulus=config.modulus or _MODULUS,
