@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
     Box,
@@ -28,11 +29,12 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.corners import body_corners
 from drake_srg.objects.models import AddObject, object_body
 from drake_srg.objects.slab_mesh import obj_text, slab_mesh
-from drake_srg.types import Vector
+from drake_srg.types import Sphere, Vector
 
 # Half the width of the table, and its thickness [m].
 _HALF, _THICKNESS = 0.3, 0.04
@@ -58,16 +60,20 @@ class Settings:
     Attributes:
         approximation: Of Drake's discrete contact.
         time_step: Of the plant [s].
-        cell: Edge of the facets of the table's top [m]; 0 makes it a box.
+        cell: Edge of the facets of a rigid table's top [m]; 0 makes it a box.
+        mat: Modulus of the table [Pa]; 0 makes it rigid.
+        mat_dissipation: Of the table, unless it is rigid [s/m].
         modulus: Of the objects [Pa]; None keeps what each has.
         dissipation: Of the objects [s/m]; None keeps what each has.
     """
 
     approximation: str = "lagged"
     time_step: float = 0.005
-    cell: float = 0.025
-    modulus: float | None = 1.0e6
-    dissipation: float | None = 200.0
+    cell: float = 0.0
+    mat: float = 3.0e5
+    mat_dissipation: float = 200.0
+    modulus: float | None = None
+    dissipation: float | None = None
 
 
 @dc.dataclass(frozen=True)
@@ -128,7 +134,7 @@ def simulate(
         ),
         builder,
     )
-    _AddTable(plant, settings.cell)
+    _AddTable(plant, settings)
     config = dc.replace(
         config,
         modulus=settings.modulus or config.modulus,
@@ -139,6 +145,8 @@ def simulate(
     body = plant.get_body(index)
     plant.Finalize()
     corners = body_corners(plant, scene_graph.model_inspector(), body)
+    if isinstance(config.shape, Sphere):
+        corners /= np.sqrt(3.0)  # on its surface
     simulator = Simulator(builder.Build())
     context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     R_WO = RollPitchYaw(*POSES[drop.pose]).ToRotationMatrix()
@@ -177,21 +185,31 @@ def simulate(
     )
 
 
-def _AddTable(plant: MultibodyPlant, cell: float) -> None:
-    """Add a rigid table whose top is z = 0."""
+def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:
+    """Add a table whose top is z = 0."""
     low, high = (-_HALF, -_HALF, -_THICKNESS), (_HALF, _HALF, 0.0)
     shape: Shape = Box(2 * _HALF, 2 * _HALF, _THICKNESS)
     X_WT = RigidTransform([0.0, 0.0, -0.5 * _THICKNESS])
-    if cell:
-        text = obj_text(*slab_mesh(low, high, cell))
+    if settings.cell:
+        text = obj_text(*slab_mesh(low, high, settings.cell))
         file = MemoryFile(text, ".obj", "table_top")
         shape, X_WT = Mesh(InMemoryMesh(mesh_file=file)), RigidTransform()
+    d = settings.mat_dissipation if settings.mat else 0.0
     properties = ProximityProperties()
     AddContactMaterial(
-        friction=CoulombFriction(_FRICTION, _FRICTION), properties=properties
+        dissipation=d,
+        friction=CoulombFriction(_FRICTION, _FRICTION),
+        properties=properties,
     )
-    properties.AddProperty("material", "relaxation_time", 0.0)
-    AddRigidHydroelasticProperties(properties)
+    properties.AddProperty("material", "relaxation_time", relaxation_time(d))
+    if settings.mat:
+        AddCompliantHydroelasticProperties(
+            resolution_hint=_HALF,  # a box ignores it
+            hydroelastic_modulus=settings.mat,
+            properties=properties,
+        )
+    else:
+        AddRigidHydroelasticProperties(properties)
     plant.RegisterCollisionGeometry(
         plant.world_body(), X_WT, shape, "table_top", properties
     )

@@ -56,11 +56,16 @@ def MakeAdvance(simulator: Simulator, system: Diagram, scenario: Scenario) -> Ad
     period = scenario.sleeping.period
 
     def advance(until: float) -> None:
+        check_now()  # the caller may have changed an input since the last check
         while root.get_time() < until - _ROUNDING:
-            check = period * (math.floor(root.get_time() / period + _ROUNDING) + 1)
+            check = period * (math.floor(root.get_time() / period + 1e-6) + 1)
             simulator.AdvanceTo(until if check > until - _ROUNDING else check)
-            if root.get_time() > check - _ROUNDING:
-                sleepers.update()
+            check_now()
+
+    def check_now() -> None:
+        time = root.get_time()
+        if abs(time - period * round(time / period)) < _ROUNDING:
+            sleepers.update()
 
     return advance
 
