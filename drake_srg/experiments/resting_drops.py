@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 import time as wall
-from typing import Literal
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -21,6 +20,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.multibody.plant import (
     AddMultibodyPlant,
+    AddMultibodyPlantSceneGraph,
     CoulombFriction,
     MultibodyPlant,
     MultibodyPlantConfig,
@@ -32,7 +32,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.corners import body_corners
-from drake_srg.objects.models import AddObject, object_body
+from drake_srg.objects.models import AddObject, object_body, simple_shape
 from drake_srg.objects.slab_mesh import obj_text, slab_mesh
 from drake_srg.types import Sphere, Vector
 
@@ -63,6 +63,7 @@ class Settings:
         cell: Edge of the facets of a rigid table's top [m]; 0 makes it a box.
         mat: Modulus of the table [Pa]; 0 makes it rigid.
         mat_dissipation: Of the table, unless it is rigid [s/m].
+        resolution: Edge of the facets of cylinders and balls, over their radius.
         modulus: Of the objects [Pa]; None keeps what each has.
         dissipation: Of the objects [s/m]; None keeps what each has.
     """
@@ -70,18 +71,19 @@ class Settings:
     approximation: str = "lagged"
     time_step: float = 0.005
     cell: float = 0.0
-    mat: float = 3.0e5
-    mat_dissipation: float = 200.0
+    mat: float = 5.0e4
+    mat_dissipation: float = 300.0
+    resolution: float = 0.15
     modulus: float | None = None
     dissipation: float | None = None
 
 
 @dc.dataclass(frozen=True)
 class Drop:
-    """An object, how it is turned (one of `POSES`) and how high it is [m]."""
+    """An object, its pose (of `POSES`) and how high it is [m]."""
 
     name: str
-    pose: Literal["standing", "tipped", "lying"]
+    pose: str
     height: float
 
     def __str__(self) -> str:
@@ -140,6 +142,9 @@ def simulate(
         modulus=settings.modulus or config.modulus,
         dissipation=settings.dissipation or config.dissipation,
     )
+    radius = getattr(simple_shape(drop.name, config), "radius", None)
+    if radius:
+        config.resolution = settings.resolution * radius
     index = object_body(plant, AddObject(plant, "thing", config))
     assert isinstance(index, BodyIndex)
     body = plant.get_body(index)
@@ -183,6 +188,23 @@ def simulate(
         exploded=rose or failed,
         wall=elapsed,
     )
+
+
+def tipping_angle(config: ObjectConfig, pose: str) -> float:
+    """Return the angle by which an object in a pose can tip without falling [rad].
+
+    A pose that is tipped is judged as the one that it is tipped from. The object counts
+    as a box.
+    """
+    plant, scene_graph = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+    index = object_body(plant, AddObject(plant, "thing", config))
+    assert isinstance(index, BodyIndex)
+    plant.Finalize()
+    inspector = scene_graph.model_inspector()
+    corners = body_corners(plant, inspector, plant.get_body(index))
+    roll = np.round(POSES[pose][0] / (np.pi / 2)) * np.pi / 2
+    extent = np.ptp(corners @ RotationMatrix.MakeXRotation(roll).matrix().T, axis=0)
+    return float(np.arctan2(min(extent[:2]), extent[2]))
 
 
 def _AddTable(plant: MultibodyPlant, settings: Settings) -> None:

@@ -183,7 +183,9 @@ def _sleeping_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if step == 0.0:  # Drake locks joints of discrete plants only
         yield "sleeping", f"must be null with integrator {_CENIC}"
     elif period < step:
-        problem = f"must be at least plant_config.time_step ({step:g} s), got {period:g}"
+        problem = (
+            f"must be at least plant_config.time_step ({step:g} s), got {period:g}"
+        )
         yield "sleeping.period", problem
     if any(config.soft for config in scenario.objects.values()):
         yield "sleeping", "must be null with soft objects"

@@ -10,10 +10,10 @@ from .shapes import disc, prism, revolve, rot_x, union_properties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.
 WOOD = Proximity(rigid=True, friction=0.6)
-# A foam mat on it, 0.1 MPa: under a light object a rigid top gives way by less than the
-# object moves in a step, so it rattles. The mat gives way by 0.02 to 0.5 mm. What falls
-# on it rebounds at 1 / dissipation = 5 mm/s at most. `drake-srg experiment resting`.
-MAT = Proximity(rigid=False, friction=0.6, modulus=1e5, dissipation=200.0)
+# A soft foam mat on it, 50 kPa: a hard top gives way to a light object by less than the
+# object moves in a step, so it rattles. The mat gives way by 0.1 to 1 mm. What falls
+# on it rebounds at 1 / dissipation = 3 mm/s at most. `drake-srg experiment resting`.
+MAT = Proximity(rigid=False, friction=0.6, modulus=5e4, dissipation=300.0)
 SHEET = Proximity(rigid=True, friction=0.4)
 
 # YCB object set, 005_tomato_soup_can.
