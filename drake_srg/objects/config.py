@@ -75,8 +75,8 @@ class ObjectConfig:
     # Hydroelastic modulus [Pa]. Null keeps the model's, or means 50 MPa for a shape. If
     # contact is too stiff for the time step, a light object rattles on its support.
     modulus: float | None = dc.field(default=None, metadata=positive())
-    # Hunt-Crossley dissipation [s/m]. Null keeps the model's, or means 5 s/m for a shape.
-    # An object rebounds at 1 / dissipation at most [m/s]. On a rigid support, the
+    # Hunt-Crossley dissipation [s/m]. Null keeps the model's, or means 5 s/m for a
+    # shape. An object rebounds at 1 / dissipation at most [m/s]. On a rigid support, the
     # object's alone counts.
     dissipation: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Red, green, blue 0 .. 1: colour of a `shape`, and the one that the localizer looks

@@ -137,8 +137,8 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Where given, mass, friction, resolution, modulus and dissipation replace the model's.
-    Inertia scales with mass.
+    Where given, mass, friction, resolution, modulus and dissipation replace those of
+    the model. Inertia scales with mass.
 
     Raises:
         ScenarioError: If the model cannot be read or does not have exactly one link, or

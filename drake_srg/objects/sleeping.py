@@ -152,8 +152,8 @@ class SleepMonitor(LeafSystem):
 def box_gaps(p: Vector, R: Vector, halves: Vector, count: int) -> Vector:
     """Return lower bounds of the distances of the first `count` boxes from all boxes.
 
-    The bound is the largest gap along the axes of either box. A box counts as infinitely
-    far from itself.
+    The bound is the largest gap along the axes of either box. A box counts as
+    infinitely far from itself.
 
     Args:
         p: Centres of the boxes in world, shape (B, 3) [m].

@@ -68,9 +68,10 @@ def MakeStation(scenario: Scenario) -> Diagram:
     `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
     or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
     through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). The subsystems
-    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME`,
-    `object_poses` and, with sleeping, `sleep_monitor`. Objects sleep where the caller
-    advances with `simulation.MakeAdvance`, as `Simulate`, `Rig` and `Serve` do.
+    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
+    `rgbd_sensor_NAME`, `object_poses` and, with sleeping, `sleep_monitor`. Objects
+    sleep where the caller advances with `simulation.sleeping.MakeAdvance`, as
+    `Simulate`, `Rig` and `Serve` do.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
