@@ -33,7 +33,17 @@ from models.built_models import (
 
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench")
-MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", CAN, *NOT_CONVEX)
+MODELS = (
+    *ROBOTS,
+    *WORKPLACE,
+    "table",
+    "table_mat",
+    "floor",
+    "marker",
+    "lid",
+    CAN,
+    *NOT_CONVEX,
+)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
 
 

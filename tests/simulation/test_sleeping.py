@@ -23,13 +23,17 @@ def block(x, z=None, **changes):
     values = {"shape": Box([0.05] * 3), "mass": 0.2, "friction": 0.5, **changes}
     thing = ObjectConfig(position=[x, 0.0], **values)
     if z is not None:
-        pose = load_scenario(
-            "gripper_bench",
-            overrides=[
-                "objects.soup_can.position=null",
-                f"objects.soup_can.pose={{translation: [{x}, 0.0, {z}]}}",
-            ],
-        ).objects["soup_can"].pose
+        pose = (
+            load_scenario(
+                "gripper_bench",
+                overrides=[
+                    "objects.soup_can.position=null",
+                    f"objects.soup_can.pose={{translation: [{x}, 0.0, {z}]}}",
+                ],
+            )
+            .objects["soup_can"]
+            .pose
+        )
         thing.position, thing.pose = None, pose
     return thing
 
