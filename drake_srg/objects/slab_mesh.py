@@ -5,8 +5,6 @@ piece's middle. The top of a box has two triangles, so a flat thing on it would 
 few such points and rock. On a grid it stands on many.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +12,7 @@ from drake_srg.types import Vector
 
 
 def slab_mesh(
-    low: Sequence[float], high: Sequence[float], cell: float
+    low: npt.ArrayLike, high: npt.ArrayLike, cell: float
 ) -> tuple[Vector, npt.NDArray[np.int64]]:
     """Return the surface of a box whose top is a grid.
 
@@ -27,7 +25,7 @@ def slab_mesh(
         Vertices, shape (n, 3) [m], and the indices of the three vertices of each
         triangle, shape (m, 3), counter-clockwise as seen from outside.
     """
-    low, high = np.asarray(low, float), np.asarray(high, float)
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     nx, ny = np.ceil((high - low)[:2] / cell - 1e-9).astype(int)
     x, y = (np.linspace(low[i], high[i], n + 1) for i, n in ((0, nx), (1, ny)))
     top = np.stack([*np.meshgrid(x, y), np.full((ny + 1, nx + 1), high[2])], axis=2)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import SceneGraphInspector
 from pydrake.math import RigidTransform
@@ -17,6 +18,8 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.corners import body_corners
 from drake_srg.types import Vector
+
+_Mask = npt.NDArray[np.bool_]
 
 
 class SleepMonitor(LeafSystem):
@@ -102,13 +105,13 @@ class SleepMonitor(LeafSystem):
         stirred = context.get_discrete_state(0).value().copy()
         asleep = self.get_output_port().Eval(context)
         awake = np.array([name not in asleep for name in self.object_names], bool)
-        awoken = self._quiet(context) & awake
+        awoken = self._rested(context) & awake
         moving = self._speeds(context)[: len(stirred)] > self.config.speed
         stirred[awoken | moving] = context.get_time()
         discrete_state.set_value(stirred)
 
     def _calc_objects_asleep(self, context: Context, output: AbstractValue) -> None:
-        asleep = self._quiet(context)
+        asleep = self._rested(context) & ~self._pushed(context)
         near = self._near(context) if asleep.any() else np.zeros((0, 0), bool)
         while asleep.any():
             awake = np.ones(len(self._bodies), dtype=bool)
@@ -120,16 +123,18 @@ class SleepMonitor(LeafSystem):
         names = np.array(self.object_names)[asleep]
         output.set_value(frozenset(names.tolist()))
 
-    def _quiet(self, context: Context) -> Vector:
-        """Return which objects have been at rest for long enough, without a force."""
+    def _rested(self, context: Context) -> _Mask:
+        """Return which objects have been at rest for long enough."""
         stirred = context.get_discrete_state(0).value()
-        quiet = context.get_time() - stirred > self.config.after - 1e-9
+        rested: _Mask = context.get_time() - stirred > self.config.after - 1e-9
+        return rested
+
+    def _pushed(self, context: Context) -> _Mask:
+        """Return the objects to which a force is applied."""
         forces = self.GetInputPort("applied_forces")
-        if forces.HasValue(context):
-            for applied in forces.Eval(context):
-                objects = self._bodies[: len(quiet)]
-                quiet &= np.array(objects) != int(applied.body_index)
-        return quiet
+        applied = forces.Eval(context) if forces.HasValue(context) else []
+        pushed = {int(force.body_index) for force in applied}
+        return np.isin(self._bodies[: len(self.object_names)], list(pushed))
 
     def _speeds(self, context: Context) -> Vector:
         """Return an upper bound of the speed of each body's points [m/s]."""
@@ -138,7 +143,7 @@ class SleepMonitor(LeafSystem):
         turning, moving = np.linalg.norm(V.reshape(-1, 2, 3), axis=2).T
         return moving + turning * self._radii
 
-    def _near(self, context: Context) -> Vector:
+    def _near(self, context: Context) -> _Mask:
         """Return which objects (rows) each body (columns) is near to."""
         poses = self.GetInputPort("body_poses").Eval(context)
         R = np.array([poses[i].rotation().matrix() for i in self._bodies])
@@ -146,7 +151,8 @@ class SleepMonitor(LeafSystem):
         p += np.einsum("bij,bj->bi", R, self._centers)
         reach = self.config.margin + self._speeds(context) * self.config.period
         gaps = box_gaps(p, R, self._halves, len(self.object_names))
-        return gaps <= reach
+        near: _Mask = gaps <= reach
+        return near
 
 
 def box_gaps(p: Vector, R: Vector, halves: Vector, count: int) -> Vector:

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydrake.common import MemoryFile
-from pydrake.geometry import InMemoryMesh, Mesh, ReadObjToTriangleSurfaceMesh
+from pydrake.geometry import ReadObjToTriangleSurfaceMesh
 
 from drake_srg.objects.slab_mesh import obj_text, slab_mesh
 
@@ -28,9 +27,10 @@ def test_a_slab_is_a_closed_box_with_a_gridded_top(width, depth, height, cell):
     assert np.ptp(top, axis=1).max() <= cell + 1e-9
 
 
-def test_drake_reads_the_text():
+def test_drake_reads_the_text(tmp_path):
     vertices, triangles = slab_mesh([0, 0, -0.04], [0.06, 0.04, 0], 0.02)
-    file = MemoryFile(obj_text(vertices, triangles), ".obj", "slab")
-    mesh = ReadObjToTriangleSurfaceMesh(Mesh(InMemoryMesh(mesh_file=file)).source())
+    path = tmp_path / "slab.obj"
+    path.write_text(obj_text(vertices, triangles))
+    mesh = ReadObjToTriangleSurfaceMesh(str(path))
     assert mesh.num_triangles() == len(triangles)
     np.testing.assert_allclose(mesh.vertices(), vertices, atol=1e-6)
