@@ -214,7 +214,7 @@ SPONGE = "objects={sponge: {shape: !Box {}, soft: {}, mass: 0.1, friction: 1}}"
         (["sleeping={aftr: 1}"], "sleeping: unknown key 'aftr' (did you mean 'after'"),
         (
             ["sleeping={period: 0.001}"],
-            "sleeping.period: must be at least plant_config.time_step, 0.002 s, got",
+            "sleeping.period: must be at least plant_config.time_step (0.002 s), got",
         ),
         (
             [
