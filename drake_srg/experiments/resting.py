@@ -52,7 +52,6 @@ OTHERS = {
 # The objects dropped with other settings.
 COMPARED = (
     "005_tomato_soup_can",
-    "004_sugar_box",
     "056_tennis_ball",
     "mug",
     "wrench",
@@ -212,6 +211,7 @@ def columns(motions: Mapping[str, Mapping[Drop, Motion]]) -> dict[str, list[Any]
                 (f"speed after {SOON[0]:g} s [mm/s]", 1e3 * motion.fastest(*SOON)),
                 (f"speed after {LATE[0]:g} s [mm/s]", 1e3 * motion.fastest(*LATE)),
                 ("sunk [mm]", 1e3 * motion.sunk),
+                ("creep after 3 s [mm]", 1e3 * motion.creep(CREEP[0])),
             ):
                 table.setdefault(column, []).append(value)
     return table
@@ -235,7 +235,7 @@ def draw(counts: Mapping[str, Count]) -> Any:
     speed.barh(y, [c.speed for c in counts.values()], 0.6, color=COLORS[6])
     restless.set_yticks(y, list(counts))
     restless.axvline(100.0 * MOST_UNQUIET, color="#333333", ls="--", lw=0.8)
-    restless.legend(fontsize=8, frameon=False, loc="upper right")
+    restless.legend(fontsize=8, frameon=False, loc="center right")
     for axes in (restless, speed):
         axes.grid(visible=False)
     return figure

@@ -73,7 +73,7 @@ class Settings:
     cell: float = 0.0
     mat: float = 5.0e4
     mat_dissipation: float = 300.0
-    resolution: float = 0.15
+    resolution: float = 0.1
     modulus: float | None = None
     dissipation: float | None = None
 
