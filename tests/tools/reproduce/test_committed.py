@@ -20,6 +20,7 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 WAITING = {
     "adaptation",
     "localizer_thresholds",
+    "resting",
     "sleeping",
     "sweep_throughput",
 }
