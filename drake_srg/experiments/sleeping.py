@@ -31,7 +31,7 @@ from drake_srg.types import Box, Cylinder, Vector
 
 SLEEPING = SleepingConfig()
 # The carton is pushed when everything sleeps, and has come to rest at the end [s].
-PUSH, PUSHED_FOR, END = 0.95, 0.1, 1.45
+PUSH, PUSHED_FOR, END = 1.1, 0.1, 1.6
 MOVED, FELL = 0.005, np.deg2rad(45.0)  # an object moved [m], or fell over [rad]
 AWAKE, ASLEEP, HALF = "awake", "asleep", "half the step"
 _QUICK = 30
