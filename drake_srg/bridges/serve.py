@@ -30,6 +30,7 @@ from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
+from drake_srg.simulation.sleeping import Advance, MakeAdvance
 from drake_srg.types import Vector
 
 _STATUS_PERIOD = 0.5  # time between status reports [s, real]
@@ -116,6 +117,7 @@ def Serve(
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
             _fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()
+            advance = MakeAdvance(simulator, station, scenario)
         pictures = Pictures(scenario, warnings)
         outlet = Outlet(connect(inbox, [*topics, *pictures.topics.values()]), warnings)
         for bridge in outlet.bridges:
@@ -125,7 +127,9 @@ def Serve(
         start = wall.monotonic()
         try:
             _run(
-                _Loop(name, simulator, station, topics, pictures, inbox, outlet),
+                _Loop(
+                    name, simulator, advance, station, topics, pictures, inbox, outlet
+                ),
                 control_period(scenario),
                 name,
                 rate,
@@ -166,13 +170,14 @@ class _Loop:
         self,
         name: str,
         simulator: Simulator,
+        advance: Advance,
         station: Diagram,
         topics: Sequence[Topic],
         pictures: Pictures,
         inbox: CommandInbox,
         outlet: Outlet,
     ) -> None:
-        self._name, self._simulator = name, simulator
+        self._name, self._simulator, self._advance = name, simulator, advance
         self.inbox, self.outlet = inbox, outlet
         self._topics, self._pictures = topics, pictures
         self._root = simulator.get_mutable_context()
@@ -208,7 +213,7 @@ class _Loop:
 
     def _advance_to(self, time: float) -> None:
         with failure_time(self._name, self._simulator):
-            self._simulator.AdvanceTo(time)
+            self._advance(time)
 
     def _plant_state(self) -> Vector:
         context = self._plant.GetMyContextFromRoot(self._root)

@@ -83,6 +83,10 @@ class ObjectConfig:
     # Hydroelastic modulus [Pa]. Null keeps the model's, or means 50 MPa for a shape. If
     # contact is too stiff for the time step, a light object rattles on its support.
     modulus: float | None = dc.field(default=None, metadata=positive())
+    # Hunt-Crossley dissipation [s/m]. Null keeps the model's, or means 5 s/m for a
+    # shape. An object rebounds at 1 / dissipation at most [m/s]. On a rigid support,
+    # the object's alone counts.
+    dissipation: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Red, green, blue 0 .. 1: colour of a `shape`, and the one that the localizer looks
     # for.
     color: list[float] = dc.field(
@@ -118,3 +122,18 @@ class ClutterConfig:
 
     count: int = dc.field(default=0, metadata={"ge": 0})
     kinds: dict[str, ObjectConfig] = dc.field(default_factory=dict)
+
+
+@dc.dataclass(kw_only=True)
+class SleepingConfig:
+    """When resting objects sleep: they keep their place and cost hardly any time."""
+
+    # An object falls asleep after it has been at rest for this long [s].
+    after: float = dc.field(default=0.5, metadata=positive())
+    # At rest, every point of it is at most this fast [m/s].
+    speed: float = dc.field(default=5.0e-4, metadata=positive())
+    # It wakes when something awake comes this near [m]. Within `period`, 5 mm allow for
+    # an acceleration of 100 m/s², ten times that of a fall.
+    margin: float = dc.field(default=0.005, metadata=positive())
+    # Time between checks [s].
+    period: float = dc.field(default=0.01, metadata=positive())

@@ -35,7 +35,7 @@ def facet_length(radius: float) -> float:
 
 
 def contact_properties(
-    friction: float, modulus: float, resolution: float
+    friction: float, modulus: float, resolution: float, dissipation: float
 ) -> ProximityProperties:
     """Return the contact properties of a shape.
 
@@ -43,14 +43,15 @@ def contact_properties(
         friction: Coulomb's coefficient.
         modulus: Hydroelastic modulus [Pa].
         resolution: Edge length of facets [m].
+        dissipation: Hunt and Crossley's [s/m].
     """
     properties = ProximityProperties()
     AddContactMaterial(
-        dissipation=DISSIPATION,
+        dissipation=dissipation,
         friction=CoulombFriction(friction, friction),
         properties=properties,
     )
-    properties.AddProperty("material", "relaxation_time", relaxation_time(DISSIPATION))
+    properties.AddProperty("material", "relaxation_time", relaxation_time(dissipation))
     AddCompliantHydroelasticProperties(
         resolution_hint=resolution,
         hydroelastic_modulus=modulus,

@@ -17,10 +17,16 @@ from pydrake.multibody.tree import (
     UnitInertia,
 )
 
+from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.shapes import drake_shape
 from drake_srg.objects.config import ObjectConfig
-from drake_srg.objects.contact import MODULUS, contact_properties, facet_length
+from drake_srg.objects.contact import (
+    DISSIPATION,
+    MODULUS,
+    contact_properties,
+    facet_length,
+)
 from drake_srg.objects.meshes.load import model_tree
 from drake_srg.objects.sdf import SetContact, SetMass, is_placed
 from drake_srg.objects.soft import AddSoftObject
@@ -128,8 +134,8 @@ def AddObject(
 ) -> ModelInstanceIndex:
     """Add an object to a plant that is not finalized, as model instance `name`.
 
-    Where given, mass, friction, resolution and modulus replace the model's. Inertia
-    scales with mass.
+    Where given, mass, friction, resolution, modulus and dissipation replace those of
+    the model. Inertia scales with mass.
 
     Raises:
         ScenarioError: If the model cannot be read or does not have exactly one link, or
@@ -146,9 +152,13 @@ def AddObject(
         )
     if config.mass is not None:
         SetMass(root, config.mass)
+    dissipation = config.dissipation
+    tau = None if dissipation is None else relaxation_time(dissipation)
     values = {
         "mesh_resolution_hint": config.resolution,
         "hydroelastic_modulus": config.modulus,
+        "hunt_crossley_dissipation": dissipation,
+        "relaxation_time": tau,
         "mu_dynamic": config.friction,
         "mu_static": config.friction,
     }
@@ -214,6 +224,7 @@ def _AddShape(
             config.friction,
             config.modulus or MODULUS,
             config.resolution or facet_length(radius),
+            DISSIPATION if config.dissipation is None else config.dissipation,
         )
         plant.RegisterCollisionGeometry(body, X_BG, touched, "collision", properties)
     return model

@@ -43,6 +43,7 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     yield from _pick_problems(scenario)
     for name, config in scenario.objects.items():
         yield from _object_problems(scenario, f"objects.{name}", config)
+    yield from _sleeping_problems(scenario)
     yield from _region_problems(scenario)
     yield from _script_problems(scenario)
     yield from _taught_problems(scenario)
@@ -183,6 +184,22 @@ def _object_problems(
                 f"must be on the table, got {config.position} "
                 f"(allowed: x {x0} .. {x1}, y {y0} .. {y1})",
             )
+
+
+def _sleeping_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield what keeps resting objects from sleeping."""
+    if scenario.sleeping is None:
+        return
+    step, period = scenario.plant_config.time_step, scenario.sleeping.period
+    if step == 0.0:  # Drake locks joints of discrete plants only
+        yield "sleeping", f"must be null with integrator {_CENIC}"
+    elif period < step:
+        problem = (
+            f"must be at least plant_config.time_step ({step:g} s), got {period:g}"
+        )
+        yield "sleeping.period", problem
+    if any(config.soft for config in scenario.objects.values()):
+        yield "sleeping", "must be null with soft objects"
 
 
 def _region_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -18,7 +18,7 @@ from pydrake.systems.sensors import CameraConfig
 
 from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.gripper.drivers import DRIVERS, GripperDriver
-from drake_srg.objects.config import ClutterConfig, ObjectConfig
+from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturbances import Force, Push, Topple
 from drake_srg.planning.script.messages import MessagesConfig
 from drake_srg.planning.script.scripted import ScriptStep
@@ -150,6 +150,9 @@ class Scenario:
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)
     # A random number of more objects; once loaded, they are among `objects`.
     clutter: ClutterConfig = dc.field(default_factory=ClutterConfig)
+    # Null: objects never sleep. Needs `plant_config.time_step` above 0 and no soft
+    # objects.
+    sleeping: SleepingConfig | None = None
     task: TaskConfig = dc.field(default_factory=TaskConfig)
     localizer: LocalizerConfig = dc.field(default_factory=LocalizerConfig)
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)

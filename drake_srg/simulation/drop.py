@@ -1,8 +1,7 @@
-"""Drops an object on a scenario's table and tells whether it comes to rest."""
+"""Drops an object on a table and tells whether it comes to rest."""
 
 from __future__ import annotations
 
-import copy
 import dataclasses as dc
 
 import numpy as np
@@ -12,10 +11,12 @@ from pydrake.math import RigidTransform
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
-from drake_srg.scenario import LocalizerConfig, Scenario, TaskConfig, load_scenario
+from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig
+from drake_srg.simulation.tabletop import tabletop
 
 HEIGHT = 0.005  # of the underside above the table [m]
+_PLACE = (0.5, 0.0)  # on the table, in world [m]
 QUIET = 0.005  # a slower object rests [m/s]
 # When it must rest, at best and at the latest, and how long it is watched [s].
 SOON, LATE, _WATCHED = 1.2, 3.0, 0.2
@@ -47,55 +48,32 @@ class DropOutcome:
         )
 
 
-def table_scenario(thing: ObjectConfig, scenario: str = "kitchen") -> Scenario:
-    """Return a scenario's table and contact settings with one object, and no robot.
+def above_table(thing: ObjectConfig) -> Scenario:
+    """Return a scenario in which an object is let go just above a table.
+
+    The table brings objects to rest (see `tabletop`).
 
     Args:
-        thing: The object, named `thing`; it is let go just above the table.
-        scenario: Name or path of the scenario.
+        thing: The object, named `thing`, as it stands.
 
     Raises:
         ScenarioError: If the object's model cannot be read.
     """
-    base = load_scenario(scenario)
-    thing = copy.deepcopy(thing)
-    region, low = base.task.region, object_facts("thing", thing).low
-    x, y = 0.5 * (np.array(region.min) + np.array(region.max))
-    z = base.table.height + HEIGHT - low[2]
-    thing.pose, thing.position = Transform(RigidTransform([x, y, z])), None
-    robot = ("arm", "gripper")
-    directives = []
-    for directive in base.directives:
-        model, weld = directive.add_model, directive.add_weld
-        names = [model.name] if model else [weld.parent, weld.child] if weld else []
-        if not any(name.partition("::")[0] in robot for name in names):
-            directives.append(directive)
-    return dc.replace(
-        base,
-        arm=None,
-        gripper=None,
-        directives=directives,
-        cameras={},
-        camera_errors={},
-        localizer=LocalizerConfig(),
-        objects={"thing": thing},
-        ignored_contacts=[],
-        task=TaskConfig(pick="thing"),
-        disturbances=[],
-    )
+    low = object_facts("thing", thing).low
+    X_WO = RigidTransform([*_PLACE, HEIGHT - low[2]])
+    return tabletop({"thing": dc.replace(thing, pose=Transform(X_WO), position=None)})
 
 
-def drop(thing: ObjectConfig, scenario: str = "kitchen") -> DropOutcome:
+def drop(thing: ObjectConfig) -> DropOutcome:
     """Drop an object and watch it until it rests, for 3 s at most.
 
     Args:
         thing: The object; it falls as it stands.
-        scenario: Name or path of a discrete scenario with a table.
 
     Raises:
         ScenarioError: If its model cannot be read.
     """
-    prepared = table_scenario(thing, scenario)
+    prepared = above_table(thing)
     size = np.linalg.norm(object_facts("thing", thing).size)
     with Rig(prepared, name="drop", period=_PERIOD, log_period=_PERIOD) as rig:
         model = rig.plant.GetModelInstanceByName("thing")

@@ -32,6 +32,7 @@ from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous
 from drake_srg.simulation import failure_time
 from drake_srg.simulation.bench import bench_scenario, shake
 from drake_srg.simulation.log_format import pose_to_row
+from drake_srg.simulation.sleeping import MakeAdvance
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
 
@@ -101,6 +102,7 @@ class Rig:
             self.simulator = Simulator(self.diagram)
             ApplySimulatorConfig(scenario.simulator_config, self.simulator)
             self.context = self.simulator.get_mutable_context()
+            self._advance = MakeAdvance(self.simulator, self.station, scenario)
             stack.pop_all()
         self.plant = self.station.GetSubsystemByName("plant")
         self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
@@ -155,7 +157,7 @@ class Rig:
                     self.simulator.Initialize()
                     self._log_row()
                 self._tick += 1
-                self.simulator.AdvanceTo(self._tick * self._period)
+                self._advance(self._tick * self._period)
             if self._tick % self._rows_every == 0:
                 self._log_row()
 

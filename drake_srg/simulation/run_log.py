@@ -41,8 +41,8 @@ class RunLog:
             logged.
 
     Attributes:
-        touching: Names of the bodies that touch the picked object in the latest sample,
-            as `ContactReader.forces` names them.
+        touching: Names of the bodies that touch the picked object in the latest sample
+            in which it did not sleep, as `ContactReader.forces` names them.
     """
 
     def __init__(self, scenario: Scenario, cell: Diagram) -> None:
@@ -59,6 +59,7 @@ class RunLog:
         self._mode = cell.GetOutputPort("planner.mode")
         self._poses = cell.GetOutputPort("object_poses_cheat")
         self._contacts = cell.GetOutputPort("contact_results_cheat")
+        self._asleep = ports.get("objects_asleep_cheat")
         self._pick = scenario.task.pick
         self._reader: ContactReader | None = None
         self._present = scenario.objects[self._pick].present
@@ -85,7 +86,8 @@ class RunLog:
                 self._reader = ContactReader(contacts.plant(), self._pick)
             forces = self._reader.forces(contacts)
         row["contact_force"] = forces.get("gripper", 0.0)
-        self.touching = set(forces)
+        if self._asleep is None or self._pick not in self._asleep.Eval(context):
+            self.touching = set(forces)
         self._rows.append(row)
 
     def arrays(self) -> dict[str, Vector]:

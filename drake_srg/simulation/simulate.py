@@ -20,6 +20,7 @@ from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
 from drake_srg.simulation.recorders import FILES, AddRecorders, write_samples
 from drake_srg.simulation.run_log import RunLog
+from drake_srg.simulation.sleeping import MakeAdvance
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # A run continues for this time after the planner has ended, to let objects settle [s].
@@ -166,6 +167,7 @@ def _run(
     """Advance until the planner has ended and the objects have settled."""
     root = simulator.get_mutable_context()
     context = my_context(cell, root)
+    advance = MakeAdvance(simulator, cell, scenario)
     status_port = cell.GetOutputPort("planner.status")
     start_time = root.get_time()
     # Planners end by themselves. The margin is for a planner that does not.
@@ -188,7 +190,7 @@ def _run(
                 step += 1
                 time = min(start_time + step * scenario.recording.period, end)
                 with failure_time(name, simulator):
-                    simulator.AdvanceTo(time)
+                    advance(time)
                 log.sample(context)
                 status = status_port.Eval(context)
                 if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:

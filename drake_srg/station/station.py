@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
 from drake_srg.arm.drivers import AddArmPositionDriver, ArmPositionDriver
@@ -12,8 +13,10 @@ from drake_srg.common.exceptions import scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.drivers import AddGripperDriver
 from drake_srg.gripper.finger_sensing import PLANT_INPUTS
+from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
+from drake_srg.objects.sleeping import SleepMonitor
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant
@@ -58,14 +61,17 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - arm.state_cheat (with an arm)
         - object_poses_cheat
         - contact_results_cheat
+        - objects_asleep_cheat (with sleeping)
 
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
     `AddArmPositionDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
     `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
     or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
     through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). The subsystems
-    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`, `rgbd_sensor_NAME`
-    and `object_poses`.
+    are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
+    `rgbd_sensor_NAME`, `object_poses` and, with sleeping, `sleep_monitor`. Objects
+    sleep where the caller advances with `simulation.sleeping.MakeAdvance`, as
+    `Simulate`, `Rig` and `Serve` do.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
@@ -110,6 +116,8 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     )
     forces = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(forces, "object_forces_cheat")
+    if scenario.sleeping is not None:
+        _AddSleepMonitor(builder, plant, scene_graph, scenario, scenario.sleeping)
     if builder.HasSubsystemNamed("contact_torques"):
         # The arm also feels forces on the object that it holds.
         contact_torques = builder.GetSubsystemByName("contact_torques")
@@ -175,3 +183,31 @@ def _AddObjectPoses(
             poses.get_input_port(1),
         )
     return poses
+
+
+def _AddSleepMonitor(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    config: SleepingConfig,
+) -> None:
+    """Add the system that tells which objects sleep, save those to be disturbed."""
+    disturbed = {d.object or scenario.task.pick for d in scenario.disturbances}
+    bodies = {
+        name: object_body(plant, plant.GetModelInstanceByName(name))
+        for name, thing in scenario.objects.items()
+        if thing.present and name not in disturbed
+    }
+    rigid = {name: i for name, i in bodies.items() if isinstance(i, BodyIndex)}
+    inspector = scene_graph.model_inspector()
+    monitor = builder.AddNamedSystem(
+        "sleep_monitor", SleepMonitor(plant, inspector, rigid, config)
+    )
+    for output, name in (
+        (plant.get_body_poses_output_port(), "body_poses"),
+        (plant.get_body_spatial_velocities_output_port(), "body_spatial_velocities"),
+    ):
+        builder.Connect(output, monitor.GetInputPort(name))
+    builder.ConnectInput("object_forces_cheat", monitor.GetInputPort("applied_forces"))
+    builder.ExportOutput(monitor.get_output_port(), "objects_asleep_cheat")

@@ -36,7 +36,8 @@ from models.built_models import (
 
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
 WORKPLACE = ("small_table", "small_table_recess", "bench")
-MODELS = (*ROBOTS, *WORKPLACE, "table", "floor", "marker", "lid", *HOUSEHOLD)
+TABLES = ("table", "table_mat", "floor", "marker", "lid")
+MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOUSEHOLD)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}
 MASSES |= {"011_banana": 0.066, "029_plate": 0.279, "048_hammer": 0.665}
 

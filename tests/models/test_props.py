@@ -17,8 +17,9 @@ from models.built_models import (
 )
 
 
-def test_table_top_is_at_zero():
-    built = build("table")
+@pytest.mark.parametrize("name", ["table", "table_mat"])
+def test_table_top_is_at_zero(name):
+    built = build(name)
     ((_, shape, X),) = [
         g
         for g in built.shapes(built.bodies()[0], Role.kProximity)

@@ -11,6 +11,7 @@ from pydrake.multibody.plant import (
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.contact_damping import relaxation_time
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import (
@@ -118,6 +119,20 @@ def test_modulus_overrides_that_of_the_geometry(config):
         )
         found = properties.GetProperty("hydroelastic", "hydroelastic_modulus")
         assert found == pytest.approx(modulus or 5.0e7)
+
+
+@pytest.mark.parametrize("config", [{"model": CAN}, {"shape": SHAPES[0]}])
+def test_dissipation_overrides_that_of_the_geometry(config):
+    for dissipation in (None, 0.0, 200.0):
+        _, _, properties, *_ = add(
+            ObjectConfig(**config, mass=0.3, friction=0.5, dissipation=dissipation)
+        )
+        d, tau = (
+            properties.GetProperty("material", key)
+            for key in ("hunt_crossley_dissipation", "relaxation_time")
+        )
+        assert d == pytest.approx(5.0 if dissipation is None else dissipation)
+        assert tau == pytest.approx(relaxation_time(d))
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -214,3 +214,35 @@ def test_bad_overrides_only_raise_scenario_errors(overrides):
         load_scenario("kitchen", overrides=overrides)
     except ScenarioError as error:
         assert "\n" not in str(error)
+
+
+SPONGE = "objects={sponge: {shape: !Box {}, soft: {}, mass: 0.1, friction: 1}}"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["sleeping.after=0"], "sleeping.after: must be greater than 0.0, got 0"),
+        (["sleeping={aftr: 1}"], "sleeping: unknown key 'aftr' (did you mean 'after'"),
+        (
+            ["sleeping={period: 0.001}"],
+            "sleeping.period: must be at least plant_config.time_step (0.002 s), got",
+        ),
+        (
+            [
+                "sleeping={}",
+                "task.pick=sponge",
+                SPONGE,
+                "plant_config.discrete_contact_approximation=sap",
+            ],
+            "sleeping: must be null with soft objects",
+        ),
+    ],
+)
+def test_sleeping_that_cannot_be_is_refused(overrides, message):
+    assert message in error_of(*overrides)
+
+
+def test_nothing_sleeps_with_the_continuous_integrator():
+    with pytest.raises(ScenarioError, match="sleeping: must be null with integrator"):
+        load_scenario("kitchen_fast", overrides=["sleeping={}"])

@@ -12,6 +12,10 @@ from .shapes import disc, prism, revolve, rot_x, union_properties
 
 # Steel on dry wood: handbooks give 0.4 to 0.6.
 WOOD = Proximity(rigid=True, friction=0.6)
+# A soft foam mat on it, 50 kPa: a hard top gives way to a light object by less than the
+# object moves in a step, so it rattles. The mat gives way by 0.1 to 1 mm. What falls
+# on it rebounds at 1 / dissipation = 3 mm/s at most. `drake-srg experiment resting`.
+MAT = Proximity(rigid=False, friction=0.6, modulus=5e4, dissipation=300.0)
 SHEET = Proximity(rigid=True, friction=0.4)
 
 # YCB object set, 005_tomato_soup_can.
@@ -25,23 +29,23 @@ CAN = Proximity(
 )
 
 
-def table() -> Files:
+def table(name: str, top: Proximity, comment: str) -> Files:
     """Return a table with its top at z = 0; an arm stands on it at the origin."""
     looks = {"top": (0.74, 0.70, 0.63), "legs": (0.45, 0.46, 0.48)}
-    model = Model("table", looks, "A table; its top is z = 0.")
+    model = Model(name, looks, f"{comment}; its top is z = 0.", meshes="table")
     AddChild(model.root, "static", "true")
     pieces = [
-        box_piece("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, WOOD)
+        box_piece("table_top", "top", (-0.4, -0.8, -0.04), (1.3, 0.8, 0), 0.0015, top)
     ]
     for x in (-0.34, 1.24):
         for y in (-0.74, 0.74):
-            name = f"table_leg_{'rear' if x < 0 else 'front'}_"
-            name += "left" if y > 0 else "right"
+            leg = f"table_leg_{'rear' if x < 0 else 'front'}_"
+            leg += "left" if y > 0 else "right"
             low, high = (x - 0.03, y - 0.03, -0.75), (x + 0.03, y + 0.03, -0.04)
-            pieces.append(box_piece(name, "legs", low, high, 0.0015, WOOD))
+            pieces.append(box_piece(leg, "legs", low, high, 0.0015, WOOD))
     model.AddLink("table", pieces, None)
     model.AddFrame("table_top", "table")
-    return model.finish("sdf/table.sdf")
+    return model.finish(f"sdf/{name}.sdf")
 
 
 def floor() -> Files:
@@ -158,7 +162,8 @@ def can() -> Files:
 def build() -> Files:
     """Return the files of all props."""
     return {
-        **table(),
+        **table("table", WOOD, "A table"),
+        **table("table_mat", MAT, "A table that objects come to rest on"),
         **floor(),
         **marker(),
         **lid(),

@@ -21,8 +21,15 @@ Files = dict[str, str]  # path below models/ -> text
 class Model:
     """An SDF model under construction."""
 
-    def __init__(self, name: str, looks: Mapping[str, Color], comment: str = ""):
-        self._name = name
+    def __init__(
+        self,
+        name: str,
+        looks: Mapping[str, Color],
+        comment: str = "",
+        meshes: str | None = None,
+    ):
+        """Start a model; its mesh files are named after `meshes`, or after itself."""
+        self._meshes = meshes or name
         self._looks = looks
         self._sdf = ET.Element(
             "sdf", {"version": "1.9", "xmlns:drake": "http://drake.mit.edu"}
@@ -69,7 +76,7 @@ class Model:
         self, link: ET.Element, name: str, prefix: str, look: str, seen: list[Solid]
     ) -> None:
         visual = AddChild(link, "visual", name=prefix + name)
-        path = f"meshes/{self._name}_{name}.obj"
+        path = f"meshes/{self._meshes}_{name}.obj"
         self.files[path] = obj_text(seen)
         mesh = AddChild(AddChild(visual, "geometry"), "mesh")
         AddChild(mesh, "uri", f"package://drake_srg/{path}")
@@ -88,7 +95,7 @@ class Model:
         elif isinstance(shape, VolumeMesh):
             AddPose(collision, shape.xyz)
             vertices, tetrahedra = box_mesh(shape.size, shape.resolution)
-            path = f"meshes/{self._name}_{piece.name}_{len(tetrahedra)}.vtk"
+            path = f"meshes/{self._meshes}_{piece.name}_{len(tetrahedra)}.vtk"
             self.files[path] = vtk_text(np.round(vertices, 9), tetrahedra)
             mesh = AddChild(AddChild(collision, "geometry"), "mesh")
             AddChild(mesh, "uri", f"package://drake_srg/{path}")
@@ -97,7 +104,7 @@ class Model:
             if isinstance(shape, Turned):
                 AddPose(collision, (0, 0, 0), (0, 0, shape.angle))
                 name, solid = shape.name, shape.solid
-            path = f"meshes/{self._name}_{name}_collision.obj"
+            path = f"meshes/{self._meshes}_{name}_collision.obj"
             self.files[path] = obj_text([solid], crease=0)
             mesh = AddChild(AddChild(collision, "geometry"), "mesh")
             AddChild(mesh, "uri", f"package://drake_srg/{path}")

@@ -20,6 +20,8 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 WAITING = {
     "before_modification",
     "localizer_thresholds",
+    "resting",
+    "sleeping",
 }
 
 
