@@ -122,6 +122,20 @@ def make_parser() -> argparse.ArgumentParser:
     )
     cli_sweep.add_dataset_arguments(dataset)
 
+    replay = add(
+        "replay",
+        commands.replay,
+        "make the page that plays a recorded run",
+        "`drake-srg run` and recorded sweeps make it, too: replay.html, one file that "
+        "any browser opens.",
+    )
+    replay.add_argument(
+        "folder", type=Path, metavar="DIR", help="folder of a recorded run"
+    )
+    replay.add_argument(
+        "--open", action="store_true", help="show the page in the default browser"
+    )
+
     add("list", commands.list_scenarios, "list the scenarios")
 
     diagram = add("diagram", commands.diagram, "draw a scenario's block diagram")
