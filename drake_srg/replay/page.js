@@ -65,8 +65,8 @@ function show() {
   });
   showSight(time);
   if (video) {
-    const wanted = Math.max(time - data.video_start, 0);
-    const near = player.playing ? 0.12 * player.speed : 0.001;
+    const wanted = Math.max(time - data.video_start, 0) + 0.001;  // in the frame, not at its edge
+    const near = player.playing ? 0.12 * player.speed : 0.002;
     if (Math.abs(video.currentTime - wanted) > near && !video.seeking) video.currentTime = wanted;
   }
 }
@@ -101,8 +101,8 @@ function note() { history.replaceState(null, "", `#t=${player.time.toFixed(2)}`)
 function follow() {
   const [, time] = /^#t=([\d.]+)$/.exec(location.hash) ?? [];
   if (time === undefined) return false;
-  play(false);
   seek(time);
+  play(false);
   return true;
 }
 

@@ -26,6 +26,7 @@ class Plot {
     const finite = panel.series.flatMap(({ values }) => values.filter((x) => x !== null));
     const low = Math.min(...finite), high = Math.max(...finite);
     const pad = 0.08 * (high - low) || 0.5 * Math.abs(high) || 1;
+    this.decimals = Math.min(Math.max(2 - Math.floor(Math.log10(high - low || 1)), 0), 6);
     [this.low, this.high] = finite.length ? [low - pad, high + pad] : [0, 1];
     const drag = (event) => event.buttons && seek(this.timeAt(event.offsetX));
     this.canvas.addEventListener("pointerdown", (event) => {
@@ -84,7 +85,7 @@ class Plot {
     this.cursor.style.transform = `translateX(${this.x(time)}px)`;
     this.readings.forEach((reading, i) => {
       const value = this.panel.series[i].values[row];
-      const text = value === null ? "–" : Number(value.toPrecision(3)).toString();
+      const text = value === null ? "–" : value.toFixed(this.decimals).replace(/^-(0[.0]*)$/, "$1");
       if (reading.value !== text) reading.value = text;
     });
   }

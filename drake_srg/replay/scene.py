@@ -32,8 +32,8 @@ from drake_srg.replay.triangles import (
 from drake_srg.types import Vector
 
 # Length of a force's arrow [m/N].
-METERS_PER_NEWTON = 0.004
-_FORCE_COLOR = (0.9, 0.62, 0.0, 1.0)
+METERS_PER_NEWTON = 0.006
+_FORCE_COLOR = (0.05, 0.3, 0.95, 1.0)
 _GRAY = Rgba(0.7, 0.7, 0.7, 1.0)
 # Shapes of soft bodies are reproduced to this distance [m].
 _PRECISION = 2e-6
@@ -241,7 +241,7 @@ def _pose(row: Vector) -> RigidTransform:
 
 
 def _force_node(pair: tuple[str, str], samples: Samples, time: Vector) -> Node:
-    """Return an arrow with the pair's force; it has no size while there is none."""
+    """Return an arrow that presses on the pair's second body, if there is a force."""
     index = np.array([i for i, _ in samples])
     rows = np.array([row for _, row in samples])
     force = np.linalg.norm(rows[:, 3:], axis=1)

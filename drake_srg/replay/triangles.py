@@ -66,9 +66,20 @@ def shape_triangles(shape: Shape) -> Triangles | None:
     A mesh of another format than Wavefront, and a Convex, is drawn as its convex hull.
     """
     match shape:
+        case Mesh() if shape.source().is_path() and shape.extension() == ".obj":
+            return read_obj(shape.source().path()).scaled(shape.scale3())
+        case Mesh() | Convex():
+            return _hull(shape.GetConvexHull())
+        case HalfSpace():
+            corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
+            return _flat(_HALF_SPACE * corners[[[0, 1, 2], [0, 2, 3]]])
+    return _solid(shape)
+
+
+def _solid(shape: Shape) -> Triangles | None:
+    match shape:
         case Box():
-            half = 0.5 * shape.size()
-            return _flat(_cube() * half)
+            return _flat(_cube() * 0.5 * shape.size())
         case Cylinder():
             r, z = shape.radius(), 0.5 * shape.length()
             side = _revolved([(r, -z), (r, z)], [(1, 0), (1, 0)])
@@ -83,26 +94,19 @@ def shape_triangles(shape: Shape) -> Triangles | None:
             )
         case Ellipsoid():
             return _ball(0.0).scaled(np.array([shape.a(), shape.b(), shape.c()]))
-        case HalfSpace():
-            corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
-            square = corners[[[0, 1, 2], [0, 2, 3]]]
-            return _flat(_HALF_SPACE * square)
-        case Mesh() if shape.source().is_path() and shape.extension() == ".obj":
-            return read_obj(shape.source().path()).scaled(shape.scale3())
-        case Mesh() | Convex():
-            return _hull(shape.GetConvexHull())
     return None
 
 
 def arrow() -> Triangles:
-    """Return an arrow of length 1 along z from the origin, with a 5 mm thick shaft."""
-    shaft, head, neck = 0.0025, 0.006, 0.75
-    slope = np.array([1 - neck, head]) / np.hypot(1 - neck, head)
+    """Return an arrow of length 1 along z to the origin, with an 8 mm thick shaft."""
+    shaft, head, neck = 0.004, 0.009, -0.25
+    slope = np.array([-neck, head]) / np.hypot(neck, head)
     return joined(
         [
-            _revolved([(shaft, 0), (shaft, neck)], [(1, 0), (1, 0)], 12),
+            _revolved([(0, -1), (shaft, -1)], [(0, -1), (0, -1)], 12),
+            _revolved([(shaft, -1), (shaft, neck)], [(1, 0), (1, 0)], 12),
             _revolved([(0, neck), (head, neck)], [(0, -1), (0, -1)], 12),
-            _revolved([(head, neck), (0, 1)], [slope, slope], 12),
+            _revolved([(head, neck), (0, 0)], [slope, slope], 12),
         ]
     )
 
@@ -149,9 +153,9 @@ def read_obj(path: Path) -> Triangles:
                 polygon.append(corners.setdefault(key, len(corners)))
             for k in range(1, len(polygon) - 1):
                 faces.append((polygon[0], polygon[k], polygon[k + 1]))
-    if not faces:
-        raise ValueError(f"{path}: has no faces")
-    keys = np.array(list(corners))
+    keys = np.array(list(corners)).reshape(-1, 2)
+    if not faces or keys[:, 0].max() >= len(points):
+        raise ValueError(f"{path}: has no faces between its points")
     vertices, triangles = np.array(points)[keys[:, 0]], np.array(faces)
     if not smooth:
         return _flat(vertices[triangles])

@@ -41,7 +41,7 @@ void main() {
   vec3 shaded = color.rgb * (sky + 0.62 * direct) + gloss + rim * color.rgb;
   shaded = mix(shaded, color.rgb, shine);
   shaded = pow(clamp(shaded, 0.0, 1.0), vec3(1.0 / 2.2));
-  float far = smoothstep(0.5 * haze, haze, length(eye - place));
+  float far = smoothstep(0.6 * haze, haze, length(eye - place));
   pixel = vec4(mix(shaded, background, far), color.a);
 }`;
 const DEPTH_ONLY = `#version 300 es
@@ -55,9 +55,7 @@ class View {
     this.canvas = canvas;
     this.gltf = gltf;
     this.show = { forces: true, cameras: true };
-    const gl = this.gl = canvas.getContext("webgl2", {
-      antialias: true, preserveDrawingBuffer: true,
-    });
+    const gl = this.gl = canvas.getContext("webgl2", { antialias: true });
     if (!gl) throw new Error("this browser has no WebGL 2");
     this.shaded = this.program(VERTEX, FRAGMENT);
     this.dark = this.program(VERTEX, DEPTH_ONLY);
@@ -245,14 +243,14 @@ class View {
     gl.uniform3fv(uniforms.eye, eye);
     gl.uniform3fv(uniforms.sun, SUN);
     gl.uniform3fv(uniforms.background, background);
-    gl.uniform1f(uniforms.haze, 5 * radius + this.distance);
+    gl.uniform1f(uniforms.haze, 6 * radius + 1.5 * this.distance);
     gl.uniform1f(uniforms.shine, 0);
     gl.bindTexture(gl.TEXTURE_2D, this.depth);
     this.drawNodes((node, part) => !node.extras.force && part.color[3] >= 1);
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
     this.drawNodes((node, part) => !node.extras.force && part.color[3] < 1);
-    gl.uniform1f(uniforms.shine, 0.7);
+    gl.uniform1f(uniforms.shine, 0.8);
     if (this.show.cameras) this.drawCameras(eye);
     if (this.show.forces) {  // faintly through everything, then as far as visible
       gl.disable(gl.DEPTH_TEST);

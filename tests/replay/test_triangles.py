@@ -90,11 +90,12 @@ def test_a_shape_has_no_holes(shape):
     assert_closed(shape_triangles(shape))
 
 
-def test_an_arrow_points_along_z():
+def test_an_arrow_points_along_z_at_the_origin():
     surface = arrow()
     assert_normals_point_out(surface)
-    assert surface.points[:, 2].min() == 0
-    assert surface.points[:, 2].max() == 1
+    assert surface.points[:, 2].min() == -1
+    tip = surface.points[surface.points[:, 2] == surface.points[:, 2].max()]
+    assert np.all(tip == 0)
 
 
 def test_a_half_space_is_a_square_and_other_shapes_nothing():

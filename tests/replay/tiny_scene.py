@@ -3,7 +3,6 @@
 import numpy as np
 from pydrake.geometry import (
     Box,
-    CameraInfo,
     ClippingRange,
     ColorRenderCamera,
     DepthRange,
@@ -15,10 +14,10 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
-from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.sensors import RgbdSensor
+from pydrake.systems.sensors import CameraInfo, RgbdSensor
 
 from drake_srg.recording.log import write_log
 from drake_srg.recording.run_timeline import Labels
@@ -29,7 +28,7 @@ RED, GREEN = (0.8, 0.1, 0.08), (0.1, 0.6, 0.2)
 PERIOD, SAMPLES = 0.02, 26
 
 
-def MakeScene():
+def MakeScene(contacts=True):
     """Return a diagram with a plant and a camera, and the plant."""
     builder = DiagramBuilder()
     plant, graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
@@ -47,13 +46,11 @@ def MakeScene():
     bar = plant.AddRigidBody("bar", plant.AddModelInstance("swing"), inertia)
     X_BG = RigidTransform([0, 0, -0.2])
     plant.RegisterVisualGeometry(bar, X_BG, Sphere(0.1), "ball", [0.2, 0.2, 0.9, 1.0])
-    hinge = RevoluteJoint(
-        "hinge",
-        plant.world_frame(),
-        bar.body_frame(),
-        [0, 1, 0],
-    )
-    plant.AddJoint(hinge).set_default_angle(1.0)
+    X_WJ = RigidTransform([0, 0, 0.5])
+    pivot = plant.AddFrame(FixedOffsetFrame("pivot", plant.world_frame(), X_WJ))
+    hinge = RevoluteJoint("hinge", pivot, bar.body_frame(), [0, 1, 0])
+    plant.AddJoint(hinge)
+    hinge.set_default_angle(1.0)
     plant.SetDefaultFloatingBaseBodyPose(
         body,
         RigidTransform(RollPitchYaw(0.1, 0.2, 0.3), [0.5, 0.0, 0.3]),
@@ -71,15 +68,15 @@ def MakeScene():
     )
     builder.AddNamedSystem("rgbd_sensor_side", sensor)
     builder.Connect(graph.get_query_output_port(), sensor.query_object_input_port())
-    builder.ExportOutput(
-        plant.get_contact_results_output_port(), "contact_results_cheat"
-    )
+    if contacts:
+        port = plant.get_contact_results_output_port()
+        builder.ExportOutput(port, "contact_results_cheat")
     return builder.Build(), plant
 
 
-def record(folder, title="tiny, seed 0"):
+def record(folder, title="tiny, seed 0", contacts=True):
     """Record the scene into a folder, and return X_WB by body name and sample."""
-    diagram, plant = MakeScene()
+    diagram, plant = MakeScene(contacts)
     simulator = Simulator(diagram)
     simulator.Initialize()
     root = simulator.get_context()
