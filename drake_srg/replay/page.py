@@ -124,10 +124,11 @@ def _data(timeline: Timeline, extras: Json, images: Sequence[str]) -> Json:
             {
                 "label": label.replace("\n", " "),
                 "series": [
-                    {"name": name, "values": [_short(x) for x in column]}
-                    for name, column in itertools.zip_longest(
-                        names, values.T, fillvalue=""
-                    )
+                    {
+                        "name": names[i] if i < len(names) else "",
+                        "values": [_short(x) for x in values[:, i]],
+                    }
+                    for i in range(values.shape[1])
                 ],
             }
             for label, values, names in timeline_panels(timeline)

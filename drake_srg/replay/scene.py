@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 import numpy as np
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.geometry import (
     FrameId,
     GeometryId,
@@ -13,34 +12,24 @@ from pydrake.geometry import (
     SceneGraph,
     SceneGraphInspector,
 )
-from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import ContactResults
 from pydrake.systems.framework import Context, Diagram, System
 from pydrake.systems.sensors import RgbdSensor
 
 from drake_srg.common.contacts import each_contact
 from drake_srg.lifetime import my_context
-from drake_srg.objects.soft import nearest_pose
-from drake_srg.replay.glb import Json, Node, Part, Track
-from drake_srg.replay.triangles import (
-    Triangles,
-    arrow,
-    joined,
-    shape_triangles,
-    surface_faces,
+from drake_srg.replay.glb import Node, Part
+from drake_srg.replay.nodes import (
+    camera_node,
+    force_node,
+    pose_row,
+    pose_tracks,
+    soft_node,
 )
+from drake_srg.replay.triangles import Triangles, joined, shape_triangles
 from drake_srg.types import Vector
 
-# Length of a force's arrow [m/N].
-METERS_PER_NEWTON = 0.006
-_FORCE_COLOR = (0.05, 0.3, 0.95, 1.0)
 _GRAY = Rgba(0.7, 0.7, 0.7, 1.0)
-# Shapes of soft bodies are reproduced to this distance [m].
-_PRECISION = 2e-6
-# glTF's cameras look along -z with y up, Drake's along z with y down.
-_X_CG = RigidTransform(RollPitchYaw(np.pi, 0, 0), [0, 0, 0])
-
-Samples = list[tuple[float, Vector]]  # time [s] and values
 
 
 class SceneRecorder:
@@ -83,7 +72,7 @@ class SceneRecorder:
         self._time: list[float] = []
         self._poses: list[list[Vector]] = []
         self._vertices: list[list[Vector]] = []
-        self._forces: dict[tuple[str, str], Samples] = {}
+        self._forces: dict[tuple[str, str], list[tuple[int, Vector]]] = {}
 
     def __len__(self) -> int:
         return len(self._time)
@@ -96,7 +85,7 @@ class SceneRecorder:
             contacts: The plant's contact results; None: no forces.
         """
         query = self._graph.get_query_output_port().Eval(my_context(self._graph, root))
-        poses = [_pose_row(query.GetPoseInWorld(frame)) for frame in self._frames]
+        poses = [pose_row(query.GetPoseInWorld(frame)) for frame in self._frames]
         vertices = [
             query.GetConfigurationsInWorld(geometry).reshape(-1, 3).copy()
             for geometry in self._soft
@@ -121,16 +110,24 @@ class SceneRecorder:
         for i, frame in enumerate(self._frames):
             if frame in self._parts:
                 name = inspector.GetName(frame)
-                tracks = _pose_tracks(time, poses[:, i])
+                tracks = pose_tracks(time, poses[:, i])
                 nodes.append(Node(name, self._parts[frame], tracks))
         for k, geometry in enumerate(self._soft):
             vertices = np.array([row[k] for row in self._vertices])
-            nodes.append(_soft_node(inspector, geometry, time, vertices))
+            nodes.append(
+                soft_node(
+                    inspector.GetName(geometry),
+                    inspector.GetReferenceMesh(geometry),
+                    _color(inspector, geometry) or _GRAY,
+                    time,
+                    vertices,
+                )
+            )
         for sensor in self._sensors:
             i = self._frames.index(sensor.default_parent_frame_id())
-            nodes.append(_camera_node(sensor, time, poses[:, i]))
+            nodes.append(camera_node(sensor, time, poses[:, i]))
         for pair, samples in sorted(self._forces.items()):
-            nodes.append(_force_node(pair, samples, time))
+            nodes.append(force_node(pair, samples, time))
         return nodes
 
     def _pair_forces(self, contacts: ContactResults) -> dict[tuple[str, str], Vector]:
@@ -204,123 +201,3 @@ def _frame_parts(inspector: SceneGraphInspector, frame: FrameId) -> list[Part]:
             moved = surface.transformed(inspector.GetPoseInFrame(geometry))
             surfaces.setdefault(key, []).append(moved)
     return [Part(joined(group), color) for color, group in surfaces.items()]
-
-
-def _pose_row(X: RigidTransform) -> Vector:
-    """Return a pose as [x, y, z, qx, qy, qz, qw], shape (7,)."""
-    w, *xyz = X.rotation().ToQuaternion().wxyz()
-    return np.array([*X.translation(), *xyz, w])
-
-
-def _pose_tracks(time: Vector, rows: Vector) -> dict[str, Track]:
-    return {
-        "translation": Track(time, rows[:, :3]),
-        "rotation": Track(time, rows[:, 3:]),
-    }
-
-
-def _camera_node(sensor: RgbdSensor, time: Vector, rows: Vector) -> Node:
-    core = sensor.default_color_render_camera().core()
-    intrinsics, clipping = core.intrinsics(), core.clipping()
-    X_PG = sensor.default_X_PB() @ core.sensor_pose_in_camera_body() @ _X_CG
-    moved = np.array([_pose_row(_pose(row) @ X_PG) for row in rows])
-    camera: Json = {
-        "yfov": intrinsics.fov_y(),
-        "aspectRatio": intrinsics.width() / intrinsics.height(),
-        "znear": clipping.near(),
-        "zfar": clipping.far(),
-    }
-    name = sensor.get_name().removeprefix("rgbd_sensor_")
-    tracks = _pose_tracks(time, moved)
-    return Node(name, tracks=tracks, camera=camera, extras={"camera": name})
-
-
-def _pose(row: Vector) -> RigidTransform:
-    x, y, z, w = row[3:] / np.linalg.norm(row[3:])
-    return RigidTransform(Quaternion(w, x, y, z), row[:3])
-
-
-def _force_node(pair: tuple[str, str], samples: Samples, time: Vector) -> Node:
-    """Return an arrow that presses on the pair's second body, if there is a force."""
-    index = np.array([i for i, _ in samples])
-    rows = np.array([row for _, row in samples])
-    force = np.linalg.norm(rows[:, 3:], axis=1)
-    scale = np.zeros((len(time), 3))
-    scale[index] = np.stack([force > 0, force > 0, METERS_PER_NEWTON * force], axis=1)
-    # Before, between and after contacts, the arrow waits where it was last.
-    latest = np.searchsorted(index, np.arange(len(time)), side="right") - 1
-    held = rows[np.clip(latest, 0, None)]
-    turns = np.array([_turn(direction) for direction in held[:, 3:]])
-    tracks = {
-        "translation": Track(time, held[:, :3]),
-        "rotation": Track(time, turns),
-        "scale": Track(time, scale),
-    }
-    # Only where something changes: contacts come and go.
-    rows_all = np.hstack([track.values for track in tracks.values()])
-    changed = np.any(np.diff(rows_all, axis=0) != 0, axis=1)
-    kept = np.append(True, changed) | np.append(changed, True)
-    tracks = {k: Track(time[kept], t.values[kept]) for k, t in tracks.items()}
-    extras = {"force": list(pair), "newtons_per_meter": 1.0 / METERS_PER_NEWTON}
-    part = Part(arrow(), _FORCE_COLOR)
-    return Node(f"force of {pair[0]} on {pair[1]}", [part], tracks, extras=extras)
-
-
-def _turn(direction: Vector) -> Vector:
-    """Return the quaternion x, y, z, w that turns z into a direction, shape (3,)."""
-    size = np.linalg.norm(direction)
-    x, y, z = direction / size if size > 0 else (0.0, 0.0, 1.0)
-    if z < -1 + 1e-9:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    turn = np.array([-y, x, 0.0, 1.0 + z])
-    return turn / np.linalg.norm(turn)
-
-
-def _soft_node(
-    inspector: SceneGraphInspector, geometry: GeometryId, time: Vector, p_WV: Vector
-) -> Node:
-    """Return a soft body's node: its nearest rigid pose, and shapes to morph into.
-
-    Args:
-        inspector: The SceneGraph's.
-        geometry: The soft geometry.
-        time: Sample times [s], shape (K,).
-        p_WV: Its vertices in world [m], shape (K, n, 3).
-    """
-    mesh = inspector.GetReferenceMesh(geometry)
-    first = p_WV[0]
-    poses = [nearest_pose(first.T, now.T) for now in p_WV]
-    moved = np.array(
-        [X.inverse() @ now.T for X, now in zip(poses, p_WV, strict=True)]
-    ).transpose(0, 2, 1)
-    # The deformations as sums of a few shapes, by singular value decomposition.
-    deformation = (moved - first).reshape(len(time), -1)
-    u, s, vt = np.linalg.svd(deformation, full_matrices=False)
-    count = 0
-    while (
-        count < len(s)
-        and np.abs(deformation - (u * s)[:, :count] @ vt[:count]).max() > _PRECISION
-    ):
-        count += 1
-    # Only the outer vertices are drawn.
-    faces = surface_faces(mesh)
-    outer, index = np.unique(faces, return_inverse=True)
-    faces = index.reshape(-1, 3)
-    targets = [row.reshape(-1, 3)[outer] for row in vt[:count]]
-    surface = Triangles(first[outer], _vertex_normals(first[outer], faces), faces)
-    color = _color(inspector, geometry) or _GRAY
-    rgba = (color.r(), color.g(), color.b(), color.a())
-    tracks = _pose_tracks(time, np.array([_pose_row(X) for X in poses]))
-    if count:
-        tracks["weights"] = Track(time, (u * s)[:, :count])
-    return Node(inspector.GetName(geometry), [Part(surface, rgba, targets)], tracks)
-
-
-def _vertex_normals(points: Vector, faces: Vector) -> Vector:
-    """Return the vertices' mean normals, shape (n, 3)."""
-    corners = points[faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(points)
-    for k in range(3):
-        np.add.at(normals, faces[:, k], across)
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -145,11 +145,7 @@ def read_obj(path: Path) -> Triangles:
             for value in values:
                 point, *_, normal = [*value.split("/"), ""][:3]
                 smooth &= bool(normal)
-                # Negative indices count from the latest entry.
-                key = tuple(
-                    int(i or 0) - 1 if int(i or 0) >= 0 else len(rows) + int(i)
-                    for i, rows in ((point, points), (normal, normals))
-                )
+                key = (_index(point, points), _index(normal, normals))
                 polygon.append(corners.setdefault(key, len(corners)))
             for k in range(1, len(polygon) - 1):
                 faces.append((polygon[0], polygon[k], polygon[k + 1]))
@@ -162,6 +158,15 @@ def read_obj(path: Path) -> Triangles:
     units = np.array(normals)[keys[:, 1]]
     units /= np.linalg.norm(units, axis=1, keepdims=True)
     return Triangles(vertices, units, triangles)
+
+
+def _index(text: str, rows: Sequence[object]) -> int:
+    """Return the index that a Wavefront file means; -1: none.
+
+    It counts from 1, or, if it is negative, from the latest row.
+    """
+    index = int(text or 0)
+    return index - 1 if index >= 0 else len(rows) + index
 
 
 def joined(parts: Sequence[Triangles]) -> Triangles:

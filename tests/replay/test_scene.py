@@ -7,7 +7,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.replay.glb import write_glb
-from drake_srg.replay.scene import METERS_PER_NEWTON, SceneRecorder
+from drake_srg.replay.nodes import METERS_PER_NEWTON
+from drake_srg.replay.scene import SceneRecorder
 from drake_srg.simulation.rig import Rig, bench_scenario
 from drake_srg.types import Box
 from replay.strict_reader import Strict
