@@ -109,11 +109,11 @@ def _data_url(kind: str, data: bytes) -> str:
 
 def _data(timeline: Timeline, extras: Json, images: Sequence[str]) -> Json:
     """Return what the page's scripts show, besides the scene and the video."""
-    time = timeline.time - timeline.time[0]
+    time = timeline.time
     changes = [0, *(1 + np.flatnonzero(_differ(timeline.mode)))]
     return {
         "duration": _short(time[-1]),
-        "period": _short(time[1]) if len(time) > 1 else 0.02,
+        "period": _short(time[1] - time[0]) if len(time) > 1 else 0.02,
         "time": [_short(t, 6) for t in time],
         "colors": len(COLORS),
         "modes": [

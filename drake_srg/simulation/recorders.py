@@ -27,8 +27,8 @@ FILES = {
     "recording": "recording.mcap",
     "log": "log.npz",
     "timeline": "timeline.png",
-    "replay": "replay.html",
     "replay_glb": "replay.glb",
+    "replay": "replay.html",
 }
 
 

@@ -85,8 +85,8 @@ class Chromium:
         line, _, self._buffer = self._buffer.partition(b"\0")
         return json.loads(line)
 
-    def open(self, url, width=1280, height=900, dark=False):
-        """Open a page, and wait until its script has run."""
+    def open(self, url, width=1280, height=900, dark=False, before=""):
+        """Open a page, and wait until its script has run, `before` that another one."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
             **{"width": width, "height": height, "deviceScaleFactor": 1},
@@ -97,7 +97,12 @@ class Chromium:
         self.send("Emulation.setEmulatedMedia", features=features)
         self.send("Page.navigate", url="about:blank")
         self.events.clear()
+        add, remove = (
+            f"Page.{verb}ScriptToEvaluateOnNewDocument" for verb in ("add", "remove")
+        )
+        script = self.send(add, source=before)["identifier"]
         self.send("Page.navigate", url=url)
+        self.send(remove, identifier=script)
         self.wait_for("window.replay")
 
     def evaluate(self, expression):

@@ -143,3 +143,14 @@ def test_the_page_fits_the_width(browser, url, width, dark):
     assert browser.evaluate(unnamed) == 0
     text = browser.evaluate("getComputedStyle(document.body).color")
     assert (text == "rgb(230, 235, 240)") is dark
+
+
+def test_without_webgl_the_rest_works(browser, url):
+    lost = "HTMLCanvasElement.prototype.getContext = ((get) => function (kind) {"
+    lost += " return kind === 'webgl2' ? null : get.call(this, kind); })"
+    lost += "(HTMLCanvasElement.prototype.getContext)"
+    browser.open(f"{url}#t=0.3", before=lost)
+    words = browser.evaluate("document.getElementById('lost').innerText")
+    assert words == "No 3D view: this browser has no WebGL 2."
+    assert browser.evaluate("replay.mode") == "close"
+    assert browser.complaints() == []
