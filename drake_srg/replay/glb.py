@@ -131,8 +131,8 @@ class _Writer:
                     entry[path] = [float(x) for x in values[0]]
             self._json["nodes"].append(entry)
         for image in images:
-            view = self._view(image)
-            self._add("images", {"bufferView": view, "mimeType": "image/jpeg"})
+            entry = {"bufferView": self._view(image), "mimeType": "image/jpeg"}
+            self._json["images"].append(entry)  # by index, so that equal ones count
         half = float(np.sqrt(0.5))
         root = {
             "name": "world (z up)",

@@ -45,6 +45,9 @@ def write_page(folder: Path) -> Path:
         document, binary = read_glb(glb)
         extras = document["scenes"][0]["extras"][EXTRAS]
         labels = Labels(**extras["labels"])
+        images = _images(document, binary)
+        sights = [{**s, "image": images[s["image"]]} for s in extras["sights"]]
+        video_start = float(extras["video_start"])
     except (ValueError, KeyError, TypeError, IndexError) as error:
         raise ScenarioError(
             f"{folder / 'replay.glb'}: not the scene of a recorded run: "
@@ -63,7 +66,7 @@ def write_page(folder: Path) -> Path:
         _page(
             labels.title,
             _result(folder / "metrics.json"),
-            _data(timeline, extras, _images(document, binary)),
+            _data(timeline, sights, video_start),
             glb,
             video.read_bytes() if video.is_file() else None,
         ),
@@ -107,7 +110,7 @@ def _data_url(kind: str, data: bytes) -> str:
     return f"data:{kind};base64,{base64.b64encode(data).decode()}"
 
 
-def _data(timeline: Timeline, extras: Json, images: Sequence[str]) -> Json:
+def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
     """Return what the page's scripts show, besides the scene and the video."""
     time = timeline.time
     changes = [0, *(1 + np.flatnonzero(_differ(timeline.mode)))]
@@ -133,10 +136,8 @@ def _data(timeline: Timeline, extras: Json, images: Sequence[str]) -> Json:
             }
             for label, values, names in timeline_panels(timeline)
         ],
-        "video_start": extras.get("video_start", 0.0),
-        "sights": [
-            {**sight, "image": images[sight["image"]]} for sight in extras["sights"]
-        ],
+        "video_start": video_start,
+        "sights": sights,
     }
 
 

@@ -64,11 +64,12 @@ def test_equal_scenes_give_equal_bytes():
     assert write_glb([moving()], {"a": 1}) == write_glb([moving()], {"a": 1})
 
 
-def test_images_are_inside():
-    document, binary = read_glb(write_glb([], {}, [b"first", b"second one"]))
+def test_images_are_inside_in_their_order():
+    images = [b"first", b"second one", b"first"]
+    document, binary = read_glb(write_glb([], {}, images))
     views = [document["bufferViews"][i["bufferView"]] for i in document["images"]]
     data = [binary[v["byteOffset"] :][: v["byteLength"]] for v in views]
-    assert data == [b"first", b"second one"]
+    assert data == images
 
 
 def test_another_reader_finds_the_same_scene():
