@@ -162,10 +162,10 @@ def test_what_is_no_mesh_is_refused(tmp_path, text):
         read_obj(path)
 
 
-@pytest.mark.parametrize(
-    "path", sorted(MESHES.glob("*.obj")), ids=lambda path: path.stem
-)
-def test_our_meshes_are_read(path):
-    surface = read_obj(path)
-    assert np.all(np.isfinite(surface.points))
-    assert surface.faces.max() < len(surface.points)
+def test_our_meshes_are_read():
+    paths = [path for path in MESHES.glob("*.obj") if "collision" not in path.stem]
+    assert len(paths) > 50
+    for path in paths:
+        surface = read_obj(path)
+        assert np.all(np.isfinite(surface.points)), path
+        assert surface.faces.max() < len(surface.points), path
