@@ -13,7 +13,7 @@ STOREYS = [
     {"common"},
     {"arm", "gripper", "vision", "planning", "objects", "recording"},
     {"scenario"},
-    {"station"},
+    {"station", "replay"},
     {"cell"},
     {"simulation"},
     {"sweeps", "bridges"},

@@ -1,4 +1,4 @@
-"""The commands run, list, diagram, bench and doctor.
+"""The commands run, replay, list, diagram, bench and doctor.
 
 Each takes the parsed command line, returns the exit code and raises a ScenarioError for
 bad input. Imports that take time are inside, so that `drake-srg --help` comes at once.
@@ -8,6 +8,7 @@ import argparse
 import shutil
 import subprocess
 import sys
+import webbrowser
 from pathlib import Path
 
 from drake_srg.cli import doctor as machine
@@ -44,6 +45,18 @@ def run(options: argparse.Namespace) -> int:
         for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
             print(out / Path(path).name)
     return SUCCESS if metrics.success else TASK_FAILED
+
+
+def replay(options: argparse.Namespace) -> int:
+    """Write replay.html again, from the other files of a recorded run."""
+    from drake_srg.replay import write_page
+
+    with writing("DIR", options.folder):
+        page = write_page(options.folder)
+    print(page)
+    if options.open and not webbrowser.open(page.resolve().as_uri()):
+        raise ScenarioError(f"--open: no browser found; open {page} yourself")
+    return SUCCESS
 
 
 def list_all(options: argparse.Namespace) -> int:

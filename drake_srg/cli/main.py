@@ -123,6 +123,20 @@ def make_parser() -> argparse.ArgumentParser:
     )
     cli_sweep.add_dataset_arguments(dataset)
 
+    replay = add(
+        "replay",
+        commands.replay,
+        "make the page that plays a recorded run",
+        "`drake-srg run` and recorded sweeps make it, too: replay.html, one file that "
+        "any browser opens.",
+    )
+    replay.add_argument(
+        "folder", type=Path, metavar="DIR", help="folder of a recorded run"
+    )
+    replay.add_argument(
+        "--open", action="store_true", help="show the page in the default browser"
+    )
+
     list_ = add("list", commands.list_all, "list the scenarios or our objects")
     cli_objects.add_list_arguments(list_)
 
@@ -131,7 +145,7 @@ def make_parser() -> argparse.ArgumentParser:
         cli_objects.import_object,
         "make a model of an object from a mesh, a URDF or an SDF file",
         "It mends the file, cuts meshes into convex pieces, draws the object and drops "
-        "it on the kitchen's table. Exit code: 0 it rests there, 1 it does not, 2 bad "
+        "it on a table. Exit code: 0 it rests there, 1 it does not, 2 bad "
         "input.",
     )
     cli_objects.add_import_arguments(import_)

@@ -56,5 +56,8 @@ def read_log(path: Path | str) -> dict[str, npt.NDArray[Any]]:
         OSError: If the file cannot be read.
         ValueError: If it is not a log.
     """
-    with np.load(path, allow_pickle=False) as archive:
-        return dict(archive)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return dict(archive)
+    except (zipfile.BadZipFile, EOFError) as error:  # the file is cut off
+        raise ValueError(f"{path}: {error}") from error

@@ -29,8 +29,11 @@ class Timeline:
         closure: Commanded closure, 0 open .. 1 closed, shape (K,).
         proximity: Finger sensors' distances [m], shape (K, m); inf: nothing in range.
         sensors: Names of the m sensors.
+        grip_force: Largest contact force on the picked object [N], shape (K,).
         arm_velocity: Arm joint velocities [rad/s], shape (K, N).
-        arm_slides: Whether the arm's joints are prismatic, with velocities in m/s.
+        arm_torque: Arm joint torques [N m], shape (K, N).
+        arm_slides: Whether the arm's joints are prismatic, with velocities in m/s and
+            forces in N.
         object_height: Height of the picked object's centre [m], shape (K,).
         title: Text above the panels.
     """
@@ -42,7 +45,9 @@ class Timeline:
     closure: Vector | None = None
     proximity: Vector | None = None
     sensors: Sequence[str] = ()
+    grip_force: Vector | None = None
     arm_velocity: Vector | None = None
+    arm_torque: Vector | None = None
     arm_slides: bool = False
     object_height: Vector | None = None
     title: str = ""
@@ -59,7 +64,7 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
         OSError: If the file cannot be written.
         ValueError: If a series and `time` differ in length, or there are no series.
     """
-    panels = _panels(timeline)
+    panels = timeline_panels(timeline)
     figure = make_figure(11, 0.9 + 1.55 * len(panels), timeline.title)
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (label, values, names) in zip(all_axes, panels, strict=True):
@@ -72,10 +77,14 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     return save_png(figure, path)
 
 
-def _panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
-    """Return label, values (K, n) and names of the lines for each panel."""
-    arm = timeline.arm_velocity
-    joints = 0 if arm is None else np.shape(arm)[1]
+def timeline_panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
+    """Return label, values (K, n) and names of the lines for each panel.
+
+    Raises:
+        ValueError: If a series and `time` differ in length, or there are no series.
+    """
+    arm = (timeline.arm_velocity, timeline.arm_torque)
+    joints = max(0 if one is None else np.shape(one)[1] for one in arm)
     arm_names = [f"joint {i + 1}" for i in range(joints)]
     degrees = 180 / np.pi
     # Field, label, factor from SI, names of the lines.
@@ -83,9 +92,18 @@ def _panels(timeline: Timeline) -> list[tuple[str, Vector, Sequence[str]]]:
         ("gripper_position", "finger joints\n[deg]", degrees, timeline.gripper_joints),
         ("closure", "commanded\nclosure", 1.0, ()),
         ("proximity", "proximity\n[mm]", 1e3, timeline.sensors),
-        ("arm_velocity", "arm velocity\n[mm/s]", 1e3, arm_names)
-        if timeline.arm_slides
-        else ("arm_velocity", "arm velocity\n[deg/s]", degrees, arm_names),
+        ("grip_force", "grip force\n[N]", 1.0, ()),
+        *(
+            (
+                ("arm_velocity", "arm velocity\n[mm/s]", 1e3, arm_names),
+                ("arm_torque", "arm force\n[N]", 1.0, arm_names),
+            )
+            if timeline.arm_slides
+            else (
+                ("arm_velocity", "arm velocity\n[deg/s]", degrees, arm_names),
+                ("arm_torque", "arm torque\n[N m]", 1.0, arm_names),
+            )
+        ),
         ("object_height", "object height\n[mm]", 1e3, ()),
     ]
     count = len(timeline.time)

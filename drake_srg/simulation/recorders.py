@@ -1,4 +1,4 @@
-"""Recordings of a run: video, rosbag, log and timeline."""
+"""Recordings of a run: video, rosbag, log, timeline and replay."""
 
 import contextlib
 from collections.abc import Mapping
@@ -11,14 +11,15 @@ from drake_srg.common.ports import output_ports
 from drake_srg.recording.log import write_log
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
-from drake_srg.recording.timeline import Timeline, draw_timeline
+from drake_srg.recording.run_timeline import Labels, run_timeline
+from drake_srg.recording.timeline import draw_timeline
 from drake_srg.recording.video import VideoRecorder
+from drake_srg.replay import ReplayRecorder
 from drake_srg.scenario import Scenario
-from drake_srg.simulation.log_format import MODES
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
-__all__ = ["FILES", "AddRecorders", "run_timeline", "write_samples"]
+__all__ = ["FILES", "AddRecorders", "write_samples"]
 
 # Files of a run's artifacts, by kind.
 FILES = {
@@ -26,6 +27,8 @@ FILES = {
     "recording": "recording.mcap",
     "log": "log.npz",
     "timeline": "timeline.png",
+    "replay_glb": "replay.glb",
+    "replay": "replay.html",
 }
 
 
@@ -116,42 +119,41 @@ def _gripper_names(scenario: Scenario) -> tuple[tuple[str, ...], tuple[str, ...]
     return ((), ()) if driver is None else (driver.joint_names, driver.sensor_names)
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
 def write_samples(
-    name: str, log: Mapping[str, Vector], scenario: Scenario, out: Path, timeline: bool
+    name: str,
+    log: Mapping[str, Vector],
+    scenario: Scenario,
+    out: Path,
+    replay: ReplayRecorder | None,
 ) -> dict[str, str]:
-    """Write log.npz and, if `timeline` is set, timeline.png; see `Simulate`.
+    """Write log.npz and, with `replay`, timeline.png and replay.glb; see `Simulate`.
 
     Returns:
         Paths of the files by kind.
     """
-    written = {"log": str(write_log(out / FILES["log"], log))}
-    if timeline:
-        title = f"{name}, seed {scenario.random_seed}"
-        picture = run_timeline(title, log, scenario)
-        written["timeline"] = str(draw_timeline(picture, out / FILES["timeline"]))
-    return written
+    written = {"log": write_log(out / FILES["log"], log)}
+    if replay is not None:
+        labels, video = run_labels(name, scenario), scenario.recording
+        written["timeline"] = draw_timeline(
+            run_timeline(log, labels), out / FILES["timeline"]
+        )
+        written["replay_glb"] = replay.write(
+            out / FILES["replay_glb"],
+            labels,
+            video.video_camera,
+            1.0 / video.video_fps if video.video_camera else 0.0,
+        )
+    return {kind: str(path) for kind, path in written.items()}
 
 
-def run_timeline(title: str, log: Mapping[str, Vector], scenario: Scenario) -> Timeline:
-    """Return the contents of timeline.png for a log of `Simulate`."""
-    arm = log["arm.state_measured"]
-    gripper = log.get("gripper.state_measured")
+def run_labels(name: str, scenario: Scenario) -> Labels:
+    """Return what a run's log does not tell about its columns."""
     joints, sensors = _gripper_names(scenario)
-    poses = log.get(f"object_pose.{scenario.task.pick}")
-    return Timeline(
-        time=log["time"],
-        mode=[MODES[int(i)].value for i in log["mode"]],
-        gripper_position=None if gripper is None else gripper[:, : len(joints)],
-        gripper_joints=[_words(name.removesuffix("_joint")) for name in joints],
-        closure=log.get("gripper.closure_commanded"),
-        proximity=log.get("gripper.proximity"),
-        sensors=[_words(name) for name in sensors],
-        arm_velocity=arm[:, arm.shape[1] // 2 :],
-        arm_slides=_arm_joints(scenario)[0].type_name() == PrismaticJoint.kTypeName,
-        object_height=None if poses is None else poses[:, 2],
-        title=title,
+    arm = _arm_joints(scenario)
+    return Labels(
+        title=f"{name}, seed {scenario.random_seed}",
+        pick=scenario.task.pick,
+        gripper_joints=joints,
+        sensors=sensors,
+        arm_slides=bool(arm) and arm[0].type_name() == PrismaticJoint.kTypeName,
     )

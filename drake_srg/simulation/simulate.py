@@ -15,6 +15,7 @@ from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder
+from drake_srg.replay import ReplayRecorder, write_page
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
@@ -60,7 +61,7 @@ def Simulate(
         scenario: The scenario to simulate.
         name: The scenario's name, for metrics.json and error messages.
         out: Folder for metrics.json, log.npz and the recordings; None writes nothing.
-        record: Whether to write video, rosbag and timeline too.
+        record: Whether to write video, rosbag, timeline and replay too.
         make_cell: Builds the cell: any diagram with the ports of `MakeCell`'s. It needs
             `planner.mode`, `planner.status`, `arm.state_measured` and the ports that
             end in `_cheat`. Of the other ports, those that exist are logged and
@@ -81,7 +82,7 @@ def Simulate(
         with scenario_errors(name):
             # Fails now if the folder cannot be written, not after the run.
             stack.enter_context(output_folder(out))
-            if out is not None and record:
+            if out is not None and recorded:
                 added = AddRecorders(builder, cell, scenario, out)
                 for kind, recorder in added.items():
                     stack.enter_context(recorder)
@@ -95,21 +96,38 @@ def Simulate(
                 (out / file).unlink(missing_ok=True)
         _warm_up(simulator, cell)
         log = RunLog(scenario, cell)
+        replay = None
+        if recorded:
+            cameras = scenario.localizer.cameras
+            replay = ReplayRecorder(diagram, cell, scenario.objects, cameras)
+
+        def sample() -> None:
+            log.sample(my_context(cell, simulator.get_context()))
+            if replay is not None:
+                replay.sample(simulator.get_context())
 
         def write() -> dict[str, str]:
             if out is None or not log:
                 return {}
-            return write_samples(name, log.arrays(), scenario, out, record)
+            return write_samples(name, log.arrays(), scenario, out, replay)
 
-        with _written_on_error(write):
-            status, times = _run(simulator, cell, scenario, name, log, progress)
+        def write_all() -> None:
+            if "replay_glb" in write() and out is not None:
+                write_page(out)
+
+        with _written_on_error(write_all):
+            status, times = _run(simulator, cell, scenario, name, sample, progress)
     artifacts |= write()
+    if out is not None and recorded:
+        artifacts["replay"] = str(out / FILES["replay"])
     arrays = log.arrays()
     metrics = calc_metrics(
         scenario, name, arrays, status, log.touching, times, artifacts
     )
     if out is not None:
         metrics.write(out / "metrics.json")
+        if recorded:
+            write_page(out)  # last: it shows the other files
     return Result(metrics, arrays, status)
 
 
@@ -161,7 +179,7 @@ def _run(
     cell: Diagram,
     scenario: Scenario,
     name: str,
-    log: RunLog,
+    sample: Callable[[], None],
     progress: bool,
 ) -> tuple[PlannerStatus, RunTimes]:
     """Advance until the planner has ended and the objects have settled."""
@@ -177,7 +195,7 @@ def _run(
     start = wall.perf_counter()
     with failure_time(name, simulator):
         simulator.Initialize()
-    log.sample(context)
+    sample()
     status, step = PlannerStatus(), 0
     try:
         with tqdm(
@@ -191,7 +209,7 @@ def _run(
                 time = min(start_time + step * scenario.recording.period, end)
                 with failure_time(name, simulator):
                     advance(time)
-                log.sample(context)
+                sample()
                 status = status_port.Eval(context)
                 if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
                     end = min(limit, time + _SETTLE)

@@ -40,3 +40,11 @@ def test_python_objects_are_rejected_and_the_old_log_stays(tmp_path):
         write_log(path, {"b": np.array([None])})
     assert read_log(path)["a"] == [1.0]
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("size", [0, 10, 200])
+def test_what_is_no_log_is_refused(tmp_path, size):
+    path = write_log(tmp_path / "log.npz", {"a": np.arange(100)})
+    path.write_bytes(path.read_bytes()[:size])
+    with pytest.raises(ValueError, match=r"log\.npz|pickle|data"):
+        read_log(path)

@@ -12,7 +12,9 @@ FULL = {
     "closure": TIME / 4,
     "proximity": np.where(TIME[:, None] > 1, 0.02, np.inf),
     "sensors": ["left"],
+    "grip_force": TIME**2,
     "arm_velocity": np.sin(np.outer(TIME, np.arange(7))),
+    "arm_torque": np.cos(np.outer(TIME, np.arange(7))),
     "object_height": 0.05 + 0.01 * TIME,
 }
 
@@ -22,7 +24,7 @@ def draw(path, **fields):
 
 
 @pytest.mark.slow
-def test_a_full_timeline_has_five_panels(tmp_path):
+def test_a_full_timeline_has_seven_panels(tmp_path):
     full = draw(tmp_path / "full.png", **FULL, title="kitchen")
     one = draw(tmp_path / "one.png", closure=FULL["closure"])
     assert full.shape[1] == one.shape[1]

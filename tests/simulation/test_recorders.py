@@ -15,7 +15,15 @@ from simulation.own_cells import RaisingPort, cell_with
 
 pytestmark = pytest.mark.slow
 
-FILES = {"video.mp4", "recording.mcap", "log.npz", "timeline.png", "metrics.json"}
+FILES = {
+    "video.mp4",
+    "recording.mcap",
+    "log.npz",
+    "timeline.png",
+    "replay.html",
+    "replay.glb",
+    "metrics.json",
+}
 
 
 @pytest.fixture(scope="module")

@@ -132,6 +132,8 @@ def test_the_files_contain_the_result(again, folder):
         "recording": None,
         "log": str(folder / "log.npz"),
         "timeline": None,
+        "replay": None,
+        "replay_glb": None,
     }
 
 

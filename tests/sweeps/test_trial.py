@@ -68,6 +68,7 @@ def scratch(tmp_path, monkeypatch):
 def test_the_recording_of_a_failed_trial_matches_its_row(absent, scratch):
     result = run_trial(absent, "kitchen_fast", 0, 0, "failures")
     files = {"metrics.json", "log.npz", "recording.mcap", "timeline.png"}
+    files |= {"replay.html", "replay.glb"}
     assert set(stub.names(result.files)) == files
     assert result.warning == ""
     metrics = json.loads((result.files / "metrics.json").read_text())

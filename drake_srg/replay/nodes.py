@@ -1,0 +1,152 @@
+"""Nodes of a replay's scene: bodies, soft bodies, cameras and forces in motion."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.common.eigen_geometry import Quaternion
+from pydrake.geometry import Rgba, VolumeMesh
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.sensors import RgbdSensor
+
+from drake_srg.objects.soft import nearest_pose
+from drake_srg.replay.glb import Json, Node, Part, Track
+from drake_srg.replay.triangles import Indices, Triangles, arrow, surface_faces
+from drake_srg.types import Vector
+
+# Length of a force's arrow [m/N].
+METERS_PER_NEWTON = 0.006
+_FORCE_COLOR = (0.05, 0.3, 0.95, 1.0)
+# Shapes of soft bodies are reproduced to this distance [m].
+_PRECISION = 2e-6
+# glTF's cameras look along -z with y up, Drake's along z with y down.
+_X_CG = RigidTransform(RollPitchYaw(np.pi, 0, 0), [0, 0, 0])
+
+
+def pose_row(X: RigidTransform) -> Vector:
+    """Return a pose as [x, y, z, qx, qy, qz, qw], shape (7,)."""
+    w, *xyz = X.rotation().ToQuaternion().wxyz()
+    return np.array([*X.translation(), *xyz, w])
+
+
+def pose_tracks(time: Vector, rows: Vector) -> dict[str, Track]:
+    """Return the tracks of poses as from `pose_row`, shape (K, 7)."""
+    return {
+        "translation": Track(time, rows[:, :3]),
+        "rotation": Track(time, rows[:, 3:]),
+    }
+
+
+def camera_node(sensor: RgbdSensor, time: Vector, rows: Vector) -> Node:
+    """Return a camera on a frame with poses as from `pose_row`, shape (K, 7)."""
+    core = sensor.default_color_render_camera().core()
+    intrinsics, clipping = core.intrinsics(), core.clipping()
+    X_PG = sensor.default_X_PB() @ core.sensor_pose_in_camera_body() @ _X_CG
+    moved = np.array([pose_row(_pose(row) @ X_PG) for row in rows])
+    camera: Json = {
+        "yfov": intrinsics.fov_y(),
+        "aspectRatio": intrinsics.width() / intrinsics.height(),
+        "znear": clipping.near(),
+        "zfar": clipping.far(),
+    }
+    name = sensor.get_name().removeprefix("rgbd_sensor_")
+    tracks = pose_tracks(time, moved)
+    return Node(name, tracks=tracks, camera=camera, extras={"camera": name})
+
+
+def _pose(row: Vector) -> RigidTransform:
+    x, y, z, w = row[3:] / np.linalg.norm(row[3:])
+    return RigidTransform(Quaternion(w, x, y, z), row[:3])
+
+
+def force_node(
+    pair: tuple[str, str], samples: list[tuple[int, Vector]], time: Vector
+) -> Node:
+    """Return an arrow that presses on the second body of a pair.
+
+    Args:
+        pair: Names of the bodies.
+        samples: Point [m] and force [N] in world, shape (6,), of those samples, by
+            their indices, in which there is a contact.
+        time: Times of all samples [s], shape (K,).
+    """
+    index = np.array([i for i, _ in samples])
+    rows = np.array([row for _, row in samples])
+    force = np.linalg.norm(rows[:, 3:], axis=1)
+    scale = np.zeros((len(time), 3))
+    scale[index] = np.stack([force > 0, force > 0, METERS_PER_NEWTON * force], axis=1)
+    # Before, between and after contacts, the arrow waits where it was last.
+    latest = np.searchsorted(index, np.arange(len(time)), side="right") - 1
+    held = rows[np.clip(latest, 0, None)]
+    turns = np.array([_turn(direction) for direction in held[:, 3:]])
+    tracks = {
+        "translation": Track(time, held[:, :3]),
+        "rotation": Track(time, turns),
+        "scale": Track(time, scale),
+    }
+    # Only where something changes: contacts come and go.
+    rows_all = np.hstack([track.values for track in tracks.values()])
+    changed = np.any(np.diff(rows_all, axis=0) != 0, axis=1)
+    kept = np.append(True, changed) | np.append(changed, True)
+    tracks = {k: Track(time[kept], t.values[kept]) for k, t in tracks.items()}
+    extras = {"force": list(pair), "newtons_per_meter": 1.0 / METERS_PER_NEWTON}
+    part = Part(arrow(), _FORCE_COLOR)
+    return Node(f"force of {pair[0]} on {pair[1]}", [part], tracks, extras=extras)
+
+
+def _turn(direction: Vector) -> Vector:
+    """Return the quaternion x, y, z, w that turns z into a direction, shape (3,)."""
+    size = np.linalg.norm(direction)
+    x, y, z = direction / size if size > 0 else (0.0, 0.0, 1.0)
+    if z < -1 + 1e-9:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    turn = np.array([-y, x, 0.0, 1.0 + z])
+    return turn / np.linalg.norm(turn)
+
+
+def soft_node(
+    name: str, mesh: VolumeMesh, color: Rgba, time: Vector, p_WV: Vector
+) -> Node:
+    """Return a soft body's node: its nearest rigid pose, and shapes to morph into.
+
+    Args:
+        name: The node's.
+        mesh: The tetrahedra.
+        color: Their colour.
+        time: Sample times [s], shape (K,).
+        p_WV: The mesh's vertices in world [m], shape (K, n, 3).
+    """
+    first = p_WV[0]
+    poses = [nearest_pose(first.T, now.T) for now in p_WV]
+    moved = np.array(
+        [X.inverse() @ now.T for X, now in zip(poses, p_WV, strict=True)]
+    ).transpose(0, 2, 1)
+    # The deformations as sums of a few shapes, by singular value decomposition.
+    deformation = (moved - first).reshape(len(time), -1)
+    u, s, vt = np.linalg.svd(deformation, full_matrices=False)
+    count = 0
+    while (
+        count < len(s)
+        and np.abs(deformation - (u * s)[:, :count] @ vt[:count]).max() > _PRECISION
+    ):
+        count += 1
+    # Only the outer vertices are drawn.
+    faces = surface_faces(mesh)
+    outer, index = np.unique(faces, return_inverse=True)
+    faces = index.reshape(-1, 3)
+    targets = [row.reshape(-1, 3)[outer] for row in vt[:count]]
+    surface = Triangles(first[outer], _vertex_normals(first[outer], faces), faces)
+    rgba = (color.r(), color.g(), color.b(), color.a())
+    tracks = pose_tracks(time, np.array([pose_row(X) for X in poses]))
+    if count:
+        tracks["weights"] = Track(time, (u * s)[:, :count])
+    return Node(name, [Part(surface, rgba, targets)], tracks)
+
+
+def _vertex_normals(points: Vector, faces: Indices) -> Vector:
+    """Return the vertices' mean normals, shape (n, 3)."""
+    corners = points[faces]
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(normals, faces[:, k], across)
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,0 +1,231 @@
+// The page: one time for scene, plots, video and images, and the controls that move it.
+
+const find = (id) => document.getElementById(id);
+const data = JSON.parse(find("data").textContent);
+const player = { time: 0, playing: false, speed: 1 };
+
+async function unpack(text) {
+  const bytes = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).arrayBuffer();
+}
+
+const gltf = new Gltf(await unpack(find("glb").textContent));
+const plots = data.panels.map((panel) => new Plot(find("plots"), panel, data, (t) => seek(t)));
+const canvas = find("scene"), range = find("time"), video = find("video");
+let view = null;
+try {
+  view = new View(canvas, gltf);
+} catch (error) {
+  find("lost").hidden = false;
+  find("lost").textContent = `No 3D view: ${error.message}.`;
+}
+
+// Rows of the log and modes at a time.
+
+function latest(times, time) {
+  let low = 0, high = times.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time + 1e-6) low = middle + 1; else high = middle;
+  }
+  return Math.max(low - 1, 0);
+}
+
+const modeTimes = data.modes.map(({ time }) => time);
+const modeAt = (time) => data.modes[latest(modeTimes, time)];
+const chips = data.modes.map(({ time, mode }) => {
+  const link = document.createElement("a");
+  link.href = `#t=${time.toFixed(2)}`;
+  link.textContent = mode;
+  link.title = `from ${time.toFixed(2)} s`;
+  return find("modes").appendChild(link);
+});
+
+// Time.
+
+function seek(time) {
+  player.time = Math.min(Math.max(Number(time) || 0, 0), data.duration);
+  show();
+}
+
+function show() {
+  const { time } = player;
+  gltf.pose(time);
+  drawScene();
+  const row = latest(data.time, time), mode = latest(modeTimes, time);
+  for (const plot of plots) plot.point(time, row);
+  range.value = time;
+  range.setAttribute("aria-valuetext", `${time.toFixed(2)} s, ${data.modes[mode].mode}`);
+  find("clock").value = `${time.toFixed(2)} s`;
+  find("mode").value = data.modes[mode].mode;
+  chips.forEach((chip, i) => {
+    if (i === mode) chip.setAttribute("aria-current", "true");
+    else chip.removeAttribute("aria-current");
+  });
+  showSight(time);
+  if (video) {
+    const wanted = Math.max(time - data.video_start, 0) + 0.001;  // in the frame, not at its edge
+    const near = player.playing ? 0.12 * player.speed : 0.002;
+    if (Math.abs(video.currentTime - wanted) > near && !video.seeking) video.currentTime = wanted;
+  }
+}
+
+function play(on) {
+  if (on && player.time >= data.duration) player.time = 0;
+  player.playing = on;
+  find("play").setAttribute("aria-pressed", String(on));
+  find("play").textContent = on ? "❚❚ Pause" : "▶ Play";
+  if (video) {
+    video.playbackRate = player.speed;
+    if (on) video.play().catch(() => {}); else video.pause();
+  }
+  if (on) {
+    let last = performance.now();
+    const step = (now) => {
+      if (!player.playing) return;
+      seek(player.time + player.speed * (now - last) / 1000);
+      last = now;
+      if (player.time >= data.duration) play(false); else requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  } else {
+    show();
+    note();
+  }
+}
+
+// The address names the time, so that it can be passed on.
+function note() { history.replaceState(null, "", `#t=${player.time.toFixed(2)}`); }
+
+function follow() {
+  const [, time] = /^#t=([\d.]+)$/.exec(location.hash) ?? [];
+  if (time === undefined) return false;
+  seek(time);
+  play(false);
+  return true;
+}
+
+// What the localizer saw, with its blobs.
+
+let sight = null;
+function showSight(time) {
+  const figure = find("sight");
+  if (!figure) return;
+  const next = data.sights.findLast((one) => one.time <= time + 1e-6) ?? data.sights[0];
+  if (next === sight) return;
+  sight = next;
+  find("sight-image").src = next.image;
+  find("sight-image").alt = `Image of the camera ${next.camera}`;
+  const said = next.blobs.map((blob) => `${blob.name} (quality ${blob.quality.toFixed(2)})`);
+  find("sight-words").textContent =
+    `Camera ${next.camera} at ${next.time.toFixed(2)} s: ${said.join(", ") || "nothing found"}`;
+  find("blobs").replaceChildren(...next.blobs.map((blob) => {
+    const mark = document.createElement("i");
+    mark.style.left = `${100 * blob.at[0]}%`;
+    mark.style.top = `${100 * blob.at[1]}%`;
+    return mark;
+  }));
+}
+
+// The scene, which the pointer turns, moves and zooms.
+
+function drawScene() {
+  if (!view) return;
+  const [r, g, b] = getComputedStyle(canvas).backgroundColor.match(/[\d.]+/g).map(Number);
+  view.draw([r / 255, g / 255, b / 255]);
+}
+
+const pointers = new Map();
+canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+canvas.addEventListener("pointerdown", (event) => {
+  pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  canvas.setPointerCapture(event.pointerId);
+});
+for (const name of ["pointerup", "pointercancel"]) {
+  canvas.addEventListener(name, (event) => pointers.delete(event.pointerId));
+}
+canvas.addEventListener("pointermove", (event) => {
+  const before = pointers.get(event.pointerId);
+  if (!before || !view) return;
+  const [x, y] = [event.offsetX - before[0], event.offsetY - before[1]];
+  const height = canvas.clientHeight, moving = event.shiftKey || event.buttons & 6;
+  if (pointers.size > 1) {
+    const other = [...pointers].find(([id]) => id !== event.pointerId)[1];
+    const apart = (p) => Math.hypot(p[0] - other[0], p[1] - other[1]) + 1;
+    view.zoom(apart(before) / apart([event.offsetX, event.offsetY]));
+    view.pan(0.5 * x / height, -0.5 * y / height);
+  } else if (moving) view.pan(x / height, -y / height);
+  else view.turn(4 * x / height, 4 * y / height);
+  pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+  drawScene();
+});
+canvas.addEventListener("wheel", (event) => {
+  event.preventDefault();
+  view?.zoom(Math.exp(0.001 * event.deltaY));
+  drawScene();
+}, { passive: false });
+
+// Controls.
+
+function reset() { view?.reset(); drawScene(); }
+function toggle(name) {
+  find(name).checked = !find(name).checked;
+  find(name).dispatchEvent(new Event("change"));
+}
+for (const name of ["forces", "cameras"]) {
+  find(name).addEventListener("change", () => {
+    if (view) view.show[name] = find(name).checked;
+    drawScene();
+  });
+}
+range.addEventListener("input", () => seek(range.value));
+range.addEventListener("change", note);
+find("play").addEventListener("click", () => play(!player.playing));
+find("reset").addEventListener("click", reset);
+find("speed").addEventListener("change", () => {
+  player.speed = Number(find("speed").value);
+  if (video) video.playbackRate = player.speed;
+});
+const KEYS = {
+  " ": () => play(!player.playing),
+  ArrowLeft: (event) => seek(player.time - (event.shiftKey ? 1 : 0.1)),
+  ArrowRight: (event) => seek(player.time + (event.shiftKey ? 1 : 0.1)),
+  ",": () => seek(player.time - data.period),
+  ".": () => seek(player.time + data.period),
+  Home: () => seek(0),
+  End: () => seek(data.duration),
+  f: () => toggle("forces"),
+  c: () => toggle("cameras"),
+  r: reset,
+  "+": () => { view?.zoom(0.8); drawScene(); },
+  "-": () => { view?.zoom(1.25); drawScene(); },
+};
+document.addEventListener("keydown", (event) => {
+  const action = KEYS[event.key];
+  if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+  // A control with the focus keeps its own keys.
+  if (event.target.matches("select, input, summary")) return;
+  if (event.key === " " && event.target.matches("button")) return;
+  event.preventDefault();
+  action(event);
+});
+window.addEventListener("hashchange", follow);
+const redraw = () => { plots.forEach((plot) => plot.draw()); show(); };
+new ResizeObserver(redraw).observe(document.body);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+redraw();
+if (!follow() && !matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
+
+// For scripts and tests.
+window.replay = {
+  duration: data.duration, seek, play, view,
+  get time() { return player.time; },
+  get mode() { return modeAt(player.time).mode; },
+  names: gltf.nodes.map((node) => node.name),
+  // [x, y, z, qx, qy, qz, qw] of a node at the present time [m].
+  pose(name) {
+    const node = gltf.nodes.find((one) => one.name === name);
+    return [...node.translation, ...node.rotation];
+  },
+};

@@ -1,0 +1,228 @@
+"""Writes replay.html: one page with scene, plots, video and images of a run."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import html
+import itertools
+import json
+from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.recording.figure import COLORS
+from drake_srg.recording.log import read_log
+from drake_srg.recording.output import OutputFile
+from drake_srg.recording.run_timeline import Labels, run_timeline
+from drake_srg.recording.timeline import Timeline, timeline_panels
+from drake_srg.replay.glb import EXTRAS, Json, read_glb
+
+_SCRIPTS = ("gltf.js", "view.js", "plots.js", "page.js")
+_DIGITS = 4  # significant digits of plotted values
+_ON_DARK = {"#333333": "#c8ced6", "#0072b2": "#4aa8e0"}
+
+
+def write_page(folder: Path) -> Path:
+    """Write replay.html into a folder with the recording of a run.
+
+    It needs replay.glb and log.npz, and shows video.mp4 and the result in metrics.json
+    where they exist.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        ScenarioError: If a file is missing or cannot be read.
+        OSError: If the page cannot be written.
+    """
+    glb = _read(folder, "replay.glb")
+    try:
+        document, binary = read_glb(glb)
+        extras = document["scenes"][0]["extras"][EXTRAS]
+        labels = Labels(**extras["labels"])
+        images = _images(document, binary)
+        sights = [{**s, "image": images[s["image"]]} for s in extras["sights"]]
+        video_start = float(extras["video_start"])
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise ScenarioError(
+            f"{folder / 'replay.glb'}: not the scene of a recorded run: "
+            f"{one_line(error)}"
+        ) from error
+    _read(folder, "log.npz")
+    try:
+        timeline = run_timeline(read_log(folder / "log.npz"), labels)
+    except (ValueError, KeyError, OSError) as error:
+        raise ScenarioError(
+            f"{folder / 'log.npz'}: not the log of a run: {one_line(error)}"
+        ) from error
+    video = folder / "video.mp4"
+    output = OutputFile(folder / "replay.html")
+    output.path.write_text(
+        _page(
+            labels.title,
+            _result(folder / "metrics.json"),
+            _data(timeline, sights, video_start),
+            glb,
+            video.read_bytes() if video.is_file() else None,
+        ),
+        encoding="utf-8",
+    )
+    return output.commit()
+
+
+def _read(folder: Path, name: str) -> bytes:
+    try:
+        return (folder / name).read_bytes()
+    except OSError as error:
+        raise ScenarioError(
+            f"{folder / name}: {error.strerror or error} "
+            "(allowed: the folder of a run recorded without --no-record)"
+        ) from error
+
+
+def _result(path: Path) -> tuple[bool, str] | None:
+    """Return whether a run succeeded and a phrase about it, if metrics.json tells."""
+    try:
+        metrics = json.loads(path.read_text(encoding="utf-8"))
+        success, tries = bool(metrics["success"]), int(metrics["attempts"])
+        word = "success" if success else f"failure: {metrics['failure']}"
+        return success, f"{word}, {tries} attempt{'' if tries == 1 else 's'}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _images(document: Json, binary: bytes) -> list[str]:
+    """Return the images of a GLB file as data URLs."""
+    urls = []
+    for image in document.get("images", []):
+        view = document["bufferViews"][image["bufferView"]]
+        data = binary[view["byteOffset"] :][: view["byteLength"]]
+        urls.append(_data_url(image["mimeType"], data))
+    return urls
+
+
+def _data_url(kind: str, data: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _data(timeline: Timeline, sights: list[Json], video_start: float) -> Json:
+    """Return what the page's scripts show, besides the scene and the video."""
+    time = timeline.time
+    changes = [0, *(1 + np.flatnonzero(_differ(timeline.mode)))]
+    return {
+        "duration": _short(time[-1]),
+        "period": _short(time[1] - time[0]) if len(time) > 1 else 0.02,
+        "time": [_short(t, 6) for t in time],
+        "colors": len(COLORS),
+        "modes": [
+            {"time": _short(time[i], 6), "mode": timeline.mode[i].replace("_", " ")}
+            for i in changes
+        ],
+        "panels": [
+            {
+                "label": label.replace("\n", " "),
+                "series": [
+                    {
+                        "name": names[i] if i < len(names) else "",
+                        "values": [_short(x) for x in values[:, i]],
+                    }
+                    for i in range(values.shape[1])
+                ],
+            }
+            for label, values, names in timeline_panels(timeline)
+        ],
+        "video_start": video_start,
+        "sights": sights,
+    }
+
+
+def _differ(words: Sequence[str]) -> list[bool]:
+    return [a != b for a, b in itertools.pairwise(words)]
+
+
+def _short(value: float, digits: int = _DIGITS) -> float | None:
+    """Return a number without needless digits; None if it is not finite."""
+    return float(f"{value:.{digits}g}") if np.isfinite(value) else None
+
+
+def _page(
+    title: str,
+    result: tuple[bool, str] | None,
+    data: Json,
+    glb: bytes,
+    video: bytes | None,
+) -> str:
+    style = _text("page.css") + _line_colors()
+    script = "\n".join(_text(name) for name in _SCRIPTS)
+    policy = "; ".join(
+        [
+            "default-src 'none'",
+            f"script-src 'sha256-{_sha256(script)}'",
+            f"style-src 'sha256-{_sha256(style)}'",
+            "img-src data:",
+            "media-src data:",
+        ]
+    )
+    said = ""
+    if result is not None:
+        kind = "good" if result[0] else "bad"
+        said = f'<p class="{kind}">{html.escape(result[1])}</p>'
+    packed = base64.b64encode(gzip.compress(glb, 9, mtime=0)).decode()
+    return _text("page.html").format(
+        policy=html.escape(policy),
+        title=html.escape(title),
+        style=style,
+        result=said,
+        duration=data["duration"],
+        period=data["period"],
+        pictures=_pictures(data, video),
+        # A script element ends at the first "</script", wherever it is.
+        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        glb=packed,
+        script=script,
+    )
+
+
+def _pictures(data: Json, video: bytes | None) -> str:
+    parts = []
+    if video is not None:
+        parts.append(
+            '<figure><video id="video" muted playsinline preload="auto" '
+            f'aria-label="Recorded video" src="{_data_url("video/mp4", video)}">'
+            "</video><figcaption>Recorded video</figcaption></figure>"
+        )
+    if data["sights"]:
+        parts.append(
+            '<figure id="sight"><div class="seen"><img id="sight-image" alt="">'
+            '<div id="blobs"></div></div><figcaption id="sight-words"></figcaption>'
+            "</figure>"
+        )
+    return f'<div class="pictures">{"".join(parts)}</div>' if parts else ""
+
+
+def _line_colors() -> str:
+    """Return CSS for the lines of plots, with paler colours on a dark page."""
+
+    def variables(colors: Sequence[str]) -> str:
+        return "".join(f"--line-{i}:{color};" for i, color in enumerate(colors))
+
+    dark = [_ON_DARK.get(color, color) for color in COLORS]
+    rules = [
+        f":root{{{variables(COLORS)}}}",
+        f"@media (prefers-color-scheme: dark){{:root{{{variables(dark)}}}}}",
+        *(f".color-{i}{{--line:var(--line-{i})}}" for i in range(len(COLORS))),
+    ]
+    return "\n".join([*rules, ""])
+
+
+def _text(name: str) -> str:
+    return (resources.files("drake_srg.replay") / name).read_text(encoding="utf-8")
+
+
+def _sha256(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()

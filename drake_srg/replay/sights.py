@@ -1,0 +1,92 @@
+"""Records what the localizer sees whenever the planner looks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from pydrake.systems.framework import Context, Diagram
+
+from drake_srg.common.ports import output_ports
+from drake_srg.replay.glb import Json
+
+_WIDTH = 640  # pixels; larger images are made smaller
+
+
+class SightRecorder:
+    """Keeps the localizer's images and blobs of each look of the planner.
+
+    Args:
+        cell: A cell with the ports of `MakeCell`'s. Without `localizer.blobs` or a
+            planner that counts its looks, nothing is kept.
+        cameras: Names of the localizer's cameras.
+
+    Attributes:
+        sights: Time [s], camera, index of the image and blobs of each look.
+        images: JPEG files.
+    """
+
+    def __init__(self, cell: Diagram, cameras: Sequence[str]) -> None:
+        ports = output_ports(cell)
+        self._status = ports.get("planner.status")
+        self._blobs = ports.get("localizer.blobs")
+        self._cameras = {
+            name: ports[port]
+            for name in cameras
+            if (port := f"camera_{name}.color_image") in ports
+        }
+        self._looks = 0
+        self.sights: list[Json] = []
+        self.images: list[bytes] = []
+
+    def sample(self, context: Context) -> None:
+        """Keep images and blobs if the planner has looked since the last sample.
+
+        Args:
+            context: The cell's context.
+        """
+        if self._status is None or self._blobs is None:
+            return
+        looks = self._status.Eval(context).looks
+        if looks == self._looks:
+            return
+        self._looks = looks
+        blobs = self._blobs.Eval(context)
+        for name, port in self._cameras.items():
+            pixels = port.Eval(context).data
+            self.sights.append(
+                {
+                    "time": context.get_time(),
+                    "camera": name,
+                    "image": len(self.images),
+                    "blobs": [
+                        _blob(blob, pixels.shape)
+                        for blob in blobs
+                        if blob.camera == name
+                    ],
+                }
+            )
+            self.images.append(_jpeg(pixels))
+
+
+def _blob(blob: Any, shape: tuple[int, ...]) -> Json:
+    """Return a blob's name, its place as shares of width and height, and quality."""
+    (u, v), (height, width) = blob.pixel, shape[:2]
+    return {
+        "name": blob.object_name,
+        "at": [round((u + 0.5) / width, 4), round((v + 0.5) / height, 4)],
+        "quality": round(float(blob.quality), 3),
+    }
+
+
+def _jpeg(rgba: Any) -> bytes:
+    """Return an RGBA image as a JPEG file."""
+    bgr = cv2.cvtColor(np.asarray(rgba), cv2.COLOR_RGBA2BGR)
+    height, width = bgr.shape[:2]
+    if width > _WIDTH:
+        size = (_WIDTH, round(height * _WIDTH / width))
+        bgr = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
+    _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 80])
+    return bytes(data)

@@ -1,0 +1,78 @@
+import cv2
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.sensors import ImageRgba8U
+
+from drake_srg.lifetime import LeafSystem
+from drake_srg.replay.sights import SightRecorder
+from drake_srg.types import Blob, PlannerStatus
+
+BLOB = Blob("can", "ceiling", (159.5, 59.5), np.zeros(3), np.zeros(3), quality=0.75)
+
+
+class Perception(LeafSystem):
+    """A camera, a localizer and a planner that looks at whole seconds from 1 s on."""
+
+    def __init__(self):
+        super().__init__()
+        self.images = 0
+        for name, model, calc in (
+            ("planner.status", PlannerStatus(), self._status),
+            ("localizer.blobs", [], lambda context, output: output.set_value([BLOB])),
+            ("camera_ceiling.color_image", ImageRgba8U(1280, 240), self._image),
+        ):
+            self.DeclareAbstractOutputPort(
+                name=name, alloc=lambda m=model: AbstractValue.Make(m), calc=calc
+            )
+
+    def _status(self, context, output):
+        output.set_value(PlannerStatus(looks=int(context.get_time())))
+
+    def _image(self, context, output):
+        self.images += 1
+        image = output.get_mutable_value()
+        image.mutable_data[:] = [200, 20, 20, 255]
+
+
+def MakeCell(without=()):
+    builder = DiagramBuilder()
+    perception = builder.AddSystem(Perception())
+    for i in range(perception.num_output_ports()):
+        port = perception.get_output_port(i)
+        if port.get_name() not in without:
+            builder.ExportOutput(port, port.get_name())
+    return builder.Build(), perception
+
+
+def record(cell, cameras=("ceiling",)):
+    context = cell.CreateDefaultContext()
+    recorder = SightRecorder(cell, cameras)
+    for time in (0.0, 0.5, 1.0, 1.5, 2.0):
+        context.SetTime(time)
+        recorder.sample(context)
+    return recorder
+
+
+def test_each_look_is_kept_once():
+    cell, perception = MakeCell()
+    recorder = record(cell)
+    assert perception.images == 2  # nothing is rendered for nothing
+    assert [sight["time"] for sight in recorder.sights] == [1.0, 2.0]
+    assert [sight["image"] for sight in recorder.sights] == [0, 1]
+    (blob,) = recorder.sights[0]["blobs"]
+    assert blob == {"name": "can", "at": [0.125, 0.25], "quality": 0.75}
+    image = cv2.imdecode(np.frombuffer(recorder.images[0], np.uint8), 1)
+    assert image.shape == (120, 640, 3)  # half as large
+    np.testing.assert_allclose(image[60, 300], [20, 20, 200], atol=4)
+
+
+def test_a_camera_that_the_cell_does_not_have_has_no_sights():
+    assert record(MakeCell()[0], ["side"]).sights == []
+
+
+@pytest.mark.parametrize("port", ["planner.status", "localizer.blobs"])
+def test_a_cell_without_looks_or_blobs_has_no_sights(port):
+    cell, _ = MakeCell([port])
+    assert record(cell).sights == []
