@@ -21,7 +21,7 @@ def test_both_forms_say_the_same():
     AddContact(collision, 0.01)
     (node,) = collision
     said = {e.tag.rpartition("}")[2]: e.text for e in node}
-    properties = contact_properties(FRICTION, MODULUS, 0.01)
+    properties = contact_properties(FRICTION, MODULUS, 0.01, DISSIPATION)
 
     def get(group, name):
         return properties.GetProperty(group, name)

@@ -2,6 +2,7 @@ import cv2
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.sensors import ImageRgba8U
 
@@ -9,7 +10,7 @@ from drake_srg.lifetime import LeafSystem
 from drake_srg.replay.sights import SightRecorder
 from drake_srg.types import Blob, PlannerStatus
 
-BLOB = Blob("can", "ceiling", (159.5, 59.5), np.zeros(3), np.zeros(3), quality=0.75)
+BLOB = Blob("can", "ceiling", (159.5, 59.5), RigidTransform(), quality=0.75)
 
 
 class Perception(LeafSystem):

@@ -20,7 +20,6 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 WAITING = {
     "before_modification",
     "localizer_thresholds",
-    "resting",
     "sleeping",
 }
 
