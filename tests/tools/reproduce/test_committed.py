@@ -18,7 +18,6 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 # Rows on the page are from before results were committed: `make experiments ACCEPT=1
 # ONLY=NAME`, on a machine that does nothing else, takes a name off this list.
 WAITING = {
-    "before_modification",
     "localizer_thresholds",
     "sleeping",
 }
