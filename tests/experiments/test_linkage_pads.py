@@ -27,12 +27,9 @@ def contacts(path):
     for geometry in inspector.GetAllGeometryIds(Role.kProximity):
         properties = inspector.GetProximityProperties(geometry)
         friction = properties.GetProperty("material", "coulomb_friction")
-        found[inspector.GetName(geometry)] = (
-            friction.dynamic_friction(),
-            properties.GetPropertyOrDefault(
-                "hydroelastic", "hydroelastic_modulus", None
-            ),
-        )
+        key = ("hydroelastic", "hydroelastic_modulus")
+        modulus = properties.GetProperty(*key) if properties.HasProperty(*key) else None
+        found[inspector.GetName(geometry)] = (friction.dynamic_friction(), modulus)
     return found
 
 
