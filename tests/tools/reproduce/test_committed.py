@@ -19,7 +19,6 @@ DESCRIPTIONS = {**list_experiments(), **list_measurements()}
 # ONLY=NAME`, on a machine that does nothing else, takes a name off this list.
 WAITING = {
     "localizer_thresholds",
-    "sleeping",
 }
 
 
