@@ -154,7 +154,7 @@ class Blob:
     camera: str
     pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
     # Pose in world [m]. Of the poses that look alike, the one that is turned least: a
-    # ball is not turned, a cylinder's z has z >= 0 and its x is near the world's.
+    # ball is not turned, a cylinder's axis points upwards and it does not spin about it.
     X_WO: RigidTransform
     quality: float  # 0 .. 1, visible share of the expected outline
     flags: frozenset[BlobFlag] = frozenset()

@@ -44,10 +44,10 @@ def guess_poses(
     """Return poses X_WO from which a fit may start.
 
     A box is assumed to be on one of its faces, within 15 degrees. Convex pieces stand
-    upright or lie on a side of their bounding box. A cylinder's normals
-    are parallel or square to its axis, so the axis is an eigenvector of their second
-    moments, whatever part is seen. Where noise spoils the normals, the axis may be the
-    normal of a top or the direction in which the points extend farthest. Either end of
+    upright or rest on a face of their convex hull. A cylinder's normals are parallel or
+    square to its axis, so the axis is an eigenvector of their second moments, whatever
+    part is seen. Where noise spoils the normals, the axis may be the normal of a top or
+    the direction in which the points extend farthest. Either end of
     a cylinder may be hidden.
 
     Args:
