@@ -154,7 +154,7 @@ class Blob:
     camera: str
     pixel: tuple[float, float]  # (u, v) of the blob's centroid in the image
     # Pose in world [m]. Of the poses that look alike, the one that is turned least: a
-    # ball is not turned, a cylinder's axis points upwards and it does not spin about it.
+    # ball is not turned, a cylinder's axis points upwards and has no spin about itself.
     X_WO: RigidTransform
     quality: float  # 0 .. 1, visible share of the expected outline
     flags: frozenset[BlobFlag] = frozenset()
