@@ -36,7 +36,7 @@ COMMAND_LIMIT = 2**20
 # Samples that may wait per topic, in case this thread does not get to run: 0.1 s at
 # 1 kHz. Beyond that the oldest are lost. Not more, because only the domain's limit
 # bounds their size.
-_DEPTH = 100
+QUEUE_DEPTH = 100
 # Samples taken at once, all of which are then in memory.
 _BATCH = 10
 # Writers whose reliability is remembered. Beyond that, the oldest are looked up again.
@@ -72,7 +72,11 @@ class CommandReader:
         # matches all writers but may miss samples. So each topic has both, and each
         # writer counts at one of them.
         self._readers = [
-            (name, mode, make_reader(name, policy, Policy.History.KeepLast(_DEPTH)))
+            (
+                name,
+                mode,
+                make_reader(name, policy, Policy.History.KeepLast(QUEUE_DEPTH)),
+            )
             for name in inbox.topics
             for mode, policy in _RELIABILITIES.items()
         ]
@@ -107,7 +111,7 @@ class CommandReader:
     def _take(self) -> None:
         # While one reader is read, older messages may reach another: read again.
         samples = found = list(self._waiting())
-        while found and len(samples) < _DEPTH:
+        while found and len(samples) < QUEUE_DEPTH:
             found = list(self._waiting())
             samples = samples + found
         # Where several topics command the same port, the last message wins.

@@ -201,16 +201,12 @@ class Peer:
         for value in values:
             writer.write(message(kind, value))
 
-    def stream(self, rate, count, values):
-        """Publish `count` times at `rate` [Hz]; `values` are the last, by topic."""
-        start = time.monotonic()
+    def burst(self, count, values):
+        """Publish `count` messages a topic at once; `values` are the last ones."""
         for i in range(count):
             for name, last in values.items():
-                data = last if i == count - 1 else type(last)()
-                if isinstance(last, list) and i < count - 1:
-                    data = [0.0] * len(last)
-                self.publish(name, data)
-            time.sleep(max(0.0, start + (i + 1) / rate - time.monotonic()))
+                data = [0.0] * len(last) if isinstance(last, list) else type(last)()
+                self.publish(name, last if i == count - 1 else data)
 
     def user_data(self):
         """Return the announcements of others: {kind: [{topic, type, ...}]}."""
