@@ -8,14 +8,21 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.types import Vector
 from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.symmetry import turn_between
 from drake_srg.vision.view import View
 
 # A fit from a guess finds the pose if it is turned by less than about half of this from
 # the true one [rad].
 _TURN = np.deg2rad(30.0)
 # Points that rank the guesses, steps that bring a guess to them, and guesses that are
-# worth a fit.
-_POINTS, _STEPS, _BEST = 150, 4, 6
+# worth a fit. As few points show what makes a turn visible, such as a handle, as many
+# more are if none of the first explains the view.
+_POINTS, _STEPS, WORTH_A_FIT = 150, 4, 6
+# Turns about the vertical that show whether the best pose has rivals [rad].
+_RIVAL_TURNS = np.deg2rad([-40.0, -20.0, 20.0, 40.0])
+# A pose that is turned farther from the best one [rad] rivals it if it leaves no more
+# unexplained than this many times as much, and this share of the blob: a dozen pixels.
+_TURNED, _MUCH, _MORE = np.deg2rad(10.0), 1.2, 0.01
 # Distance beyond which a point counts less [m], as when something hides the solid.
 _FAR = 0.005
 
@@ -42,7 +49,33 @@ def guess_pieces(
         for down in downs
         for yaw in np.arange(0.0, 2 * np.pi, _TURN)
     ]
-    return [X_WO for _, X_WO in sorted(guesses, key=lambda guess: guess[0])[:_BEST]]
+    return [X_WO for _, X_WO in sorted(guesses, key=lambda guess: guess[0])]
+
+
+def turned_about(points: Vector, X_WO: RigidTransform) -> list[RigidTransform]:
+    """Return poses turned about the vertical through the middle of points (n, 3)."""
+    X_WM = RigidTransform(points.mean(axis=0))
+    X_MO = X_WM.InvertAndCompose(X_WO)
+    return [
+        X_WM @ RigidTransform(RotationMatrix.MakeZRotation(turn), [0, 0, 0]) @ X_MO
+        for turn in _RIVAL_TURNS
+    ]
+
+
+def are_rivals(
+    shape: ConvexPieces,
+    best: tuple[float, RigidTransform],
+    other: tuple[float, RigidTransform],
+) -> bool:
+    """Return whether another pose explains a view hardly worse than the best one.
+
+    Each is the share of pixels that it leaves unexplained, and X_WO.
+    """
+    (least, X_1), (unexplained, X_2) = best, other
+    return (
+        unexplained <= _MUCH * least + _MORE
+        and turn_between(shape, X_1.rotation(), X_2.rotation()) > _TURNED
+    )
 
 
 def _put_down(down: Vector) -> RotationMatrix:

@@ -8,21 +8,17 @@ takes part, so a solid that is half hidden still gives its whole pose.
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.types import Sphere, Vector
 from drake_srg.vision.config import BlobLocalizerConfig
-from drake_srg.vision.guesses import guess_poses, guess_upright
-from drake_srg.vision.mask import Mask
+from drake_srg.vision.fit_start import find_start
+from drake_srg.vision.match import Match
 from drake_srg.vision.outline import Outline
-from drake_srg.vision.pose_fit import Alignment, align
-from drake_srg.vision.robust import robust_deviation
-from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight, look
-from drake_srg.vision.solids import signed_distance
+from drake_srg.vision.sight import INSIDE, OUTSIDE, Sight
 from drake_srg.vision.symmetry import least_turned
 from drake_srg.vision.view import View
 
@@ -61,7 +57,7 @@ def fit_shape(shape: Solid, view: View, config: BlobLocalizerConfig) -> Fit | No
     points = view.points()[view.blob & view.valid]
     if len(points) < 3:
         return None
-    return _Fitter(shape, view, config).fit(points)
+    return _Fitter(Match(shape, view, config)).fit(points)
 
 
 def _within_reach(shape: Solid, view: View) -> View:
@@ -80,9 +76,10 @@ def _within_reach(shape: Solid, view: View) -> View:
 class _Fitter:
     """Fits a solid to a view of its blob, which has depth."""
 
-    def __init__(self, shape: Solid, view: View, config: BlobLocalizerConfig) -> None:
-        self._shape, self._view, self._config = shape, view, config
-        self._limits = config.fit
+    def __init__(self, match: Match) -> None:
+        self._match = match
+        self._shape, self._view = match.shape, match.view
+        self._limits = match.config.fit
 
     def fit(self, points: Vector) -> Fit | None:
         """Return the fit, None if the blob belongs to something else.
@@ -90,123 +87,30 @@ class _Fitter:
         Args:
             points: Of the blob in W [m], shape (n, 3).
         """
-        limits, shape = self._limits, self._shape
-        start, upright = self._start(points)
-        middle = self._align(start, limits.middle_softness, upright=upright)
-        X_WO = self._align(middle.X_WO, limits.fine_softness, upright=upright).X_WO
-        sight = self._look(X_WO, margin=limits.beside)
+        limits, match = self._limits, self._match
+        start = find_start(match, points)
+        upright = start.upright
+        middle = match.align(start.X_WO, limits.middle_softness, upright=upright)
+        X_WO = match.align(middle.X_WO, limits.fine_softness, upright=upright).X_WO
+        sight = match.look(X_WO, margin=limits.beside)
         lift = self._lift(X_WO, sight)
-        unexplained = self._unexplained(sight)
+        unexplained = match.unexplained(sight)
         if unexplained > limits.another_object or lift < -limits.apart:
             return None
         unsure = (
-            middle.position_deviation > limits.position_deviation
+            start.has_rival
+            or middle.position_deviation > limits.position_deviation
             or middle.axis_deviation > limits.axis_deviation
         )
         quality, cut, hidden = self._seen(sight, X_WO)
         return Fit(
-            least_turned(shape, X_WO),
+            least_turned(match.shape, X_WO),
             quality,
             cut,
             hidden,
             uncertain=unsure or not quality or self._doubtful(X_WO, sight),
-            misfit=unexplained + self._through(sight) + abs(lift) / shape.height,
+            misfit=unexplained + self._through(sight) + abs(lift) / match.shape.height,
         )
-
-    def _look(self, X_WO: RigidTransform, margin: int = 0) -> Sight:
-        return look(self._shape, X_WO, self._view, self._config.sight, margin=margin)
-
-    def _align(
-        self, X_WO: RigidTransform, softnesses: Sequence[float], upright: bool = False
-    ) -> Alignment:
-        return align(
-            self._shape, X_WO, self._view, softnesses, self._config, upright=upright
-        )
-
-    def _start(self, points: Vector) -> tuple[RigidTransform, bool]:
-        """Return the pose that explains most, coarsely, and whether it stays upright.
-
-        Most things stand. Noise hides small leans, so in a noisy image a solid whose
-        depth is that of a standing one is taken to stand, unless another pose explains
-        far more. A solid that hangs from a hand may have turned in it and is free to
-        lean.
-        """
-        limits, view, shape = self._limits, self._view, self._shape
-        best, least, upright = RigidTransform(), np.inf, False
-        if view.noise and not isinstance(shape, Sphere):
-            guess = guess_upright(shape, view, self._config.guesses)
-            best = self._align(guess, limits.coarse_softness, upright=True).X_WO
-            sight = self._look(best)
-            scatter = robust_deviation(sight.error[sight.blob])
-            # Unless its top is in sight, its height could be anything.
-            upright = scatter <= 2 * view.noise and self._sees_top(best, sight)
-            if upright:
-                least = self._unexplained(sight)
-                upright = not self._hangs(best)
-                if least <= limits.explained:
-                    return best, upright
-                least -= limits.upright_margin * upright
-        guesses = guess_poses(shape, view, self._config.guesses)
-        guesses = sorted(guesses, key=lambda guess: self._distance(guess, points))
-        for guess in guesses[: limits.noisy_guesses if view.noise else None]:
-            X_WO = self._align(guess, limits.coarse_softness).X_WO
-            unexplained = self._unexplained(self._look(X_WO))
-            if unexplained < least:
-                best, least, upright = X_WO, unexplained, False
-            # Of pieces, one end may be almost like the other.
-            if least <= limits.explained and not isinstance(shape, ConvexPieces):
-                break
-        return best, upright
-
-    def _distance(self, X_WO: RigidTransform, points: Vector) -> float:
-        """Return the mean distance of points to the solid's surface [m]."""
-        p_O = (points - X_WO.translation()) @ X_WO.rotation().matrix()
-        return float(np.abs(signed_distance(self._shape, p_O)[0]).mean())
-
-    @property
-    def _wrong(self) -> float:
-        """Distance from the surface beyond which a point is not explained [m]."""
-        limits = self._limits
-        return max(limits.off_surface, limits.deviations * self._view.noise)
-
-    def _sees_top(self, X_WO: RigidTransform, sight: Sight) -> bool:
-        """Return whether enough pixels show the top of an upright solid."""
-        top = X_WO.translation()[2] + 0.5 * self._shape.bounding_size[2]
-        tops = sight.blob & (np.abs(sight.points[:, 2] - top) < self._wrong)
-        return bool(tops.sum() >= self._limits.least_pixels)
-
-    def _hangs(self, X_WO: RigidTransform) -> bool:
-        """Return whether an upright solid is far above its surroundings.
-
-        What holds it does not count. If nothing is seen around it, it hangs.
-        """
-        limits = self._limits
-        sight = self._look(X_WO, margin=limits.beside)
-        bottom = X_WO.translation()[2] - 0.5 * self._shape.height
-        points = sight.points[self._around(sight)]
-        z = np.where(np.isfinite(points).all(axis=1), points[:, 2], -np.inf)
-        z = z[z < bottom + limits.apart]
-        return len(z) >= limits.least_pixels and bool(
-            np.median(z) < bottom - limits.apart
-        )
-
-    def _around(self, sight: Sight) -> Mask:
-        """Return which pixels show the solid's surroundings."""
-        return np.asarray(
-            (sight.labels == OUTSIDE) & (sight.distance > self._limits.frayed)
-        )
-
-    def _unexplained(self, sight: Sight) -> float:
-        """Return the pixels that speak against a pose, as a share of the blob's.
-
-        They are the blob's pixels off the surface, and others that look through it.
-        """
-        frayed = self._limits.frayed
-        missed = sight.blob & (np.abs(sight.error) > self._wrong)
-        if self._view.noise:  # which frays edges
-            missed &= np.abs(sight.distance) > frayed
-        through = ~sight.blob & (sight.labels == OUTSIDE) & (sight.distance < -frayed)
-        return float((missed.sum() + through.sum()) / sight.blob.sum())
 
     def _through(self, sight: Sight) -> float:
         """Return the pixels that look past the solid, as a share of the blob's.
@@ -221,8 +125,8 @@ class _Fitter:
 
         If both ends of a solid are hidden, it may slide along its axis unnoticed.
         """
-        limits, view = self._limits, self._view
-        unexplained = self._unexplained(sight)
+        limits, view, match = self._limits, self._view, self._match
+        unexplained = match.unexplained(sight)
         surface = sight.surface & (sight.distance < -1)
         colored = sight.blob.sum() / max(1, surface.sum())
         distance = float(np.linalg.norm(X_WO.translation() - view.origin))
@@ -235,7 +139,10 @@ class _Fitter:
             unexplained > limits.most_unexplained
             or self._through(sight) > limits.most_through
             or bool(colored < limits.least_colored)
-            or any(self._unexplained(self._look(X)) <= unexplained for X in slid)
+            or any(
+                self._match.unexplained(self._match.look(X)) <= unexplained
+                for X in slid
+            )
         )
 
     def _lift(self, X_WO: RigidTransform, sight: Sight) -> float:
@@ -246,7 +153,7 @@ class _Fitter:
         solid does not stand or its surroundings are not seen.
         """
         limits = self._limits
-        around = self._around(sight) & np.isfinite(sight.points).all(axis=1)
+        around = self._match.around(sight) & np.isfinite(sight.points).all(axis=1)
         upright = abs(X_WO.rotation().matrix()[2, 2])
         if (
             isinstance(self._shape, Sphere)

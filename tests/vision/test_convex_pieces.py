@@ -48,6 +48,10 @@ MUG, _ = centered_pieces(
         block([0.03, 0.012, 0.008], (0.052, 0.0, 0.015)),
     ]
 )
+# Seen from above, nothing shows how it is turned.
+STOOL, _ = centered_pieces(
+    [ring(0.04, 0.02, z=0.05), block([0.012, 0.012, 0.05], (0.02, 0.0, 0.025))]
+)
 SOLIDS = {"hammer": HAMMER, "bottle": BOTTLE, "mug": MUG}
 
 
@@ -76,6 +80,13 @@ def test_a_standing_object_is_located_with_its_yaw(name, yaw):
     solid = SOLIDS[name]
     blob = the_blob(lying(solid, R_WO, 0.12, -0.08))
     assert turn_between(solid, blob.X_WO.rotation(), R_WO) < np.deg2rad(1.0)
+
+
+@pytest.mark.parametrize("yaw", [0.3, 2.0])
+def test_a_turn_that_nothing_shows_is_uncertain(yaw):
+    thing = lying(STOOL, RotationMatrix.MakeZRotation(yaw), 0.0, 0.0)
+    (blob,) = locate([thing], [target(shape=STOOL)])
+    assert not blob.certain
 
 
 @pytest.mark.slow
