@@ -12,7 +12,7 @@ from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.types import Sphere, Vector
 from drake_srg.vision.guesses import guess_poses, guess_upright
 from drake_srg.vision.match import Match
-from drake_srg.vision.piece_guesses import WORTH_A_FIT, are_rivals, turned_about
+from drake_srg.vision.piece_guesses import WORTH_A_FIT, are_rivals, guess_rivals
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import Sight
 from drake_srg.vision.solids import signed_distance
@@ -64,7 +64,7 @@ def _best_of_guesses(match: Match, points: Vector) -> tuple[float, Start]:
     limits, view, shape = match.config.fit, match.view, match.shape
     guesses = guess_poses(shape, view, match.config.guesses)
     if isinstance(shape, ConvexPieces):
-        return _best_of_pieces(match, shape, guesses, points)
+        return _best_of_pieces(match, shape, guesses)
     guesses.sort(key=lambda guess: _distance(match, guess, points))
     tried = []
     for guess in guesses[: limits.noisy_guesses if view.noise else None]:
@@ -76,7 +76,7 @@ def _best_of_guesses(match: Match, points: Vector) -> tuple[float, Start]:
 
 
 def _best_of_pieces(
-    match: Match, shape: ConvexPieces, guesses: list[RigidTransform], points: Vector
+    match: Match, shape: ConvexPieces, guesses: list[RigidTransform]
 ) -> tuple[float, Start]:
     """Return the best guess of convex pieces, after a look for its rivals."""
     worth = match.config.fit.noisy_guesses if match.view.noise else WORTH_A_FIT
@@ -84,7 +84,7 @@ def _best_of_pieces(
     if min(tried, key=itemgetter(0))[0] > match.config.fit.explained:
         tried += [_try(match, guess) for guess in guesses[worth : 2 * worth]]
     best = min(tried, key=itemgetter(0))[1]
-    tried += [_try(match, guess) for guess in turned_about(points, best)]
+    tried += [_try(match, guess) for guess in guess_rivals(shape, best, match.view)]
     least, best = min(tried, key=itemgetter(0))
     has_rival = any(are_rivals(shape, (least, best), other) for other in tried)
     return least, Start(best, has_rival=has_rival)

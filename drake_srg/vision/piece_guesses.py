@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
+
 import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces
@@ -18,8 +21,11 @@ _TURN = np.deg2rad(30.0)
 # worth a fit. As few points show what makes a turn visible, such as a handle, as many
 # more are if none of the first explains the view.
 _POINTS, _STEPS, WORTH_A_FIT = 150, 4, 6
-# Turns about the vertical that show whether the best pose has rivals [rad].
-_RIVAL_TURNS = np.deg2rad([-40.0, -20.0, 20.0, 40.0])
+# Turns about the solid's axes, and about the vertical, that may rival the best pose
+# [rad], and how many of the former are worth a fit.
+_RIVAL_TURNS = np.deg2rad([-90.0, -40.0, -20.0, 20.0, 40.0, 90.0, 180.0])
+_SMALL_TURNS = _RIVAL_TURNS[1:5]
+_RIVALS = 12
 # A pose that is turned farther from the best one [rad] rivals it if it leaves no more
 # unexplained than this many times as much, and this share of the blob: a dozen pixels.
 _TURNED, _MUCH, _MORE = np.deg2rad(10.0), 1.2, 0.01
@@ -37,8 +43,7 @@ def guess_pieces(
         view: Where it is. At least three pixels of the blob have depth.
         upright: Whether its z points upwards; otherwise, it stands or rests on a face.
     """
-    points = view.points()[view.blob & view.valid]
-    points = points[:: -(-len(points) // _POINTS)]
+    points = _some_points(view)
     downs = [np.array([0.0, 0.0, -1.0])]
     if not upright:
         downs += [down for down in shape.resting if down[2] > -0.99]
@@ -49,17 +54,37 @@ def guess_pieces(
         for down in downs
         for yaw in np.arange(0.0, 2 * np.pi, _TURN)
     ]
-    return [X_WO for _, X_WO in sorted(guesses, key=lambda guess: guess[0])]
+    return [X_WO for _, X_WO in sorted(guesses, key=itemgetter(0))]
 
 
-def turned_about(points: Vector, X_WO: RigidTransform) -> list[RigidTransform]:
-    """Return poses turned about the vertical through the middle of points (n, 3)."""
-    X_WM = RigidTransform(points.mean(axis=0))
-    X_MO = X_WM.InvertAndCompose(X_WO)
-    return [
-        X_WM @ RigidTransform(RotationMatrix.MakeZRotation(turn), [0, 0, 0]) @ X_MO
+def guess_rivals(
+    shape: ConvexPieces, X_WO: RigidTransform, view: View
+) -> list[RigidTransform]:
+    """Return far turned poses that the points show nearly as well, the likeliest first.
+
+    Args:
+        shape: The solid.
+        X_WO: The pose whose rivals are looked for.
+        view: As for `guess_pieces`.
+    """
+    points = _some_points(view)
+    guesses = [
+        _settled(
+            shape,
+            X_WO.rotation() @ RotationMatrix(AngleAxis(turn, axis)),
+            points,
+            view,
+        )
+        for axis in np.eye(3)
         for turn in _RIVAL_TURNS
     ]
+    X_WM = RigidTransform(points.mean(axis=0))
+    X_MO = X_WM.InvertAndCompose(X_WO)
+    upright = [
+        X_WM @ RigidTransform(RotationMatrix.MakeZRotation(turn), np.zeros(3)) @ X_MO
+        for turn in _SMALL_TURNS
+    ]
+    return [X for _, X in sorted(guesses, key=itemgetter(0))[:_RIVALS]] + upright
 
 
 def are_rivals(
@@ -76,6 +101,12 @@ def are_rivals(
         unexplained <= _MUCH * least + _MORE
         and turn_between(shape, X_1.rotation(), X_2.rotation()) > _TURNED
     )
+
+
+def _some_points(view: View) -> Vector:
+    """Return evenly spread points of the blob, shape (n, 3), at most `_POINTS`."""
+    points = view.points()[view.blob & view.valid]
+    return points[:: -(-len(points) // _POINTS)]
 
 
 def _put_down(down: Vector) -> RotationMatrix:
