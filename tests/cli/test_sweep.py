@@ -130,7 +130,7 @@ def test_a_file_that_a_trial_cannot_read_is_not_blamed_on_out(
 @pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_an_ended_sweep_continues_where_it_stopped(end, tmp_path, capfd):
-    command = arguments(tmp_path, "--trials", "5", "--jobs", "1")
+    command = arguments(tmp_path, "--trials", "4", "--jobs", "1")
     with subprocess.Popen(
         [*HEEDING_CTRL_C, sys.executable, "-m", "drake_srg", *command],
         stderr=subprocess.PIPE,
@@ -152,11 +152,11 @@ def test_an_ended_sweep_continues_where_it_stopped(end, tmp_path, capfd):
         assert line.startswith("drake-srg: stopped; to continue: drake-srg sweep")
         assert line.endswith("--resume")
     done = read_rows(tmp_path).num_rows
-    assert 1 <= done < 5
+    assert 1 <= done < 4
     assert main([*command, "--resume"]) == 0
     rows = read_rows(tmp_path)
-    assert rows["trial"].to_pylist() == list(range(5))
-    for row in rows.to_pylist():
+    assert rows["trial"].to_pylist() == list(range(4))
+    for row in rows.to_pylist()[::3]:  # one from before its end, one from after
         seed, trial = row["seed"] - row["trial"], row["trial"]
         again = sweep.run_trial(
             sweep.load_tree(stub.SCENARIO, ABSENT[1:]), stub.SCENARIO, seed, trial

@@ -138,8 +138,8 @@ def test_the_files_contain_the_result(again, folder):
 
 
 def test_the_bench_plays_its_script():
-    bench = load_scenario("gripper_bench")
-    result = Simulate(bench, name="gripper_bench", record=False)
+    bench = load_scenario("gripper_bench_fast")
+    result = Simulate(bench, name="gripper_bench_fast", record=False)
     metrics = result.metrics
     assert (metrics.success, metrics.failure, metrics.attempts) == (True, None, 1)
     assert metrics.cycle_time_s == pytest.approx(
@@ -153,7 +153,7 @@ def test_the_bench_plays_its_script():
 
 
 def test_a_script_that_drops_its_object_has_misplaced_it():
-    bench = load_scenario("gripper_bench", overrides=["object.friction=0"])
+    bench = load_scenario("gripper_bench_fast", overrides=["object.friction=0"])
     metrics = Simulate(bench, record=False).metrics
     assert (metrics.success, metrics.failure) == (False, "misplaced")
 
