@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from drake_srg import experiments
 from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.status_line import StatusLine
 from drake_srg.experiments.parameters import (
     Parameter,
     parse_values,
@@ -183,7 +184,7 @@ def run_experiment(
         name: A name of `list_experiments` or `list_measurements`.
         out: Folder for result.json, the tables (CSV) and NAME.png; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
-        progress: Whether to show a progress bar.
+        progress: Whether to show progress on standard error.
 
     Raises:
         ScenarioError: If there is no such experiment or parameter, if the experiment
@@ -201,7 +202,7 @@ def run_experiment(
         sys.path.append(str(_TOOLS))  # workers of an experiment inherit the path
     run = importlib.import_module(experiment.module).run
     values = {**experiment.preset, **parse_values(name, run, texts)}
-    track = progress_bar(name) if progress else quiet
+    track = progress_line(name) if progress else quiet
     with output_folder(out):
         result: ExperimentResult = run(track, **values)
         if out is not None:
@@ -214,16 +215,14 @@ def quiet(cases: Sequence[T], label: Callable[[T], str] = str) -> Iterator[T]:
     yield from cases
 
 
-def progress_bar(name: str) -> Track:
-    """Return a `Track` that shows a bar on standard error, headed by a name."""
-    from tqdm import tqdm
+def progress_line(name: str) -> Track:
+    """Return a `Track` that shows progress on standard error, headed by a name."""
 
     def track(cases: Sequence[T], label: Callable[[T], str] = str) -> Iterator[T]:
-        style = "{desc} {bar:20} {n_fmt}/{total_fmt} [{elapsed} elapsed]"
-        with tqdm(total=len(cases), file=sys.stderr, bar_format=style) as bar:
-            for case in cases:
-                bar.set_description_str(f"{name}: {label(case):24}")
+        with StatusLine() as line:
+            for number, case in enumerate(cases):
+                line.count(number, len(cases), f"{name}: {label(case)}")
                 yield case
-                bar.update()
+            line.count(len(cases), len(cases), name)
 
     return track
