@@ -59,11 +59,17 @@ def demo(options: argparse.Namespace) -> int:
 
 def replay(options: argparse.Namespace) -> int:
     """Write the page of one recorded run again, or a page that compares two."""
-    from drake_srg.replay import write_page
+    from drake_srg.replay import write_comparison, write_page
 
-    folder: Path = options.folders[0]
-    with writing("DIR", folder):
-        page = write_page(folder)
+    first: Path = options.folders[0]
+    if len(options.folders) == 1 and options.output is not None:
+        raise ScenarioError("-o: needs several folders (one has DIR/replay.html)")
+    with writing("DIR", first):
+        if len(options.folders) == 1:
+            page = write_page(first)
+        else:
+            page = options.output or first / "compare.html"
+            write_comparison(options.folders, page)
     options.console.say(page)
     options.console.answer({"replay": page})
     if options.open:

@@ -27,7 +27,9 @@ KEY_PAGES = {
 }
 
 # Errors that need no explanation.
-_PLAIN = r"^stopped|cannot be (read|written)|already exists|is missing|`drake-srg doctor`"
+_PLAIN = (
+    r"^stopped|cannot be (read|written)|already exists|is missing|`drake-srg doctor`"
+)
 
 
 class Output:
