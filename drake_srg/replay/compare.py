@@ -28,10 +28,10 @@ def write_comparison(folders: Sequence[Path], path: Path) -> Path:
     script = text_of("compare.js")
     style = page_style() + text_of("compare.css")
     title = " and ".join(folder.name or str(folder) for folder in folders)
+    names = [html.escape(str(folder)) for folder in folders]
     frames = [
-        f'<iframe data-led title="{html.escape(str(folder))}" srcdoc="{html.escape(page)}">'
-        "</iframe>"
-        for folder, page in zip(folders, pages, strict=True)
+        f'<iframe data-led title="{name}" srcdoc="{html.escape(page)}"></iframe>'
+        for name, page in zip(names, pages, strict=True)
     ]
     output = OutputFile(path)
     output.path.write_text(
