@@ -63,7 +63,7 @@ def experiment(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: For bad input, or if the results cannot be written.
     """
-    from drake_srg.experiments.registry import run_experiment
+    from drake_srg.experiments.registry import REPLAY, run_experiment
 
     if options.list:
         _print_list(options.console)
@@ -74,7 +74,7 @@ def experiment(options: argparse.Namespace) -> int:
         result = run_experiment(
             options.name, out, overrides=options.set, progress=options.console.progress
         )
-    paths = result.paths(options.name, out)
+    paths = [*result.paths(options.name, out), *out.glob(REPLAY)]
     options.console.say(result.table(), "", *paths)
     rows = [row.as_dict() for row in result.rows]
     options.console.answer({"passed": result.passed, "rows": rows, "files": paths})

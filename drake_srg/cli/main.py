@@ -24,6 +24,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The command line without the program's name; None: sys.argv's.
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    _Parser.json = "--json" in arguments
     options = make_parser().parse_args(arguments)
     output = Output(options.json, options.quiet, options.command)
     options.console = output
@@ -219,9 +221,11 @@ def make_parser() -> argparse.ArgumentParser:
 class _Parser(argparse.ArgumentParser):
     """A parser that reports an error in one line, like every command."""
 
+    json = False  # whether the command line asks for it
+
     def error(self, message: str) -> NoReturn:
         """Print what is wrong, and exit."""
-        Output("--json" in sys.argv, quiet=False).complain(message)
+        Output(self.json, quiet=False).complain(message)
         sys.exit(BAD_INPUT)
 
 

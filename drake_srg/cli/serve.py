@@ -54,7 +54,9 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
     )
     serve.add_argument(
-        "--no-record", action="store_true", help="write no recording.mcap"
+        "--no-record",
+        action="store_true",
+        help="write no recording and replay",
     )
 
 
@@ -123,7 +125,7 @@ def serve(options: argparse.Namespace) -> int:
         f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
         f"{served.commands} commands"
     )
-    output.say(*filter(None, [served.recording]))
+    output.say(*filter(None, [served.recording, served.replay]))
     output.answer(dc.asdict(served))
     return 0
 

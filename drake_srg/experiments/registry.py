@@ -19,11 +19,13 @@ them, a wheel does not.
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses as dc
 import importlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from drake_srg import experiments
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
     from drake_srg.experiments.result import ExperimentResult
 
 T = TypeVar("T")
+
+# Beside the results, where an experiment runs a cell: its first run.
+REPLAY = "replay.html"
 
 # The experiments in tools/measure, so that a wheel can say why it lacks them.
 MEASUREMENTS = (
@@ -182,7 +187,8 @@ def run_experiment(
 
     Args:
         name: A name of `list_experiments` or `list_measurements`.
-        out: Folder for result.json, the tables (CSV) and NAME.png; None writes nothing.
+        out: Folder for result.json, the tables (CSV), NAME.png and, where the
+            experiment runs a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
         progress: Whether to show progress on standard error.
 
@@ -196,6 +202,7 @@ def run_experiment(
     experiment = find_experiment(name)
     texts = split_overrides(name, experiment.parameters, overrides)
     from drake_srg.recording.output import output_folder, require
+    from drake_srg.simulation.kept_replay import keep_first_replay
 
     require("matplotlib.figure")  # better now than after minutes of simulation
     if experiment.module.startswith("measure.") and str(_TOOLS) not in sys.path:
@@ -203,10 +210,17 @@ def run_experiment(
     run = importlib.import_module(experiment.module).run
     values = {**experiment.preset, **parse_values(name, run, texts)}
     track = progress_line(name) if progress else quiet
-    with output_folder(out):
-        result: ExperimentResult = run(track, **values)
+    with output_folder(out), contextlib.ExitStack() as stack:
+        folder = None
         if out is not None:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix=".", dir=out)))
+        with keep_first_replay(folder):
+            result: ExperimentResult = run(track, **values)
+        if out is not None and folder is not None:
             result.write(name, out)
+            (out / REPLAY).unlink(missing_ok=True)
+            if (folder / REPLAY).exists():
+                (folder / REPLAY).replace(out / REPLAY)
     return result
 
 

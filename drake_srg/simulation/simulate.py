@@ -16,12 +16,13 @@ from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import Recorder, output_folder
-from drake_srg.replay import ReplayRecorder, write_page
+from drake_srg.replay import write_page
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
+from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
-from drake_srg.simulation.recorders import FILES, AddRecorders, write_samples
-from drake_srg.simulation.run_log import RunLog
+from drake_srg.simulation.recorders import FILES, AddRecorders
+from drake_srg.simulation.samples import Samples
 from drake_srg.simulation.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
@@ -83,8 +84,8 @@ def Simulate(
         ScenarioError: If the models do not fit the scenario, or Drake aborts the run.
         OSError: If `out` cannot be written.
     """
-    artifacts: dict[str, str | None] = dict.fromkeys(FILES)
     recorded = record and out is not None
+    kept = take_folder() if out is None else None
     own = make_cell is not MakeCell
     built = scenario if own else _without_unused_cameras(scenario, recorded)
     recorders: dict[str, Recorder] = {}
@@ -98,7 +99,7 @@ def Simulate(
         builder, cell = MakeRoot(
             "cell", make_cell, None if own else AddCell, built, name
         )
-        page = stack.enter_context(_PageOnError(out))
+        page = stack.enter_context(_PageOnError())
         with scenario_errors(name):
             if out is not None and recorded:
                 recorders = AddRecorders(builder, cell, scenario, out, process)
@@ -108,65 +109,63 @@ def Simulate(
             diagram.set_name("simulation")
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
-        if out is not None:  # remove the files of earlier runs
-            for file in (*FILES.values(), "metrics.json"):
-                (out / file).unlink(missing_ok=True)
+        if out is not None:
+            _remove_earlier(out)
+            page.folder = out
         _warm_up(simulator, cell)
-        log = RunLog(scenario, cell)
-        replay = None
-        if recorded:
-            cameras = scenario.localizer.cameras
-            replay = ReplayRecorder(diagram, cell, scenario.objects, cameras)
-
-        def sample() -> None:
-            log.sample(my_context(cell, simulator.get_context()))
-            if replay is not None:
-                replay.sample(simulator.get_context())
-
-        def write() -> dict[str, str]:
-            if out is None or not log:
-                return {}
-            written = write_samples(name, log.arrays(), scenario, out, replay)
-            page.possible = "replay_glb" in written
-            return written
-
-        with _written_on_error(write):
-            status, times = _run(simulator, cell, scenario, name, sample, progress)
-        artifacts |= write()  # while the video is being completed
+        replayed = recorded or kept is not None
+        samples = Samples(name, scenario, diagram, cell, replayed)
+        with _written_on_error(lambda: samples.write(out)):
+            status, times = _run(simulator, cell, scenario, name, samples, progress)
+        written = samples.write(out)  # while the video is being completed
     for kind, recorder in recorders.items():
-        artifacts[kind] = str(recorder.path) if recorder.path.exists() else None
+        if recorder.path.exists():
+            written[kind] = str(recorder.path)
     if out is not None and recorded:
-        artifacts["replay"] = str(out / FILES["replay"])
-    arrays = log.arrays()
+        written["replay"] = str(out / FILES["replay"])
+    if kept is not None:
+        samples.write(kept)
+        write_page(kept)
+    arrays = samples.log.arrays()
     metrics = calc_metrics(
-        scenario, name, arrays, status, log.touching, times, artifacts
+        scenario,
+        name,
+        arrays,
+        status,
+        samples.log.touching,
+        times,
+        {kind: written.get(kind) for kind in FILES},
     )
     if out is not None:
         metrics.write(out / "metrics.json")
-        if recorded:
-            write_page(out)  # last: it shows the other files
+    if out is not None and recorded:
+        write_page(out)  # last: it shows the other files
     return Result(metrics, arrays, status)
+
+
+def _remove_earlier(out: Path) -> None:
+    """Remove the files of an earlier run."""
+    for file in (*FILES.values(), "metrics.json"):
+        (out / file).unlink(missing_ok=True)
 
 
 class _PageOnError:
     """Writes replay.html if an exception ends a run, once the video is complete.
 
     Attributes:
-        possible: Whether the files for it have been written.
+        folder: Where the other files are; None: there are none yet.
     """
 
-    def __init__(self, out: Path | None) -> None:
-        self._out = out
-        self.possible = False
+    folder: Path | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is not None and self.possible and self._out is not None:
-            # The first exception is the one to report.
+        if kind is not None and self.folder is not None:
+            # The first exception is the one to report; unrecorded runs have no page.
             with contextlib.suppress(Exception):
-                write_page(self._out)
+                write_page(self.folder)
 
 
 @contextlib.contextmanager
@@ -217,7 +216,7 @@ def _run(
     cell: Diagram,
     scenario: Scenario,
     name: str,
-    sample: Callable[[], None],
+    samples: Samples,
     progress: bool,
 ) -> tuple[PlannerStatus, RunTimes]:
     """Advance until the planner has ended and the objects have settled."""
@@ -233,7 +232,7 @@ def _run(
     start = wall.perf_counter()
     with failure_time(name, simulator):
         simulator.Initialize()
-    sample()
+    samples.add(root)
     status, step = PlannerStatus(), 0
     try:
         with StatusLine(shown=progress) as line:
@@ -242,7 +241,7 @@ def _run(
                 time = min(start_time + step * scenario.recording.period, end)
                 with failure_time(name, simulator):
                     advance(time)
-                sample()
+                samples.add(root)
                 status = status_port.Eval(context)
                 if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
                     end = min(limit, time + _SETTLE)
