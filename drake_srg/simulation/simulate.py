@@ -117,6 +117,8 @@ def Simulate(
         samples = Samples(name, scenario, diagram, cell, replayed)
         with _written_on_error(lambda: samples.write(out)):
             status, times = _run(simulator, cell, scenario, name, samples, progress)
+        with StatusLine(shown=progress and recorded) as line:
+            line.show(f"{name}: completing video and replay", last=True)
         written = samples.write(out)  # while the video is being completed
     for kind, recorder in recorders.items():
         if recorder.path.exists():

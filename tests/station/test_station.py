@@ -51,7 +51,7 @@ def test_the_ports_are_as_documented(station):
             **dict.fromkeys(camera_ports("ceiling") + camera_ports("overview")),
             "object_poses_cheat": None,
             "contact_results_cheat": None,
-            "plant_state_cheat": 55,
+            "plant_state_cheat": 35,
         },
     )
 
