@@ -7,8 +7,8 @@ PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
 .PHONY: demo test test-fast coverage lint types models experiments lock clean
 
-demo: .venv/ready  ## run the main job and record it
-	$(BIN)/drake-srg run kitchen --out out/kitchen
+demo: .venv/ready  ## run the main job, record it, and name its replay
+	$(BIN)/drake-srg demo
 
 test: .venv/ready  ## run the test suite
 	$(PYTEST)

@@ -5,6 +5,7 @@ import dataclasses as dc
 import importlib
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.station.video_process import RemoteVideoRecorder
 
 pytestmark = pytest.mark.slow
 
@@ -169,6 +171,10 @@ def systems(tmp_path_factory):
     add("Station", MakeStation(Scenario()))
     soft = MakeStation(load_scenario("gripper_bench", overrides=SOFT))
     add("ObjectPoses", soft.GetSubsystemByName("object_poses"))
+    process = SimpleNamespace(send=lambda *message: None)
+    folder = tmp_path_factory.mktemp("video")
+    video = RemoteVideoRecorder(process, folder / "video.mp4", 3, 20.0)
+    add("RemoteVideoRecorder", video)
     add("SightingError", SightingError(np.zeros(3)))
     add("StateMachine", make_machine())
     yield found

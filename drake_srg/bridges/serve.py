@@ -20,6 +20,7 @@ from drake_srg.bridges.commands import CommandInbox, Warnings, station_topics
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
+from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
@@ -47,6 +48,7 @@ class Served:
     wall_time: float  # s
     commands: int  # messages received, good and bad
     recording: Path | None
+    replay: Path | None
 
 
 def control_period(scenario: Scenario) -> float:
@@ -80,7 +82,7 @@ def Serve(
         name: The scenario's name, for messages.
         rate: Simulated seconds per real second; 0 means as fast as possible, as in
             Drake.
-        out: Folder for recording.mcap; None records nothing.
+        out: Folder for recording.mcap and replay.html; None records nothing.
         stop: Ends the run when set, by any thread or by a signal handler.
         tell: Called with warnings for the user, from any thread.
         report: Called with a status line at the start and twice a second.
@@ -97,6 +99,7 @@ def Serve(
     warnings = Warnings(tell)
     failure: ScenarioError | None = None
     recording: Path | None = None
+    replay: ServedReplay | None = None
     with contextlib.ExitStack() as stack:
         builder, station = MakeRoot(
             "served_station", MakeServedStation, AddServedStation, scenario, name
@@ -112,12 +115,15 @@ def Serve(
                 station_topics(plant, input_ports(station), joints), warnings
             )
             topics = recorded_topics(station, scenario)
-            simulator = Simulator(builder.Build())
+            root = builder.Build()
+            simulator = Simulator(root)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
             _fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()
             advance = MakeAdvance(simulator, station, scenario)
+            if out is not None and scenario.arm is not None:
+                replay = ServedReplay(name, scenario, root, station)
         pictures = Pictures(scenario, warnings)
         outlet = Outlet(connect(inbox, [*topics, *pictures.topics.values()]), warnings)
         for bridge in outlet.bridges:
@@ -128,7 +134,15 @@ def Serve(
         try:
             _run(
                 _Loop(
-                    name, simulator, advance, station, topics, pictures, inbox, outlet
+                    name,
+                    simulator,
+                    advance,
+                    station,
+                    topics,
+                    pictures,
+                    inbox,
+                    outlet,
+                    replay,
                 ),
                 control_period(scenario),
                 name,
@@ -139,10 +153,11 @@ def Serve(
         except ScenarioError as error:
             failure = error
         elapsed = wall.monotonic() - start
+    page = None if out is None or replay is None else replay.write(out)
     if failure is not None:
         raise failure
     time = simulator.get_context().get_time()
-    return Served(time, elapsed, inbox.received, recording)
+    return Served(time, elapsed, inbox.received, recording, page)
 
 
 def _check_ports(name: str, bridges: Sequence[Bridge], station: Diagram) -> None:
@@ -176,7 +191,9 @@ class _Loop:
         pictures: Pictures,
         inbox: CommandInbox,
         outlet: Outlet,
+        replay: ServedReplay | None,
     ) -> None:
+        self._replay = replay
         self._name, self._simulator, self._advance = name, simulator, advance
         self.inbox, self.outlet = inbox, outlet
         self._topics, self._pictures = topics, pictures
@@ -210,6 +227,8 @@ class _Loop:
         self._pictures.look(time, self._plant_state, self.outlet)
         if time < until:  # CENIC takes no step of zero length
             self._advance_to(until)
+        if self._replay is not None:
+            self._replay.sample(self._root)
 
     def _advance_to(self, time: float) -> None:
         with failure_time(self._name, self._simulator):

@@ -1,13 +1,14 @@
-"""The commands run, replay, list, diagram, bench and doctor.
+"""The commands run, demo, replay, list, diagram, bench and doctor.
 
 Each takes the parsed command line, returns the exit code and raises a ScenarioError for
 bad input. Imports that take time are inside, so that `drake-srg --help` comes at once.
 """
 
 import argparse
+import dataclasses as dc
+import json
 import shutil
 import subprocess
-import sys
 import webbrowser
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from drake_srg.cli import doctor as machine
 from drake_srg.cli.objects import list_objects
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.status_line import StatusLine
 
 
 def run(options: argparse.Namespace) -> int:
@@ -32,31 +34,53 @@ def run(options: argparse.Namespace) -> int:
             name=name,
             out=out,
             record=not options.no_record,
-            progress=sys.stderr.isatty(),
+            progress=options.console.progress,
         )
-    metrics = result.metrics
-    if options.json:
-        print((out / "metrics.json").read_text(encoding="utf-8"), end="")
-    else:
-        print(metrics.table())
-        if result.status.message and not metrics.success:
-            print(f"\n{result.status.message}")
-        print()
-        for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
-            print(out / Path(path).name)
+    metrics, say = result.metrics, options.console.say
+    say(metrics.table())
+    if result.status.message and not metrics.success:
+        say("", result.status.message)
+    say("")
+    for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
+        say(out / Path(path).name)
+    options.console.answer(json.loads((out / "metrics.json").read_text("utf-8")))
     return SUCCESS if metrics.success else TASK_FAILED
 
 
-def replay(options: argparse.Namespace) -> int:
-    """Write replay.html again, from the other files of a recorded run."""
-    from drake_srg.replay import write_page
+def demo(options: argparse.Namespace) -> int:
+    """Run the kitchen cell, and name or open the replay."""
+    options.scenario, options.seed, options.set = "kitchen", None, []
+    options.no_record = False
+    code = run(options)
+    if options.open:
+        _open(options.out / "replay.html")
+    return code
 
-    with writing("DIR", options.folder):
-        page = write_page(options.folder)
-    print(page)
-    if options.open and not webbrowser.open(page.resolve().as_uri()):
-        raise ScenarioError(f"--open: no browser found; open {page} yourself")
+
+def replay(options: argparse.Namespace) -> int:
+    """Write the page of one recorded run again, or a page that compares two."""
+    from drake_srg.replay import write_comparison, write_page
+
+    first: Path = options.folders[0]
+    if len(options.folders) == 1 and options.output is not None:
+        raise ScenarioError("-o: needs several folders (one has DIR/replay.html)")
+    with writing("DIR", first):
+        if len(options.folders) == 1:
+            page = write_page(first)
+        else:
+            page = options.output or first / "compare.html"
+            write_comparison(options.folders, page)
+    options.console.say(page)
+    options.console.answer({"replay": page})
+    if options.open:
+        _open(page)
     return SUCCESS
+
+
+def _open(page: Path) -> None:
+    """Show a page in the default browser."""
+    if not webbrowser.open(page.resolve().as_uri()):
+        raise ScenarioError(f"--open: no browser found; open {page} yourself")
 
 
 def list_all(options: argparse.Namespace) -> int:
@@ -65,9 +89,12 @@ def list_all(options: argparse.Namespace) -> int:
 
     if options.objects or options.pictures is not None:
         return list_objects(options)
+    found = {}
     for name in scenario.list_scenarios():
         first = (scenario.SCENARIOS / f"{name}.yaml").read_text().splitlines()[0]
-        print(f"{name:24} {first.removeprefix('#').strip()}")
+        found[name] = first.removeprefix("#").strip()
+        options.console.say(f"{name:24} {found[name]}")
+    options.console.answer({"scenarios": found})
     return SUCCESS
 
 
@@ -89,7 +116,8 @@ def diagram(options: argparse.Namespace) -> int:
             output.write_text(dot)
         else:
             _draw(dot, output)
-    print(output)
+    options.console.say(output)
+    options.console.answer({"diagram": output})
     return SUCCESS
 
 
@@ -127,17 +155,21 @@ def bench(options: argparse.Namespace) -> int:
         name: load_scenario(name, seed=options.seed, overrides=options.set)
         for name in options.scenario or scenarios_with_fast_variant()
     }
-    benchmarks = {
-        Path(name).stem: run_benchmark(scenario, Path(name).stem)
-        for name, scenario in scenarios.items()
-    }
-    print(benchmark_table(benchmarks))
+    benchmarks = {}
+    with StatusLine(shown=options.console.progress) as line:
+        for number, (name, scenario) in enumerate(scenarios.items()):
+            stem = Path(name).stem
+            line.count(number, len(scenarios), f"scenarios measured, now {stem}")
+            benchmarks[stem] = run_benchmark(scenario, stem)
+        line.count(len(scenarios), len(scenarios), "scenarios measured")
+    options.console.say(benchmark_table(benchmarks))
+    options.console.answer({n: dc.asdict(b) for n, b in benchmarks.items()})
     return SUCCESS
 
 
 def doctor(options: argparse.Namespace) -> int:
     """Print what works on this machine, and how to install the rest."""
     checks = machine.examine_machine()
-    for check in checks:
-        print(check)
+    options.console.say(*checks)
+    options.console.answer({"checks": [dc.asdict(check) for check in checks]})
     return SUCCESS if all(c.ok or c.optional for c in checks) else TASK_FAILED

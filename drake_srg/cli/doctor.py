@@ -32,7 +32,6 @@ _PACKAGES = {
     "cv2": "opencv-python-headless",
     "ruckig": "ruckig",
     "toppra": "toppra",
-    "tqdm": "tqdm",
 }
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}
 _PLOTS = {"matplotlib.figure": "matplotlib"}

@@ -1,10 +1,10 @@
 """The command `drake-srg experiment`."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import NoReturn
 
+from drake_srg.cli.output import Output
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError
 
@@ -63,30 +63,30 @@ def experiment(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: For bad input, or if the results cannot be written.
     """
-    from drake_srg.experiments.registry import run_experiment
+    from drake_srg.experiments.registry import REPLAY, run_experiment
 
     if options.list:
-        _print_list()
+        _print_list(options.console)
         return SUCCESS
     out: Path = options.out or Path("out") / "experiments" / options.name
     end_on_sigterm()
     with writing("--out", out):
         result = run_experiment(
-            options.name, out, overrides=options.set, progress=sys.stderr.isatty()
+            options.name, out, overrides=options.set, progress=options.console.progress
         )
-    print(result.table())
-    print()
-    for path in result.paths(options.name, out):
-        print(path)
+    paths = [*result.paths(options.name, out), *out.glob(REPLAY)]
+    options.console.say(result.table(), "", *paths)
+    rows = [row.as_dict() for row in result.rows]
+    options.console.answer({"passed": result.passed, "rows": rows, "files": paths})
     return SUCCESS if result.passed else TASK_FAILED
 
 
-def _print_list() -> None:
+def _print_list(output: Output) -> None:
     from drake_srg.experiments.registry import list_experiments, list_measurements
 
-    for name, description in list_experiments().items():
-        print(f"{name:24} {description}")
-    if measurements := list_measurements():
-        print("\nFor maintainers, in a checkout only (tools/measure):")
-    for name, description in measurements.items():
-        print(f"{name:24} {description}")
+    experiments, measurements = list_experiments(), list_measurements()
+    output.say(*(f"{name:24} {text}" for name, text in experiments.items()))
+    if measurements:
+        output.say("\nFor maintainers, in a checkout only (tools/measure):")
+    output.say(*(f"{name:24} {text}" for name, text in measurements.items()))
+    output.answer({"experiments": experiments, "measurements": measurements})

@@ -13,6 +13,7 @@ from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
+from drake_srg.cli.output import Output, add_output_arguments
 from drake_srg.cli.process import BAD_INPUT, SUCCESS
 from drake_srg.common.exceptions import ScenarioError
 
@@ -23,16 +24,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: The command line without the program's name; None: sys.argv's.
     """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    _Parser.json = "--json" in arguments
     options = make_parser().parse_args(arguments)
+    output = Output(options.json, options.quiet, options.command)
+    options.console = output
     try:
         code: int = options.run(options)
         sys.stdout.flush()  # here, where a broken pipe is handled, not at exit
     except ScenarioError as error:
-        return _complain(str(error))
+        output.complain(str(error))
+        return BAD_INPUT
     except ImportError as error:
-        return _complain(f"{error}. `drake-srg doctor` lists everything missing.")
+        output.complain(f"{error}. `drake-srg doctor` lists everything missing.")
+        return BAD_INPUT
     except KeyboardInterrupt:
-        return _complain("stopped")
+        output.complain("stopped")
+        return BAD_INPUT
     except BrokenPipeError:  # `| head` has read enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return SUCCESS
@@ -65,7 +73,8 @@ def make_parser() -> argparse.ArgumentParser:
         command = subparsers.add_parser(
             name, help=summary, description=description, **options
         )
-        command.set_defaults(run=run)
+        command.set_defaults(run=run, command=name)
+        add_output_arguments(command)
         return command
 
     run = add(
@@ -84,9 +93,22 @@ def make_parser() -> argparse.ArgumentParser:
     run.add_argument(
         "--no-record", action="store_true", help="write only metrics.json and log.npz"
     )
-    run.add_argument(
-        "--json", action="store_true", help="print metrics.json instead of a table"
+
+    demo = add(
+        "demo",
+        commands.demo,
+        "run the kitchen cell and record it",
+        "The same as `drake-srg run kitchen`. The last line is the path of the replay, "
+        "which any browser opens. Exit code: 0 success, 1 the task failed.",
     )
+    demo.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        default=Path("out/kitchen"),
+        help="folder for the results (default: %(default)s)",
+    )
+    _add_open(demo)
 
     serve = add(
         "serve",
@@ -128,14 +150,19 @@ def make_parser() -> argparse.ArgumentParser:
         commands.replay,
         "make the page that plays a recorded run",
         "`drake-srg run` and recorded sweeps make it, too: replay.html, one file that "
-        "any browser opens.",
+        "any browser opens. With two folders, the page plays both runs side by side.",
     )
     replay.add_argument(
-        "folder", type=Path, metavar="DIR", help="folder of a recorded run"
+        "folders", type=Path, nargs="+", metavar="DIR", help="folder of a recorded run"
     )
     replay.add_argument(
-        "--open", action="store_true", help="show the page in the default browser"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE.html",
+        help="page of two runs (default: compare.html in the first folder)",
     )
+    _add_open(replay)
 
     list_ = add("list", commands.list_all, "list the scenarios or our objects")
     cli_objects.add_list_arguments(list_)
@@ -194,9 +221,12 @@ def make_parser() -> argparse.ArgumentParser:
 class _Parser(argparse.ArgumentParser):
     """A parser that reports an error in one line, like every command."""
 
+    json = False  # whether the command line asks for it
+
     def error(self, message: str) -> NoReturn:
         """Print what is wrong, and exit."""
-        sys.exit(_complain(message))
+        Output(self.json, quiet=False).complain(message)
+        sys.exit(BAD_INPUT)
 
 
 class _PrintVersion(argparse.Action):
@@ -226,6 +256,7 @@ def _add_scenario(
     )
 
 
-def _complain(message: str) -> int:
-    print(f"drake-srg: {message}", file=sys.stderr)
-    return BAD_INPUT
+def _add_open(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--open", action="store_true", help="show the page in the default browser"
+    )

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING
 
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
     from drake_srg.objects.meshes.convert import Report
+    from drake_srg.simulation.drop import DropOutcome
 
 _PICTURE = "picture.png"
 _SHEET = "objects.png"
@@ -91,7 +93,9 @@ def import_object(options: argparse.Namespace) -> int:
         raise ScenarioError(f"-o {out}: already exists (choose another, or remove it)")
     if not 1 <= options.pieces <= 256:
         raise ScenarioError(f"--pieces: must be 1 .. 256, got {options.pieces}")
-    folder = import_model(file, options.scale, options.pieces, quiet=True)
+    with StatusLine(shown=options.console.progress) as line:
+        line.show(f"{name}: mending it and cutting it into convex pieces")
+        folder = import_model(file, options.scale, options.pieces, quiet=True)
     report = read_report(folder)
     with writing("-o", out):
         out.parent.mkdir(parents=True, exist_ok=True)
@@ -99,12 +103,14 @@ def import_object(options: argparse.Namespace) -> int:
             new = Path(there) / name
             copy_folder(folder, new)
             report = _adjust(new, name, report, options)
-            rests = _describe(new / MODEL, name, report)
+            with StatusLine(shown=options.console.progress) as line:
+                line.show(f"{name}: drawing and dropping it")
+                outcome = _draw_and_drop(new / MODEL, name)
             new.rename(out)
-    print()
-    for path in (out / MODEL, out / _PICTURE):
-        print(path)
-    return SUCCESS if rests else TASK_FAILED
+    files = [out / MODEL, out / _PICTURE]
+    options.console.say(*_description(report, outcome), "", *files)
+    options.console.answer(dc.asdict(report) | {"rests": outcome.rests, "files": files})
+    return SUCCESS if outcome.rests else TASK_FAILED
 
 
 def _adjust(
@@ -137,8 +143,8 @@ def _adjust(
     return report
 
 
-def _describe(model: Path, name: str, report: Report) -> bool:
-    """Draw and drop an imported model, and print about it; return whether it rests."""
+def _draw_and_drop(model: Path, name: str) -> DropOutcome:
+    """Draw an imported model, and return the outcome of its drop on a table."""
     import cv2
 
     from drake_srg.objects.config import ObjectConfig
@@ -148,35 +154,45 @@ def _describe(model: Path, name: str, report: Report) -> bool:
     config = ObjectConfig(model=str(model))
     portrait = take_portrait(name, config, _PIXELS)
     cv2.imwrite(str(model.with_name(_PICTURE)), portrait[:, :, ::-1])
-    outcome = drop(config)
-    for warning in report.warnings:
-        print(f"warning: {warning}")
+    return drop(config)
+
+
+def _description(report: Report, outcome: DropOutcome) -> list[str]:
+    """Return what was mended and measured, in lines."""
     size = " x ".join(f"{1e3 * side:.1f}" for side in report.size)
     cut = " cut by CoACD" if report.cut else ""
     count = f"{report.pieces} piece" + "s" * (report.pieces != 1)
-    print(f"{'size':10} {size} mm")
-    print(f"{'mass':10} {report.mass:.4g} kg")
-    print(f"{'contact':10} {count}{cut}")
     fit = [f"{1e3 * value:.1f} mm" for value in (report.excess, report.gap)]
-    print(f"{'fit':10} pieces stand out by up to {fit[0]}, the mesh by {fit[1]}")
-    print(f"{'drop test':10} {outcome}")
-    return outcome.rests
+    return [
+        *(f"warning: {warning}" for warning in report.warnings),
+        f"{'size':10} {size} mm",
+        f"{'mass':10} {report.mass:.4g} kg",
+        f"{'contact':10} {count}{cut}",
+        f"{'fit':10} pieces stand out by up to {fit[0]}, the mesh by {fit[1]}",
+        f"{'drop test':10} {outcome}",
+    ]
 
 
 def list_objects(options: argparse.Namespace) -> int:
     """Print name, size, mass and pieces of our household objects; draw them."""
     from drake_srg.objects.household import HOUSEHOLD, household_object, object_facts
 
-    print(f"{'object':26} {'size [mm]':>18} {'mass [g]':>9} {'pieces':>7}")
+    say, found = options.console.say, {}
+    say(f"{'object':26} {'size [mm]':>18} {'mass [g]':>9} {'pieces':>7}")
     for name in HOUSEHOLD:
         facts = object_facts(name, household_object(name))
+        found[name] = {
+            "size_m": [float(side) for side in facts.size],
+            "mass_kg": facts.mass,
+        }
         size = " x ".join(f"{1e3 * side:.0f}" for side in facts.size)
-        print(f"{name:26} {size:>18} {1e3 * facts.mass:>9.4g} {facts.pieces:>7}")
+        say(f"{name:26} {size:>18} {1e3 * facts.mass:>9.4g} {facts.pieces:>7}")
+    pictures: list[Path] = []
     if options.pictures is not None:
-        print()
         with writing("--pictures", options.pictures):
-            for path in _draw_all(options.pictures):
-                print(path)
+            pictures = _draw_all(options.pictures)
+        say("", *pictures)
+    options.console.answer({"objects": found, "pictures": pictures})
     return SUCCESS
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import dataclasses as dc
 import functools
 import math
 import signal
@@ -11,8 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from drake_srg.cli.status_line import StatusLine
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.status_line import StatusLine
 
 
 def add_arguments(serve: argparse.ArgumentParser) -> None:
@@ -53,7 +54,9 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
     )
     serve.add_argument(
-        "--no-record", action="store_true", help="write no recording.mcap"
+        "--no-record",
+        action="store_true",
+        help="write no recording and replay",
     )
 
 
@@ -73,7 +76,10 @@ def serve(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: If the input is bad, or an address or folder cannot be used.
     """
-    status = StatusLine(sys.stdout)
+    output = options.console
+    status = StatusLine(
+        sys.stderr if output.json else sys.stdout, shown=output.progress, at_once=True
+    )
     with _stop_on_signals() as stop, contextlib.closing(status):
         # Imported here, under the signal handlers, so that a signal during the import
         # of Drake ends the command cleanly.
@@ -115,12 +121,12 @@ def serve(options: argparse.Namespace) -> int:
         except OSError as error:
             where = f"{error.filename}: " if error.filename else ""
             raise ScenarioError(f"serve: {where}{error.strerror or error}") from error
-    print(
+    output.say(
         f"served {served.sim_time:.2f} s in {served.wall_time:.2f} s, "
         f"{served.commands} commands"
     )
-    if served.recording is not None:
-        print(served.recording)
+    output.say(*filter(None, [served.recording, served.replay]))
+    output.answer(dc.asdict(served))
     return 0
 
 

@@ -2,6 +2,7 @@
 
 import argparse
 import contextlib
+import dataclasses as dc
 import shlex
 import sys
 from pathlib import Path
@@ -90,18 +91,18 @@ def sweep(options: argparse.Namespace) -> int:
                 overrides=options.set,
                 record=options.record,
                 resume=options.resume,
-                progress=sys.stderr.isatty(),
+                progress=options.console.progress,
                 tell=_warn,
             )
     except KeyboardInterrupt:
-        print(f"drake-srg: stopped; to continue: {resume}", file=sys.stderr)
+        options.console.complain(f"stopped; to continue: {resume}")
         return INTERRUPTED
-    print(summary(rows))
-    print()
-    print(all_rows_path(out))
-    recordings = out / "recordings"
-    if recordings.exists():
-        print(recordings)
+    files = [all_rows_path(out), *filter(Path.exists, [out / "recordings"])]
+    options.console.say(summary(rows), "", *files)
+    succeeded = sum(rows["success"].to_pylist())
+    options.console.answer(
+        {"trials": rows.num_rows, "succeeded": succeeded, "files": files}
+    )
     return SUCCESS
 
 
@@ -129,7 +130,8 @@ def report(options: argparse.Namespace) -> int:
     output: Path = options.output or options.folder / "report.html"
     with writing("-o", output):
         path = write_report(options.folder, output)
-    print(path)
+    options.console.say(path)
+    options.console.answer({"report": path})
     return SUCCESS
 
 
@@ -169,15 +171,16 @@ def dataset(options: argparse.Namespace) -> int:
             output,
             fps=options.fps,
             only_success=options.only_success,
-            progress=sys.stderr.isatty(),
+            progress=options.console.progress,
         )
-    print(
+    options.console.say(
         f"{made.episodes} episodes ({made.successes} successful), {made.frames} frames "
         f"at {made.fps} per second"
     )
     if made.left_out:
-        print(f"recorded trials left out: {made.left_out}")
-    print(made.path)
+        options.console.say(f"recorded trials left out: {made.left_out}")
+    options.console.say(made.path)
+    options.console.answer(dc.asdict(made))
     return SUCCESS
 
 

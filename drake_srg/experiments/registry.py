@@ -19,15 +19,18 @@ them, a wheel does not.
 from __future__ import annotations
 
 import ast
+import contextlib
 import dataclasses as dc
 import importlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from drake_srg import experiments
 from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.common.status_line import StatusLine
 from drake_srg.experiments.parameters import (
     Parameter,
     parse_values,
@@ -39,6 +42,9 @@ if TYPE_CHECKING:
     from drake_srg.experiments.result import ExperimentResult
 
 T = TypeVar("T")
+
+# Beside the results, where an experiment runs a cell: its first run.
+REPLAY = "replay.html"
 
 # The experiments in tools/measure, so that a wheel can say why it lacks them.
 MEASUREMENTS = (
@@ -181,9 +187,10 @@ def run_experiment(
 
     Args:
         name: A name of `list_experiments` or `list_measurements`.
-        out: Folder for result.json, the tables (CSV) and NAME.png; None writes nothing.
+        out: Folder for result.json, the tables (CSV), NAME.png and, where the
+            experiment runs a cell, replay.html of its first run; None writes nothing.
         overrides: Parameters of the experiment, `KEY=VALUE` each, the value YAML.
-        progress: Whether to show a progress bar.
+        progress: Whether to show progress on standard error.
 
     Raises:
         ScenarioError: If there is no such experiment or parameter, if the experiment
@@ -195,17 +202,25 @@ def run_experiment(
     experiment = find_experiment(name)
     texts = split_overrides(name, experiment.parameters, overrides)
     from drake_srg.recording.output import output_folder, require
+    from drake_srg.simulation.kept_replay import keep_first_replay
 
     require("matplotlib.figure")  # better now than after minutes of simulation
     if experiment.module.startswith("measure.") and str(_TOOLS) not in sys.path:
         sys.path.append(str(_TOOLS))  # workers of an experiment inherit the path
     run = importlib.import_module(experiment.module).run
     values = {**experiment.preset, **parse_values(name, run, texts)}
-    track = progress_bar(name) if progress else quiet
-    with output_folder(out):
-        result: ExperimentResult = run(track, **values)
+    track = progress_line(name) if progress else quiet
+    with output_folder(out), contextlib.ExitStack() as stack:
+        folder = None
         if out is not None:
+            folder = Path(stack.enter_context(TemporaryDirectory(prefix=".", dir=out)))
+        with keep_first_replay(folder):
+            result: ExperimentResult = run(track, **values)
+        if out is not None and folder is not None:
             result.write(name, out)
+            (out / REPLAY).unlink(missing_ok=True)
+            if (folder / REPLAY).exists():
+                (folder / REPLAY).replace(out / REPLAY)
     return result
 
 
@@ -214,16 +229,14 @@ def quiet(cases: Sequence[T], label: Callable[[T], str] = str) -> Iterator[T]:
     yield from cases
 
 
-def progress_bar(name: str) -> Track:
-    """Return a `Track` that shows a bar on standard error, headed by a name."""
-    from tqdm import tqdm
+def progress_line(name: str) -> Track:
+    """Return a `Track` that shows progress on standard error, headed by a name."""
 
     def track(cases: Sequence[T], label: Callable[[T], str] = str) -> Iterator[T]:
-        style = "{desc} {bar:20} {n_fmt}/{total_fmt} [{elapsed} elapsed]"
-        with tqdm(total=len(cases), file=sys.stderr, bar_format=style) as bar:
-            for case in cases:
-                bar.set_description_str(f"{name}: {label(case):24}")
+        with StatusLine() as line:
+            for number, case in enumerate(cases):
+                line.count(number, len(cases), f"{name}: {label(case)}")
                 yield case
-                bar.update()
+            line.count(len(cases), len(cases), name)
 
     return track

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import enum
-from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
-import cv2
-import numpy as np
-import numpy.typing as npt
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageRgba8U
 
-from drake_srg.recording.output import OutputFile, Recorder, require
+from drake_srg.recording.output import OutputFile, Recorder
+from drake_srg.recording.video_file import VideoFile
 
 
 class VideoRecorder(Recorder):
@@ -64,28 +59,14 @@ class VideoRecorder(Recorder):
         caption_model: AbstractValue | None = None,
     ):
         super().__init__()
-        if width < 2 or height < 2 or frame_rate <= 0 or not 0 <= quality <= 51:
-            raise ValueError(
-                "VideoRecorder: width and height must be at least 2 pixels, frame_rate "
-                f"greater than 0 and quality 0 .. 51, got width={width}, "
-                f"height={height}, frame_rate={frame_rate}, quality={quality}"
-            )
-        self._av = require("av")
-        self._size = (width, height)
         self._output = OutputFile(path)
-        self._container = self._av.open(
-            str(self._output.path), "w", options={"movflags": "faststart"}
-        )
-        rate = Fraction(frame_rate).limit_denominator(1000)
-        self._tick = 1 / rate
-        self._stream = self._container.add_stream("libx264", rate=rate)
-        self._stream.width, self._stream.height = width // 2 * 2, height // 2 * 2
-        self._stream.pix_fmt = "yuv420p"
-        self._stream.options = {"crf": str(quality), "preset": "veryfast"}
-        # The number of threads changes the bytes; one gives the same on every machine.
-        self._stream.codec_context.thread_count = 1
-        self._frames = 0
-
+        try:
+            self._file = VideoFile(
+                self._output.path, width, height, frame_rate, quality
+            )
+        except BaseException:
+            self._output.discard()
+            raise
         self._image = self.DeclareAbstractInputPort(
             name="color_image", model_value=AbstractValue.Make(ImageRgba8U())
         )
@@ -98,56 +79,14 @@ class VideoRecorder(Recorder):
     @property
     def frames(self) -> int:
         """Number of images recorded so far."""
-        return self._frames
+        return self._file.frames
 
     def _finish(self) -> bool:
-        if self._frames:
-            self._container.mux(self._stream.encode(None))
-        self._container.close()
-        return self._frames > 0
+        self._file.close()
+        return self.frames > 0
 
     def _record(self, context: Context) -> None:
         if self._closed:
             raise RuntimeError(f"{self.path}: the recorder is closed; make a new one")
-        image = self._image.Eval(context).data
-        width, height = self._size
-        if image.shape[:2] != (height, width):
-            raise ValueError(
-                f"VideoRecorder: color_image must be {width}x{height} pixels like "
-                f"{self.path.name}, got {image.shape[1]}x{image.shape[0]}"
-            )
-        even = image[: height // 2 * 2, : width // 2 * 2]
-        rgb = cv2.cvtColor(even, cv2.COLOR_RGBA2RGB)  # faster than a slice's copy
-        if self._caption.HasValue(context):
-            caption(rgb, context.get_time(), self._caption.Eval(context))
-        frame = self._av.VideoFrame.from_ndarray(rgb, format="rgb24")
-        frame.pts = self._frames
-        frame.time_base = self._tick
-        self._container.mux(self._stream.encode(frame))
-        self._frames += 1
-
-
-def caption(image: npt.NDArray[np.uint8], time: float, text: Any) -> None:
-    """Write time and text along the lower edge of an image.
-
-    Args:
-        image: RGB, shape (height, width, 3); changed in place.
-        time: Simulated time [s].
-        text: A string or an enum.
-    """
-    if isinstance(text, enum.Enum):
-        text = str(text.value).replace("_", " ")
-    line = f"{time:6.2f} s  {text}"
-    height = image.shape[0]
-    strip = image[-max(1, height // 15) :]
-    strip[:] = strip // 3  # keeps the text legible on any background
-    cv2.putText(
-        image,
-        line,
-        (height // 40, height - height // 50),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        height / 700,
-        (255, 255, 255),
-        1,
-        cv2.LINE_AA,
-    )
+        words = self._caption.Eval(context) if self._caption.HasValue(context) else None
+        self._file.add(self._image.Eval(context).data, context.get_time(), words)

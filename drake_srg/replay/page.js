@@ -11,7 +11,13 @@ async function unpack(text) {
 }
 
 const gltf = new Gltf(await unpack(find("glb").textContent));
-const plots = data.panels.map((panel) => new Plot(find("plots"), panel, data, (t) => seek(t)));
+const plots = data.panels.map((panel) => new Plot(find("plots"), panel, data, (t) => user.seek(t)));
+// What the user does to the time, in a page that plays several runs, happens to all.
+const led = Boolean(window.frameElement?.hasAttribute("data-led"));
+const user = Object.fromEntries(["seek", "play"].map((name) => [name, (value) => {
+  ((led && parent.conductor) || { seek, play })[name](value);
+}]));
+document.documentElement.classList.toggle("led", led);
 const canvas = find("scene"), range = find("time"), video = find("video");
 let view = null;
 try {
@@ -39,6 +45,11 @@ const chips = data.modes.map(({ time, mode }) => {
   link.href = `#t=${time.toFixed(2)}`;
   link.textContent = mode;
   link.title = `from ${time.toFixed(2)} s`;
+  link.addEventListener("click", (event) => {
+    event.preventDefault();
+    user.seek(time);
+    user.play(false);
+  });
   return find("modes").appendChild(link);
 });
 
@@ -96,7 +107,9 @@ function play(on) {
 }
 
 // The address names the time, so that it can be passed on.
-function note() { history.replaceState(null, "", `#t=${player.time.toFixed(2)}`); }
+function note() {
+  if (location.protocol !== "about:") history.replaceState(null, "", `#t=${player.time.toFixed(2)}`);
+}
 
 function follow() {
   const [, time] = /^#t=([\d.]+)$/.exec(location.hash) ?? [];
@@ -179,22 +192,23 @@ for (const name of ["forces", "cameras"]) {
     drawScene();
   });
 }
-range.addEventListener("input", () => seek(range.value));
+range.addEventListener("input", () => user.seek(range.value));
 range.addEventListener("change", note);
-find("play").addEventListener("click", () => play(!player.playing));
+find("play").addEventListener("click", () => user.play(!player.playing));
 find("reset").addEventListener("click", reset);
-find("speed").addEventListener("change", () => {
-  player.speed = Number(find("speed").value);
-  if (video) video.playbackRate = player.speed;
-});
+function run(speed) {
+  player.speed = speed;
+  if (video) video.playbackRate = speed;
+}
+find("speed").addEventListener("change", () => run(Number(find("speed").value)));
 const KEYS = {
-  " ": () => play(!player.playing),
-  ArrowLeft: (event) => seek(player.time - (event.shiftKey ? 1 : 0.1)),
-  ArrowRight: (event) => seek(player.time + (event.shiftKey ? 1 : 0.1)),
-  ",": () => seek(player.time - data.period),
-  ".": () => seek(player.time + data.period),
-  Home: () => seek(0),
-  End: () => seek(data.duration),
+  " ": () => user.play(!player.playing),
+  ArrowLeft: (event) => user.seek(player.time - (event.shiftKey ? 1 : 0.1)),
+  ArrowRight: (event) => user.seek(player.time + (event.shiftKey ? 1 : 0.1)),
+  ",": () => user.seek(player.time - data.period),
+  ".": () => user.seek(player.time + data.period),
+  Home: () => user.seek(0),
+  End: () => user.seek(data.duration),
   f: () => toggle("forces"),
   c: () => toggle("cameras"),
   r: reset,
@@ -215,11 +229,11 @@ const redraw = () => { plots.forEach((plot) => plot.draw()); show(); };
 new ResizeObserver(redraw).observe(document.body);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 redraw();
-if (!follow() && !matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
+if (!led && !follow() && !matchMedia("(prefers-reduced-motion: reduce)").matches) play(true);
 
 // For scripts and tests.
 window.replay = {
-  duration: data.duration, seek, play, view,
+  duration: data.duration, seek, play, run, view,
   get time() { return player.time; },
   get mode() { return modeAt(player.time).mode; },
   names: gltf.nodes.map((node) => node.name),

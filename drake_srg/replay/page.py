@@ -40,6 +40,18 @@ def write_page(folder: Path) -> Path:
         ScenarioError: If a file is missing or cannot be read.
         OSError: If the page cannot be written.
     """
+    text = page_html(folder)
+    output = OutputFile(folder / "replay.html")
+    output.path.write_text(text, encoding="utf-8")
+    return output.commit()
+
+
+def page_html(folder: Path) -> str:
+    """Return the text of `write_page`.
+
+    Raises:
+        ScenarioError: If a file is missing or cannot be read.
+    """
     glb = _read(folder, "replay.glb")
     try:
         document, binary = read_glb(glb)
@@ -61,18 +73,34 @@ def write_page(folder: Path) -> Path:
             f"{folder / 'log.npz'}: not the log of a run: {one_line(error)}"
         ) from error
     video = folder / "video.mp4"
-    output = OutputFile(folder / "replay.html")
-    output.path.write_text(
-        _page(
-            labels.title,
-            _result(folder / "metrics.json"),
-            _data(timeline, sights, video_start),
-            glb,
-            video.read_bytes() if video.is_file() else None,
-        ),
-        encoding="utf-8",
+    return _page(
+        labels.title,
+        _result(folder / "metrics.json"),
+        _data(timeline, sights, video_start),
+        glb,
+        video.read_bytes() if video.is_file() else None,
     )
-    return output.commit()
+
+
+def page_script() -> str:
+    """Return the script of every page."""
+    return "\n".join(text_of(name) for name in _SCRIPTS)
+
+
+def page_style() -> str:
+    """Return the style sheet of every page."""
+    return text_of("page.css") + _line_colors()
+
+
+def policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
+    """Return, as an HTML attribute, a policy that allows these texts and no request."""
+
+    def hashes(texts: Sequence[str]) -> str:
+        return " ".join(f"'sha256-{_sha256(text)}'" for text in texts)
+
+    rules = ["default-src 'none'", f"script-src {hashes(scripts)}"]
+    rules += [f"style-src {hashes(styles)}", "img-src data:", "media-src data:"]
+    return html.escape("; ".join(rules))
 
 
 def _read(folder: Path, name: str) -> bytes:
@@ -157,24 +185,14 @@ def _page(
     glb: bytes,
     video: bytes | None,
 ) -> str:
-    style = _text("page.css") + _line_colors()
-    script = "\n".join(_text(name) for name in _SCRIPTS)
-    policy = "; ".join(
-        [
-            "default-src 'none'",
-            f"script-src 'sha256-{_sha256(script)}'",
-            f"style-src 'sha256-{_sha256(style)}'",
-            "img-src data:",
-            "media-src data:",
-        ]
-    )
+    script, style = page_script(), page_style()
     said = ""
     if result is not None:
         kind = "good" if result[0] else "bad"
         said = f'<p class="{kind}">{html.escape(result[1])}</p>'
     packed = base64.b64encode(gzip.compress(glb, 9, mtime=0)).decode()
-    return _text("page.html").format(
-        policy=html.escape(policy),
+    return text_of("page.html").format(
+        policy=policy([script], [style]),
         title=html.escape(title),
         style=style,
         result=said,
@@ -220,7 +238,8 @@ def _line_colors() -> str:
     return "\n".join([*rules, ""])
 
 
-def _text(name: str) -> str:
+def text_of(name: str) -> str:
+    """Return a text file of this package."""
     return (resources.files("drake_srg.replay") / name).read_text(encoding="utf-8")
 
 

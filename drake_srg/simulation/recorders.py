@@ -9,6 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.ports import output_ports
 from drake_srg.recording.log import write_log
+from drake_srg.recording.output import Recorder
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.recording.run_timeline import Labels, run_timeline
@@ -17,6 +18,7 @@ from drake_srg.recording.video import VideoRecorder
 from drake_srg.replay import ReplayRecorder
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.station.video_process import RemoteVideoRecorder, VideoProcess
 from drake_srg.types import Vector
 
 __all__ = ["FILES", "AddRecorders", "write_samples"]
@@ -33,37 +35,58 @@ FILES = {
 
 
 def AddRecorders(
-    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
-) -> dict[str, VideoRecorder | RosbagRecorder]:
+    builder: DiagramBuilder,
+    cell: Diagram,
+    scenario: Scenario,
+    out: Path,
+    process: VideoProcess | None = None,
+) -> dict[str, Recorder]:
     """Add the recorders of video.mp4 and recording.mcap, connected to the cell.
+
+    Args:
+        builder: The root's.
+        cell: A cell with the ports of `MakeCell`'s.
+        scenario: Its scenario.
+        out: Folder of the recordings.
+        process: Renders the video; None: the cell's own camera does.
 
     Returns:
         The recorders by kind. They are context managers; close them after the
         simulation.
     """
-    config = scenario.recording
-    recorders: dict[str, VideoRecorder | RosbagRecorder] = {}
+    recorders: dict[str, Recorder] = {}
     with contextlib.ExitStack() as stack:  # closes the first if the second fails
-        if config.video_camera:
-            camera = scenario.cameras[config.video_camera]
-            video = VideoRecorder(
-                out / FILES["video"],
-                camera.width,
-                camera.height,
-                frame_rate=config.video_fps,
-            )
+        if scenario.recording.video_camera:
+            video = _AddVideoRecorder(builder, cell, scenario, out, process)
             recorders["video"] = stack.enter_context(video)
-            builder.AddNamedSystem("video_recorder", video)
-            builder.Connect(
-                cell.GetOutputPort(f"camera_{config.video_camera}.color_image"),
-                video.GetInputPort("color_image"),
-            )
             builder.Connect(
                 cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
             )
         recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out)
         stack.pop_all()
     return recorders
+
+
+def _AddVideoRecorder(
+    builder: DiagramBuilder,
+    cell: Diagram,
+    scenario: Scenario,
+    out: Path,
+    process: VideoProcess | None,
+) -> VideoRecorder | RemoteVideoRecorder:
+    """Add the recorder of video.mp4, connected to the cell but for the caption."""
+    name, fps = scenario.recording.video_camera, scenario.recording.video_fps
+    path, camera = out / FILES["video"], scenario.cameras[name]
+    video: VideoRecorder | RemoteVideoRecorder
+    if process is None:
+        video = VideoRecorder(path, camera.width, camera.height, frame_rate=fps)
+        source = cell.GetOutputPort(f"camera_{name}.color_image")
+    else:
+        source = cell.GetOutputPort("plant_state_cheat")
+        video = RemoteVideoRecorder(process, path, source.size(), fps)
+    builder.AddNamedSystem("video_recorder", video)
+    builder.Connect(source, video.get_input_port(0))
+    return video
 
 
 def AddRosbagRecorder(

@@ -7,7 +7,7 @@ from drake_srg.common.ports import output_ports
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.log_format import MODES, pose_to_row
-from drake_srg.types import Vector
+from drake_srg.types import Mode, Vector
 
 _LOGGED = (
     "arm.state_measured",
@@ -37,8 +37,8 @@ class RunLog:
 
     Args:
         scenario: The scenario of the run.
-        cell: A cell with the ports of `MakeCell`'s. The vector ports that exist are
-            logged.
+        cell: A cell with the ports of `MakeCell`'s, or a station, whose mode is always
+            idle. The vector ports that exist are logged.
 
     Attributes:
         touching: Names of the bodies that touch the picked object in the latest sample
@@ -56,13 +56,14 @@ class RunLog:
         ]
         names = [name for name in _LOGGED if name in ports] + others
         self._ports = {name: ports[name] for name in names}
-        self._mode = cell.GetOutputPort("planner.mode")
+        self._mode = ports.get("planner.mode")
         self._poses = cell.GetOutputPort("object_poses_cheat")
         self._contacts = cell.GetOutputPort("contact_results_cheat")
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick = scenario.task.pick
         self._reader: ContactReader | None = None
-        self._present = scenario.objects[self._pick].present
+        picked = scenario.objects.get(self._pick)
+        self._present = picked is not None and picked.present
         self._rows: list[dict[str, Vector | float]] = []
         self.touching: set[str] = set()
 
@@ -71,9 +72,10 @@ class RunLog:
 
     def sample(self, context: Context) -> None:
         """Add a row. An exception on the way adds nothing."""
+        mode = Mode.IDLE if self._mode is None else self._mode.Eval(context)
         row: dict[str, Vector | float] = {
             "time": context.get_time(),
-            "mode": float(MODES.index(self._mode.Eval(context))),
+            "mode": float(MODES.index(mode)),
         }
         for name, port in self._ports.items():
             row[name] = np.array(port.Eval(context))

@@ -6,22 +6,25 @@ import sys
 import time as wall
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Self
 
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Diagram
-from tqdm import tqdm
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
+from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
-from drake_srg.recording.output import output_folder
-from drake_srg.replay import ReplayRecorder, write_page
+from drake_srg.recording.output import Recorder, output_folder
+from drake_srg.replay import write_page
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
+from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
-from drake_srg.simulation.recorders import FILES, AddRecorders, write_samples
-from drake_srg.simulation.run_log import RunLog
+from drake_srg.simulation.recorders import FILES, AddRecorders
+from drake_srg.simulation.samples import Samples
 from drake_srg.simulation.sleeping import MakeAdvance
+from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 # A run continues for this time after the planner has ended, to let objects settle [s].
@@ -37,6 +40,10 @@ class Result:
     status: PlannerStatus
 
 
+def _warn(text: str) -> None:
+    print(f"drake-srg: warning: {text}", file=sys.stderr)
+
+
 def Simulate(
     scenario: Scenario,
     *,
@@ -45,6 +52,8 @@ def Simulate(
     record: bool = True,
     make_cell: Callable[[Scenario], Diagram] = MakeCell,
     progress: bool = False,
+    video_process: bool = True,
+    tell: Callable[[str], None] = _warn,
 ) -> Result:
     """Simulate a cell until its planner has ended, and judge the result.
 
@@ -66,69 +75,99 @@ def Simulate(
             `planner.mode`, `planner.status`, `arm.state_measured` and the ports that
             end in `_cheat`. Of the other ports, those that exist are logged and
             recorded.
-        progress: Whether to show a progress bar.
+        progress: Whether to show progress on standard error.
+        video_process: Whether a process of its own renders the video of our own cells
+            while the simulation goes on. It pays unless all cores are busy.
+        tell: Receives warnings, one line each.
 
     Raises:
         ScenarioError: If the models do not fit the scenario, or Drake aborts the run.
         OSError: If `out` cannot be written.
     """
-    artifacts: dict[str, str | None] = dict.fromkeys(FILES)
     recorded = record and out is not None
+    kept = take_folder() if out is None else None
     own = make_cell is not MakeCell
     built = scenario if own else _without_unused_cameras(scenario, recorded)
+    recorders: dict[str, Recorder] = {}
     with contextlib.ExitStack() as stack:
-        add = None if own else AddCell
-        builder, cell = MakeRoot("cell", make_cell, add, built, name)
+        process = None
         with scenario_errors(name):
             # Fails now if the folder cannot be written, not after the run.
             stack.enter_context(output_folder(out))
+            if recorded and video_process and not own and can_render_apart(scenario):
+                process = stack.enter_context(VideoProcess(scenario, tell))
+        builder, cell = MakeRoot(
+            "cell", make_cell, None if own else AddCell, built, name
+        )
+        page = stack.enter_context(_PageOnError())
+        with scenario_errors(name):
             if out is not None and recorded:
-                added = AddRecorders(builder, cell, scenario, out)
-                for kind, recorder in added.items():
+                recorders = AddRecorders(builder, cell, scenario, out, process)
+                for recorder in recorders.values():
                     stack.enter_context(recorder)
-                    artifacts[kind] = str(recorder.path)
             diagram = builder.Build()
             diagram.set_name("simulation")
             simulator = Simulator(diagram)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
-        if out is not None:  # remove the files of earlier runs
-            for file in (*FILES.values(), "metrics.json"):
-                (out / file).unlink(missing_ok=True)
+        if out is not None:
+            _remove_earlier(out)
+            page.folder = out
         _warm_up(simulator, cell)
-        log = RunLog(scenario, cell)
-        replay = None
-        if recorded:
-            cameras = scenario.localizer.cameras
-            replay = ReplayRecorder(diagram, cell, scenario.objects, cameras)
-
-        def sample() -> None:
-            log.sample(my_context(cell, simulator.get_context()))
-            if replay is not None:
-                replay.sample(simulator.get_context())
-
-        def write() -> dict[str, str]:
-            if out is None or not log:
-                return {}
-            return write_samples(name, log.arrays(), scenario, out, replay)
-
-        def write_all() -> None:
-            if "replay_glb" in write() and out is not None:
-                write_page(out)
-
-        with _written_on_error(write_all):
-            status, times = _run(simulator, cell, scenario, name, sample, progress)
-    artifacts |= write()
+        replayed = recorded or kept is not None
+        samples = Samples(name, scenario, diagram, cell, replayed)
+        with _written_on_error(lambda: samples.write(out)):
+            status, times = _run(simulator, cell, scenario, name, samples, progress)
+        with StatusLine(shown=progress and recorded) as line:
+            line.show(f"{name}: completing video and replay", last=True)
+        written = samples.write(out)  # while the video is being completed
+    for kind, recorder in recorders.items():
+        if recorder.path.exists():
+            written[kind] = str(recorder.path)
     if out is not None and recorded:
-        artifacts["replay"] = str(out / FILES["replay"])
-    arrays = log.arrays()
+        written["replay"] = str(out / FILES["replay"])
+    if kept is not None:
+        samples.write(kept)
+        write_page(kept)
+    arrays = samples.log.arrays()
     metrics = calc_metrics(
-        scenario, name, arrays, status, log.touching, times, artifacts
+        scenario,
+        name,
+        arrays,
+        status,
+        samples.log.touching,
+        times,
+        {kind: written.get(kind) for kind in FILES},
     )
     if out is not None:
         metrics.write(out / "metrics.json")
-        if recorded:
-            write_page(out)  # last: it shows the other files
+    if out is not None and recorded:
+        write_page(out)  # last: it shows the other files
     return Result(metrics, arrays, status)
+
+
+def _remove_earlier(out: Path) -> None:
+    """Remove the files of an earlier run."""
+    for file in (*FILES.values(), "metrics.json"):
+        (out / file).unlink(missing_ok=True)
+
+
+class _PageOnError:
+    """Writes replay.html if an exception ends a run, once the video is complete.
+
+    Attributes:
+        folder: Where the other files are; None: there are none yet.
+    """
+
+    folder: Path | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is not None and self.folder is not None:
+            # The first exception is the one to report; unrecorded runs have no page.
+            with contextlib.suppress(Exception):
+                write_page(self.folder)
 
 
 @contextlib.contextmanager
@@ -179,7 +218,7 @@ def _run(
     cell: Diagram,
     scenario: Scenario,
     name: str,
-    sample: Callable[[], None],
+    samples: Samples,
     progress: bool,
 ) -> tuple[PlannerStatus, RunTimes]:
     """Advance until the planner has ended and the objects have settled."""
@@ -195,26 +234,21 @@ def _run(
     start = wall.perf_counter()
     with failure_time(name, simulator):
         simulator.Initialize()
-    sample()
+    samples.add(root)
     status, step = PlannerStatus(), 0
     try:
-        with tqdm(
-            total=budget,
-            disable=not progress,
-            file=sys.stderr,
-            bar_format="{n:6.2f} s simulated  {desc} [{elapsed} elapsed]",
-        ) as bar:
+        with StatusLine(shown=progress) as line:
             while root.get_time() < end - 1e-9:
                 step += 1
                 time = min(start_time + step * scenario.recording.period, end)
                 with failure_time(name, simulator):
                     advance(time)
-                sample()
+                samples.add(root)
                 status = status_port.Eval(context)
                 if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
                     end = min(limit, time + _SETTLE)
-                bar.set_description_str(f"{status.mode.value:10}", refresh=False)
-                bar.update(scenario.recording.period)
+                mode = status.mode.value.replace("_", " ")
+                line.show(f"{name}: {time:6.2f} s simulated, {mode}", last=time == end)
     except KeyboardInterrupt:
         status = dc.replace(
             status,

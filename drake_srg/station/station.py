@@ -61,6 +61,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - arm.state_cheat (with an arm)
         - object_poses_cheat
         - contact_results_cheat
+        - plant_state_cheat
         - objects_asleep_cheat (with sleeping)
 
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
@@ -114,6 +115,7 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
     builder.ExportOutput(
         plant.get_contact_results_output_port(), "contact_results_cheat"
     )
+    builder.ExportOutput(plant.get_state_output_port(), "plant_state_cheat")
     forces = plant.get_applied_spatial_force_input_port()
     builder.ExportInput(forces, "object_forces_cheat")
     if scenario.sleeping is not None:

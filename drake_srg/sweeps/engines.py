@@ -17,8 +17,6 @@ from concurrent.futures import BrokenExecutor, Future
 from types import TracebackType
 from typing import Any, Protocol, TypeVar
 
-from tqdm import tqdm
-
 from drake_srg.sweeps.rows import require_sweep
 
 T = TypeVar("T")
@@ -199,8 +197,6 @@ def _begin_worker(parent: int) -> None:
     """Prepare a worker, and end it when its parent has gone: nothing else would."""
     # A worker that replaces a dead one does not inherit this.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # tqdm's own lock is shared between processes, and would outlive the worker.
-    tqdm.set_lock(threading.RLock())
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -10,16 +10,14 @@ from __future__ import annotations
 import contextlib
 import datetime
 import gc
-import sys
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.status_line import StatusLine
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
 from drake_srg.sweeps.dispatch import dispatch
@@ -61,7 +59,7 @@ def run_sweep(
         overrides: `KEY=VALUE` each; see `load_scenario`.
         record: Which trials keep a recording: `none`, `failures` or `all`.
         resume: Whether `out` may already contain trials of this sweep.
-        progress: Whether to show a progress bar on standard error.
+        progress: Whether to show progress on standard error.
         tell: Receives warnings, one line each.
         trial_function: Replaces `run_trial`; workers must be able to import it.
 
@@ -111,14 +109,17 @@ def run_sweep(
         with contextlib.ExitStack() as stack:
             if missing:
                 stack.enter_context(engine)
-            bar = stack.enter_context(
-                _Bar(trials, len(done), sum(rows["success"].to_pylist()), progress)
-            )
-            for result in dispatch(engine, missing, submit, lost):
+            line = stack.enter_context(StatusLine(shown=progress))
+            begun, succeeded = len(done), sum(rows["success"].to_pylist())
+            for number, result in enumerate(
+                dispatch(engine, missing, submit, lost), begun + 1
+            ):
                 folder.add(result)
                 if result.warning:
-                    bar.write(result.warning, tell)
-                bar.count(result.row["success"])
+                    line.interrupt(result.warning, tell)
+                succeeded += result.row["success"]
+                words = f"trials, {succeeded / number:.1%} succeeded"
+                line.count(number, trials, words, begun)
         return folder.finish()
 
 
@@ -145,41 +146,3 @@ def check_scenario(
         MakeCell(drawn)
     gc.collect()
     return drawn.random_seed
-
-
-class _Bar:
-    """A progress bar: number of trials, share that succeeded, time left."""
-
-    def __init__(self, trials: int, done: int, succeeded: int, show: bool):
-        self._succeeded = succeeded
-        self._bar = tqdm(
-            desc=self._description(done),
-            total=trials,
-            initial=done,
-            disable=not show,
-            file=sys.stderr,
-            smoothing=0.05,  # trials differ in length, and workers do not end together
-            bar_format="{n_fmt}/{total_fmt} trials |{bar:20}| {desc} "
-            "[{elapsed} elapsed, {remaining} left]",
-        )
-
-    def __enter__(self) -> _Bar:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.close()
-
-    def count(self, success: bool) -> None:
-        """Count a finished trial."""
-        self._succeeded += success
-        words = self._description(self._bar.n + 1)
-        self._bar.set_description_str(words, refresh=False)  # `update` shows it
-        self._bar.update()
-
-    def _description(self, done: int) -> str:
-        return f"{self._succeeded / done:.1%} succeeded" if done else ""
-
-    def write(self, text: str, tell: Callable[[str], None]) -> None:
-        """Print a line without disturbing the bar."""
-        with self._bar.external_write_mode(file=sys.stderr):
-            tell(text)

@@ -122,7 +122,11 @@ def _run(
             drawn = draw_scenario(tree, origin, seed + trial)
             row |= drawn.values
             result = Simulate(
-                drawn.scenario, name=Path(origin).stem, out=out, record=record
+                drawn.scenario,
+                name=Path(origin).stem,
+                out=out,
+                record=record,
+                video_process=False,  # the other cores run other trials
             )
             row |= _outcome(result)
         except (ImportError, OSError) as error:  # would fail other trials, too

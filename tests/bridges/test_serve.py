@@ -176,7 +176,10 @@ def test_the_recording_has_every_topic(tmp_path):
     with Reader(served.recording) as reader:
         counts = {c.topic: c.msgcount for c in reader.connections}
     assert counts == dict.fromkeys(STATE, 25)  # every 0.02 s
-    assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]
+    assert served.replay == tmp_path / "replay.html"
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("recording.mcap", "log.npz", "timeline.png", "replay.glb", "replay.html")
+    }
 
 
 @pytest.mark.slow

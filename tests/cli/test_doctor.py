@@ -97,14 +97,13 @@ def test_a_long_message_is_one_line():
         ("rosbags.rosbag2", "rosbags"),
         ("ruckig", "packages"),
         ("toppra", "packages"),
-        ("tqdm", "packages"),
     ],
 )
 def test_a_missing_package_is_named_with_the_command_that_installs_it(
     monkeypatch, module, name
 ):
     monkeypatch.setattr(doctor, "run_elsewhere", lambda code: "")
-    monkeypatch.setattr(shutil, "which", lambda name: "/dot")
+    monkeypatch.setattr(shutil, "which", lambda name, **_: "/dot")
     missing = {"ros2"} if LACKS_DDS else set()
     monkeypatch.setitem(sys.modules, module, None)
     checks = by_name(doctor.examine_machine())
@@ -116,7 +115,7 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(
 
 def test_graphviz_is_optional(monkeypatch, capsys):
     monkeypatch.setattr(doctor, "run_elsewhere", lambda code: "")
-    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr(shutil, "which", lambda name, **_: None)
     assert main(["doctor"]) == 0
     lines = capsys.readouterr().out.splitlines()
     (at,) = [i for i, line in enumerate(lines) if line.startswith("missing graphviz ")]

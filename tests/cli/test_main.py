@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from replay.tiny_scene import record
 
 from drake_srg.cli.main import main
 from drake_srg.recording.log import read_log
@@ -16,7 +15,7 @@ from drake_srg.recording.log import read_log
 # A run that ends after less than a second of simulated time.
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
 COMMANDS = ("run", "serve", "sweep", "report", "dataset", "list", "diagram", "bench")
-COMMANDS += ("experiment", "doctor", "import", "replay")
+COMMANDS += ("experiment", "doctor", "import", "replay", "demo")
 
 
 @pytest.mark.parametrize(
@@ -128,30 +127,6 @@ def test_a_failed_task_exits_with_1_and_says_why(tmp_path, capsys):
         "metrics.json",
     ]
     assert set(read_log(tmp_path / "log.npz")) >= {"time", "mode"}
-
-
-def test_replay_makes_the_page_again_and_opens_it(tmp_path, capsys, monkeypatch):
-    opened = []
-    monkeypatch.setattr("webbrowser.open", lambda url: opened.append(url) or True)
-    record(tmp_path)
-    assert main(["replay", str(tmp_path)]) == 0
-    page = tmp_path / "replay.html"
-    assert capsys.readouterr().out == f"{page}\n"
-    first = page.read_bytes()
-    assert opened == []
-    assert main(["replay", str(tmp_path), "--open"]) == 0
-    assert opened == [page.as_uri()]
-    assert page.read_bytes() == first
-
-
-def test_without_a_browser_the_page_is_there_nevertheless(
-    tmp_path, capsys, monkeypatch
-):
-    monkeypatch.setattr("webbrowser.open", lambda url: False)
-    record(tmp_path)
-    assert main(["replay", str(tmp_path), "--open"]) == 2
-    assert "--open: no browser found" in capsys.readouterr().err
-    assert (tmp_path / "replay.html").is_file()
 
 
 def test_list_names_and_describes_the_scenarios(capsys):

@@ -1,3 +1,4 @@
+import functools
 import os
 import shutil
 import subprocess
@@ -5,7 +6,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from common.test_status_line import Clock, Terminal
 
+from drake_srg.common.status_line import StatusLine
 from drake_srg.experiments import registry
 from experiments.fake_experiment import TWO
 
@@ -87,9 +90,13 @@ def installed(tmp_path_factory):
     return run
 
 
-def test_the_bar_shows_the_progress_of_an_experiment(capsys):
-    track = registry.progress_bar("fake_one")
+def test_a_line_shows_the_progress_of_an_experiment(monkeypatch):
+    stream = Terminal()
+    monkeypatch.setattr("sys.stderr", stream)
+    line = functools.partial(StatusLine, clock=Clock(1.0))
+    monkeypatch.setattr(registry, "StatusLine", line)
+    track = registry.progress_line("fake_one")
     assert list(track([1, 2], label="case {}".format)) == [1, 2]
-    shown = capsys.readouterr().err
+    shown = stream.getvalue()
     assert "fake_one: case 2" in shown
     assert "2/2" in shown

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from sweeps.report.test_browser import write_video
 
-from drake_srg.replay import write_page
+from drake_srg.replay import write_comparison, write_page
 from replay.chromium import Chromium
 from replay.tiny_scene import PERIOD, SAMPLES, record
 
@@ -153,4 +153,20 @@ def test_without_webgl_the_rest_works(browser, url):
     words = browser.evaluate("document.getElementById('lost').innerText")
     assert words == "No 3D view: this browser has no WebGL 2."
     assert browser.evaluate("replay.mode") == "close"
+    assert browser.complaints() == []
+
+
+def test_two_runs_play_on_one_timeline(browser, folder, url, tmp_path):
+    page = write_comparison([folder, folder], tmp_path / "compare.html")
+    browser.open(f"{page.as_uri()}#t=0.3")
+    browser.wait_for("replay.runs.every((run) => Math.abs(run.time - 0.3) < 1e-6)")
+    # What happens in one page happens in the other.
+    first = "document.querySelector('iframe').contentDocument"
+    browser.evaluate(f"{first}.querySelector('#modes a').click()")
+    assert browser.evaluate("replay.runs.map((run) => run.time)") == [0, 0]
+    assert browser.evaluate("location.hash") == "#t=0.00"
+    browser.press(" ")
+    browser.wait_for("replay.time === replay.duration")
+    assert browser.evaluate("replay.runs.every((run) => run.time === run.duration)")
+    assert browser.requests() in ([page.as_uri()], [page.as_uri(), "about:srcdoc"])
     assert browser.complaints() == []

@@ -3,6 +3,7 @@
 import av
 import numpy as np
 import pytest
+from replay.chromium import Chromium
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
@@ -10,6 +11,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
+from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingPort, cell_with
 
@@ -111,6 +113,29 @@ def test_bag_and_log_agree(run, messages):
         )
 
 
+def test_a_browser_plays_the_replay(run, tmp_path):
+    page = (run[1] / "replay.html").as_uri()
+    plant = MakeModelsPlant(load_scenario("kitchen"))
+    context = plant.CreateDefaultContext()
+    arm = plant.GetModelInstanceByName("arm")
+    log = run[0].log
+    with Chromium(tmp_path) as browser:
+        browser.open(f"{page}#t=0")
+        for row in (0, len(log["time"]) // 2, -1):
+            plant.SetPositions(context, arm, log["arm.state_cheat"][row, :7])
+            X_WG = plant.GetFrameByName("palm").CalcPoseInWorld(context)
+            browser.evaluate(f"replay.seek({log['time'][row]})")
+            shown = browser.evaluate("replay.pose('gripper::palm')")
+            np.testing.assert_allclose(shown[:3], X_WG.translation(), atol=1e-5)
+            wxyz = X_WG.rotation().ToQuaternion().wxyz()
+            assert abs(np.dot(np.roll(wxyz, -1), shown[3:])) == pytest.approx(1)
+        assert browser.evaluate("replay.mode") == "failed"
+        browser.wait_for("document.querySelector('video').readyState > 1")
+        browser.screenshot()
+        assert browser.complaints() == []
+        assert browser.requests() == [page]
+
+
 @pytest.mark.parametrize(
     "override",
     ["plant_config.contact_model=soft", "simulator_config.integration_scheme=guess"],
@@ -183,6 +208,7 @@ def test_a_failed_run_leaves_its_log_and_recordings_and_nothing_stale(tmp_path):
     kept = {"notes.txt", *FILES} - {"metrics.json"}
     assert {path.name for path in tmp_path.iterdir()} == kept
     assert len(read_log(tmp_path / "log.npz")["time"]) == 20
+    assert "data:video/mp4" in (tmp_path / "replay.html").read_text()
     with Reader(tmp_path / "recording.mcap") as reader:
         assert reader.message_count > 0
     with av.open(str(tmp_path / "video.mp4")) as container:

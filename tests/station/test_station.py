@@ -51,6 +51,7 @@ def test_the_ports_are_as_documented(station):
             **dict.fromkeys(camera_ports("ceiling") + camera_ports("overview")),
             "object_poses_cheat": None,
             "contact_results_cheat": None,
+            "plant_state_cheat": 35,
         },
     )
 
@@ -66,6 +67,7 @@ def test_there_are_no_ports_for_missing_parts():
         "arm.state_cheat",
         "object_poses_cheat",
         "contact_results_cheat",
+        "plant_state_cheat",
     }
 
 
@@ -73,7 +75,11 @@ def test_an_empty_scenario_makes_a_station():
     station = MakeStation(Scenario())
     assert port_table(station) == (
         {"object_forces_cheat": None},
-        {"object_poses_cheat": None, "contact_results_cheat": None},
+        {
+            "object_poses_cheat": None,
+            "contact_results_cheat": None,
+            "plant_state_cheat": 0,
+        },
     )
     Simulator(station).AdvanceTo(0.01)
 

@@ -65,7 +65,13 @@ def processor_time(case: Case) -> float:
     scenario = load_scenario(case.scenario, seed=case.seed, overrides=overrides or ())
     with tempfile.TemporaryDirectory() as folder:
         out = None if overrides is None else Path(folder)
-        Simulate(scenario, name=case.scenario, out=out, record=out is not None)
+        Simulate(
+            scenario,
+            name=case.scenario,
+            out=out,
+            record=out is not None,
+            video_process=False,  # as in a sweep
+        )
     elapsed = wall.process_time() - start
     gc.collect()  # as a sweep does after each trial
     return elapsed

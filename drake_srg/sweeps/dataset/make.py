@@ -13,9 +13,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.status_line import StatusLine
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset.writer import DatasetWriter
@@ -65,7 +64,7 @@ def make_dataset(
         out: Folder to create; None: `dataset` in the sweep's folder.
         fps: Frames per second, a divisor of the image rate; None: every image.
         only_success: Whether to leave out trials that failed.
-        progress: Whether to show a progress bar.
+        progress: Whether to show progress on standard error.
 
     Raises:
         ImportError: If rosbags or PyAV is missing.
@@ -86,8 +85,10 @@ def make_dataset(
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as folder:
         root = Path(folder) / out.name
         with DatasetWriter(root, layout, fps, task=task, robot=robot) as writer:
-            for trial in tqdm(trials, unit="episode", disable=not progress):
-                successes += _add_trial(writer, trial, layout, every)
+            with StatusLine(shown=progress) as line:
+                for number, trial in enumerate(trials, 1):
+                    successes += _add_trial(writer, trial, layout, every)
+                    line.count(number, len(trials), "episodes")
             writer.finish()
         for path in (*root.rglob("*"), root):  # in case power fails
             sync(path)

@@ -18,6 +18,7 @@ from drake_srg.sweeps.report.elements import (
     section,
     table,
 )
+from drake_srg.sweeps.report.replays import replay_link, replay_list
 from drake_srg.sweeps.report.trials import Trials
 
 _ROWS = 10
@@ -25,13 +26,16 @@ _VIDEOS = 8
 VIDEO_BYTES = 24_000_000  # of all videos, so that the page can be sent by mail
 
 
-def worst(trials: Trials, folder: Path, rerun: Callable[[int], str]) -> Element:
-    """Return the section with the worst trials, and their videos if recorded.
+def worst(
+    trials: Trials, folder: Path, rerun: Callable[[int], str], replays: dict[int, str]
+) -> Element:
+    """Return the section with the worst trials, their replays and videos if recorded.
 
     Args:
         trials: All trials.
         folder: Folder of the sweep.
         rerun: Returns the command that repeats the trial of a seed.
+        replays: From `find_replays`.
 
     Raises:
         ScenarioError: If a video cannot be read.
@@ -58,6 +62,7 @@ def worst(trials: Trials, folder: Path, rerun: Callable[[int], str]) -> Element:
                 "Placement error",
                 "Cycle time",
                 "Attempts",
+                "Replay",
                 "Repeat it",
             ],
             [
@@ -67,12 +72,14 @@ def worst(trials: Trials, folder: Path, rerun: Callable[[int], str]) -> Element:
                     number(1e3 * trials.placement_error[row], "mm"),
                     number(trials.cycle_time[row], "s"),
                     number(trials.attempts[row]),
+                    replay_link(replays, row, "replay"),
                     code(rerun(trials.seed[row])),
                 )
                 for row in rows[:_ROWS]
             ],
             "Worst trials",
         ),
+        *replay_list(trials, replays),
         paragraph(shown),
         element("div", *(_player(trials, r, v) for r, v in videos), class_="videos"),
     )

@@ -21,6 +21,7 @@ from drake_srg.sweeps.report.elements import (
     paragraph,
     section,
 )
+from drake_srg.sweeps.report.replays import find_replays
 from drake_srg.sweeps.report.trials import Trials, command
 from drake_srg.sweeps.report.worst import worst
 from drake_srg.sweeps.rows import SweepInfo, read_rows, read_sweep, sampled_columns
@@ -46,8 +47,9 @@ def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
     table = read_rows(folder)
     if not table.num_rows:
         raise ScenarioError(f"{folder}: no trial has finished yet")
-    html = _page(sweep, Trials(table, sampled_columns(table)), folder)
-    file = OutputFile(folder / "report.html" if output is None else output)
+    path = folder / "report.html" if output is None else Path(output)
+    html = _page(sweep, Trials(table, sampled_columns(table)), folder, path)
+    file = OutputFile(path)
     file.path.write_text(
         "<!DOCTYPE html>\n" + ElementTree.tostring(html, "unicode", "html") + "\n",
         encoding="utf-8",
@@ -56,7 +58,7 @@ def write_report(folder: Path | str, output: Path | str | None = None) -> Path:
     return file.commit()
 
 
-def _page(sweep: SweepInfo, trials: Trials, folder: Path) -> Element:
+def _page(sweep: SweepInfo, trials: Trials, folder: Path, path: Path) -> Element:
     rerun = functools.partial(_rerun, sweep)
     style = importlib.resources.files(__package__).joinpath("report.css")
     return element(
@@ -80,7 +82,7 @@ def _page(sweep: SweepInfo, trials: Trials, folder: Path) -> Element:
                 page.failures(trials, rerun),
                 effects(trials),
                 page.distributions(trials),
-                worst(trials, folder, rerun),
+                worst(trials, folder, rerun, find_replays(trials, folder, path)),
                 page.totals(trials, sweep.jobs),
                 _origin(sweep),
             ),

@@ -1,0 +1,230 @@
+"""Videos that a process of their own renders and encodes during the simulation.
+
+Rendering in software takes longer than simulating. So the simulation only sends the
+plant's states, and another process, which builds the same cameras, makes the video.
+`python -m drake_srg.station.video_process` is that process.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+import fcntl
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.systems.framework import Context
+
+import drake_srg
+from drake_srg.common.exceptions import one_line
+from drake_srg.recording.output import OutputFile, Recorder, require
+from drake_srg.recording.video_file import VideoFile
+from drake_srg.scenario import LocalizerConfig, Scenario
+from drake_srg.station.cameras import MakeRemoteCameras
+
+_PIPE = 1 << 20  # states that may wait to be rendered: some minutes' [bytes]
+_NICE = 10  # the simulation goes first; see nice(1)
+
+
+def can_render_apart(scenario: Scenario) -> bool:
+    """Return whether a process of its own can render a scenario's video.
+
+    The state of a plant does not hold the shape of a soft object.
+    """
+    soft = any(config.soft for config in scenario.objects.values())
+    return bool(scenario.recording.video_camera) and not soft
+
+
+class VideoProcess:
+    """A process that renders and encodes `recording.video_camera` of a scenario.
+
+    Use it as a context manager: it has ended on exit, in any case.
+
+    Args:
+        scenario: The scenario; `can_render_apart` must hold.
+        tell: Called with a line for the user if the process fails.
+
+    Raises:
+        ImportError: If PyAV is missing.
+        OSError: If no process can be started.
+    """
+
+    def __init__(self, scenario: Scenario, tell: Callable[[str], None]):
+        require("av")
+        self._tell = tell
+        package = str(Path(drake_srg.__file__).parents[1])
+        paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", __name__],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+            start_new_session=True,  # Ctrl-C in a terminal is for the simulation
+        )
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):  # the system's limit is lower
+            fcntl.fcntl(self._process.stdin, fcntl.F_SETPIPE_SZ, _PIPE)
+        # Drake's schema objects do not pickle, but their YAML does. Only models and
+        # one camera are needed; a gripper's driver may be the user's own.
+        name = scenario.recording.video_camera
+        seen = dc.replace(
+            scenario,
+            gripper=None,
+            localizer=LocalizerConfig(),
+            cameras={name: scenario.cameras[name]},
+            recording=dc.replace(scenario.recording, bag_cameras=[]),
+        )
+        self.send(yaml_dump_typed(seen))
+
+    def __enter__(self) -> VideoProcess:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._process.kill()
+        self._process.wait()
+        for stream in (self._process.stdin, self._process.stdout):
+            assert stream is not None
+            with contextlib.suppress(OSError):  # something is left to be sent
+                stream.close()
+
+    def send(self, *message: Any) -> None:
+        """Send a message: the scenario's YAML, then the path, then frames.
+
+        A frame is its time [s], its caption and the plant's state. Once the process
+        has ended, messages are lost; `finish` tells.
+        """
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):
+            pickle.dump(message, self._process.stdin)
+            self._process.stdin.flush()
+
+    def finish(self) -> int:
+        """Wait until the video is complete, and return its number of frames.
+
+        Returns:
+            0 if the process could not make it; the user is told.
+
+        Raises:
+            OSError: If the file could not be written.
+        """
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self.send()
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        answer = self._process.stdout.read()
+        if not answer:
+            code = self._process.wait()
+            ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+            answer = pickle.dumps((0, 0, f"the process that renders it died ({ended})"))
+        frames, number, reason = pickle.loads(answer)
+        if number:
+            raise OSError(number, os.strerror(number))
+        if reason:
+            self._tell(f"no video: {reason}")
+        return int(frames)
+
+
+class RemoteVideoRecorder(Recorder):
+    """Records a camera as an H.264 video in a process of its own.
+
+    .. pydrake_system::
+
+        name: RemoteVideoRecorder
+        input_ports:
+        - plant_state
+        - caption
+
+    Frames are those of a `VideoRecorder` at the same camera. `close()` waits for them.
+
+    Args:
+        process: Renders and encodes them.
+        path: The .mp4 file.
+        state_size: Size of the plant's state.
+        frame_rate: Images per simulated second [Hz].
+
+    Raises:
+        OSError: If the file cannot be written.
+    """
+
+    def __init__(
+        self, process: VideoProcess, path: Path, state_size: int, frame_rate: float
+    ):
+        super().__init__()
+        self._process = process
+        self._output = OutputFile(path)
+        self._state = self.DeclareVectorInputPort("plant_state", state_size)
+        self._caption = self.DeclareAbstractInputPort(
+            name="caption", model_value=AbstractValue.Make(object())
+        )
+        period = 1.0 / frame_rate
+        self.DeclarePeriodicPublishEvent(period, period, self._record)
+        process.send(str(self._output.path))
+
+    def _finish(self) -> bool:
+        try:
+            return self._process.finish() > 0
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.path)) from error
+
+    def _record(self, context: Context) -> None:
+        state = np.array(self._state.Eval(context))
+        self._process.send(context.get_time(), self._caption.Eval(context), state)
+
+
+def main() -> None:
+    """Render what comes on standard input until it ends."""
+    os.nice(_NICE)
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # whatever libraries print
+    frames, number, reason = 0, 0, ""
+    try:
+        frames = _render()
+    except EOFError:  # the simulation's process is gone
+        return
+    except OSError as error:
+        number, reason = error.errno or 0, str(error)
+    except Exception as error:
+        reason = one_line(error)
+    with answers:
+        pickle.dump((frames, number, reason), answers)
+
+
+def _render() -> int:
+    """Make the video, and return its number of frames."""
+    (text,) = pickle.load(sys.stdin.buffer)
+    scenario = yaml_load_typed(schema=Scenario, data=text)
+    (name,) = scenario.cameras
+    cameras = MakeRemoteCameras(scenario)
+    context = cameras.CreateDefaultContext()
+    state = cameras.GetInputPort("state")
+    port = cameras.GetOutputPort(f"camera_{name}.color_image")
+    config, fps = scenario.cameras[name], scenario.recording.video_fps
+    (path,) = pickle.load(sys.stdin.buffer)
+    file = VideoFile(Path(path), config.width, config.height, fps)
+    while message := pickle.load(sys.stdin.buffer):
+        time, words, value = message
+        context.SetTime(time)
+        state.FixValue(context, value)
+        file.add(port.Eval(context).data, time, words)
+    file.close()
+    return file.frames
+
+
+if __name__ == "__main__":
+    main()
