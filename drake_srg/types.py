@@ -230,6 +230,14 @@ class Failure(enum.Enum):
     STOPPED = "stopped"
 
 
+@dc.dataclass(frozen=True, eq=False)
+class Left:
+    """A thing that a planner leaves where it is, and why."""
+
+    p_W: Vector  # of its top, shape (3,) [m]
+    failure: Failure
+
+
 @dc.dataclass(frozen=True)
 class PlannerStatus:
     """What a planner reports about its task."""
@@ -243,3 +251,4 @@ class PlannerStatus:
     localized_at: float = 0.0  # time of that localization [s]
     message: str = ""  # why it failed, in words
     planning_wall: float = 0.0  # wall-clock time spent on planning [s]
+    left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE

@@ -172,9 +172,13 @@ def _object_problems(
                 f"must fit on the table, got {width:g} x {depth:g} m "
                 f"(allowed: up to {table[0]:g} x {table[1]:g} m)",
             )
-    has_place = config.position is not None or config.yaw != 0.0
+    has_place = config.position is not None or config.yaw or config.drop is not None
     if config.pose is not None and has_place:
-        yield key, "needs either a pose, or position and yaw"
+        yield key, "needs either a pose, or position, yaw and drop"
+    if any(config.tilt) and config.drop is None:
+        yield f"{key}.tilt", "needs drop: a tilted object does not stand"
+    if config.drop is not None and config.soft is not None:
+        yield f"{key}.drop", "must be null for a soft object"
     if config.position is not None:
         (x0, y0), (x1, y1) = scenario.table.min, scenario.table.max
         x, y = config.position

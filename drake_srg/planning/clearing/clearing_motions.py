@@ -1,0 +1,182 @@
+"""The motions of one pick: to a grasp from above, and with its load over the bin."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.clearing.columns import columns, highest_near
+from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkFailure,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.types import Box, HeightMap, Mode, Shape, Vector
+
+# Fingertips work this near the table [m]: the grasps allow for it.
+_TIPS = 0.0
+# How far the open hand reaches about its middle, and how much higher than what is there
+# the pads' middle has to be when the hand comes from the side [m].
+_HAND_RADIUS, _OVER = 0.16, 0.06
+# Distance that the load keeps from the bin's rim [m].
+_RIM = 0.03
+_LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
+_STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
+
+
+class ClearingMotions:
+    """Plans the motions of a pick in a planning scene; holds nothing between calls.
+
+    `q_home` can be read from it.
+
+    Args:
+        scene: The arm, the gripper, the furniture and the bin.
+        moves: The moves in that scene.
+        q_home: Posture over the bin that hides nothing, shape (N,) [rad].
+        table: Height of the table [m].
+        rim: Height of the bin's rim [m].
+        config: Distances and speeds.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        moves: Moves,
+        q_home: Vector,
+        *,
+        table: float,
+        rim: float,
+        config: PlannerConfig,
+    ) -> None:
+        self._scene, self._moves, self._config = scene, moves, config
+        self.q_home = np.asarray(q_home, dtype=float)
+        self._table, self._rim = table, rim
+
+    def plan(
+        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
+    ) -> dict[Mode, Trajectory] | PlanningFailure:
+        """Plan from `q_start` to a grasp, and with what it takes over the bin.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: The grasp.
+            height_map: Of the table, for motions to keep clear of what is on it.
+        """
+        try:
+            return self._plan(np.asarray(q_start), grasp, height_map)
+        except NoPathError as error:
+            return error.failure
+
+    def plan_home(self, q_start: Vector) -> dict[Mode, Trajectory] | PlanningFailure:
+        """Plan the way back to `q_home` from over the bin, shape (N,) [rad]."""
+        self._scene.SetFingers({})
+        try:
+            path = self._moves.joint_path(q_start, self.q_home)
+            return {Mode.HOME: self._moves.timed(path, self._moves.free)}
+        except NoPathError as error:
+            return error.failure
+
+    def _plan(
+        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
+    ) -> dict[Mode, Trajectory]:
+        scene, moves, table = self._scene, self._moves, self._table
+        q_grasp = self._reach(grasp)
+        over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
+        approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
+        lift = max(approach, self._rim + _RIM - table)
+        scene.SetFingers(grasp.fingers_open)
+        with scene.reaching(_TIPS):
+            down = moves.straight(q_grasp, moves.above(q_grasp, approach))[::-1]
+        with self._standing(height_map):
+            to = moves.joint_path(q_start, down[0])
+        scene.SetFingers(grasp.fingers_closed)
+        with scene.reaching(_TIPS):
+            up = moves.straight(q_grasp, moves.above(q_grasp, lift))
+        with self._standing(height_map, beside=grasp.p_WC), self._loaded(grasp):
+            away = moves.joint_path(up[-1], self._over_bin(grasp))
+        return {
+            Mode.PRE_GRASP: moves.timed(to, moves.free),
+            Mode.GRASP: moves.timed(down, moves.free, straight=True),
+            Mode.LIFT: moves.timed(up, moves.holding, straight=True),
+            Mode.TRANSFER: moves.timed(away, moves.holding),
+        }
+
+    def _reach(self, grasp: TopGrasp) -> Vector:
+        """Return the posture of a grasp nearest to home, with either finger in front.
+
+        Raises:
+            NoPathError: If the arm cannot reach it.
+        """
+        self._scene.SetFingers(grasp.fingers_open)
+        half_turn = RigidTransform(RotationMatrix.MakeXRotation(np.pi), np.zeros(3))
+        found = []
+        with self._scene.reaching(_TIPS):
+            for X_GH in (RigidTransform(), half_turn):
+                target = HandTarget.from_pose(grasp.X_WG @ X_GH)
+                found.append(
+                    solve_inverse_kinematics(
+                        self._scene, target, q_nominal=self.q_home, max_starts=_STARTS
+                    )
+                )
+        solved = [ik for ik in found if not isinstance(ik, IkFailure)]
+        if solved:
+            return min(solved, key=lambda ik: ik.cost).q
+        failed = [ik for ik in found if isinstance(ik, IkFailure)]
+        nearest = min(failed, key=lambda ik: ik.violation)
+        raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
+
+    def _over_bin(self, grasp: TopGrasp) -> Vector:
+        """Return a posture below home, with the load just above the bin's rim.
+
+        Raises:
+            NoPathError: If the arm cannot go down there.
+        """
+        X_WG = self._scene.X_WG(self.q_home)
+        below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
+        lower = X_WG.translation()[2] - (self._rim + _RIM + below)
+        if lower <= 0.0:
+            return self.q_home
+        down = HandTarget.from_pose(X_WG).shifted(np.array([0.0, 0.0, -lower]))
+        path: Vector = self._moves.straight(self.q_home, down)
+        return path[-1]
+
+    @contextlib.contextmanager
+    def _standing(
+        self, height_map: HeightMap, beside: Vector | None = None
+    ) -> Iterator[None]:
+        """Let what a map shows stand on the table, except where something is taken."""
+        with contextlib.ExitStack() as stack:
+            for shape, X_WO in self._things(height_map, beside):
+                stack.enter_context(self._scene.standing(shape, X_WO))
+            yield
+
+    def _things(
+        self, height_map: HeightMap, beside: Vector | None
+    ) -> Sequence[tuple[Shape, RigidTransform]]:
+        things = columns(height_map, self._table)
+        if beside is None:
+            return things
+        return [
+            (shape, X_WO)
+            for shape, X_WO in things
+            if np.linalg.norm(X_WO.translation()[:2] - beside[:2]) > _LOAD_WIDTH
+        ]
+
+    @contextlib.contextmanager
+    def _loaded(self, grasp: TopGrasp) -> Iterator[None]:
+        """Let the hand carry a box as long as there is room below the grasp."""
+        p_GC = grasp.X_WG.inverse() @ grasp.p_WC
+        length = max(float(grasp.p_WC[2]) - self._table, 0.01)
+        box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])
+        middle = RigidTransform(p_GC + [0.5 * length, 0.0, 0.0])
+        with self._scene.holding(box, middle):
+            yield

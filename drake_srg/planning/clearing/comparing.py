@@ -1,0 +1,48 @@
+"""Differences between two height maps of the same region."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_srg.types import HeightMap, Vector
+
+# Heights that differ by less are the same [m]: above the noise of depth images, below
+# the height of a spoon's handle.
+_SAME = 0.003
+# Changes of less than this are noise at the edges of things [m³].
+_LEAST_VOLUME = 1.0e-6
+# A change of this much of the map says that something is still moving [m²].
+_LEAST_AREA = 2.0e-4
+
+
+def _drop(before: HeightMap, after: HeightMap) -> Vector:
+    """Return by how much each cell has fallen [m]; 0 where a map shows nothing."""
+    drop: Vector = np.nan_to_num(before.height - after.height)
+    return np.where(np.abs(drop) > _SAME, drop, 0.0)
+
+
+def is_still(before: HeightMap, after: HeightMap) -> bool:
+    """Return whether nothing has moved between two maps."""
+    moved = np.count_nonzero(_drop(before, after))
+    return bool(moved * after.resolution**2 < _LEAST_AREA)
+
+
+def has_gone(
+    before: HeightMap, after: HeightMap, p_W: Vector, radius: float = 0.015
+) -> bool:
+    """Return whether what was at a place has left the map.
+
+    The place has become lower, and less is on the table on the whole: what was only
+    pushed aside is found elsewhere.
+
+    Args:
+        before: The map before.
+        after: The map now.
+        p_W: The place, shape (2 or 3,) [m].
+        radius: Around it [m].
+    """
+    drop = _drop(before, after)
+    near = np.linalg.norm(before.points() - p_W[:2], axis=-1) < radius
+    if not np.any(drop[near] > 0.0):
+        return False
+    return bool(drop.sum() * after.resolution**2 > _LEAST_VOLUME)
