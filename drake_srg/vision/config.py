@@ -240,6 +240,24 @@ class CameraLevelingConfig:
 
 
 @dc.dataclass(kw_only=True)
+class HeightMapConfig:
+    """Thresholds of `height_map`."""
+
+    # Points per side of a pixel. At 1.5 m a pixel of a 640x480 image is 2.6 mm wide,
+    # wider than a cell.
+    subpixels: int = dc.field(default=2, metadata={"ge": 1, "le": 8})
+    # Width of holes that are filled [cells].
+    hole: int = dc.field(default=2, metadata={"ge": 0})
+    # What is higher above the surface than this belongs to a thing, where it matters
+    # whether one reaches too high or over the edge [m].
+    thing: float = dc.field(default=0.015, metadata=positive())
+    # Cells this near to the surface are mostly its own and show how well its height is
+    # measured [m]. Fewer than `least_flat` of them say nothing.
+    near: float = dc.field(default=0.01, metadata=positive())
+    least_flat: int = dc.field(default=200, metadata={"ge": 1})
+
+
+@dc.dataclass(kw_only=True)
 class LocalizerThresholds(BlobLocalizerConfig):
     """Thresholds of everything that a scenario's `localizer` configures."""
 

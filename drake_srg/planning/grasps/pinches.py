@@ -1,0 +1,247 @@
+"""Judges pinches from above by what a height map shows, many at a time."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.planning.grasps.fingers import Fingers
+from drake_srg.planning.grasps.relief import Relief
+from drake_srg.types import Vector, positive
+
+Floats = npt.NDArray[np.float32]
+
+
+@dc.dataclass(kw_only=True)
+class PinchConfig:
+    """How pinches are judged. Lengths in m."""
+
+    # Half gaps of the open fingers' ends that are tried.
+    openings: list[float] = dc.field(
+        default_factory=lambda: [0.016, 0.027, 0.04, 0.055, 0.07, 0.085],
+        metadata=positive(nonempty=True),
+    )
+    # How far below the top of a thing the fingers' ends may reach.
+    depths: list[float] = dc.field(
+        default_factory=lambda: [0.015, 0.03, 0.05, 0.075, 0.095],
+        metadata=positive(nonempty=True),
+    )
+    # Height above the table that the ends of closing fingers keep.
+    table_gap: float = dc.field(default=0.002, metadata={"ge": 0.0})
+    # Distance that the open hand keeps from everything; one noisy cell counts less.
+    clearance: float = dc.field(default=0.003, metadata={"ge": 0.0})
+    # What reaches above the fingers' ends by this is between them.
+    engaged: float = dc.field(default=0.002, metadata=positive())
+    # Distance between samples along the closing direction, and across it.
+    step: float = dc.field(default=0.002, metadata=positive())
+    across: float = dc.field(default=0.004, metadata=positive())
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Pinches:
+    """Pinches, a row each; those that are impossible have the score -inf.
+
+    Attributes:
+        p_W: x, y of the palm's axis in world, shape (n, 2) [m].
+        yaw: Direction of closing, shape (n,) [rad].
+        tip: Height above the table of the lowest point that closing fingers reach,
+            shape (n,) [m].
+        half_gap: Of the open fingers' ends, shape (n,) [m].
+        low: Where the thing begins along the closing direction, shape (n,) [m].
+        high: Where it ends, shape (n,) [m].
+        top: Height above the table of what is between the fingers, shape (n,) [m].
+        score: Higher is better, shape (n,).
+    """
+
+    p_W: Vector
+    yaw: Vector
+    tip: Vector
+    half_gap: Vector
+    low: Vector
+    high: Vector
+    top: Vector
+    score: Vector
+
+    @property
+    def direction(self) -> Vector:
+        """Unit vectors in which the fingers close, shape (n, 2)."""
+        return np.stack([np.cos(self.yaw), np.sin(self.yaw)], axis=-1)
+
+    def take(self, index: npt.NDArray[np.intp]) -> Pinches:
+        """Return some of the rows."""
+        return Pinches(
+            **{f.name: getattr(self, f.name)[index] for f in dc.fields(self)}
+        )
+
+    def best(self, count: int) -> Pinches:
+        """Return at most `count` possible pinches, the best first."""
+        order = np.argsort(-self.score, kind="stable")[:count]
+        return self.take(order[np.isfinite(self.score[order])])
+
+
+class PinchJudge:
+    """Judges pinches of one hand.
+
+    Args:
+        fingers: The hand's.
+        config: Thresholds.
+    """
+
+    def __init__(self, fingers: Fingers, config: PinchConfig) -> None:
+        self._fingers, self._config = fingers, config
+        most = max(config.openings) + 0.04
+        count = int(most / config.step)
+        self._s = config.step * np.arange(-count, count + 1)
+        half = 0.5 * fingers.pad_width + 0.002
+        self._t = np.linspace(-half, half, 2 * int(np.ceil(half / config.across)) + 1)
+        gap, reach = fingers.closing()
+        self._deepest = fingers.deepest
+        # How much higher than at their lowest the ends are, at each half gap.
+        rise = np.interp(np.abs(self._s), gap[::-1], (self._deepest - reach)[::-1])
+        self._rise = rise.astype(np.float32)
+        self._silhouettes = [fingers.silhouette(g, self._s) for g in config.openings]
+
+    def judge(self, relief: Relief, p_W: Vector, yaw: Vector) -> Pinches:
+        """Return the best pinch at each place, over depths and openings.
+
+        Args:
+            relief: What stands on the table.
+            p_W: x, y of the palm's axis in world, shape (n, 2) [m].
+            yaw: Direction of closing, shape (n,) [rad].
+        """
+        config, n = self._config, len(p_W)
+        strip = self.sample(relief, p_W, yaw).max(axis=1)
+        middle = np.abs(self._s) < 0.011
+        # The thing at the middle, not a taller one beside it.
+        around = relief.lookup(p_W)
+        near = strip[:, middle].max(axis=1)
+        top = np.where(around > relief.least, np.minimum(near, around + 0.02), near)
+        wide = self._around_palm(relief, p_W)
+        best = [np.full(n, -np.inf)] + [np.zeros(n) for _ in range(4)]
+        for depth in config.depths:
+            tip = np.maximum(config.table_gap, top - depth)
+            lowest = tip + self._deepest  # of the palm's origin
+            fits = wide < lowest - self._fingers.palm_x - config.clearance
+            floor = tip[:, None] + self._rise + (config.engaged + relief.least / 4)
+            between = strip > floor
+            for silhouette in self._silhouettes:
+                gap = (lowest[:, None] - silhouette.reach) - strip
+                clear = gap.min(axis=1)
+                inside = np.abs(self._s) <= silhouette.half_gap
+                low, high, some = _extent(between & inside, self._s)
+                score = self._score(strip, tip, top, low, high, clear, silhouette)
+                possible = fits & some & (clear > config.clearance)
+                possible &= high - low < self._fingers.max_width
+                score = np.where(possible, score, -np.inf)
+                better = score > best[0]
+                values = (score, tip, np.full(n, silhouette.half_gap), low, high)
+                for kept, value in zip(best, values, strict=True):
+                    kept[better] = value[better]
+        score, tip, half_gap, low, high = best
+        return Pinches(p_W, yaw, tip, half_gap, low, high, top, score)
+
+    def sample(self, relief: Relief, p_W: Vector, yaw: Vector) -> Floats:
+        """Return heights below the pads, at offsets across and along the closing.
+
+        Returns:
+            Shape (n, T, S) [m].
+        """
+        along = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)[:, None, None]
+        across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+        points = p_W[:, None, None] + self._s[:, None] * along
+        return relief.lookup(points + self._t[:, None, None] * across)
+
+    def refine(self, relief: Relief, pinches: Pinches) -> Pinches:
+        """Return pinches whose scores count how the pads lie on the thing.
+
+        Pads that touch it with a corner, or not opposite to each other, turn it. So
+        does its weight if it is held far from its middle.
+        """
+        if not len(pinches.score):
+            return pinches
+        heights = self.sample(relief, pinches.p_W, pinches.yaw)
+        floor = pinches.tip[:, None, None] + self._rise
+        between = heights > floor + (self._config.engaged + relief.least / 4)
+        inside = np.abs(self._s) <= pinches.half_gap[:, None]
+        low, high, some = _extent(between & inside[:, None], self._s)  # (n, T)
+        slack = 0.004
+        at_low = some & (low < pinches.low[:, None] + slack)
+        at_high = some & (high > pinches.high[:, None] - slack)
+        share = np.minimum(at_low.mean(axis=1), at_high.mean(axis=1))
+        center_low, center_high = (
+            (at * self._t).sum(axis=1) / np.maximum(at.sum(axis=1), 1)
+            for at in (at_low, at_high)
+        )
+        width = np.maximum(pinches.high - pinches.low, 0.01)
+        twist = np.abs(center_high - center_low) / width
+        lever = self._lever(relief, pinches)
+        score = pinches.score + 1.5 * share - 2.0 * np.minimum(twist, 1.0)
+        score -= 12.0 * lever
+        return dc.replace(pinches, score=score)
+
+    def _score(
+        self,
+        strip: Floats,
+        tip: Vector,
+        top: Vector,
+        low: Vector,
+        high: Vector,
+        clear: Vector,
+        silhouette: object,
+    ) -> Vector:
+        """Return how good pinches are, as far as the strip below the pads tells."""
+        depth = np.clip(top - tip, 0.0, None)
+        rows = np.arange(len(strip))
+        zero = (len(self._s) - 1) // 2
+        steep = np.ones(len(strip))
+        inwards = 3  # cells
+        for end, sign in ((low, 1), (high, -1)):
+            at = zero + np.rint(end / self._config.step).astype(int)
+            at = np.clip(at + sign * inwards, 0, len(self._s) - 1)
+            rise = (strip[rows, at] - tip) / np.maximum(np.minimum(depth, 0.012), 1e-3)
+            steep = np.minimum(steep, np.clip(rise, 0.0, 1.0))
+        width = high - low
+        room = np.minimum(clear, 0.012)
+        off = np.abs(0.5 * (low + high))
+        return np.asarray(
+            2.0 * np.minimum(depth, 0.03) / 0.03
+            + 2.0 * steep
+            + room / 0.012
+            - 2.0 * np.clip(width - 0.08, 0.0, None) / 0.05
+            - 10.0 * off
+        )
+
+    def _lever(self, relief: Relief, pinches: Pinches) -> Vector:
+        """Return the distance of each thing's middle from the contact line [m]."""
+        middles = np.full((int(relief.labels.max()) + 1, 2), np.nan)
+        for thing in relief.things:
+            middles[thing.label] = thing.middle
+        between = 0.5 * (pinches.low + pinches.high)
+        p_W = pinches.p_W + between[:, None] * pinches.direction
+        cells = relief.map.cells(p_W)
+        iy = np.clip(cells[:, 0], 0, relief.labels.shape[0] - 1)
+        ix = np.clip(cells[:, 1], 0, relief.labels.shape[1] - 1)
+        apart = middles[relief.labels[iy, ix]] - p_W
+        across = np.stack([-pinches.direction[:, 1], pinches.direction[:, 0]], axis=-1)
+        lever = np.abs(np.sum(apart * across, axis=-1))
+        return np.where(np.isfinite(lever), np.minimum(lever, 0.1), 0.05)
+
+    def _around_palm(self, relief: Relief, p_W: Vector) -> Floats:
+        """Return the greatest height within the palm's radius, shape (n,) [m]."""
+        cells = int(np.ceil(self._fingers.palm_radius / relief.map.resolution))
+        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1,) * 2)
+        highest = np.asarray(cv2.dilate(relief.above, kernel), np.float32)
+        return dc.replace(relief, above=highest).lookup(p_W)
+
+
+def _extent(
+    mask: npt.NDArray[np.bool_], s: Vector
+) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
+    """Return the first and last offset where a mask (..., S) is set, and if any is."""
+    some = mask.any(axis=-1)
+    first = mask.argmax(axis=-1)
+    last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
+    return np.where(some, s[first], 0.0), np.where(some, s[last], 0.0), some

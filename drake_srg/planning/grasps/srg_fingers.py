@@ -1,0 +1,99 @@
+"""The SRG's fingers in a pinch from above."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.planning.grasps.fingers import (
+    Fingers,
+    FingerState,
+    Silhouette,
+    filled_rectangle,
+    lowest,
+)
+from drake_srg.planning.grasps.srg_hand import (
+    EMPTY_BASE_ANGLE,
+    finger_joints,
+    pinch_angles,
+    straight_base_angle,
+)
+from drake_srg.types import Vector
+
+# Back of the finger, from the line through its hinges [m] (base link of srg_fast.sdf),
+# and the end of its hinge's housing, before the hinge.
+_BACK, _HOUSING = 0.0128, 0.006
+# What joints bend and readings err, of the base angle [rad].
+_ANGLE_ERROR = 0.012
+
+
+@dc.dataclass(frozen=True)
+class SrgFingers(Fingers):
+    """The SRG: straight fingers close, then the pads turn onto the object.
+
+    Args:
+        squeeze: See `SrgHand`.
+        full_scale: See `SrgHand`.
+    """
+
+    squeeze: float = 0.6
+    full_scale: float = SRG.full_scale
+
+    # The pads of a wider opening would not be parallel.
+    max_width = SRG.parallel_gap - 0.01
+    pad_width = SRG.pad_width
+    palm_x = 0.0775  # of its ears
+    palm_radius = 0.5 * float(np.hypot(SRG.palm_width, SRG.palm_height))
+
+    def closing(self) -> tuple[Vector, Vector]:
+        """See `Fingers`."""
+        angles = np.linspace(0.2, EMPTY_BASE_ANGLE, 300)
+        gap = SRG.hinge_y + SRG.finger_length * np.cos(angles)
+        gap -= SRG.face_offset * np.sin(angles)
+        along = SRG.hinge_x + SRG.finger_length * np.sin(angles)
+        inner, outer = SRG.face_offset * np.cos(angles), -_BACK * np.cos(angles)
+        return gap, along + np.maximum(inner, outer)
+
+    def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
+        """See `Fingers`."""
+        base = straight_base_angle(half_gap)
+        along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
+        inwards = np.array([-np.sin(base), np.cos(base)])
+        hinge = np.array([SRG.hinge_y, SRG.hinge_x])
+        finger = filled_rectangle(
+            hinge - _HOUSING * along - _BACK * inwards,
+            (SRG.finger_length + _HOUSING) * along,
+            (SRG.face_offset + _BACK) * inwards,
+        )
+        palm = np.abs(offsets) <= 0.5 * SRG.palm_width
+        reach = lowest(finger, offsets, -np.inf)
+        return Silhouette(half_gap, np.where(palm, np.fmax(reach, self.palm_x), reach))
+
+    def opened(self, half_gap: float) -> FingerState:
+        """See `Fingers`."""
+        base = straight_base_angle(half_gap)
+        return FingerState(base / self.full_scale, finger_joints(base, 0.0))
+
+    def closed(self, width: float) -> FingerState:
+        """See `Fingers`."""
+        base, tip = pinch_angles(0.5 * width)
+        closure = (base + tip + self.squeeze) / self.full_scale
+        return FingerState(min(1.0, closure), finger_joints(base, tip))
+
+    def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
+        """See `Fingers`; the base links come first in `q`.
+
+        What is held may be wider or narrower than expected.
+        """
+        least = EMPTY_BASE_ANGLE - max(_ANGLE_ERROR, 0.3 * self._difference(width))
+        return bool(np.mean(q[:2]) < least or np.max(q[2:]) > 0.1)
+
+    def tellable(self, width: float) -> bool:
+        """See `Fingers`."""
+        return self._difference(width) > 2.0 * _ANGLE_ERROR
+
+    def _difference(self, width: float) -> float:
+        """Return the base angle of an empty hand less that at contact [rad]."""
+        return float(EMPTY_BASE_ANGLE - straight_base_angle(0.5 * width))
