@@ -62,7 +62,7 @@ class RunLog:
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick = scenario.task.pick
         self._reader: ContactReader | None = None
-        self._present = scenario.objects[self._pick].present
+        self._present = bool(self._pick) and scenario.objects[self._pick].present
         self._rows: list[dict[str, Vector | float]] = []
         self.touching: set[str] = set()
 

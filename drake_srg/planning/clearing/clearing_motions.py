@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.columns import columns, highest_near
@@ -36,12 +36,14 @@ _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare pos
 class ClearingMotions:
     """Plans the motions of a pick in a planning scene; holds nothing between calls.
 
-    `q_home` can be read from it.
+    `q_home` and `q_over` can be read from it.
 
     Args:
         scene: The arm, the gripper, the furniture and the bin.
         moves: The moves in that scene.
-        q_home: Posture over the bin that hides nothing, shape (N,) [rad].
+        q_home: Where the arm begins and ends, shape (N,) [rad].
+        q_over: High over the bin, with the hand down, shape (N,) [rad]. In neither
+            posture may the arm hide the table from the cameras.
         table: Height of the table [m].
         rim: Height of the bin's rim [m].
         config: Distances and speeds.
@@ -52,6 +54,7 @@ class ClearingMotions:
         scene: PlanningScene,
         moves: Moves,
         q_home: Vector,
+        q_over: Vector,
         *,
         table: float,
         rim: float,
@@ -59,6 +62,7 @@ class ClearingMotions:
     ) -> None:
         self._scene, self._moves, self._config = scene, moves, config
         self.q_home = np.asarray(q_home, dtype=float)
+        self.q_over = np.asarray(q_over, dtype=float)
         self._table, self._rim = table, rim
 
     def plan(
@@ -111,22 +115,22 @@ class ClearingMotions:
         }
 
     def _reach(self, grasp: TopGrasp) -> Vector:
-        """Return the posture of a grasp nearest to home, with either finger in front.
+        """Return the posture of a grasp nearest to `q_over`, either finger in front.
 
         Raises:
             NoPathError: If the arm cannot reach it.
         """
         self._scene.SetFingers(grasp.fingers_open)
-        half_turn = RigidTransform(RotationMatrix.MakeXRotation(np.pi), np.zeros(3))
         found = []
         with self._scene.reaching(_TIPS):
-            for X_GH in (RigidTransform(), half_turn):
-                target = HandTarget.from_pose(grasp.X_WG @ X_GH)
-                found.append(
-                    solve_inverse_kinematics(
-                        self._scene, target, q_nominal=self.q_home, max_starts=_STARTS
-                    )
+            for either in (grasp, grasp.half_turn()):
+                ik = solve_inverse_kinematics(
+                    self._scene,
+                    either.target(),
+                    q_nominal=self.q_over,
+                    max_starts=_STARTS,
                 )
+                found.append(ik)
         solved = [ik for ik in found if not isinstance(ik, IkFailure)]
         if solved:
             return min(solved, key=lambda ik: ik.cost).q
@@ -135,18 +139,18 @@ class ClearingMotions:
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
     def _over_bin(self, grasp: TopGrasp) -> Vector:
-        """Return a posture below home, with the load just above the bin's rim.
+        """Return a posture below `q_over`, with the load just above the bin's rim.
 
         Raises:
             NoPathError: If the arm cannot go down there.
         """
-        X_WG = self._scene.X_WG(self.q_home)
+        X_WG = self._scene.X_WG(self.q_over)
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
         lower = X_WG.translation()[2] - (self._rim + _RIM + below)
         if lower <= 0.0:
-            return self.q_home
+            return self.q_over
         down = HandTarget.from_pose(X_WG).shifted(np.array([0.0, 0.0, -lower]))
-        path: Vector = self._moves.straight(self.q_home, down)
+        path: Vector = self._moves.straight(self.q_over, down)
         return path[-1]
 
     @contextlib.contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context
 
@@ -12,10 +13,9 @@ from drake_srg.planning.clearing.transitions import Observation, transition
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_outputs import AddPlannerOutputs
 from drake_srg.planning.state_machine import StateMachine
-from drake_srg.types import Mode
+from drake_srg.types import HeightMap, Mode
 
-# The model value of the input of height maps; any value of this type connects.
-_NO_MAP: object = None
+_NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
 
 
 class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):

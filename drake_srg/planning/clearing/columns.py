@@ -45,5 +45,5 @@ def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
         p_W: The place, shape (2 or 3,) [m].
         radius: What counts as near [m].
     """
-    near = np.linalg.norm(height_map.points() - p_W[:2], axis=-1) < radius
+    near = np.linalg.norm(height_map.middles() - p_W[:2], axis=-1) < radius
     return float(np.nanmax(height_map.height[near], initial=-np.inf))

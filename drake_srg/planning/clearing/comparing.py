@@ -42,7 +42,7 @@ def has_gone(
         radius: Around it [m].
     """
     drop = _drop(before, after)
-    near = np.linalg.norm(before.points() - p_W[:2], axis=-1) < radius
+    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
     if not np.any(drop[near] > 0.0):
         return False
     return bool(drop.sum() * after.resolution**2 > _LEAST_VOLUME)

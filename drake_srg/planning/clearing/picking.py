@@ -11,8 +11,7 @@ import numpy as np
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
-from drake_srg.planning.grasps.grasp_planner import GraspPlanner
-from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Left, Vector
