@@ -30,6 +30,7 @@ _HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
+_TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
 
 
@@ -97,22 +98,22 @@ class ClearingMotions:
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
         lift = max(approach, self._rim + _RIM - table)
+        motions: dict[Mode, Trajectory] = {}
         scene.SetFingers(grasp.fingers_open)
         with scene.reaching(_TIPS):
             down = moves.straight(q_grasp, moves.above(q_grasp, approach))[::-1]
+            motions[Mode.GRASP] = moves.timed(down, moves.free, straight=True)
         with self._standing(height_map):
             to = moves.joint_path(q_start, down[0])
+            motions[Mode.PRE_GRASP] = moves.timed(to, moves.free)
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, lift))
+            motions[Mode.LIFT] = moves.timed(up, moves.holding, straight=True)
         with self._standing(height_map, beside=grasp.p_WC), self._loaded(grasp):
             away = moves.joint_path(up[-1], self._over_bin(grasp))
-        return {
-            Mode.PRE_GRASP: moves.timed(to, moves.free),
-            Mode.GRASP: moves.timed(down, moves.free, straight=True),
-            Mode.LIFT: moves.timed(up, moves.holding, straight=True),
-            Mode.TRANSFER: moves.timed(away, moves.holding),
-        }
+            motions[Mode.TRANSFER] = moves.timed(away, moves.holding)
+        return motions
 
     def _reach(self, grasp: TopGrasp) -> Vector:
         """Return the posture of a grasp nearest to `q_over`, either finger in front.
@@ -172,7 +173,7 @@ class ClearingMotions:
         return [
             (shape, X_WO)
             for shape, X_WO in things
-            if np.linalg.norm(X_WO.translation()[:2] - beside[:2]) > _LOAD_WIDTH
+            if np.linalg.norm(X_WO.translation()[:2] - beside[:2]) > _TAKEN_RADIUS
         ]
 
     @contextlib.contextmanager
