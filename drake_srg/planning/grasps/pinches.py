@@ -14,6 +14,12 @@ from drake_srg.types import Vector, positive
 
 Floats = npt.NDArray[np.float32]
 
+# What is within this of where a pad touches first lies at the pad [m].
+_FACE = 0.012
+# Tangent of the angle between a face and the pad that presses on it, at most: that of
+# friction.
+_STEEPEST = 0.6
+
 
 @dc.dataclass(kw_only=True)
 class PinchConfig:
@@ -26,7 +32,7 @@ class PinchConfig:
     )
     # How far below the top of a thing the fingers' ends may reach.
     depths: list[float] = dc.field(
-        default_factory=lambda: [0.015, 0.03, 0.05, 0.075, 0.095],
+        default_factory=lambda: [0.015, 0.03, 0.045, 0.06, 0.08, 0.095],
         metadata=positive(nonempty=True),
     )
     # Height above the table that the ends of closing fingers keep.
@@ -94,7 +100,7 @@ class PinchJudge:
         self._fingers, self._config = fingers, config
         most = max(config.openings) + 0.04
         count = int(most / config.step)
-        self._s = config.step * np.arange(-count, count + 1)
+        self._s: Vector = config.step * np.arange(-count, count + 1.0)
         half = 0.5 * fingers.pad_width + 0.002
         self._t = np.linspace(-half, half, 2 * int(np.ceil(half / config.across)) + 1)
         gap, reach = fingers.closing()
@@ -120,6 +126,8 @@ class PinchJudge:
         near = strip[:, middle].max(axis=1)
         top = np.where(around > relief.least, np.minimum(near, around + 0.02), near)
         wide = self._around_palm(relief, p_W)
+        # Only `table_gap` keeps the hand off the table.
+        obstacle = np.where(strip > relief.least, strip, np.float32(-1.0))
         best = [np.full(n, -np.inf)] + [np.zeros(n) for _ in range(4)]
         for depth in config.depths:
             tip = np.maximum(config.table_gap, top - depth)
@@ -128,11 +136,12 @@ class PinchJudge:
             floor = tip[:, None] + self._rise + (config.engaged + relief.least / 4)
             between = strip > floor
             for silhouette in self._silhouettes:
-                gap = (lowest[:, None] - silhouette.reach) - strip
+                gap = (lowest[:, None] - silhouette.reach) - obstacle
                 clear = gap.min(axis=1)
                 inside = np.abs(self._s) <= silhouette.half_gap
                 low, high, some = _extent(between & inside, self._s)
-                score = self._score(strip, tip, top, low, high, clear, silhouette)
+                score = self._score(strip, tip, top, low, high, clear)
+                score = score - silhouette.half_gap / 0.3
                 possible = fits & some & (clear > config.clearance)
                 possible &= high - low < self._fingers.max_width
                 score = np.where(possible, score, -np.inf)
@@ -167,19 +176,18 @@ class PinchJudge:
         between = heights > floor + (self._config.engaged + relief.least / 4)
         inside = np.abs(self._s) <= pinches.half_gap[:, None]
         low, high, some = _extent(between & inside[:, None], self._s)  # (n, T)
-        slack = 0.004
-        at_low = some & (low < pinches.low[:, None] + slack)
-        at_high = some & (high > pinches.high[:, None] - slack)
-        share = np.minimum(at_low.mean(axis=1), at_high.mean(axis=1))
-        center_low, center_high = (
-            (at * self._t).sum(axis=1) / np.maximum(at.sum(axis=1), 1)
-            for at in (at_low, at_high)
-        )
+        at_low = some & (low < pinches.low[:, None] + _FACE)
+        at_high = some & (high > pinches.high[:, None] - _FACE)
+        middle_low, slope_low = _line(at_low, low, self._t)
+        middle_high, slope_high = _line(at_high, high, self._t)
         width = np.maximum(pinches.high - pinches.low, 0.01)
-        twist = np.abs(center_high - center_low) / width
+        twist = np.abs(middle_high - middle_low) / width
+        wedge = 0.5 * np.abs(slope_high - slope_low)
+        share = np.minimum(at_low.mean(axis=1), at_high.mean(axis=1))
         lever = self._lever(relief, pinches)
-        score = pinches.score + 1.5 * share - 2.0 * np.minimum(twist, 1.0)
-        score -= 12.0 * lever
+        score = pinches.score + share - 2.0 * np.minimum(twist, 1.0)
+        score -= 12.0 * lever + 2.0 * wedge
+        score = np.where(wedge < _STEEPEST, score, -np.inf)
         return dc.replace(pinches, score=score)
 
     def _score(
@@ -190,14 +198,15 @@ class PinchJudge:
         low: Vector,
         high: Vector,
         clear: Vector,
-        silhouette: object,
     ) -> Vector:
         """Return how good pinches are, as far as the strip below the pads tells."""
         depth = np.clip(top - tip, 0.0, None)
+        # Below the middle of round things, or with most of the pads.
+        wanted = np.clip(0.65 * top, 0.01, 0.055)
         rows = np.arange(len(strip))
         zero = (len(self._s) - 1) // 2
+        inwards = round(0.006 / self._config.step)
         steep = np.ones(len(strip))
-        inwards = 3  # cells
         for end, sign in ((low, 1), (high, -1)):
             at = zero + np.rint(end / self._config.step).astype(int)
             at = np.clip(at + sign * inwards, 0, len(self._s) - 1)
@@ -207,7 +216,7 @@ class PinchJudge:
         room = np.minimum(clear, 0.012)
         off = np.abs(0.5 * (low + high))
         return np.asarray(
-            2.0 * np.minimum(depth, 0.03) / 0.03
+            2.5 * np.minimum(depth / wanted, 1.0)
             + 2.0 * steep
             + room / 0.012
             - 2.0 * np.clip(width - 0.08, 0.0, None) / 0.05
@@ -241,7 +250,22 @@ def _extent(
     mask: npt.NDArray[np.bool_], s: Vector
 ) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
     """Return the first and last offset where a mask (..., S) is set, and if any is."""
-    some = mask.any(axis=-1)
+    some = np.asarray(mask.any(axis=-1))
     first = mask.argmax(axis=-1)
     last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
     return np.where(some, s[first], 0.0), np.where(some, s[last], 0.0), some
+
+
+def _line(at: npt.NDArray[np.bool_], y: Vector, t: Vector) -> tuple[Vector, Vector]:
+    """Return the middles in t, and the slopes, of lines through points (n, T).
+
+    Args:
+        at: Which points count.
+        y: The points.
+        t: Their positions across the pad, shape (T,) [m].
+    """
+    count = np.maximum(at.sum(axis=1), 1)
+    t_mean = (at * t).sum(axis=1) / count
+    y_mean = (at * y).sum(axis=1) / count
+    dt, dy = at * (t - t_mean[:, None]), at * (y - y_mean[:, None])
+    return t_mean, (dt * dy).sum(axis=1) / np.maximum((dt * dt).sum(axis=1), 1e-9)
