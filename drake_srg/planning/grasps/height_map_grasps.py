@@ -45,6 +45,8 @@ class HeightMapGraspsConfig(PinchConfig):
     # Kept for a second look, moved to the middle and turned a little.
     kept: int = dc.field(default=120, metadata={"ge": 1})
     grasps: int = dc.field(default=40, metadata={"ge": 1})
+    # Worse ones are not worth an attempt.
+    least_score: float = 2.5
     # Grasps that are this much alike count as one, and as one that failed.
     apart: float = dc.field(default=0.012, metadata=positive())
     turned: float = dc.field(default=0.35, metadata=positive())
@@ -128,7 +130,8 @@ class HeightMapGrasps:
         if self._reach is not None:
             reached = self._reach.contains(again.p_W)
             again = again.take(np.flatnonzero(reached))
-        return self._judge.refine(relief, again).best(3 * config.kept)
+        found = self._judge.refine(relief, again).best(3 * config.kept)
+        return found.take(np.flatnonzero(found.score > config.least_score))
 
     def _points(self, relief: Relief, rng: Generator) -> Vector:
         """Return x, y of points on things, and of their middles, shape (n, 2) [m]."""
@@ -163,7 +166,7 @@ class HeightMapGrasps:
     def _distinct(
         self, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
     ) -> list[TopGrasp]:
-        """Return grasps that differ, the best first; those like failed ones come last."""
+        """Return grasps that differ, the best first, those like failed ones last."""
         config = self._config
         new: list[TopGrasp] = []
         old: list[TopGrasp] = []

@@ -14,11 +14,16 @@ from drake_srg.types import Vector, positive
 
 Floats = npt.NDArray[np.float32]
 
-# What is within this of where a pad touches first lies at the pad [m].
-_FACE = 0.012
+# What is within this of a pad lies at it [m].
+_TOUCHES = 0.004
+# The face there is what the pad sees within this of the middle of that, across it, and
+# as far away as this [m].
+_FACE, _AWAY = 0.01, 0.02
 # Tangent of the angle between a face and the pad that presses on it, at most: that of
 # friction.
-_STEEPEST = 0.6
+_STEEPEST = 0.45
+# The same for a flank over this height [m]; blurred edges look less steep.
+_RISE, _MOST_LEAN = 0.012, 0.7
 
 
 @dc.dataclass(kw_only=True)
@@ -176,14 +181,18 @@ class PinchJudge:
         between = heights > floor + (self._config.engaged + relief.least / 4)
         inside = np.abs(self._s) <= pinches.half_gap[:, None]
         low, high, some = _extent(between & inside[:, None], self._s)  # (n, T)
-        at_low = some & (low < pinches.low[:, None] + _FACE)
-        at_high = some & (high > pinches.high[:, None] - _FACE)
-        middle_low, slope_low = _line(at_low, low, self._t)
-        middle_high, slope_high = _line(at_high, high, self._t)
+        # Distances of the thing from each pad, shape (n, T).
+        missing = np.where(some, 0.0, np.inf)
+        share_low, middle_low, slope_low = _face(
+            low - pinches.low[:, None] + missing, self._t
+        )
+        share_high, middle_high, slope_high = _face(
+            pinches.high[:, None] - high + missing, self._t
+        )
         width = np.maximum(pinches.high - pinches.low, 0.01)
         twist = np.abs(middle_high - middle_low) / width
-        wedge = 0.5 * np.abs(slope_high - slope_low)
-        share = np.minimum(at_low.mean(axis=1), at_high.mean(axis=1))
+        wedge = 0.5 * np.abs(slope_high + slope_low)
+        share = np.minimum(share_low, share_high)
         lever = self._lever(relief, pinches)
         score = pinches.score + share - 2.0 * np.minimum(twist, 1.0)
         score -= 12.0 * lever + 2.0 * wedge
@@ -203,25 +212,47 @@ class PinchJudge:
         depth = np.clip(top - tip, 0.0, None)
         # Below the middle of round things, or with most of the pads.
         wanted = np.clip(0.65 * top, 0.01, 0.055)
-        rows = np.arange(len(strip))
-        zero = (len(self._s) - 1) // 2
-        inwards = round(0.006 / self._config.step)
-        steep = np.ones(len(strip))
-        for end, sign in ((low, 1), (high, -1)):
-            at = zero + np.rint(end / self._config.step).astype(int)
-            at = np.clip(at + sign * inwards, 0, len(self._s) - 1)
-            rise = (strip[rows, at] - tip) / np.maximum(np.minimum(depth, 0.012), 1e-3)
-            steep = np.minimum(steep, np.clip(rise, 0.0, 1.0))
+        lean = np.maximum(
+            self._lean(strip, tip, depth, low, 1),
+            self._lean(strip, tip, depth, high, -1),
+        )
         width = high - low
         room = np.minimum(clear, 0.012)
         off = np.abs(0.5 * (low + high))
-        return np.asarray(
+        score = (
             2.5 * np.minimum(depth / wanted, 1.0)
-            + 2.0 * steep
+            + 2.0 * (1.0 - np.minimum(lean / _STEEPEST, 1.0))
             + room / 0.012
-            - 2.0 * np.clip(width - 0.08, 0.0, None) / 0.05
+            - 2.0 * np.clip(width - 0.1, 0.0, None) / 0.05
             - 10.0 * off
         )
+        return np.where(lean < _MOST_LEAN, score, -np.inf)
+
+    def _lean(
+        self, strip: Floats, tip: Vector, depth: Vector, end: Vector, inwards: int
+    ) -> Vector:
+        """Return how far flanks lean inwards: the tangent of the angle to the vertical.
+
+        Pads slip off what leans more than friction allows. Round things lean the less,
+        the lower they are held.
+
+        Args:
+            strip: Heights along the closing direction, shape (n, S) [m].
+            tip: Height of the fingers' ends, shape (n,) [m].
+            depth: From the top to there, shape (n,) [m].
+            end: Where the thing ends, shape (n,) [m].
+            inwards: Direction from there to its inside, 1 or -1.
+        """
+        step, rows = self._config.step, np.arange(len(strip))
+        rise = np.clip(0.8 * depth, 1e-3, _RISE)
+        at = (len(self._s) - 1) // 2 + np.rint(end / step).astype(int)
+        low = np.ones(len(strip), bool)
+        run = np.zeros(len(strip))
+        for _ in range(round(_RISE / step)):
+            at = np.clip(at + inwards, 0, len(self._s) - 1)
+            low = low & (strip[rows, at] < tip + rise)
+            run += step * low
+        return run / rise
 
     def _lever(self, relief: Relief, pinches: Pinches) -> Vector:
         """Return the distance of each thing's middle from the contact line [m]."""
@@ -256,16 +287,21 @@ def _extent(
     return np.where(some, s[first], 0.0), np.where(some, s[last], 0.0), some
 
 
-def _line(at: npt.NDArray[np.bool_], y: Vector, t: Vector) -> tuple[Vector, Vector]:
-    """Return the middles in t, and the slopes, of lines through points (n, T).
+def _face(distance: Vector, t: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return how much of pads touches things, where, and how the faces slant.
 
     Args:
-        at: Which points count.
-        y: The points.
-        t: Their positions across the pad, shape (T,) [m].
+        distance: Of things from pads, shape (n, T) [m]; inf without a thing.
+        t: Positions across the pad, shape (T,) [m].
+
+    Returns:
+        The shares 0 .. 1, the middles in t [m] and the slopes, shape (n,) each.
     """
-    count = np.maximum(at.sum(axis=1), 1)
-    t_mean = (at * t).sum(axis=1) / count
-    y_mean = (at * y).sum(axis=1) / count
-    dt, dy = at * (t - t_mean[:, None]), at * (y - y_mean[:, None])
-    return t_mean, (dt * dy).sum(axis=1) / np.maximum((dt * dt).sum(axis=1), 1e-9)
+    touches = distance < _TOUCHES
+    middle = (touches * t).sum(axis=1) / np.maximum(touches.sum(axis=1), 1)
+    face = np.abs(t - middle[:, None]) < _FACE
+    count = np.maximum(face.sum(axis=1), 1)
+    dt = t - ((face * t).sum(axis=1) / count)[:, None]
+    away = np.clip(distance, 0.0, _AWAY)
+    slope = (face * dt * away).sum(axis=1) / (face * dt * dt).sum(axis=1).clip(1e-9)
+    return touches.mean(axis=1), middle, slope
