@@ -27,6 +27,7 @@ from drake_srg.vision.height_map import height_map, points_of
 from drake_srg.vision.surface import Surface
 
 MIDDLE = np.array([0.5, 0.0, 0.0])  # of the bench, under the gantry [m]
+_UP = np.array([0.0, 0.0, 1.0])
 _SPREAD = 0.1  # things start within this of the middle [m]
 _FALL, _REST = 0.01, 0.005  # height of the drop [m], speed at rest [m/s]
 _SETTLE, _PATIENCE = 1.0, 4.0  # least and greatest time to come to rest [s]
@@ -87,7 +88,7 @@ def rest(name: str, thing: ObjectConfig, rng: Generator) -> RigidTransform:
     corners = corners.reshape(3, -1).T @ R_WO.matrix().T
     away = rng.uniform(-_SPREAD, _SPREAD, size=2)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
-    p_WO = MIDDLE + [*(away - middle[:2]), _FALL - corners[:, 2].min()]
+    p_WO = np.array([*(away - middle[:2]), _FALL - corners[:, 2].min()]) + MIDDLE
     return settle(name, thing, RigidTransform(R_WO, p_WO))
 
 
@@ -160,7 +161,7 @@ def lift(
         ScenarioError: If Drake aborts the simulation.
     """
     there = grasp.X_WG.translation() - MIDDLE
-    scenario = bench(thing, X_WO, grasp, there + [0.0, 0.0, _APPROACH])
+    scenario = bench(thing, X_WO, grasp, there + _APPROACH * _UP)
     start = X_WO.translation()
     with Rig(scenario, name=name) as rig:
         rig.fix("gripper.closure_commanded", grasp.closure_open)
@@ -168,7 +169,7 @@ def lift(
         rig.move(there, _ARRIVE)
         moved = np.linalg.norm(rig.X_WO("thing").translation() - start)
         rig.advance(_CLOSE, closure=grasp.closure_closed)
-        rig.move(there + [0.0, 0.0, LIFT], _RAISE)
+        rig.move(there + LIFT * _UP, _RAISE)
         rig.advance(HOLD)
         risen = rig.X_WO("thing").translation()[2] - start[2]
         touched = set(rig.contact_forces("thing"))
@@ -190,7 +191,7 @@ def bench(
     """Return the bench with a thing on the table and the hand above it."""
     return bench_scenario(
         _placed(thing, X_WO),
-        gripper_rpy=[0.0, 90.0, np.rad2deg(grasp.yaw)],
+        gripper_rpy=[0.0, 90.0, np.rad2deg(grasp.yaw) - 90.0],
         home=list(home),
         scenario="gripper_bench_fast",
         overrides=_SETTINGS,

@@ -33,15 +33,15 @@ def points_of(
         noise: How its noise is reduced.
         subpixels: Points per side of a pixel, which counts as a patch of one depth.
     """
-    depth, _ = clean(np.asarray(depth, np.float32), noise)
-    rows, columns = np.nonzero(has_depth(depth))
-    h, w = depth.shape
+    cleaned, _ = clean(np.asarray(depth, np.float32), noise)
+    rows, columns = np.nonzero(has_depth(cleaned))
+    h, w = cleaned.shape
     rays = imager.rays(slice(0, w), slice(0, h))[rows, columns]
-    z = depth[rows, columns].astype(float)
+    z = cleaned[rows, columns].astype(float)
     info = imager.info
     offsets = (np.arange(subpixels) + 0.5) / subpixels - 0.5
     patches = [
-        (rays + [du / info.focal_x(), dv / info.focal_y(), 0.0]) * z[:, None]
+        (rays + np.array([du / info.focal_x(), dv / info.focal_y(), 0.0])) * z[:, None]
         for du in offsets
         for dv in offsets
     ]

@@ -37,8 +37,8 @@ class HeightMapper(LeafSystem):
         - point_cloud
 
     Every camera has its two input ports, like those of BlobLocalizer. `height_map` is a
-    HeightMap, `point_cloud` a pydrake.perception.PointCloud of all that the cameras see,
-    in world [m]. Both are computed when they are evaluated.
+    HeightMap, `point_cloud` a pydrake.perception.PointCloud of all that the cameras
+    see, in world [m]. Both are computed when they are evaluated.
 
     Args:
         cameras: Camera name to its model.
@@ -89,7 +89,7 @@ class HeightMapper(LeafSystem):
         ):
             self.DeclareAbstractOutputPort(
                 name,
-                lambda model=model: AbstractValue.Make(model),  # type: ignore[misc]  # bound now, not late
+                lambda model=model: AbstractValue.Make(model),
                 calc,
                 {self.all_input_ports_ticket()},
             )
@@ -118,8 +118,8 @@ class HeightMapper(LeafSystem):
     def _points(self, context: Context, camera: str, subpixels: int) -> Vector:
         """Return the points that a camera sees, in world, shape (n, 3) [m]."""
         inputs = []
-        for port in ("depth_image", "body_pose_in_world"):
-            port = self.GetInputPort(f"{camera}.{port}")
+        for name in ("depth_image", "body_pose_in_world"):
+            port = self.GetInputPort(f"{camera}.{name}")
             if not port.HasValue(context):
                 raise RuntimeError(
                     f"HeightMapper's input port {port.get_name()!r} is not connected"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses as dc
+import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -97,7 +98,7 @@ class Fingers(abc.ABC):
     def tellable(self, width: float) -> bool:
         """Return whether joint angles tell a held thing of a width [m] from none."""
 
-    @property
+    @functools.cached_property
     def deepest(self) -> float:
         """Greatest palm x that closing fingers reach [m]."""
         return float(self.closing()[1].max())

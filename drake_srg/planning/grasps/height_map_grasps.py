@@ -9,7 +9,7 @@ import numpy as np
 from numpy.random import Generator, default_rng
 
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.pinches import Pinches, PinchConfig, PinchJudge
+from drake_srg.planning.grasps.pinches import PinchConfig, Pinches, PinchJudge
 from drake_srg.planning.grasps.relief import Relief, Thing
 from drake_srg.planning.grasps.top_grasp import (
     GraspPlan,
@@ -45,6 +45,8 @@ class HeightMapGraspsConfig(PinchConfig):
     # Kept for a second look, moved to the middle and turned a little.
     kept: int = dc.field(default=120, metadata={"ge": 1})
     grasps: int = dc.field(default=40, metadata={"ge": 1})
+    # Worse ones are not worth an attempt.
+    least_score: float = 2.5
     # Grasps that are this much alike count as one, and as one that failed.
     apart: float = dc.field(default=0.012, metadata=positive())
     turned: float = dc.field(default=0.35, metadata=positive())
@@ -78,6 +80,8 @@ class HeightMapGrasps:
         self._fingers, self._table, self._reach = fingers, table, reach
         self._config = config or HeightMapGraspsConfig()
         self._judge = PinchJudge(fingers, self._config)
+        coarse = dc.replace(self._config, step=0.004, across=0.009)
+        self._coarse = PinchJudge(fingers, coarse)
 
     def plan(
         self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
@@ -110,10 +114,10 @@ class HeightMapGrasps:
             p_W = p_W[self._reach.contains(p_W)]
         turn = np.pi / config.yaws
         yaws = turn * np.arange(config.yaws) - 0.5 * np.pi
-        first = self._judge.judge(
+        first = self._coarse.judge(
             relief, np.repeat(p_W, len(yaws), axis=0), np.tile(yaws, len(p_W))
         ).best(3 * config.kept)
-        first = self._judge.refine(relief, first).best(config.kept)
+        first = self._coarse.refine(relief, first).best(config.kept)
         centered = first.p_W + (0.5 * (first.low + first.high))[:, None] * (
             first.direction
         )
@@ -126,7 +130,8 @@ class HeightMapGrasps:
         if self._reach is not None:
             reached = self._reach.contains(again.p_W)
             again = again.take(np.flatnonzero(reached))
-        return self._judge.refine(relief, again).best(3 * config.kept)
+        found = self._judge.refine(relief, again).best(3 * config.kept)
+        return found.take(np.flatnonzero(found.score > config.least_score))
 
     def _points(self, relief: Relief, rng: Generator) -> Vector:
         """Return x, y of points on things, and of their middles, shape (n, 2) [m]."""
@@ -161,9 +166,10 @@ class HeightMapGrasps:
     def _distinct(
         self, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
     ) -> list[TopGrasp]:
-        """Return grasps that differ, the best first; those like failed ones come last."""
+        """Return grasps that differ, the best first, those like failed ones last."""
         config = self._config
-        new, old = [], []
+        new: list[TopGrasp] = []
+        old: list[TopGrasp] = []
         for grasp in grasps:
             if any(grasp.like(g, config.apart, config.turned) for g in new + old):
                 continue

@@ -14,6 +14,17 @@ from drake_srg.types import Vector, positive
 
 Floats = npt.NDArray[np.float32]
 
+# What is within this of a pad lies at it [m].
+_TOUCHES = 0.004
+# The face there is what the pad sees within this of the middle of that, across it, and
+# as far away as this [m].
+_FACE, _AWAY = 0.01, 0.02
+# Tangent of the angle between a face and the pad that presses on it, at most: that of
+# friction.
+_STEEPEST = 0.45
+# The same for a flank over this height [m]; blurred edges look less steep.
+_RISE, _MOST_LEAN = 0.012, 0.7
+
 
 @dc.dataclass(kw_only=True)
 class PinchConfig:
@@ -26,7 +37,7 @@ class PinchConfig:
     )
     # How far below the top of a thing the fingers' ends may reach.
     depths: list[float] = dc.field(
-        default_factory=lambda: [0.015, 0.03, 0.05, 0.075, 0.095],
+        default_factory=lambda: [0.015, 0.03, 0.045, 0.06, 0.08, 0.095],
         metadata=positive(nonempty=True),
     )
     # Height above the table that the ends of closing fingers keep.
@@ -94,7 +105,7 @@ class PinchJudge:
         self._fingers, self._config = fingers, config
         most = max(config.openings) + 0.04
         count = int(most / config.step)
-        self._s = config.step * np.arange(-count, count + 1)
+        self._s: Vector = config.step * np.arange(-count, count + 1.0)
         half = 0.5 * fingers.pad_width + 0.002
         self._t = np.linspace(-half, half, 2 * int(np.ceil(half / config.across)) + 1)
         gap, reach = fingers.closing()
@@ -120,6 +131,8 @@ class PinchJudge:
         near = strip[:, middle].max(axis=1)
         top = np.where(around > relief.least, np.minimum(near, around + 0.02), near)
         wide = self._around_palm(relief, p_W)
+        # Only `table_gap` keeps the hand off the table.
+        obstacle = np.where(strip > relief.least, strip, np.float32(-1.0))
         best = [np.full(n, -np.inf)] + [np.zeros(n) for _ in range(4)]
         for depth in config.depths:
             tip = np.maximum(config.table_gap, top - depth)
@@ -128,11 +141,12 @@ class PinchJudge:
             floor = tip[:, None] + self._rise + (config.engaged + relief.least / 4)
             between = strip > floor
             for silhouette in self._silhouettes:
-                gap = (lowest[:, None] - silhouette.reach) - strip
+                gap = (lowest[:, None] - silhouette.reach) - obstacle
                 clear = gap.min(axis=1)
                 inside = np.abs(self._s) <= silhouette.half_gap
                 low, high, some = _extent(between & inside, self._s)
-                score = self._score(strip, tip, top, low, high, clear, silhouette)
+                score = self._score(strip, tip, top, low, high, clear)
+                score = score - silhouette.half_gap / 0.3
                 possible = fits & some & (clear > config.clearance)
                 possible &= high - low < self._fingers.max_width
                 score = np.where(possible, score, -np.inf)
@@ -167,19 +181,22 @@ class PinchJudge:
         between = heights > floor + (self._config.engaged + relief.least / 4)
         inside = np.abs(self._s) <= pinches.half_gap[:, None]
         low, high, some = _extent(between & inside[:, None], self._s)  # (n, T)
-        slack = 0.004
-        at_low = some & (low < pinches.low[:, None] + slack)
-        at_high = some & (high > pinches.high[:, None] - slack)
-        share = np.minimum(at_low.mean(axis=1), at_high.mean(axis=1))
-        center_low, center_high = (
-            (at * self._t).sum(axis=1) / np.maximum(at.sum(axis=1), 1)
-            for at in (at_low, at_high)
+        # Distances of the thing from each pad, shape (n, T).
+        missing = np.where(some, 0.0, np.inf)
+        share_low, middle_low, slope_low = _face(
+            low - pinches.low[:, None] + missing, self._t
+        )
+        share_high, middle_high, slope_high = _face(
+            pinches.high[:, None] - high + missing, self._t
         )
         width = np.maximum(pinches.high - pinches.low, 0.01)
-        twist = np.abs(center_high - center_low) / width
+        twist = np.abs(middle_high - middle_low) / width
+        wedge = 0.5 * np.abs(slope_high + slope_low)
+        share = np.minimum(share_low, share_high)
         lever = self._lever(relief, pinches)
-        score = pinches.score + 1.5 * share - 2.0 * np.minimum(twist, 1.0)
-        score -= 12.0 * lever
+        score = pinches.score + share - 2.0 * np.minimum(twist, 1.0)
+        score -= 12.0 * lever + 2.0 * wedge
+        score = np.where(wedge < _STEEPEST, score, -np.inf)
         return dc.replace(pinches, score=score)
 
     def _score(
@@ -190,29 +207,52 @@ class PinchJudge:
         low: Vector,
         high: Vector,
         clear: Vector,
-        silhouette: object,
     ) -> Vector:
         """Return how good pinches are, as far as the strip below the pads tells."""
         depth = np.clip(top - tip, 0.0, None)
-        rows = np.arange(len(strip))
-        zero = (len(self._s) - 1) // 2
-        steep = np.ones(len(strip))
-        inwards = 3  # cells
-        for end, sign in ((low, 1), (high, -1)):
-            at = zero + np.rint(end / self._config.step).astype(int)
-            at = np.clip(at + sign * inwards, 0, len(self._s) - 1)
-            rise = (strip[rows, at] - tip) / np.maximum(np.minimum(depth, 0.012), 1e-3)
-            steep = np.minimum(steep, np.clip(rise, 0.0, 1.0))
+        # Below the middle of round things, or with most of the pads.
+        wanted = np.clip(0.65 * top, 0.01, 0.055)
+        lean = np.maximum(
+            self._lean(strip, tip, depth, low, 1),
+            self._lean(strip, tip, depth, high, -1),
+        )
         width = high - low
         room = np.minimum(clear, 0.012)
         off = np.abs(0.5 * (low + high))
-        return np.asarray(
-            2.0 * np.minimum(depth, 0.03) / 0.03
-            + 2.0 * steep
+        score = (
+            2.5 * np.minimum(depth / wanted, 1.0)
+            + 2.0 * (1.0 - np.minimum(lean / _STEEPEST, 1.0))
             + room / 0.012
-            - 2.0 * np.clip(width - 0.08, 0.0, None) / 0.05
+            - 2.0 * np.clip(width - 0.1, 0.0, None) / 0.05
             - 10.0 * off
         )
+        return np.where(lean < _MOST_LEAN, score, -np.inf)
+
+    def _lean(
+        self, strip: Floats, tip: Vector, depth: Vector, end: Vector, inwards: int
+    ) -> Vector:
+        """Return how far flanks lean inwards: the tangent of the angle to the vertical.
+
+        Pads slip off what leans more than friction allows. Round things lean the less,
+        the lower they are held.
+
+        Args:
+            strip: Heights along the closing direction, shape (n, S) [m].
+            tip: Height of the fingers' ends, shape (n,) [m].
+            depth: From the top to there, shape (n,) [m].
+            end: Where the thing ends, shape (n,) [m].
+            inwards: Direction from there to its inside, 1 or -1.
+        """
+        step, rows = self._config.step, np.arange(len(strip))
+        rise = np.clip(0.8 * depth, 1e-3, _RISE)
+        at = (len(self._s) - 1) // 2 + np.rint(end / step).astype(int)
+        low = np.ones(len(strip), bool)
+        run = np.zeros(len(strip))
+        for _ in range(round(_RISE / step)):
+            at = np.clip(at + inwards, 0, len(self._s) - 1)
+            low = low & (strip[rows, at] < tip + rise)
+            run += step * low
+        return run / rise
 
     def _lever(self, relief: Relief, pinches: Pinches) -> Vector:
         """Return the distance of each thing's middle from the contact line [m]."""
@@ -241,7 +281,27 @@ def _extent(
     mask: npt.NDArray[np.bool_], s: Vector
 ) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
     """Return the first and last offset where a mask (..., S) is set, and if any is."""
-    some = mask.any(axis=-1)
+    some = np.asarray(mask.any(axis=-1))
     first = mask.argmax(axis=-1)
     last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
     return np.where(some, s[first], 0.0), np.where(some, s[last], 0.0), some
+
+
+def _face(distance: Vector, t: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return how much of pads touches things, where, and how the faces slant.
+
+    Args:
+        distance: Of things from pads, shape (n, T) [m]; inf without a thing.
+        t: Positions across the pad, shape (T,) [m].
+
+    Returns:
+        The shares 0 .. 1, the middles in t [m] and the slopes, shape (n,) each.
+    """
+    touches = distance < _TOUCHES
+    middle = (touches * t).sum(axis=1) / np.maximum(touches.sum(axis=1), 1)
+    face = np.abs(t - middle[:, None]) < _FACE
+    count = np.maximum(face.sum(axis=1), 1)
+    dt = t - ((face * t).sum(axis=1) / count)[:, None]
+    away = np.clip(distance, 0.0, _AWAY)
+    slope = (face * dt * away).sum(axis=1) / (face * dt * dt).sum(axis=1).clip(1e-9)
+    return touches.mean(axis=1), middle, slope

@@ -92,13 +92,12 @@ class Relief:
         Args:
             p_W: x, y in world, shape (..., 2) [m].
         """
-        cells = self.map.cells(p_W)
-        iy, ix = cells[..., 0], cells[..., 1]
-        ny, nx = self.above.shape
-        inside = (iy >= 0) & (ix >= 0) & (iy < ny) & (ix < nx)
-        flat = np.where(inside, iy * nx + ix, 0)
-        found: npt.NDArray[np.float32] = self.above.ravel()[flat]
-        return np.where(inside, found, np.float32(0.0))
+        padded = np.pad(self.above, 1)
+        cells = (p_W - self.map.origin) * (1.0 / self.map.resolution) + 1.5
+        ny, nx = padded.shape
+        ix = np.clip(cells[..., 0], 0, nx - 1).astype(np.int32)
+        iy = np.clip(cells[..., 1], 0, ny - 1).astype(np.int32)
+        return padded.ravel().take(iy * nx + ix)
 
 
 def _noise(above: npt.NDArray[np.float32]) -> float:
@@ -111,9 +110,10 @@ def _things(
     map_: HeightMap, above: npt.NDArray[np.float32], least: float, least_area: float
 ) -> tuple[npt.NDArray[np.int32], tuple[Thing, ...]]:
     """Return the number of the thing in each cell, and the things."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+    count, found, stats, _ = cv2.connectedComponentsWithStats(
         (above > least).astype(np.uint8), connectivity=8
     )
+    labels = np.array(found, np.int32)
     middles, things = map_.middles(), []
     for label in range(1, count):
         if stats[label, cv2.CC_STAT_AREA] * map_.resolution**2 < least_area:
