@@ -19,6 +19,7 @@ from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -67,13 +68,15 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
     hand = MakeHand(scenario, scene.plant)
+    if not isinstance(hand, SrgHand):
+        raise ScenarioError("gripper: clearing a table needs the SRG")
     low, high = bin_box(scenario)
     q_home = np.array(scenario.arm.home)
     q_over = _posture_over(scene, q_home, np.array([*(0.5 * (low + high))[:2], high[2]]))
     base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
     x, y = base.translation()[:2]
     grasps = HeightMapGrasps(
-        SrgFingers(squeeze=config.squeeze), table, reach=Reach((x, y), *_REACH)
+        SrgFingers(config.squeeze, hand.full_scale), table, reach=Reach((x, y), *_REACH)
     )
     motions = ClearingMotions(
         scene,

@@ -12,6 +12,7 @@ from drake_srg.common.drake_version import contact_approximations
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturbances import Topple
+from drake_srg.scenario.pick import clear_problems
 from drake_srg.types import Box
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     for name, config in scenario.objects.items():
         yield from _object_problems(scenario, f"objects.{name}", config)
     yield from _sleeping_problems(scenario)
+    yield from clear_problems(scenario)
     yield from _region_problems(scenario)
     yield from _script_problems(scenario)
     yield from _taught_problems(scenario)
