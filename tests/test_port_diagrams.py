@@ -30,6 +30,7 @@ CELLS = {
     "kitchen_tendon": [],
     "kitchen_varied": [],
     "kitchen_varied_accurate": [],
+    "clear_table": [],
     "assistive_arm": [],
     "assistive_arm_varied": [],
     "assistive_arm_thesis": [],
