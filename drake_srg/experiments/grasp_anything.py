@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError, suggest
-from drake_srg.experiments.picking import Attempt, attempts
+from drake_srg.experiments.picking import REACH, SURFACE, Attempt, attempts
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.objects.config import ObjectConfig
@@ -30,7 +30,6 @@ from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import HeightMap
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 
-_TABLE = 0.0  # height of the table [m]
 _SPAN = 0.13  # half the width of a drawn map [m]
 _MODELS = (".sdf", ".urdf", ".obj", ".stl", ".glb", ".gltf", ".xml", ".vtk")
 
@@ -68,7 +67,7 @@ def run(
         depth_noise: Standard deviation of depth at 1 m [m]; see `camera_errors`.
     """
     things = {Path(o).stem: _thing(o) for o in objects or HOUSEHOLD}
-    planner = HeightMapGrasps(SrgFingers(), _TABLE)
+    planner = HeightMapGrasps(SrgFingers(), SURFACE.height, reach=REACH)
     noise = CameraErrorsConfig(depth_noise=depth_noise, depth_dropout=0.01)
     made: dict[Case, list[Attempt]] = {}
     # All objects in one pose before any in the next, so that the figure shows each.

@@ -14,6 +14,7 @@ from pydrake.systems.sensors import CameraConfig
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
+from drake_srg.planning.grasps.height_map_grasps import Reach
 from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.bench import bench_scenario
@@ -31,7 +32,9 @@ _UP = np.array([0.0, 0.0, 1.0])
 _SPREAD = 0.1  # things start within this of the middle [m]
 _FALL, _REST = 0.01, 0.005  # height of the drop [m], speed at rest [m/s]
 _SETTLE, _PATIENCE = 1.0, 4.0  # least and greatest time to come to rest [s]
-SURFACE = Surface((0.2, -0.3), (0.8, 0.3), 0.0)
+# What the gantry reaches, and more around it.
+REACH = Reach((0.5, 0.0), 0.0, 0.38)
+SURFACE = Surface((0.0, -0.5), (1.0, 0.5), 0.0)
 LIFT, HOLD = 0.15, 1.0  # m, s
 _APPROACH = 0.12  # m
 _ARRIVE, _CLOSE, _RAISE = 0.8, 1.2, 0.8  # s

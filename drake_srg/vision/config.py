@@ -250,7 +250,9 @@ class HeightMapConfig:
     hole: int = dc.field(default=2, metadata={"ge": 0})
     # What is higher above the surface than this belongs to a thing, where it matters
     # whether one reaches too high or over the edge [m].
-    thing: float = dc.field(default=0.015, metadata=positive())
+    thing: float = dc.field(default=0.008, metadata=positive())
+    # How far around such a thing the map is unknown, too [cells].
+    fringe: int = dc.field(default=4, metadata={"ge": 0})
     # Cells this near to the surface are mostly its own and show how well its height is
     # measured [m]. Fewer than `least_flat` of them say nothing.
     near: float = dc.field(default=0.01, metadata=positive())

@@ -12,7 +12,7 @@ from drake_srg.types import HeightMap, Vector
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.config import DepthNoiseConfig, HeightMapConfig
 from drake_srg.vision.depth_noise import clean
-from drake_srg.vision.mask import Mask, has_depth
+from drake_srg.vision.mask import Mask, grow, has_depth
 from drake_srg.vision.surface import Surface
 
 
@@ -86,7 +86,7 @@ def height_map(
     height = _filled(height, config.hole)
     things = height > surface.height + config.thing
     strange = _connected(things, _reaches(height, surface.height + max_height, things))
-    height[strange] = np.nan
+    height[grow(strange, config.fringe)] = np.nan
     return HeightMap(origin, resolution, height)
 
 

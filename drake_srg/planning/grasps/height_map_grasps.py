@@ -98,13 +98,22 @@ class HeightMapGrasps:
             return GraspPlan()
         pinches = self._search(relief, seed)
         grasps = self._distinct([self._grasp(row) for row in _rows(pinches)], tried)
+        return GraspPlan(
+            tuple(grasps),
+            len(relief.things),
+            lambda: self._refusals(relief, grasps, seed),
+        )
+
+    def _refusals(
+        self, relief: Relief, grasps: Sequence[TopGrasp], seed: int
+    ) -> tuple[Refusal, ...]:
+        """Return the things that no grasp takes."""
         taken = {int(relief.labels[tuple(relief.map.cells(g.p_WC))]) for g in grasps}
-        refused = tuple(
+        return tuple(
             self._refuse(relief, thing, seed)
             for thing in relief.things
             if thing.label not in taken
         )
-        return GraspPlan(tuple(grasps), refused, len(relief.things))
 
     def _search(self, relief: Relief, seed: int) -> Pinches:
         """Return the best pinches, the best first."""

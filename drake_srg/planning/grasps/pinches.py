@@ -9,21 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from drake_srg.planning.grasps.fingers import Fingers
+from drake_srg.planning.grasps.flanks import extent, face_of, lean_of
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.types import Vector, positive
 
 Floats = npt.NDArray[np.float32]
 
-# What is within this of a pad lies at it [m].
-_TOUCHES = 0.004
-# The face there is what the pad sees within this of the middle of that, across it, and
-# as far away as this [m].
-_FACE, _AWAY = 0.01, 0.02
-# Tangent of the angle between a face and the pad that presses on it, at most: that of
-# friction.
+# Tangent of the angle between a face and the pad that presses on it, at most. Friction
+# would allow 0.6 and blurred edges look less steep than they are.
 _STEEPEST = 0.45
-# The same for a flank over this height [m]; blurred edges look less steep.
-_RISE, _MOST_LEAN = 0.012, 0.7
+# More room around the open hand is no better [m]. Wider things are harder to hold [m].
+_ROOM, _WIDE = 0.012, 0.1
 
 
 @dc.dataclass(kw_only=True)
@@ -37,7 +33,7 @@ class PinchConfig:
     )
     # How far below the top of a thing the fingers' ends may reach.
     depths: list[float] = dc.field(
-        default_factory=lambda: [0.015, 0.03, 0.045, 0.06, 0.08, 0.095],
+        default_factory=lambda: [0.007, 0.015, 0.03, 0.045, 0.06, 0.08, 0.095],
         metadata=positive(nonempty=True),
     )
     # Height above the table that the ends of closing fingers keep.
@@ -64,6 +60,7 @@ class Pinches:
         low: Where the thing begins along the closing direction, shape (n,) [m].
         high: Where it ends, shape (n,) [m].
         top: Height above the table of what is between the fingers, shape (n,) [m].
+        lean: How far its flanks lean inwards, as a tangent, shape (n,).
         score: Higher is better, shape (n,).
     """
 
@@ -74,6 +71,7 @@ class Pinches:
     low: Vector
     high: Vector
     top: Vector
+    lean: Vector
     score: Vector
 
     @property
@@ -133,7 +131,7 @@ class PinchJudge:
         wide = self._around_palm(relief, p_W)
         # Only `table_gap` keeps the hand off the table.
         obstacle = np.where(strip > relief.least, strip, np.float32(-1.0))
-        best = [np.full(n, -np.inf)] + [np.zeros(n) for _ in range(4)]
+        best = [np.full(n, -np.inf)] + [np.zeros(n) for _ in range(5)]
         for depth in config.depths:
             tip = np.maximum(config.table_gap, top - depth)
             lowest = tip + self._deepest  # of the palm's origin
@@ -144,18 +142,23 @@ class PinchJudge:
                 gap = (lowest[:, None] - silhouette.reach) - obstacle
                 clear = gap.min(axis=1)
                 inside = np.abs(self._s) <= silhouette.half_gap
-                low, high, some = _extent(between & inside, self._s)
-                score = self._score(strip, tip, top, low, high, clear)
+                low, high, some = extent(between & inside, self._s)
+                lean = np.maximum(
+                    lean_of(strip, tip, top, low, 1, self._config.step),
+                    lean_of(strip, tip, top, high, -1, self._config.step),
+                )
+                score = _score(tip, top, high - low, lean, clear)
                 score = score - silhouette.half_gap / 0.3
                 possible = fits & some & (clear > config.clearance)
-                possible &= high - low < self._fingers.max_width
+                possible &= (high - low < self._fingers.max_width) & (lean < _STEEPEST)
                 score = np.where(possible, score, -np.inf)
                 better = score > best[0]
-                values = (score, tip, np.full(n, silhouette.half_gap), low, high)
+                half_gap = np.full(n, silhouette.half_gap)
+                values = (score, tip, half_gap, low, high, lean)
                 for kept, value in zip(best, values, strict=True):
                     kept[better] = value[better]
-        score, tip, half_gap, low, high = best
-        return Pinches(p_W, yaw, tip, half_gap, low, high, top, score)
+        score, tip, half_gap, low, high, lean = best
+        return Pinches(p_W, yaw, tip, half_gap, low, high, top, lean, score)
 
     def sample(self, relief: Relief, p_W: Vector, yaw: Vector) -> Floats:
         """Return heights below the pads, at offsets across and along the closing.
@@ -180,13 +183,13 @@ class PinchJudge:
         floor = pinches.tip[:, None, None] + self._rise
         between = heights > floor + (self._config.engaged + relief.least / 4)
         inside = np.abs(self._s) <= pinches.half_gap[:, None]
-        low, high, some = _extent(between & inside[:, None], self._s)  # (n, T)
+        low, high, some = extent(between & inside[:, None], self._s)  # (n, T)
         # Distances of the thing from each pad, shape (n, T).
         missing = np.where(some, 0.0, np.inf)
-        share_low, middle_low, slope_low = _face(
+        share_low, middle_low, slope_low = face_of(
             low - pinches.low[:, None] + missing, self._t
         )
-        share_high, middle_high, slope_high = _face(
+        share_high, middle_high, slope_high = face_of(
             pinches.high[:, None] - high + missing, self._t
         )
         width = np.maximum(pinches.high - pinches.low, 0.01)
@@ -196,63 +199,9 @@ class PinchJudge:
         lever = self._lever(relief, pinches)
         score = pinches.score + share - 2.0 * np.minimum(twist, 1.0)
         score -= 12.0 * lever + 2.0 * wedge
-        score = np.where(wedge < _STEEPEST, score, -np.inf)
+        slant = np.hypot(wedge, pinches.lean)
+        score = np.where(slant < _STEEPEST, score, -np.inf)
         return dc.replace(pinches, score=score)
-
-    def _score(
-        self,
-        strip: Floats,
-        tip: Vector,
-        top: Vector,
-        low: Vector,
-        high: Vector,
-        clear: Vector,
-    ) -> Vector:
-        """Return how good pinches are, as far as the strip below the pads tells."""
-        depth = np.clip(top - tip, 0.0, None)
-        # Below the middle of round things, or with most of the pads.
-        wanted = np.clip(0.65 * top, 0.01, 0.055)
-        lean = np.maximum(
-            self._lean(strip, tip, depth, low, 1),
-            self._lean(strip, tip, depth, high, -1),
-        )
-        width = high - low
-        room = np.minimum(clear, 0.012)
-        off = np.abs(0.5 * (low + high))
-        score = (
-            2.5 * np.minimum(depth / wanted, 1.0)
-            + 2.0 * (1.0 - np.minimum(lean / _STEEPEST, 1.0))
-            + room / 0.012
-            - 2.0 * np.clip(width - 0.1, 0.0, None) / 0.05
-            - 10.0 * off
-        )
-        return np.where(lean < _MOST_LEAN, score, -np.inf)
-
-    def _lean(
-        self, strip: Floats, tip: Vector, depth: Vector, end: Vector, inwards: int
-    ) -> Vector:
-        """Return how far flanks lean inwards: the tangent of the angle to the vertical.
-
-        Pads slip off what leans more than friction allows. Round things lean the less,
-        the lower they are held.
-
-        Args:
-            strip: Heights along the closing direction, shape (n, S) [m].
-            tip: Height of the fingers' ends, shape (n,) [m].
-            depth: From the top to there, shape (n,) [m].
-            end: Where the thing ends, shape (n,) [m].
-            inwards: Direction from there to its inside, 1 or -1.
-        """
-        step, rows = self._config.step, np.arange(len(strip))
-        rise = np.clip(0.8 * depth, 1e-3, _RISE)
-        at = (len(self._s) - 1) // 2 + np.rint(end / step).astype(int)
-        low = np.ones(len(strip), bool)
-        run = np.zeros(len(strip))
-        for _ in range(round(_RISE / step)):
-            at = np.clip(at + inwards, 0, len(self._s) - 1)
-            low = low & (strip[rows, at] < tip + rise)
-            run += step * low
-        return run / rise
 
     def _lever(self, relief: Relief, pinches: Pinches) -> Vector:
         """Return the distance of each thing's middle from the contact line [m]."""
@@ -277,31 +226,23 @@ class PinchJudge:
         return dc.replace(relief, above=highest).lookup(p_W)
 
 
-def _extent(
-    mask: npt.NDArray[np.bool_], s: Vector
-) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
-    """Return the first and last offset where a mask (..., S) is set, and if any is."""
-    some = np.asarray(mask.any(axis=-1))
-    first = mask.argmax(axis=-1)
-    last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
-    return np.where(some, s[first], 0.0), np.where(some, s[last], 0.0), some
-
-
-def _face(distance: Vector, t: Vector) -> tuple[Vector, Vector, Vector]:
-    """Return how much of pads touches things, where, and how the faces slant.
+def _score(
+    tip: Vector, top: Vector, width: Vector, lean: Vector, clear: Vector
+) -> Vector:
+    """Return how good pinches are, as far as the strip below the pads tells.
 
     Args:
-        distance: Of things from pads, shape (n, T) [m]; inf without a thing.
-        t: Positions across the pad, shape (T,) [m].
-
-    Returns:
-        The shares 0 .. 1, the middles in t [m] and the slopes, shape (n,) each.
+        tip: Height of the fingers' ends, shape (n,) [m].
+        top: Height of the thing, shape (n,) [m].
+        width: Of the thing, shape (n,) [m].
+        lean: See `Pinches`.
+        clear: Distance of the open hand from things, shape (n,) [m].
     """
-    touches = distance < _TOUCHES
-    middle = (touches * t).sum(axis=1) / np.maximum(touches.sum(axis=1), 1)
-    face = np.abs(t - middle[:, None]) < _FACE
-    count = np.maximum(face.sum(axis=1), 1)
-    dt = t - ((face * t).sum(axis=1) / count)[:, None]
-    away = np.clip(distance, 0.0, _AWAY)
-    slope = (face * dt * away).sum(axis=1) / (face * dt * dt).sum(axis=1).clip(1e-9)
-    return touches.mean(axis=1), middle, slope
+    # Below the middle of round things, or with most of the pads.
+    wanted = np.clip(0.65 * top, 0.01, 0.055)
+    return np.asarray(
+        2.5 * np.clip((top - tip) / wanted, 0.0, 1.0)
+        + 2.0 * (1.0 - np.minimum(lean / _STEEPEST, 1.0))
+        + np.minimum(clear, _ROOM) / _ROOM
+        - 2.0 * np.clip(width - _WIDE, 0.0, None) / 0.05
+    )

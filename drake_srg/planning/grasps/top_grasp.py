@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -92,13 +93,18 @@ class GraspPlan:
 
     Attributes:
         grasps: The best first.
-        refused: Things that no grasp takes.
         things: Number of things above the table; those that touch count as one.
+        explain: Returns the things that no grasp takes; see `refused`.
     """
 
     grasps: tuple[TopGrasp, ...] = ()
-    refused: tuple[Refusal, ...] = ()
     things: int = 0
+    explain: Callable[[], tuple[Refusal, ...]] = tuple
+
+    @functools.cached_property
+    def refused(self) -> tuple[Refusal, ...]:
+        """Things that no grasp takes. Finding out why takes as long as planning."""
+        return self.explain()
 
 
 class GraspPlanner(Protocol):
