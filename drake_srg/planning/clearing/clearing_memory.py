@@ -11,7 +11,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus
+from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
 
 
 @dc.dataclass(frozen=True)
@@ -22,6 +22,8 @@ class Pick:
     motions: Mapping[Mode, Trajectory]
     height_map: HeightMap
     ready_at: float  # when planning has taken its time [s]
+    # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
+    angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
     held: bool = False  # the fingers felt something until the arm was over the bin
 
 

@@ -153,6 +153,12 @@ class Lift(ClearingMode):
 
     mode = Mode.LIFT
 
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Remember how far the fingers have closed, and go."""
+        memory = super().enter(memory, entry)
+        pick = dc.replace(memory.planned, angles=entry.senses.fingers.copy())
+        return dc.replace(memory, pick=pick)
+
 
 class Transfer(ClearingMode):
     """Carries the load over the bin."""
@@ -165,9 +171,12 @@ class Transfer(ClearingMode):
         if not memory.motion.arrived(now.senses.q, now.time):
             return memory
         senses = now.senses
-        held = senses.grasped and (
-            not pick.grasp.tellable or pick.grasp.holds(senses.fingers, senses.proximity)
+        # Fingers that lose their load close further.
+        closed = np.mean(senses.fingers - pick.angles) > self.config.slip_closing
+        told = not pick.grasp.tellable or pick.grasp.holds(
+            senses.fingers, senses.proximity
         )
+        held = bool(senses.grasped and told and not closed)
         return dc.replace(memory, pick=dc.replace(pick, held=held))
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses as dc
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.columns import columns, highest_near
+from drake_srg.planning.clearing.columns import columns, highest_near, thing_at
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -31,7 +32,20 @@ _HAND_RADIUS, _OVER = 0.16, 0.06
 _RIM = 0.03
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
+# A load that reaches further than this from the grasp may turn in the hand [m].
+_SAGS_BEYOND = 0.1
+_ASIDE = 0.12  # at most, the hand is beside the bin's middle when it lets go [m]
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
+
+
+@dc.dataclass(frozen=True)
+class _Load:
+    """What is known of a load before it is lifted."""
+
+    p_GC: Vector  # the grasp in the hand, shape (3,) [m]
+    below: float  # how far it hangs below the grasp [m]
+    sag: float  # how much further it may hang, turned in the hand [m]
+    middle_G: Vector  # from the grasp to its middle, level, in the hand, (3,) [m]
 
 
 class ClearingMotions:
@@ -97,7 +111,8 @@ class ClearingMotions:
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
-        lift = max(approach, self._rim + _RIM - table)
+        load = self._load(grasp, height_map)
+        lift = max(approach, self._rim + _RIM - table + load.sag)
         motions: dict[Mode, Trajectory] = {}
         scene.SetFingers(grasp.fingers_open)
         with scene.reaching(_TIPS):
@@ -110,8 +125,8 @@ class ClearingMotions:
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, lift))
             motions[Mode.LIFT] = moves.timed(up, moves.holding, straight=True)
-        with self._standing(height_map, beside=grasp.p_WC), self._loaded(grasp):
-            away = moves.joint_path(up[-1], self._over_bin(grasp))
+        with self._standing(height_map, beside=grasp.p_WC), self._loaded(load):
+            away = moves.joint_path(up[-1], self._over_bin(grasp, load))
             motions[Mode.TRANSFER] = moves.timed(away, moves.holding)
         return motions
 
@@ -139,19 +154,33 @@ class ClearingMotions:
         nearest = min(failed, key=lambda ik: ik.violation)
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
-    def _over_bin(self, grasp: TopGrasp) -> Vector:
-        """Return a posture below `q_over`, with the load just above the bin's rim.
+    def _load(self, grasp: TopGrasp, height_map: HeightMap) -> _Load:
+        """Return what is known of the load of a grasp."""
+        cells = thing_at(height_map, self._table, grasp.p_WC)
+        away = cells - grasp.p_WC[:2]
+        far = float(np.max(np.linalg.norm(away, axis=1)))
+        middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
+        X_GW = grasp.X_WG.inverse()
+        return _Load(
+            p_GC=X_GW @ grasp.p_WC,
+            below=max(float(grasp.p_WC[2]) - self._table, 0.01),
+            sag=max(far - _SAGS_BEYOND, 0.0),
+            middle_G=X_GW.rotation() @ np.array([*middle, 0.0]),
+        )
+
+    def _over_bin(self, grasp: TopGrasp, load: _Load) -> Vector:
+        """Return a posture with the load's middle over the bin's, just above its rim.
 
         Raises:
-            NoPathError: If the arm cannot go down there.
+            NoPathError: If the arm cannot go there.
         """
         X_WG = self._scene.X_WG(self.q_over)
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
-        lower = X_WG.translation()[2] - (self._rim + _RIM + below)
-        if lower <= 0.0:
-            return self.q_over
-        down = HandTarget.from_pose(X_WG).shifted(np.array([0.0, 0.0, -lower]))
-        path: Vector = self._moves.straight(self.q_over, down)
+        least = self._rim + _RIM + load.sag + below
+        lower = max(X_WG.translation()[2] - least, 0.0)
+        aside = -(X_WG.rotation() @ load.middle_G)
+        place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
+        path: Vector = self._moves.straight(self.q_over, place)
         return path[-1]
 
     @contextlib.contextmanager
@@ -177,11 +206,10 @@ class ClearingMotions:
         ]
 
     @contextlib.contextmanager
-    def _loaded(self, grasp: TopGrasp) -> Iterator[None]:
+    def _loaded(self, load: _Load) -> Iterator[None]:
         """Let the hand carry a box as long as there is room below the grasp."""
-        p_GC = grasp.X_WG.inverse() @ grasp.p_WC
-        length = max(float(grasp.p_WC[2]) - self._table, 0.01)
+        length = load.below + load.sag
         box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])
-        middle = RigidTransform(p_GC + [0.5 * length, 0.0, 0.0])
+        middle = RigidTransform(load.p_GC + [0.5 * length, 0.0, 0.0])
         with self._scene.holding(box, middle):
             yield

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from pydrake.math import RigidTransform
 
@@ -47,3 +48,24 @@ def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
     """
     near = np.linalg.norm(height_map.middles() - p_W[:2], axis=-1) < radius
     return float(np.nanmax(height_map.height[near], initial=-np.inf))
+
+
+def thing_at(height_map: HeightMap, table: float, p_W: Vector) -> Vector:
+    """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
+
+    Things that touch count as one. Where the map shows nothing, the place itself is all
+    there is.
+
+    Args:
+        height_map: The map.
+        table: Height of the table [m].
+        p_W: The place, shape (2 or 3,) [m].
+    """
+    high = (np.nan_to_num(height_map.height) > table + _LEAST_HEIGHT).astype(np.uint8)
+    _, labels = cv2.connectedComponents(high, connectivity=8)
+    row, column = height_map.cells(np.asarray(p_W))
+    inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]
+    if not (inside and high[row, column]):
+        return np.asarray(p_W, dtype=float)[np.newaxis, :2]
+    cells: Vector = height_map.middles()[labels == labels[row, column]]
+    return cells

@@ -60,7 +60,6 @@ class PickPlanner:
         start = wall.perf_counter()
         found = self.grasps.plan(height_map, tried=memory.tried)
         q_start = memory.motion.destination
-        left = [Left(refusal.p_W, refusal.failure) for refusal in found.refused]
         missed: list[Left] = []
         pick = None
         for grasp in found.grasps[:_MOST_GRASPS]:
@@ -73,13 +72,17 @@ class PickPlanner:
                 continue
             pick = Pick(grasp, motions, height_map, time + self.config.latency)
             break
+        left: list[Left] = []
+        if pick is None:
+            refused = [Left(r.p_W, r.failure) for r in found.refused]
+            left = _distinct([*refused, *missed])
         return dc.replace(
             memory,
             pick=pick,
             height_map=height_map,
             finished=pick is None,
             first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
-            left=() if pick else tuple(_distinct([*left, *missed])),
+            left=tuple(left),
             planning_wall=memory.planning_wall + wall.perf_counter() - start,
         )
 

@@ -72,7 +72,7 @@ class Grasps:
             if p in self.refused
         ]
         grasps = [grasp_at(p) for p in left if p not in self.refused]
-        return GraspPlan(tuple(grasps), tuple(refused), len(left))
+        return GraspPlan(tuple(grasps), len(left), lambda: tuple(refused))
 
 
 class Motions:
