@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import CONFIG, HOME, Grasps, Motions, Run, table
+from planning.clearing.fake_table import CONFIG, HELD, HOME, Grasps, Motions, Run, table
 
 A, B = (0.1, 0.1), (0.3, 0.2)
 
@@ -19,7 +19,7 @@ def run(*places, shown=None, config=CONFIG, unreachable=(), refused=()):
 
 def pick(run, *, after, felt=True):
     """Let a pick happen; afterwards, the table looks like `after`."""
-    run.until(Mode.LIFT)
+    run.until(Mode.CLOSE)
     run.feel(felt)
     run.until(Mode.TRANSFER)
     run.show(after)
@@ -57,6 +57,17 @@ def test_clears_one_thing_after_the_other():
 def test_counts_only_what_is_felt_and_gone(felt, after):
     one = run(A)
     pick(one, after=after, felt=felt)
+    assert one.status.cycles == 0
+
+
+def test_notices_fingers_that_close_further_on_the_way():
+    one = run(A)
+    one.until(Mode.CLOSE)
+    one.feel(True)
+    one.until(Mode.TRANSFER)
+    one.fix("gripper_state", [*(HELD[:4] + CONFIG.slip_closing + 0.01), *np.zeros(4)])
+    one.show(table())
+    one.until(Mode.RELEASE)
     assert one.status.cycles == 0
 
 
