@@ -72,7 +72,9 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         raise ScenarioError("gripper: clearing a table needs the SRG")
     low, high = bin_box(scenario)
     q_home = np.array(scenario.arm.home)
-    q_over = _posture_over(scene, q_home, np.array([*(0.5 * (low + high))[:2], high[2]]))
+    q_over = _posture_over(
+        scene, q_home, np.array([*(0.5 * (low + high))[:2], high[2]])
+    )
     base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
     x, y = base.translation()[:2]
     grasps = HeightMapGrasps(

@@ -186,9 +186,7 @@ def draw(runs: Mapping[Case, Metrics]) -> Any:
         bounds = np.array([share.bounds for share in found]).T
         errors = np.maximum([values - bounds[0], bounds[1] - values], 0.0)
         place = y + 0.15 * (1 - 2 * i)
-        axes.errorbar(
-            values, place, xerr=errors, fmt="o", color=COLORS[i], label=what
-        )
+        axes.errorbar(values, place, xerr=errors, fmt="o", color=COLORS[i], label=what)
     axes.set_yticks(y, scenes)
     axes.set_ylim(-0.5, len(scenes) - 0.5)
     axes.set_xlim(0.0, 1.02)

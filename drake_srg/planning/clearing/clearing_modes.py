@@ -194,9 +194,7 @@ class Release(ClearingMode):
             looks=memory.looks + 1,
         )
         seen = entry.senses.see()
-        return self.planner.plan(
-            self.planner.judge(memory, seen), seen, entry.time
-        )
+        return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the fingers have let go."""
@@ -212,9 +210,7 @@ class Home(ClearingMode):
         """Plan the way home, and go."""
         planned = self.planner.motions.plan_home(memory.motion.destination)
         if isinstance(planned, PlanningFailure):
-            return dc.replace(
-                memory, failure=planned.failure, message=planned.message
-            )
+            return dc.replace(memory, failure=planned.failure, message=planned.message)
         motion = memory.motion.followed_by(planned[Mode.HOME], entry.time)
         return dc.replace(memory, motion=motion)
 
