@@ -72,9 +72,8 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         raise ScenarioError("gripper: clearing a table needs the SRG")
     low, high = bin_box(scenario)
     q_home = np.array(scenario.arm.home)
-    q_over = _posture_over(
-        scene, q_home, np.array([*(0.5 * (low + high))[:2], high[2]])
-    )
+    p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
+    q_over = _posture_over(scene, q_home, p_WO)
     base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
     x, y = base.translation()[:2]
     grasps = HeightMapGrasps(
@@ -93,13 +92,13 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
-def _posture_over(scene: PlanningScene, q_home: Vector, p_WB: Vector) -> Vector:
+def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
     """Return the posture nearest to home with the hand down over the bin, (N,) [rad].
 
     Args:
         scene: The arm and the bin.
         q_home: The arm's home, shape (N,) [rad].
-        p_WB: Middle of the bin's opening, shape (3,) [m].
+        p_WO: Where the palm must be, shape (3,) [m].
 
     Raises:
         ScenarioError: If there is none.
@@ -108,7 +107,7 @@ def _posture_over(scene: PlanningScene, q_home: Vector, p_WB: Vector) -> Vector:
     found = [
         solve_inverse_kinematics(
             scene,
-            HandTarget.from_pose(palm_pose(p_WB + [0.0, 0.0, _OVER], yaw)),
+            HandTarget.from_pose(palm_pose(p_WO, yaw)),
             q_nominal=q_home,
         )
         for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)

@@ -1,10 +1,10 @@
 """A table cleared into a bin: spread objects, poured heaps, noisy depth.
 
-The seeds are not those that the planner was tuned on (0 to 99). Not comparable as they
-stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took more than 300 picks
-an hour at 95 % reliability, of real objects from real heaps with two grippers, one of
-them a suction cup; people take 400 to 600 an hour. Here all is simulated, with one
-gripper, and planning takes `planner.latency`.
+The seeds are not those that the planner was tuned on (0 to 99). Published rates are not
+comparable as they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took
+more than 300 picks an hour at 95 % reliability from heaps of real objects, with a
+parallel-jaw gripper and a suction cup; people take 400 to 600 an hour. Here all is
+simulated, with one gripper, and planning takes `planner.latency`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import Simulate
 from drake_srg.sweeps.statistics import wilson_interval
 
-# Of structured light at arm's length: the standard deviation of depth [m], and the share
-# of pixels without depth.
+# Of structured light: the standard deviation of depth [m], and the share of pixels
+# without depth.
 _NOISE = "camera_errors.ceiling={depth_noise: 0.001, depth_dropout: 0.01}"
 SCENES: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "spread": ("clear_table_fast", ()),

@@ -1,4 +1,4 @@
-"""Props around the robots: table, floor, pedestal, marker, lid, cradle, bin, soup can."""
+"""Props around the robots: tables, floor, pedestal, marker, lid, cradle, bin, can."""
 
 from __future__ import annotations
 

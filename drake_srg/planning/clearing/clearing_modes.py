@@ -101,7 +101,8 @@ class Idle(ClearingMode):
             height_map=seen,
             next_look=now.time + self.config.search_period,
         )
-        if before is None or not is_still(before, seen):
+        early = now.time < self.config.search_time
+        if before is None or early or not is_still(before, seen):
             return memory
         return self.planner.plan(memory, seen, now.time)
 

@@ -210,6 +210,6 @@ class ClearingMotions:
         """Let the hand carry a box as long as there is room below the grasp."""
         length = load.below + load.sag
         box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])
-        middle = RigidTransform(load.p_GC + [0.5 * length, 0.0, 0.0])
+        middle = RigidTransform(load.p_GC + np.array([0.5 * length, 0.0, 0.0]))
         with self._scene.holding(box, middle):
             yield

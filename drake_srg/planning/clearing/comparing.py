@@ -22,8 +22,12 @@ def _drop(before: HeightMap, after: HeightMap) -> Vector:
 
 
 def is_still(before: HeightMap, after: HeightMap) -> bool:
-    """Return whether nothing has moved between two maps."""
-    moved = np.count_nonzero(_drop(before, after))
+    """Return whether nothing has moved between two maps.
+
+    What falls is too high for a map, and moves from one unseen cell to another.
+    """
+    unseen = np.isnan(before.height) != np.isnan(after.height)
+    moved = np.count_nonzero(unseen | (_drop(before, after) != 0.0))
     return bool(moved * after.resolution**2 < _LEAST_AREA)
 
 

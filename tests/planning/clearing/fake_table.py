@@ -27,7 +27,9 @@ SIDE = 0.04  # of the square things [m]
 TALL = 0.05
 HELD = np.array([0.8, 0.8, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0])  # state with something
 MODES = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER)
-CONFIG = PlannerConfig(latency=0.1, search_period=0.1, gripper_timeout=0.5)
+CONFIG = PlannerConfig(
+    latency=0.1, search_time=0.0, search_period=0.1, gripper_timeout=0.5
+)
 
 
 def table(*places, tall=TALL):
@@ -44,7 +46,7 @@ def grasp_at(place):
     """Return a grasp of the thing at a place."""
     p_WC = np.array([*place, 0.5 * TALL])
     return TopGrasp(
-        X_WG=palm_pose(p_WC + [0.0, 0.0, 0.15], 0.0),
+        X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.15]), 0.0),
         fingers=SrgFingers(),
         half_gap=0.05,
         width=SIDE,
