@@ -32,6 +32,7 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import Models
 from drake_srg.types import Vector
+from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 
@@ -50,7 +51,11 @@ def AddHeightMapper(
     low, high = clear.region.min, clear.region.max
     surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
     cameras = camera_models(scenario)
-    mapper = builder.AddNamedSystem("height_mapper", HeightMapper(cameras, surface))
+    # The planner looks with the arm out of the way.
+    config = HeightMapConfig(over_edge=True)
+    mapper = builder.AddNamedSystem(
+        "height_mapper", HeightMapper(cameras, surface, config=config)
+    )
     for name in cameras:
         for port in ("depth_image", "body_pose_in_world"):
             source = station.GetOutputPort(f"camera_{name}.{port}")

@@ -251,6 +251,9 @@ class HeightMapConfig:
     # What is higher above the surface than this belongs to a thing, where it matters
     # whether one reaches too high or over the edge [m].
     thing: float = dc.field(default=0.008, metadata=positive())
+    # Whether things that hang over the edge of the map are in it. The robot's may, when
+    # it is in view.
+    over_edge: bool = False
     # How far around such a thing the map is unknown, too [cells].
     fringe: int = dc.field(default=4, metadata={"ge": 0})
     # Cells this near to the surface are mostly its own and show how well its height is

@@ -64,7 +64,7 @@ def height_map(
     A cell holds the highest of its points, from whichever cloud. Holes as narrow as a
     pixel are filled from their surroundings. The arm reaches higher than things on the
     table do: a region that rises above `max_height` is unknown, and so is one that
-    hangs over the surface's edge, because some of it is not in the map.
+    hangs over the surface's edge, unless `config.over_edge`.
 
     Args:
         clouds: Points that each camera sees, in world [m], shape (n, 3) each.
@@ -85,7 +85,10 @@ def height_map(
     height[~np.isfinite(height)] = np.nan
     height = _filled(height, config.hole)
     things = height > surface.height + config.thing
-    strange = _connected(things, _reaches(height, surface.height + max_height, things))
+    seeds = height > surface.height + max_height
+    if not config.over_edge:
+        seeds |= _at_edge(things)
+    strange = _connected(things, seeds)
     height[grow(strange, config.fringe)] = np.nan
     return HeightMap(origin, resolution, height)
 
@@ -128,12 +131,11 @@ def _filled(height: Vector, hole: int) -> Vector:
     return filled
 
 
-def _reaches(height: Vector, top: float, things: Mask) -> Mask:
-    """Return where things are too high, or at the edge of the map."""
-    reaches = np.asarray(height > top)
-    for edge in (np.s_[0], np.s_[-1], np.s_[:, 0], np.s_[:, -1]):
-        reaches[edge] |= things[edge]
-    return reaches
+def _at_edge(things: Mask) -> Mask:
+    """Return where things are at the edge of the map."""
+    inner = np.zeros_like(things)
+    inner[1:-1, 1:-1] = True
+    return np.asarray(things & ~inner)
 
 
 def _connected(things: Mask, seeds: Mask) -> Mask:

@@ -35,6 +35,7 @@ class ClearingMemory:
     closure: float = 0.0  # commanded, 0 open .. 1 closed
     height_map: HeightMap | None = None  # the latest
     next_look: float = 0.0  # s
+    rested_at: float = 0.0  # when the arm came to rest to look [s]
     pick: Pick | None = None  # the one under way, or the next one
     tried: tuple[TopGrasp, ...] = ()  # grasps that failed
     finished: bool = False  # nothing is left that a grasp takes

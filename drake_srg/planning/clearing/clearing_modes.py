@@ -18,6 +18,8 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.types import Failure, HeightMap, Mode, Vector
 
 _STILL = 0.05  # joint speed below which the fingers rest [rad/s]
+# Things that never quite come to rest are picked all the same after this time [s].
+_PATIENCE = 3.0
 _CLEAR = 0.001  # distance at which the fingers have let go [m]
 
 
@@ -87,7 +89,8 @@ class Idle(ClearingMode):
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Rest."""
-        return dc.replace(memory, motion=memory.motion.ended(entry.time))
+        motion = memory.motion.ended(entry.time)
+        return dc.replace(memory, motion=motion, rested_at=entry.time)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
         """Look whenever a look is due."""
@@ -101,8 +104,10 @@ class Idle(ClearingMode):
             height_map=seen,
             next_look=now.time + self.config.search_period,
         )
-        early = now.time < self.config.search_time
-        if before is None or early or not is_still(before, seen):
+        if before is None or now.time < self.config.search_time:
+            return memory
+        waited = now.time > memory.rested_at + _PATIENCE
+        if not (waited or is_still(before, seen)):
             return memory
         return self.planner.plan(memory, seen, now.time)
 

@@ -28,7 +28,7 @@ def test_columns_hold_whatever_stands(place, size):
 def test_highest_thing_counts_within_the_radius(place):
     height_map = table(place)
     assert highest_near(height_map, np.array(place), 0.05) == TALL
-    far = np.array(place) + [0.0, 0.5 * SIDE + 0.03]
+    far = np.array([place[0], place[1] + 0.5 * SIDE + 0.03])
     assert highest_near(height_map, far, 0.02) <= 0.0
 
 
