@@ -177,7 +177,7 @@ class ClearingMotions:
         X_WG = self._scene.X_WG(self.q_over)
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
         least = self._rim + _RIM + load.sag + below
-        lower = max(X_WG.translation()[2] - least, 0.0)
+        lower = X_WG.translation()[2] - least
         aside = -(X_WG.rotation() @ load.middle_G)
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
         path: Vector = self._moves.straight(self.q_over, place)
