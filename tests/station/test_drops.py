@@ -32,7 +32,8 @@ def test_boxes_around_falling_things_do_not_overlap(things):
         config = ObjectConfig(shape=Box(size), mass=1.0, friction=1.0, drop=height)
         start = drops.X_WO_start("thing", config, X_WO)
         np.testing.assert_allclose(start.translation()[:2], X_WO.translation()[:2])
-        assert start.rotation().IsExactlyEqualTo(X_WO.rotation())
+        R_WO = X_WO.rotation().matrix()
+        np.testing.assert_array_equal(start.rotation().matrix(), R_WO)
         points = corners(size, start)
         low, high = points.min(axis=0), points.max(axis=0)
         assert low[2] >= TABLE + height - 1e-9
