@@ -217,7 +217,8 @@ class Home(ClearingMode):
         planned = self.planner.motions.plan_home(memory.motion.destination)
         if isinstance(planned, PlanningFailure):
             return dc.replace(memory, failure=planned.failure, message=planned.message)
-        motion = memory.motion.followed_by(planned[Mode.HOME], entry.time)
+        trajectory, wait = planned[Mode.HOME], self.config.home_wait
+        motion = memory.motion.followed_by(trajectory, entry.time, wait)
         return dc.replace(memory, motion=motion)
 
 
