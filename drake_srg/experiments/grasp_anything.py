@@ -36,7 +36,7 @@ _SPAN = 0.13  # half the width of a drawn map [m]
 _MODELS = (".sdf", ".urdf", ".obj", ".stl", ".glb", ".gltf", ".xml", ".vtk")
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, eq=False)
 class Case:
     """A thing and the seed of its pose."""
 
