@@ -20,6 +20,9 @@ from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.height_mapper import HeightMapper
+from drake_srg.vision.surface import Surface
 
 pytestmark = pytest.mark.slow
 
@@ -171,6 +174,8 @@ def systems(tmp_path_factory):
     soft = MakeStation(load_scenario("gripper_bench", overrides=SOFT))
     add("ObjectPoses", soft.GetSubsystemByName("object_poses"))
     add("SightingError", SightingError(np.zeros(3)))
+    camera = CameraModel.from_config(kitchen.cameras["ceiling"])
+    add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:

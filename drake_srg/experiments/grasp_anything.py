@@ -30,11 +30,13 @@ from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import HeightMap
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 
+# Share of household objects that an underactuated hand with RP joints grasps, at best.
+PUBLISHED = 0.87
 _SPAN = 0.13  # half the width of a drawn map [m]
 _MODELS = (".sdf", ".urdf", ".obj", ".stl", ".glb", ".gltf", ".xml", ".vtk")
 
 
-@dc.dataclass(frozen=True)
+@dc.dataclass(frozen=True, eq=False)
 class Case:
     """A thing and the seed of its pose."""
 
@@ -50,7 +52,7 @@ def run(
     track: Track,
     *,
     objects: Sequence[str] = (),
-    trials: int = 8,
+    trials: int = 6,
     seed: int = 1000,
     attempts: int = 3,
     depth_noise: float = 1e-3,
@@ -97,7 +99,7 @@ def _thing(name: str) -> ObjectConfig:
 
 
 def judge(made: Mapping[Case, Sequence[Attempt]]) -> list[Row]:
-    """Expect what was published for household sets, and state the rest."""
+    """Expect more than another underactuated hand holds, and state the rest."""
     trials = list(made.values())
     graspable = [t for t in trials if t[0].grasp is not None]
     rows = []

@@ -181,7 +181,7 @@ def lift(
         sensed = rig.measured("gripper.grasped")[0] > 0.0
         felt = bool(sensed and grasp.holds(q, proximity))
         X_WO_end = rig.X_WO("thing")
-        held = risen > 0.5 * LIFT and touched == {"gripper"}
+        held = touched == {"gripper"}  # it may hang from the fingers
     reason = "" if held else "pushed" if moved > 0.01 else "slipped"
     if not held and risen > 0.05:
         reason = "dropped"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import abc
 import dataclasses as dc
-import functools
 from collections.abc import Mapping
 
 import numpy as np
@@ -39,25 +38,18 @@ class Fingers(abc.ABC):
     The palm's x points out of it, towards the fingers' ends.
 
     Attributes:
+        deepest: Greatest palm x that their ends reach as they close [m].
         max_width: Greatest width that they take [m].
         pad_width: Extent of the pads along the palm's z [m].
         palm_x: How far the palm reaches in its x [m].
         palm_radius: Radius of the cylinder about the palm's x that holds the palm [m].
     """
 
+    deepest: float
     max_width: float
     pad_width: float
     palm_x: float
     palm_radius: float
-
-    @abc.abstractmethod
-    def closing(self) -> tuple[Vector, Vector]:
-        """Return the path of the ends of closing, empty fingers.
-
-        Returns:
-            Half the gap between them, which decreases to 0, and the palm x that they
-            reach, both of shape (K,) [m].
-        """
 
     @abc.abstractmethod
     def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
@@ -97,11 +89,6 @@ class Fingers(abc.ABC):
     @abc.abstractmethod
     def tellable(self, width: float) -> bool:
         """Return whether joint angles tell a held thing of a width [m] from none."""
-
-    @functools.cached_property
-    def deepest(self) -> float:
-        """Greatest palm x that closing fingers reach [m]."""
-        return float(self.closing()[1].max())
 
 
 def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:

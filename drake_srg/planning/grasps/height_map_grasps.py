@@ -46,7 +46,7 @@ class HeightMapGraspsConfig(PinchConfig):
     kept: int = dc.field(default=120, metadata={"ge": 1})
     grasps: int = dc.field(default=40, metadata={"ge": 1})
     # Worse ones are not worth an attempt.
-    least_score: float = 2.5
+    least_score: float = 3.5
     # Grasps that are this much alike count as one, and as one that failed.
     apart: float = dc.field(default=0.012, metadata=positive())
     turned: float = dc.field(default=0.35, metadata=positive())

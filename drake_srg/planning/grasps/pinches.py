@@ -39,7 +39,7 @@ class PinchConfig:
     # Height above the table that the ends of closing fingers keep.
     table_gap: float = dc.field(default=0.002, metadata={"ge": 0.0})
     # Distance that the open hand keeps from everything; one noisy cell counts less.
-    clearance: float = dc.field(default=0.003, metadata={"ge": 0.0})
+    clearance: float = dc.field(default=0.004, metadata={"ge": 0.0})
     # What reaches above the fingers' ends by this is between them.
     engaged: float = dc.field(default=0.002, metadata=positive())
     # Distance between samples along the closing direction, and across it.
@@ -106,11 +106,7 @@ class PinchJudge:
         self._s: Vector = config.step * np.arange(-count, count + 1.0)
         half = 0.5 * fingers.pad_width + 0.002
         self._t = np.linspace(-half, half, 2 * int(np.ceil(half / config.across)) + 1)
-        gap, reach = fingers.closing()
         self._deepest = fingers.deepest
-        # How much higher than at their lowest the ends are, at each half gap.
-        rise = np.interp(np.abs(self._s), gap[::-1], (self._deepest - reach)[::-1])
-        self._rise = rise.astype(np.float32)
         self._silhouettes = [fingers.silhouette(g, self._s) for g in config.openings]
 
     def judge(self, relief: Relief, p_W: Vector, yaw: Vector) -> Pinches:
@@ -136,8 +132,7 @@ class PinchJudge:
             tip = np.maximum(config.table_gap, top - depth)
             lowest = tip + self._deepest  # of the palm's origin
             fits = wide < lowest - self._fingers.palm_x - config.clearance
-            floor = tip[:, None] + self._rise + (config.engaged + relief.least / 4)
-            between = strip > floor
+            between = strip > (tip + config.engaged + relief.least / 4)[:, None]
             for silhouette in self._silhouettes:
                 gap = (lowest[:, None] - silhouette.reach) - obstacle
                 clear = gap.min(axis=1)
@@ -149,7 +144,9 @@ class PinchJudge:
                 )
                 score = _score(tip, top, high - low, lean, clear)
                 score = score - silhouette.half_gap / 0.3
+                beside = silhouette.half_gap - np.maximum(-low, high)
                 possible = fits & some & (clear > config.clearance)
+                possible &= beside > config.clearance
                 possible &= (high - low < self._fingers.max_width) & (lean < _STEEPEST)
                 score = np.where(possible, score, -np.inf)
                 better = score > best[0]
@@ -180,8 +177,8 @@ class PinchJudge:
         if not len(pinches.score):
             return pinches
         heights = self.sample(relief, pinches.p_W, pinches.yaw)
-        floor = pinches.tip[:, None, None] + self._rise
-        between = heights > floor + (self._config.engaged + relief.least / 4)
+        floor = pinches.tip + self._config.engaged + relief.least / 4
+        between = heights > floor[:, None, None]
         inside = np.abs(self._s) <= pinches.half_gap[:, None]
         low, high, some = extent(between & inside[:, None], self._s)  # (n, T)
         # Distances of the thing from each pad, shape (n, T).
@@ -198,7 +195,7 @@ class PinchJudge:
         share = np.minimum(share_low, share_high)
         lever = self._lever(relief, pinches)
         score = pinches.score + share - 2.0 * np.minimum(twist, 1.0)
-        score -= 12.0 * lever + 2.0 * wedge
+        score -= 16.0 * lever + 2.0 * wedge
         slant = np.hypot(wedge, pinches.lean)
         score = np.where(slant < _STEEPEST, score, -np.inf)
         return dc.replace(pinches, score=score)

@@ -41,20 +41,13 @@ class SrgFingers(Fingers):
     squeeze: float = 0.6
     full_scale: float = SRG.full_scale
 
+    # The inner edges of the ends, with the fingers straight, just before they meet.
+    deepest = SRG.hinge_x + float(np.hypot(SRG.finger_length, SRG.face_offset))
     # The pads of a wider opening would not be parallel.
     max_width = SRG.parallel_gap - 0.01
     pad_width = SRG.pad_width
     palm_x = 0.0775  # of its ears
     palm_radius = 0.5 * float(np.hypot(SRG.palm_width, SRG.palm_height))
-
-    def closing(self) -> tuple[Vector, Vector]:
-        """See `Fingers`."""
-        angles = np.linspace(0.2, EMPTY_BASE_ANGLE, 300)
-        gap = SRG.hinge_y + SRG.finger_length * np.cos(angles)
-        gap -= SRG.face_offset * np.sin(angles)
-        along = SRG.hinge_x + SRG.finger_length * np.sin(angles)
-        inner, outer = SRG.face_offset * np.cos(angles), -_BACK * np.cos(angles)
-        return gap, along + np.maximum(inner, outer)
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
         """See `Fingers`."""
