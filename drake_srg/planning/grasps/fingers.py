@@ -40,6 +40,7 @@ class Fingers(abc.ABC):
     Attributes:
         deepest: Greatest palm x that their ends reach as they close [m].
         max_width: Greatest width that they take [m].
+        most_open: Half of the widest gap between their ends [m].
         pad_width: Extent of the pads along the palm's z [m].
         palm_x: How far the palm reaches in its x [m].
         palm_radius: Radius of the cylinder about the palm's x that holds the palm [m].
@@ -47,6 +48,7 @@ class Fingers(abc.ABC):
 
     deepest: float
     max_width: float
+    most_open: float
     pad_width: float
     palm_x: float
     palm_radius: float

@@ -101,13 +101,14 @@ class PinchJudge:
 
     def __init__(self, fingers: Fingers, config: PinchConfig) -> None:
         self._fingers, self._config = fingers, config
-        most = max(config.openings) + 0.04
+        openings = sorted({min(gap, fingers.most_open) for gap in config.openings})
+        most = openings[-1] + 0.04
         count = int(most / config.step)
         self._s: Vector = config.step * np.arange(-count, count + 1.0)
         half = 0.5 * fingers.pad_width + 0.002
         self._t = np.linspace(-half, half, 2 * int(np.ceil(half / config.across)) + 1)
         self._deepest = fingers.deepest
-        self._silhouettes = [fingers.silhouette(g, self._s) for g in config.openings]
+        self._silhouettes = [fingers.silhouette(g, self._s) for g in openings]
 
     def judge(self, relief: Relief, p_W: Vector, yaw: Vector) -> Pinches:
         """Return the best pinch at each place, over depths and openings.

@@ -22,9 +22,9 @@ from drake_srg.planning.grasps.srg_hand import (
 )
 from drake_srg.types import Vector
 
-# Back of the finger, from the line through its hinges [m] (base link of srg_fast.sdf),
-# and the end of its hinge's housing, before the hinge.
-_BACK, _HOUSING = 0.0128, 0.006
+# Backs of base link and tip, from the line through the hinges, and how far the base
+# link goes beyond its hinges [m] (srg_fast.sdf).
+_BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
 # What joints bend and readings err, of the base angle [rad].
 _ANGLE_ERROR = 0.012
 
@@ -41,10 +41,11 @@ class SrgFingers(Fingers):
     squeeze: float = 0.6
     full_scale: float = SRG.full_scale
 
-    # The inner edges of the ends, with the fingers straight, just before they meet.
+    # Of the edges of the ends of straight fingers.
     deepest = SRG.hinge_x + float(np.hypot(SRG.finger_length, SRG.face_offset))
     # The pads of a wider opening would not be parallel.
     max_width = SRG.parallel_gap - 0.01
+    most_open = 0.1
     pad_width = SRG.pad_width
     palm_x = 0.0775  # of its ears
     palm_radius = 0.5 * float(np.hypot(SRG.palm_width, SRG.palm_height))
@@ -55,10 +56,18 @@ class SrgFingers(Fingers):
         along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
         inwards = np.array([-np.sin(base), np.cos(base)])
         hinge = np.array([SRG.hinge_y, SRG.hinge_x])
-        finger = filled_rectangle(
-            hinge - _HOUSING * along - _BACK * inwards,
-            (SRG.finger_length + _HOUSING) * along,
-            (SRG.face_offset + _BACK) * inwards,
+        finger = np.concatenate(
+            [
+                filled_rectangle(
+                    hinge + start * along - back * inwards,
+                    (end - start) * along,
+                    (SRG.face_offset + back) * inwards,
+                )
+                for start, end, back in (
+                    (-_HOUSING, SRG.base_length + _HOUSING, _BASE_BACK),
+                    (SRG.base_length, SRG.finger_length, _TIP_BACK),
+                )
+            ]
         )
         palm = np.abs(offsets) <= 0.5 * SRG.palm_width
         reach = lowest(finger, offsets, -np.inf)

@@ -10,7 +10,7 @@ from drake_srg.types import Failure, HeightMap
 TABLE = 0.3  # m
 HAND = SrgFingers()
 PLANNER = HeightMapGrasps(HAND, TABLE)
-FEW = settings(max_examples=6, deadline=None)
+FEW = settings(max_examples=4, deadline=None)
 ANGLES = st.floats(-np.pi, np.pi)
 
 
@@ -128,8 +128,9 @@ def test_things_out_of_reach_are_refused():
 
 def test_a_thing_between_walls_is_blocked():
     box = (0, 0, 0, 0.05, 0.05, 0.05)
-    walls = [(x, y, 0, 0.06, 0.06, 0.1) for x, y in ((-0.06, 0), (0.06, 0))]
-    walls += [(x, y, 0, 0.17, 0.06, 0.1) for x, y in ((0, -0.06), (0, 0.06))]
+    # So thick that the hand does not take box and wall together.
+    walls = [(x, 0, 0, 0.12, 0.06, 0.1) for x in (-0.09, 0.09)]
+    walls += [(0, y, 0, 0.3, 0.12, 0.1) for y in (-0.09, 0.09)]
     failures = [
         refusal.failure
         for refusal in PLANNER.plan(height_map(box, *walls)).refused
@@ -147,7 +148,7 @@ def test_the_next_attempt_differs_from_those_that_failed():
         tried.append(grasp)
 
 
-@FEW
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 99), yaw=ANGLES)
 def test_noise_hardly_changes_the_best(seed, yaw):
     box = (0.0, 0.01, yaw, 0.12, 0.05, 0.06)
