@@ -18,6 +18,11 @@ from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 from drake_srg.vision.symmetry import turn_between
 
 SCHEMA_VERSION = 1
+# Entries that only tasks with several objects have.
+OF_SEVERAL = (
+    *("objects_total", "objects_cleared", "objects"),
+    *("picks", "picks_held", "picks_per_hour"),
+)
 
 # Limits for an object that rests upright.
 _MAX_SPEED = 1e-3  # m/s
@@ -129,7 +134,10 @@ class Metrics:
 
     def write(self, path: Path) -> None:
         """Write metrics.json, whole or not at all; infinities and NaN become null."""
-        text = json.dumps(dc.asdict(self))
+        fields = dc.asdict(self)
+        if self.objects is None:
+            fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
+        text = json.dumps(fields)
         values = json.loads(text, parse_constant=lambda name: None)
         output = OutputFile(path)
         output.path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
