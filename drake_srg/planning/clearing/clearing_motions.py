@@ -51,7 +51,7 @@ class _Load:
 class ClearingMotions:
     """Plans the motions of a pick in a planning scene; holds nothing between calls.
 
-    `q_home` and `q_over` can be read from it.
+    `scene`, `q_home` and `q_over` can be read from it.
 
     Args:
         scene: The arm, the gripper, the furniture and the bin.
@@ -75,7 +75,7 @@ class ClearingMotions:
         rim: float,
         config: PlannerConfig,
     ) -> None:
-        self._scene, self._moves, self._config = scene, moves, config
+        self.scene, self._moves, self._config = scene, moves, config
         self.q_home = np.asarray(q_home, dtype=float)
         self.q_over = np.asarray(q_over, dtype=float)
         self._table, self._rim = table, rim
@@ -97,7 +97,7 @@ class ClearingMotions:
 
     def plan_home(self, q_start: Vector) -> dict[Mode, Trajectory] | PlanningFailure:
         """Plan the way back to `q_home` from over the bin, shape (N,) [rad]."""
-        self._scene.SetFingers({})
+        self.scene.SetFingers({})
         try:
             path = self._moves.joint_path(q_start, self.q_home)
             return {Mode.HOME: self._moves.timed(path, self._moves.free)}
@@ -107,7 +107,7 @@ class ClearingMotions:
     def _plan(
         self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
     ) -> dict[Mode, Trajectory]:
-        scene, moves, table = self._scene, self._moves, self._table
+        scene, moves, table = self.scene, self._moves, self._table
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
@@ -136,12 +136,12 @@ class ClearingMotions:
         Raises:
             NoPathError: If the arm cannot reach it.
         """
-        self._scene.SetFingers(grasp.fingers_open)
+        self.scene.SetFingers(grasp.fingers_open)
         found = []
-        with self._scene.reaching(_TIPS):
+        with self.scene.reaching(_TIPS):
             for either in (grasp, grasp.half_turn()):
                 ik = solve_inverse_kinematics(
-                    self._scene,
+                    self.scene,
                     either.target(),
                     q_nominal=self.q_over,
                     max_starts=_STARTS,
@@ -174,7 +174,7 @@ class ClearingMotions:
         Raises:
             NoPathError: If the arm cannot go there.
         """
-        X_WG = self._scene.X_WG(self.q_over)
+        X_WG = self.scene.X_WG(self.q_over)
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
         least = self._rim + _RIM + load.sag + below
         lower = X_WG.translation()[2] - least
@@ -190,7 +190,7 @@ class ClearingMotions:
         """Let what a map shows stand on the table, except where something is taken."""
         with contextlib.ExitStack() as stack:
             for shape, X_WO in self._things(height_map, beside):
-                stack.enter_context(self._scene.standing(shape, X_WO))
+                stack.enter_context(self.scene.standing(shape, X_WO))
             yield
 
     def _things(
@@ -211,5 +211,5 @@ class ClearingMotions:
         length = load.below + load.sag
         box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])
         middle = RigidTransform(load.p_GC + np.array([0.5 * length, 0.0, 0.0]))
-        with self._scene.holding(box, middle):
+        with self.scene.holding(box, middle):
             yield

@@ -52,6 +52,8 @@ class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
 
     DONE: nothing is left on the table, or `status.left` says what and why.
 
+    `planner` can be read from the system.
+
     Args:
         planner: Plans the picks.
         num_fingers: Number n of the gripper's measured joints.
@@ -69,6 +71,7 @@ class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
             transition=lambda mode, o, t: transition(mode, o, t, config),
             period=config.period,
         )
+        self.planner = planner
         self._n, self._n_fingers = len(q_home), num_fingers
         self._map = self.DeclareAbstractInputPort(
             name="height_map", model_value=AbstractValue.Make(_NO_MAP)
