@@ -9,7 +9,7 @@ from drake_srg.planning.grasps.top_grasp import GraspPlan, Refusal
 from drake_srg.types import Box, Failure
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 
-BOX = ObjectConfig(shape=Box([0.12, 0.05, 0.06]), mass=0.2)
+BOX = ObjectConfig(shape=Box([0.12, 0.05, 0.06]), mass=0.2, friction=0.7)
 NOISE = CameraErrorsConfig(depth_noise=1e-3, depth_dropout=0.01)
 
 
