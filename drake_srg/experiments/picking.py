@@ -78,11 +78,7 @@ class Attempt:
 
 
 def rest(name: str, thing: ObjectConfig, rng: Generator) -> RigidTransform:
-    """Drop a thing in a random orientation and return the pose in which it rests.
-
-    Raises:
-        ScenarioError: If it does not come to rest on the table.
-    """
+    """Drop a thing in a random orientation and return the pose in which it rests."""
     facts = object_facts(name, thing)
     quaternion = rng.normal(size=4)
     w, x, y, z = quaternion / np.linalg.norm(quaternion)
@@ -96,11 +92,7 @@ def rest(name: str, thing: ObjectConfig, rng: Generator) -> RigidTransform:
 
 
 def settle(name: str, thing: ObjectConfig, X_WO: RigidTransform) -> RigidTransform:
-    """Return the pose in which a thing that starts at `X_WO` comes to rest.
-
-    Raises:
-        ScenarioError: If it does not.
-    """
+    """Return where a thing that starts at `X_WO` comes to rest, or is after 4 s."""
     scenario = tabletop({"thing": _placed(thing, X_WO)})
     with Rig(scenario, name=name, period=0.05, log_period=0.05) as rig:
         body = rig.plant.get_body(

@@ -43,7 +43,7 @@ class Fingers(abc.ABC):
         most_open: Half of the widest gap between their ends [m].
         pad_width: Extent of the pads along the palm's z [m].
         palm_x: How far the palm reaches in its x [m].
-        palm_radius: Radius of the cylinder about the palm's x that holds the palm [m].
+        palm_size: Extents of the palm along its y and z [m].
     """
 
     deepest: float
@@ -51,7 +51,7 @@ class Fingers(abc.ABC):
     most_open: float
     pad_width: float
     palm_x: float
-    palm_radius: float
+    palm_size: tuple[float, float]
 
     @abc.abstractmethod
     def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:

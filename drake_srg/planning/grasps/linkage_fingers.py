@@ -49,7 +49,7 @@ class LinkageFingers(Fingers):
     most_open = OPEN_HALF_GAP
     pad_width = 0.024
     palm_x = _PALM_X
-    palm_radius = float(np.hypot(_PALM_HALF_WIDTH, _PALM_HALF_HEIGHT))
+    palm_size = (2.0 * _PALM_HALF_WIDTH, 2.0 * _PALM_HALF_HEIGHT)
 
     @property
     def deepest(self) -> float:  # type: ignore[override]  # it depends on a field

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -20,6 +19,8 @@ Floats = npt.NDArray[np.float32]
 _STEEPEST = 0.45
 # More room around the open hand is no better [m]. Wider things are harder to hold [m].
 _ROOM, _WIDE = 0.012, 0.1
+# Distance between samples below the palm, at most [m].
+_PALM_STEP = 0.007
 
 
 @dc.dataclass(kw_only=True)
@@ -119,20 +120,24 @@ class PinchJudge:
             yaw: Direction of closing, shape (n,) [rad].
         """
         config, n = self._config, len(p_W)
-        strip = self.sample(relief, p_W, yaw).max(axis=1)
+        strip = _sample(relief, p_W, yaw, self._s, self._t).max(axis=1)
         middle = np.abs(self._s) < 0.011
         # The thing at the middle, not a taller one beside it.
         around = relief.lookup(p_W)
         near = strip[:, middle].max(axis=1)
         top = np.where(around > relief.least, np.minimum(near, around + 0.02), near)
-        wide = self._around_palm(relief, p_W)
+        y, z = (
+            np.linspace(-0.5 * size, 0.5 * size, int(size / _PALM_STEP) + 2)
+            for size in self._fingers.palm_size
+        )
+        below_palm = _sample(relief, p_W, yaw, y, z).max(axis=(1, 2))
         # Only `table_gap` keeps the hand off the table.
         obstacle = np.where(strip > relief.least, strip, np.float32(-1.0))
         best = [np.full(n, -np.inf)] + [np.zeros(n) for _ in range(5)]
         for depth in config.depths:
             tip = np.maximum(config.table_gap, top - depth)
             lowest = tip + self._deepest  # of the palm's origin
-            fits = wide < lowest - self._fingers.palm_x - config.clearance
+            fits = below_palm < lowest - self._fingers.palm_x - config.clearance
             between = strip > (tip + config.engaged + relief.least / 4)[:, None]
             for silhouette in self._silhouettes:
                 gap = (lowest[:, None] - silhouette.reach) - obstacle
@@ -158,17 +163,6 @@ class PinchJudge:
         score, tip, half_gap, low, high, lean = best
         return Pinches(p_W, yaw, tip, half_gap, low, high, top, lean, score)
 
-    def sample(self, relief: Relief, p_W: Vector, yaw: Vector) -> Floats:
-        """Return heights below the pads, at offsets across and along the closing.
-
-        Returns:
-            Shape (n, T, S) [m].
-        """
-        along = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)[:, None, None]
-        across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-        points = p_W[:, None, None] + self._s[:, None] * along
-        return relief.lookup(points + self._t[:, None, None] * across)
-
     def refine(self, relief: Relief, pinches: Pinches) -> Pinches:
         """Return pinches whose scores count how the pads lie on the thing.
 
@@ -177,7 +171,7 @@ class PinchJudge:
         """
         if not len(pinches.score):
             return pinches
-        heights = self.sample(relief, pinches.p_W, pinches.yaw)
+        heights = _sample(relief, pinches.p_W, pinches.yaw, self._s, self._t)
         floor = pinches.tip + self._config.engaged + relief.least / 4
         between = heights > floor[:, None, None]
         inside = np.abs(self._s) <= pinches.half_gap[:, None]
@@ -216,12 +210,24 @@ class PinchJudge:
         lever = np.abs(np.sum(apart * across, axis=-1))
         return np.where(np.isfinite(lever), np.minimum(lever, 0.1), 0.05)
 
-    def _around_palm(self, relief: Relief, p_W: Vector) -> Floats:
-        """Return the greatest height within the palm's radius, shape (n,) [m]."""
-        cells = int(np.ceil(self._fingers.palm_radius / relief.map.resolution))
-        kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * cells + 1,) * 2)
-        highest = np.asarray(cv2.dilate(relief.above, kernel), np.float32)
-        return dc.replace(relief, above=highest).lookup(p_W)
+
+def _sample(relief: Relief, p_W: Vector, yaw: Vector, s: Vector, t: Vector) -> Floats:
+    """Return heights below hands, at offsets along the closing and across it.
+
+    Args:
+        relief: What stands on the table.
+        p_W: x, y of the palm's axis in world, shape (n, 2) [m].
+        yaw: Direction of closing, shape (n,) [rad].
+        s: Offsets along it, shape (S,) [m].
+        t: Offsets across it, shape (T,) [m].
+
+    Returns:
+        Shape (n, T, S) [m].
+    """
+    along = np.stack([np.cos(yaw), np.sin(yaw)], axis=-1)[:, None, None]
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    points = p_W[:, None, None] + s[:, None] * along
+    return relief.lookup(points + t[:, None, None] * across)
 
 
 def _score(

@@ -48,7 +48,7 @@ class SrgFingers(Fingers):
     most_open = 0.1
     pad_width = SRG.pad_width
     palm_x = 0.0775  # of its ears
-    palm_radius = 0.5 * float(np.hypot(SRG.palm_width, SRG.palm_height))
+    palm_size = (SRG.palm_width, SRG.palm_height)
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
         """See `Fingers`."""

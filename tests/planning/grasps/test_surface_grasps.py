@@ -1,3 +1,6 @@
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -9,6 +12,7 @@ from drake_srg.planning.grasps.surface_grasps import SurfaceGrasps
 from drake_srg.types import Box, Cylinder, Failure, HeightMap, Sphere
 
 N = 150
+PAGE = Path(__file__).parents[3] / "docs" / "grasps.md"
 
 
 def table(height=0.0):
@@ -54,3 +58,8 @@ def test_the_linkage_takes_what_is_narrow():
     assert plan(Cylinder(0.0125, 0.05), fingers=LinkageFingers()).grasps
     wide = plan(Cylinder(0.035, 0.05), fingers=LinkageFingers())
     assert [refusal.failure for refusal in wide.refused] == [Failure.TOO_WIDE]
+
+
+def test_the_code_of_the_page_runs():
+    (block,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    exec(compile(block, str(PAGE), "exec"), {})
