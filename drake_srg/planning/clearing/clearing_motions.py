@@ -32,8 +32,9 @@ _HAND_RADIUS, _OVER = 0.16, 0.06
 _RIM = 0.03
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
-# A load that reaches further than this from the grasp may turn in the hand [m].
-_SAGS_BEYOND = 0.1
+# A load that reaches further than this from the grasp may turn in the hand, and then
+# hangs lower, by as much as a household object does at most [m].
+_SAGS_BEYOND, _MOST_SAG = 0.1, 0.16
 _ASIDE = 0.12  # at most, the hand is beside the bin's middle when it lets go [m]
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
 
@@ -111,7 +112,7 @@ class ClearingMotions:
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
-        load = self._load(grasp, height_map)
+        load = self._load(scene.X_WG(q_grasp), grasp.p_WC, height_map)
         lift = max(approach, self._rim + _RIM - table + load.sag)
         motions: dict[Mode, Trajectory] = {}
         scene.SetFingers(grasp.fingers_open)
@@ -154,18 +155,16 @@ class ClearingMotions:
         nearest = min(failed, key=lambda ik: ik.violation)
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
-    def _load(self, grasp: TopGrasp, height_map: HeightMap) -> _Load:
-        """Return what is known of the load of a grasp."""
-        cells = thing_at(height_map, self._table, grasp.p_WC)
-        away = cells - grasp.p_WC[:2]
+    def _load(self, X_WG: RigidTransform, p_WC: Vector, height_map: HeightMap) -> _Load:
+        """Return what is known of what a hand at `X_WG` grasps at `p_WC`."""
+        away = thing_at(height_map, self._table, p_WC) - p_WC[:2]
         far = float(np.max(np.linalg.norm(away, axis=1)))
         middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
-        X_GW = grasp.X_WG.inverse()
         return _Load(
-            p_GC=X_GW @ grasp.p_WC,
-            below=max(float(grasp.p_WC[2]) - self._table, 0.01),
-            sag=max(far - _SAGS_BEYOND, 0.0),
-            middle_G=X_GW.rotation() @ np.array([*middle, 0.0]),
+            p_GC=X_WG.inverse() @ p_WC,
+            below=max(float(p_WC[2]) - self._table, 0.01),
+            sag=min(max(far - _SAGS_BEYOND, 0.0), _MOST_SAG),
+            middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
         )
 
     def _over_bin(self, grasp: TopGrasp, load: _Load) -> Vector:

@@ -46,7 +46,7 @@ def grasp_at(place):
     """Return a grasp of the thing at a place."""
     p_WC = np.array([*place, 0.5 * TALL])
     return TopGrasp(
-        X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.15]), 0.0),
+        X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.17]), 0.0),
         fingers=SrgFingers(),
         half_gap=0.05,
         width=SIDE,
