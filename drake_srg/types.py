@@ -199,6 +199,35 @@ class Obstacle:
     X_WO: RigidTransform  # the box's pose in world [m]
 
 
+@dc.dataclass(frozen=True, eq=False)
+class HeightMap:
+    """The height of what cameras see, over a grid of cells in the horizontal plane."""
+
+    origin: Vector  # x, y in W of the middle of cell (0, 0), shape (2,) [m]
+    resolution: float  # width of a cell [m]
+    # World z [m], shape (ny, nx); NaN where no camera saw anything.
+    height: Vector
+
+    def middles(self) -> Vector:
+        """Return x, y of the middle of each cell in world, shape (ny, nx, 2) [m]."""
+        ny, nx = self.height.shape
+        x, y = np.meshgrid(np.arange(nx), np.arange(ny))
+        middles: Vector = self.origin + self.resolution * np.stack([x, y], axis=-1)
+        return middles
+
+    def cells(self, p_W: Vector) -> npt.NDArray[np.intp]:
+        """Return the cells (iy, ix) of points, which may lie outside the map.
+
+        Args:
+            p_W: Points in world [m], shape (..., 2 or more).
+
+        Returns:
+            Shape (..., 2).
+        """
+        ix_iy = np.rint((p_W[..., :2] - self.origin) / self.resolution)
+        return ix_iy[..., ::-1].astype(np.intp)
+
+
 class Mode(enum.Enum):
     """Modes of the pick-and-place state machine, in the order of a cycle."""
 
@@ -224,10 +253,19 @@ class Failure(enum.Enum):
     OUT_OF_REACH = "out_of_reach"
     BLOCKED = "blocked"
     NO_GRASP = "no_grasp"
+    TOO_WIDE = "too_wide"
     DROPPED = "dropped"
     MISPLACED = "misplaced"
     TIME_BUDGET = "time_budget"
     STOPPED = "stopped"
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Left:
+    """A thing that a planner leaves where it is, and why."""
+
+    p_W: Vector  # of its top, shape (3,) [m]
+    failure: Failure
 
 
 @dc.dataclass(frozen=True)
@@ -243,3 +281,4 @@ class PlannerStatus:
     localized_at: float = 0.0  # time of that localization [s]
     message: str = ""  # why it failed, in words
     planning_wall: float = 0.0  # wall-clock time spent on planning [s]
+    left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE

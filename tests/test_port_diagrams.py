@@ -22,6 +22,9 @@ from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.video_process import RemoteVideoRecorder
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.height_mapper import HeightMapper
+from drake_srg.vision.surface import Surface
 
 pytestmark = pytest.mark.slow
 
@@ -32,6 +35,7 @@ CELLS = {
     "kitchen_tendon": [],
     "kitchen_varied": [],
     "kitchen_varied_accurate": [],
+    "clear_table": [],
     "assistive_arm": [],
     "assistive_arm_varied": [],
     "assistive_arm_thesis": [],
@@ -176,6 +180,8 @@ def systems(tmp_path_factory):
     video = RemoteVideoRecorder(process, folder / "video.mp4", 3, 20.0)
     add("RemoteVideoRecorder", video)
     add("SightingError", SightingError(np.zeros(3)))
+    camera = CameraModel.from_config(kitchen.cameras["ceiling"])
+    add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:

@@ -23,7 +23,7 @@ STOREYS = [
 ]
 FLOOR = {room: i for i, rooms in enumerate(STOREYS) for room in rooms}
 # Rooms with storeys of their own, lowest first.
-INNER = {"planning": ["state_machine", "motion", "grasps", "task"]}
+INNER = {"planning": ["state_machine", "motion", "grasps", "task", "clearing"]}
 MODULES = sorted(PACKAGE.rglob("*.py"))
 
 

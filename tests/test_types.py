@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Blob, BlobFlag, Box, Cylinder, Sphere
+from drake_srg.types import Blob, BlobFlag, Box, Cylinder, HeightMap, Sphere
 
 PLAIN = Blob("can", "eye", (1.0, 2.0), RigidTransform(), 0.9)
 HIDDEN = frozenset({BlobFlag.OCCLUDED})
@@ -99,3 +99,13 @@ def test_a_scaled_shape_has_scaled_extents(shape, factor, u):
     scaled = shape.scaled(factor)
     assert scaled.half_extent(u) == pytest.approx(factor * shape.half_extent(u))
     assert type(scaled) is type(shape)
+
+
+def test_the_cells_of_a_height_map():
+    map_ = HeightMap(np.array([0.1, -0.2]), 0.01, np.zeros((3, 5)))
+    middles = map_.middles()
+    assert middles.shape == (3, 5, 2)
+    np.testing.assert_allclose(middles[2, 4], [0.14, -0.18])
+    rows, columns = np.indices((3, 5))
+    np.testing.assert_array_equal(map_.cells(middles), np.stack([rows, columns], -1))
+    np.testing.assert_array_equal(map_.cells(np.array([0.084, -0.2])), [0, -2])

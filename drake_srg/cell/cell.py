@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
@@ -35,7 +36,8 @@ def MakeCell(
         name: Cell
         output_ports:
         - (all of the station's)
-        - localizer.blobs (without a script)
+        - localizer.blobs (with a picked object, without a script)
+        - height_mapper.height_map (with `task.clear`)
         - planner.mode
         - planner.status
         - arm.position_commanded
@@ -46,7 +48,9 @@ def MakeCell(
     `AddCell` is kept short for that purpose.
 
     If the scenario has a `script`, the planner plays it, and there is no localizer. If
-    it has `taught` waypoints, the planner is a `TaughtPlanner`.
+    it has `taught` waypoints, the planner is a `TaughtPlanner`. If it clears the table,
+    a `height_mapper` stands in for the localizer, and the planner is a
+    `ClearingPlanner`.
 
     Args:
         scenario: The scenario of the cell.
@@ -75,7 +79,7 @@ def AddCell(
     needed = {
         "arm": scenario.arm,
         "gripper": scenario.gripper,
-        "task.pick": scenario.task.pick,
+        "task.pick": scenario.task.pick or scenario.task.clear,
         "localizer.cameras (or script)": scenario.localizer.cameras or scenario.script,
     }
     missing = [key for key, value in needed.items() if not value]
@@ -92,6 +96,14 @@ def AddCell(
                 planner.GetOutputPort("force_limit"),
                 station.GetInputPort("gripper.force_limit"),
             )
+    elif scenario.task.clear is not None:
+        mapper = AddHeightMapper(builder, scenario, station)
+        planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
+        seen = mapper.GetOutputPort("height_map")
+        builder.Connect(seen, planner.GetInputPort("height_map"))
+        ConnectSensors(builder, station, planner)
+        ConnectCommands(builder, station, planner)
+        builder.ExportOutput(seen, "height_mapper.height_map")
     else:
         localizer = AddLocalizer(builder, scenario, station)
         make_planner = MakePlanner if scenario.taught is None else MakeTaughtPlanner
@@ -158,6 +170,12 @@ def ConnectPlanner(
         planner: The planner.
     """
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    ConnectSensors(builder, station, planner)
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectSensors(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
+    """Connect a station's measurements to a planner that has inputs for them."""
     for source, target in (
         ("arm.state_measured", "arm_state"),
         ("gripper.state_measured", "gripper_state"),
@@ -167,7 +185,6 @@ def ConnectPlanner(
     ):
         if station.HasOutputPort(source) and planner.HasInputPort(target):
             builder.Connect(station.GetOutputPort(source), planner.GetInputPort(target))
-    ConnectCommands(builder, station, planner)
 
 
 def ConnectCommands(builder: DiagramBuilder, station: Diagram, planner: System) -> None:

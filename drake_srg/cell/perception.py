@@ -32,7 +32,7 @@ def AddLocalizer(
         ScenarioError: If two objects look alike or a range of colours is invalid, or if
             the thesis's localizer has more than one camera.
     """
-    cameras, config = _camera_models(scenario), scenario.localizer
+    cameras, config = camera_models(scenario), scenario.localizer
     if config.thesis is not None:
         return _AddThesisLocalizer(builder, scenario, station)
     localizer = builder.AddNamedSystem(
@@ -58,7 +58,7 @@ def _AddThesisLocalizer(
     builder: DiagramBuilder, scenario: Scenario, station: Diagram
 ) -> ThesisBlobLocalizer:
     """Add the localizer of the arm's thesis and connect it to its one camera."""
-    cameras = _camera_models(scenario)
+    cameras = camera_models(scenario)
     if len(cameras) != 1:
         raise ScenarioError(
             "localizer.cameras: must name one camera where localizer.thesis is given, "
@@ -84,7 +84,7 @@ def AddObstacleFinder(
     localizer: System,
 ) -> ObstacleFinder:
     """Add the finder of obstacles and connect it to the station and the localizer."""
-    cameras = _camera_models(scenario)
+    cameras = camera_models(scenario)
     known = {n: known_shape(n, config) for n, config in scenario.objects.items()}
     finder = builder.AddNamedSystem(
         "obstacle_finder",
@@ -126,7 +126,7 @@ def _AddLeveling(
     return leveling.get_output_port()
 
 
-def _camera_models(scenario: Scenario) -> dict[str, CameraModel]:
+def camera_models(scenario: Scenario) -> dict[str, CameraModel]:
     """Return the models of the localizer's cameras."""
     return {
         name: CameraModel.from_config(scenario.cameras[name])

@@ -77,20 +77,20 @@ def MakeTaughtMotions(scenario: Scenario) -> TaughtMotions:
     """Make the planner of the motions through a scenario's taught waypoints."""
     assert scenario.taught is not None
     assert scenario.arm is not None
-    scene = _own_scene(scenario)
+    scene = own_scene(scenario)
     moves = Moves(scene, MakeHand(scenario, scene.plant).p_GT, scenario.planner)
     return TaughtMotions(scene, moves, np.array(scenario.arm.home), scenario.taught)
 
 
 def MakeTaskPlanner(scenario: Scenario) -> TaskPlanner:
     """Make the planner of motions, with its own model of arm and furniture."""
-    scene = _own_scene(scenario)
+    scene = own_scene(scenario)
     assert scenario.arm is not None
     hand = MakeHand(scenario, scene.plant)
     return TaskPlanner(scene, hand, np.array(scenario.arm.home), scenario.planner)
 
 
-def _own_scene(scenario: Scenario) -> PlanningScene:
+def own_scene(scenario: Scenario) -> PlanningScene:
     """Return a planner's own model of arm and furniture."""
     config = scenario.planner
     return _planning_scene(

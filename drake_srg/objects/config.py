@@ -98,6 +98,13 @@ class ObjectConfig:
     # [x, y] of the centre on the table in world [m]; null draws it in `task.region`.
     position: list[float] | None = dc.field(default=None, metadata={"length": 2})
     yaw: float = 0.0  # rad, about the vertical
+    # Roll and pitch before that [rad]; other than zero, they need `drop`.
+    tilt: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+    # Null: the object stands on the table. Else it falls: it starts this far above the
+    # table, or above the box around any object before it that is in the way [m].
+    drop: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Pose at the start in place of `position` and `yaw`: for an object that lies, is on
     # something or is in the hand. In world, or in the frame `base_frame` of a model in
     # `directives`.

@@ -124,7 +124,7 @@ def X_FO_start(
         raise ValueError("The object's position has not been drawn.")
     half_height = 0.5 * shape.height if shape is not None else 0.0
     return RigidTransform(
-        RollPitchYaw(0.0, 0.0, config.yaw),
+        RollPitchYaw(*config.tilt, config.yaw),
         [*config.position, table_height + half_height],
     )
 

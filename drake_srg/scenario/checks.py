@@ -12,6 +12,7 @@ from drake_srg.common.drake_version import contact_approximations
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturbances import Topple
+from drake_srg.scenario.pick import clear_problems
 from drake_srg.types import Box
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     for name, config in scenario.objects.items():
         yield from _object_problems(scenario, f"objects.{name}", config)
     yield from _sleeping_problems(scenario)
+    yield from clear_problems(scenario)
     yield from _region_problems(scenario)
     yield from _script_problems(scenario)
     yield from _taught_problems(scenario)
@@ -172,9 +174,13 @@ def _object_problems(
                 f"must fit on the table, got {width:g} x {depth:g} m "
                 f"(allowed: up to {table[0]:g} x {table[1]:g} m)",
             )
-    has_place = config.position is not None or config.yaw != 0.0
+    has_place = config.position is not None or config.yaw or config.drop is not None
     if config.pose is not None and has_place:
-        yield key, "needs either a pose, or position and yaw"
+        yield key, "needs either a pose, or position, yaw and drop"
+    if any(config.tilt) and config.drop is None:
+        yield f"{key}.tilt", "needs drop: a tilted object does not stand"
+    if config.drop is not None and config.soft is not None:
+        yield f"{key}.drop", "must be null for a soft object"
     if config.position is not None:
         (x0, y0), (x1, y1) = scenario.table.min, scenario.table.max
         x, y = config.position

@@ -13,6 +13,7 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.planning.script.messages import message_script
 from drake_srg.scenario.checks import check_scenario
 from drake_srg.scenario.draws import add_clutter, draw_distributions, key_generator
+from drake_srg.scenario.pick import resolve_pick
 from drake_srg.scenario.schema import Scenario
 from drake_srg.scenario.yaml_tree import merge, parse_yaml, set_key
 from drake_srg.scenario.yaml_typed import load_typed
@@ -52,6 +53,7 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
     ).random_seed
     values: dict[str, Any] = {}
     tree = add_clutter(tree, int(seed or 0), origin, values)
+    tree = resolve_pick(tree, origin)
     drawn = draw_distributions(tree, int(seed or 0), origin, values)
     scenario: Scenario = load_typed(Scenario, drawn, origin)
     _play_messages(scenario, origin)

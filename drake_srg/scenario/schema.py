@@ -49,6 +49,9 @@ class PlaceConfig:
     tolerance: float = dc.field(default=0.005, metadata=positive())
     # URL of a model that marks the place; empty: none.
     marker: str = ""
+    # Name of a model among `directives`, an open box: objects are dropped into it
+    # instead of being set down. The other keys do not apply.
+    bin: str = ""
 
 
 @dc.dataclass(kw_only=True)
@@ -71,10 +74,22 @@ class TableConfig(RegionConfig):
 
 
 @dc.dataclass(kw_only=True)
-class TaskConfig:
-    """The planner's task: pick an object and place it."""
+class ClearConfig:
+    """Objects to take away one after the other, whatever their shapes."""
 
-    pick: str = ""  # name of the object; empty: nothing to do
+    objects: list[str] = dc.field(default_factory=list)  # their names
+    # Where the planner looks for them, without the bin.
+    region: RegionConfig = dc.field(default_factory=RegionConfig)
+
+
+@dc.dataclass(kw_only=True)
+class TaskConfig:
+    """The planner's task: pick an object and place it, or clear the table of many."""
+
+    # Name of the object; empty: nothing to do. With `place.bin`, `all`: once loaded,
+    # the names are in `clear.objects`, and `pick` is empty.
+    pick: str = ""
+    clear: ClearConfig | None = None
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)
     # Number of cycles. Every second cycle returns the object to where it was found. A
     # script or messages are played that often.

@@ -12,11 +12,17 @@ from drake_srg.objects.models import simple_shape
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
+from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 from drake_srg.vision.symmetry import turn_between
 
 SCHEMA_VERSION = 1
+# Entries that only tasks with several objects have.
+OF_SEVERAL = (
+    *("objects_total", "objects_cleared", "objects"),
+    *("picks", "picks_held", "picks_per_hour"),
+)
 
 # Limits for an object that rests upright.
 _MAX_SPEED = 1e-3  # m/s
@@ -63,6 +69,15 @@ class Metrics:
     real_time_factor: float
     artifacts: dict[str, str | None]
     schema_version: int = SCHEMA_VERSION
+    # With several objects, of which all else says little: how many there are and how
+    # many rest in the bin, grasps begun and those that the planner claims, claimed ones
+    # an hour, and what became of each object (see `ObjectOutcome`).
+    objects_total: int | None = None
+    objects_cleared: int | None = None
+    picks: int | None = None
+    picks_held: int | None = None
+    picks_per_hour: float | None = None
+    objects: dict[str, dict[str, bool | str | int]] | None = None
 
     def table(self) -> str:
         """Return the most important metrics as text."""
@@ -79,6 +94,8 @@ class Metrics:
             return ", ".join(f"{1e3 * x:.2f}" for x in vector) + " mm"
 
         word = "success" if self.success else f"failure: {self.failure}"
+        if self.objects is not None:
+            return self._objects_table(self.objects)
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
             ("result", f"{word}, {self.attempts} attempt(s)"),
@@ -96,9 +113,31 @@ class Metrics:
         ]
         return "\n".join(f"{name:20} {value}" for name, value in rows)
 
+    def _objects_table(
+        self, objects: Mapping[str, Mapping[str, bool | str | int]]
+    ) -> str:
+        word = "success" if self.success else f"failure: {self.failure}"
+        rate = "-" if self.picks_per_hour is None else f"{self.picks_per_hour:.0f}"
+        rows = [
+            ("scenario", f"{self.scenario}, seed {self.seed}"),
+            ("result", word),
+            ("in the bin", f"{self.objects_cleared} of {self.objects_total} objects"),
+            ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
+            *(
+                (name, f"{thing['outcome']}, {thing['attempts']} attempt(s)")
+                for name, thing in objects.items()
+            ),
+            ("planning", f"{self.planning_wall_s:.3g} s of wall clock"),
+            ("speed", f"{self.real_time_factor:.2f} x real time"),
+        ]
+        return "\n".join(f"{name:20} {value}" for name, value in rows)
+
     def write(self, path: Path) -> None:
         """Write metrics.json, whole or not at all; infinities and NaN become null."""
-        text = json.dumps(dc.asdict(self))
+        fields = dc.asdict(self)
+        if self.objects is None:
+            fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
+        text = json.dumps(fields)
         values = json.loads(text, parse_constant=lambda name: None)
         output = OutputFile(path)
         output.path.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")
@@ -172,6 +211,11 @@ def calc_metrics(
     if status.cycles == 1 and opened is not None:
         to_placement = opened - status.localized_at
     success = placed and status.mode is Mode.DONE
+    cleared = None
+    if scenario.task.clear is not None:
+        cleared = clearing_outcome(scenario, log, status)
+        home = measures.is_home(scenario, log)
+        success = status.mode is Mode.DONE and home and cleared.honest
     failure = status.failure
     if status.mode is Mode.DONE and not success:
         failure = Failure.MISPLACED
@@ -201,6 +245,7 @@ def calc_metrics(
         wall_time_s=times.wall,
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
+        **({} if cleared is None else cleared.metrics()),
     )
 
 

@@ -62,7 +62,7 @@ class RunLog:
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick = scenario.task.pick
         self._reader: ContactReader | None = None
-        picked = scenario.objects.get(self._pick)
+        picked = scenario.objects.get(self._pick) if self._pick else None
         self._present = picked is not None and picked.present
         self._rows: list[dict[str, Vector | float]] = []
         self.touching: set[str] = set()

@@ -206,11 +206,10 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
 def _warm_up(simulator: Simulator, cell: Diagram) -> None:
     """Let cameras and localizer set themselves up, so that no run includes the time."""
     root = simulator.get_mutable_context()
-    if cell.HasOutputPort("localizer.blobs"):
-        cell.GetOutputPort("localizer.blobs").Eval(my_context(cell, root))
-        root.SetTime(
-            root.get_time()
-        )  # so that the first image of the run is rendered anew
+    for name in ("localizer.blobs", "height_mapper.height_map"):
+        if cell.HasOutputPort(name):
+            cell.GetOutputPort(name).Eval(my_context(cell, root))
+    root.SetTime(root.get_time())  # so that the first image of the run is rendered anew
 
 
 def _run(

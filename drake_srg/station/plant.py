@@ -37,6 +37,7 @@ from drake_srg.objects.models import (
 )
 from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario
+from drake_srg.station.drops import Drops
 from drake_srg.station.occlusion import AddCard
 from drake_srg.station.preflight import check_constraints, flat_directives, model_files
 
@@ -176,10 +177,13 @@ def AddObjects(plant: MultibodyPlant, scenario: Scenario) -> None:
         ScenarioError: If an object cannot be added or its base frame is unknown.
     """
     height = scenario.table.height
+    dropped = Drops(height)
     for name, config in scenario.objects.items():
         X_WO = X_FO_start(config, simple_shape(name, config), height)
         if config.pose is not None and config.pose.base_frame not in (None, "world"):
             X_WO = _X_WF_start(scenario, name, config.pose.base_frame) @ X_WO
+        if config.drop is not None:
+            X_WO = dropped.X_WO_start(name, config, X_WO)
         if config.present:
             model = AddObject(plant, name, config)
             SetDefaultObjectPose(plant, model, X_WO)

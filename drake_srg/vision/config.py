@@ -240,6 +240,29 @@ class CameraLevelingConfig:
 
 
 @dc.dataclass(kw_only=True)
+class HeightMapConfig:
+    """Thresholds of `height_map`."""
+
+    # Points per side of a pixel. At 1.5 m a pixel of a 640x480 image is 2.6 mm wide,
+    # wider than a cell.
+    subpixels: int = dc.field(default=2, metadata={"ge": 1, "le": 8})
+    # Width of holes that are filled [cells].
+    hole: int = dc.field(default=2, metadata={"ge": 0})
+    # What is higher above the surface than this belongs to a thing, where it matters
+    # whether one reaches too high or over the edge [m].
+    thing: float = dc.field(default=0.008, metadata=positive())
+    # Whether things that hang over the edge of the map are in it. The robot's may, when
+    # it is in view.
+    over_edge: bool = False
+    # How far around such a thing the map is unknown, too [cells].
+    fringe: int = dc.field(default=4, metadata={"ge": 0})
+    # Cells this near to the surface are mostly its own and show how well its height is
+    # measured [m]. Fewer than `least_flat` of them say nothing.
+    near: float = dc.field(default=0.01, metadata=positive())
+    least_flat: int = dc.field(default=200, metadata={"ge": 1})
+
+
+@dc.dataclass(kw_only=True)
 class LocalizerThresholds(BlobLocalizerConfig):
     """Thresholds of everything that a scenario's `localizer` configures."""
 

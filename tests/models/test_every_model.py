@@ -35,7 +35,7 @@ from models.built_models import (
 )
 
 ROBOTS = ("srg", "iiwa14", "gantry", "assistive_arm", "linkage_gripper")
-WORKPLACE = ("small_table", "small_table_recess", "bench")
+WORKPLACE = ("small_table", "small_table_recess", "bench", "bin")
 TABLES = ("table", "table_mat", "floor", "marker", "lid")
 MODELS = (*ROBOTS, *WORKPLACE, *TABLES, *HOUSEHOLD)
 MASSES = {"srg": 0.4, "iiwa14": 30.61, "lid": 0.3, "marker": 0.01, CAN: 0.349}

@@ -74,6 +74,13 @@ def test_the_page_loads_nothing_from_elsewhere(folder):
     [
         ({"success": True, "attempts": 1}, "success, 1 attempt<"),
         (
+            {
+                **{"success": True, "attempts": 7},
+                **{"objects_total": 6, "objects_cleared": 5},
+            },
+            "success, 5 of 6 objects in the bin, 7 picks<",
+        ),
+        (
             {"success": False, "attempts": 2, "failure": "no_grasp"},
             "failure: no_grasp, 2 attempts<",
         ),

@@ -156,9 +156,9 @@ def test_the_defaults_pass():
         ),
         (
             "objects.soup_can={position: [0.5, 0], pose: {}}",
-            "objects.soup_can: needs either a pose, or position and yaw",
+            "objects.soup_can: needs either a pose, or position, yaw and drop",
         ),
-        ("object={yaw: 1, pose: {}}", "needs either a pose, or position and yaw"),
+        ("object={yaw: 1, pose: {}}", "needs either a pose, or position, yaw and drop"),
         ("script=[{mode: fly}]", "script[0].mode: must be one of close, grasp, home"),
         ("script=[{duration: 0}]", "script[0].duration: must be greater than 0.0"),
         ("script=[{closure: 2}]", "script[0].closure: must be at most 1.0, got 2.0"),

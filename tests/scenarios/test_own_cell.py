@@ -41,6 +41,7 @@ def brief(name):
         step = ScriptStep(mode="home", duration=0.1)
         scenario = dc.replace(scenario, script=[step], messages=None)
     scenario.planner.time_budget = 0.1
+    scenario.sleeping = None  # that needs a subsystem `station`
     return scenario
 
 

@@ -1,4 +1,4 @@
-"""Props around the robots: table, floor, pedestal, marker, lid, cradle, soup can."""
+"""Props around the robots: tables, floor, pedestal, marker, lid, cradle, bin, can."""
 
 from __future__ import annotations
 
@@ -137,6 +137,31 @@ def cradle() -> Files:
     return model.finish("sdf/cradle.sdf")
 
 
+def bin_() -> Files:
+    """Return an open box lined with foam; its origin is underneath its middle.
+
+    It takes the largest household object, a plate of 0.26 m, in any pose. The lining is
+    that of the table's mat, so that objects come to rest in it.
+    """
+    model = Model("bin", {"plastic": (0.25, 0.38, 0.52)}, "An open box on a table.")
+    inner, wall, floor_, height = 0.2, 0.015, 0.02, 0.12
+    outer = inner + wall
+    corners = {
+        "floor": ((-outer, -outer, 0), (outer, outer, floor_)),
+        "wall_front": ((inner, -outer, floor_), (outer, outer, height)),
+        "wall_rear": ((-outer, -outer, floor_), (-inner, outer, height)),
+        "wall_left": ((-inner, inner, floor_), (inner, outer, height)),
+        "wall_right": ((-inner, -outer, floor_), (inner, -inner, height)),
+    }
+    pieces = [
+        box_piece(f"bin_{name}", "plastic", low, high, 0.001, MAT)
+        for name, (low, high) in corners.items()
+    ]
+    model.AddLink("bin", pieces, None)
+    model.AddFrame("bottom", "bin")
+    return model.finish("sdf/bin.sdf")
+
+
 def can() -> Files:
     """Return the soup can: red ends and shoulders, a cream band around the middle."""
     name = "005_tomato_soup_can"
@@ -169,5 +194,6 @@ def build() -> Files:
         **lid(),
         **can(),
         **cradle(),
+        **bin_(),
         **pedestal(),
     }

@@ -14,10 +14,10 @@ from drake_srg.types import Cylinder, Shape, Vector
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
 # Cranks of parallelograms carry the pads. They point straight ahead where the gap fits
 # the cylinder for which the pads are cut (tools/models/linkage_pieces.py).
-_CRANK = 0.045
+CRANK = 0.045
 _STRAIGHT_HALF_GAP = 0.0125
-_OPEN_HALF_GAP = 0.030
-_OPEN_ANGLE = float(np.arcsin((_OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / _CRANK))
+OPEN_HALF_GAP = 0.030
+_OPEN_ANGLE = float(np.arcsin((OPEN_HALF_GAP - _STRAIGHT_HALF_GAP) / CRANK))
 _CLEARANCE = 0.012  # of the open hand on each side of an object [m]
 # Half the gap between the middles of curved pads whose rims meet. (Flat pads touch.)
 _EMPTY_HALF_GAP = _STRAIGHT_HALF_GAP * (1.0 - np.cos(np.deg2rad(40.0)))
@@ -35,7 +35,12 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 def crank_angle(half_gap: float) -> float:
     """Return the crank angle, 0 open, with the pad `half_gap` [m] off the middle."""
-    return _OPEN_ANGLE + float(np.arcsin((_STRAIGHT_HALF_GAP - half_gap) / _CRANK))
+    return _OPEN_ANGLE + float(np.arcsin((_STRAIGHT_HALF_GAP - half_gap) / CRANK))
+
+
+def pads_ahead(half_gap: float) -> float:
+    """Return how far the cranks hold the pads ahead of their hinges [m]."""
+    return float(np.sqrt(CRANK**2 - (half_gap - _STRAIGHT_HALF_GAP) ** 2))
 
 
 EMPTY_ANGLE = crank_angle(_EMPTY_HALF_GAP)  # of the cranks of an empty closed hand
@@ -90,15 +95,15 @@ class LinkageHand(Hand):
         """See `Hand`; the driver, not the command, decides how firmly it closes."""
         if not isinstance(shape, Cylinder):
             return []
-        if not _LEAST_RADIUS <= shape.radius <= _OPEN_HALF_GAP - 0.003:
+        if not _LEAST_RADIUS <= shape.radius <= OPEN_HALF_GAP - 0.003:
             return []
         around, across, name = shape.radius + _CLEARANCE, None, "along its axis"
         if abs(axis_W[2]) <= np.sin(_LYING):
             # An object across the pads needs more of their gap than its diameter.
-            across = _ACROSS if around <= _OPEN_HALF_GAP else 0.0
-            around = _OPEN_HALF_GAP
+            across = _ACROSS if around <= OPEN_HALF_GAP else 0.0
+            around = OPEN_HALF_GAP
             name = f"from above, at most {np.degrees(across):.0f} degrees across it"
-        opening = crank_angle(min(around, _OPEN_HALF_GAP))
+        opening = crank_angle(min(around, OPEN_HALF_GAP))
         contact = crank_angle(shape.radius)
         return [
             LinkageGrasp(
@@ -107,8 +112,8 @@ class LinkageHand(Hand):
                 axis_G=np.array([0.0, 0.0, 1.0]),
                 closure_open=opening / self.full_scale,
                 closure_closed=1.0,  # the fingers stop once both sense something
-                fingers_open=_cranks(opening),
-                fingers_closed=_cranks(contact),
+                fingers_open=crank_joints(opening),
+                fingers_closed=crank_joints(contact),
                 contact_angle=contact,
                 across=across,
                 release_shift_G=self.release_shift_G,
@@ -116,7 +121,7 @@ class LinkageHand(Hand):
         ]
 
 
-def _cranks(angle: float) -> dict[str, float]:
+def crank_joints(angle: float) -> dict[str, float]:
     """Return the joint angles of both parallelograms, all alike [rad]."""
     fingers, joints = ("master", "slave"), ("crank", "rocker", "coupler", "pin")
     return {f"{f}_{joint}_joint": angle for f in fingers for joint in joints}

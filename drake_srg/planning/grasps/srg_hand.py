@@ -101,13 +101,7 @@ class SrgHand(Hand):
         # of the pads take low objects, 6 mm above the table.
         depth = SRG.hinge_x + SRG.base_length + 0.002
         depth = max(depth, float(_FINGERTIP_X) + 0.006 - shape.height)
-        # Half the gap between vertical pads is
-        # hinge_y + base_length cos(base) - face_offset.
-        cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
-        base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        tip = 0.5 * np.pi - base
-        if tip < 0.0:  # so thin that straight fingers meet it with their ends
-            base, tip = _straight_base_angle(half_width), 0.0
+        base, tip = pinch_angles(half_width)
         opening = _opening(half_width, depth)
         if opening is None or EMPTY_BASE_ANGLE - base < _LEAST_DIFFERENCE:
             return None
@@ -180,8 +174,8 @@ class SrgHand(Hand):
             axis_G=np.array([-np.sin(tilt), 0.0, np.cos(tilt)]),
             closure_open=min(1.0, base_open / self.full_scale),
             closure_closed=min(1.0, closed / self.full_scale),
-            fingers_open=_fingers(base_open, 0.0),
-            fingers_closed=_fingers(base, tip),
+            fingers_open=finger_joints(base_open, 0.0),
+            fingers_closed=finger_joints(base, tip),
             lean=min(tilt, abs(0.5 * np.pi - tilt)),
             approach=approach,
             tilt=tilt,
@@ -190,7 +184,8 @@ class SrgHand(Hand):
         )
 
 
-def _fingers(base: float, tip: float) -> dict[str, float]:
+def finger_joints(base: float, tip: float) -> dict[str, float]:
+    """Return the joint angles of both fingers, alike, by name [rad]."""
     angles = {"base": base, "tip": tip}
     sides = ("left", "right")
     return {f"{side}_{link}_joint": angles[link] for side in sides for link in angles}
@@ -214,7 +209,24 @@ def _opening(half_width: float, depth: float) -> float | None:
     return float(fitting[-1]) if len(fitting) else None
 
 
-def _straight_base_angle(half_gap: float) -> float:
+def pinch_angles(half_width: float) -> tuple[float, float]:
+    """Return the base and tip angles of pads that lie on a thing's vertical sides.
+
+    Half the gap between vertical pads is
+    hinge_y + base_length cos(base) - face_offset.
+
+    Args:
+        half_width: Half of the thing's width [m].
+    """
+    cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
+    base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    tip = 0.5 * np.pi - base
+    if tip < 0.0:  # so thin that straight fingers meet it with their ends
+        return straight_base_angle(half_width), 0.0
+    return base, tip
+
+
+def straight_base_angle(half_gap: float) -> float:
     """Return the base angle at which the ends of straight fingers leave a gap [rad].
 
     Half the gap is hinge_y + finger_length cos(base) - face_offset sin(base).
@@ -228,7 +240,7 @@ def _straight_base_angle(half_gap: float) -> float:
 
 
 # Base angle at which the fingertips of an empty hand meet [rad].
-EMPTY_BASE_ANGLE = _straight_base_angle(0.0)
+EMPTY_BASE_ANGLE = straight_base_angle(0.0)
 
 
 def _contact_angle(p: Vector, radius: float) -> float | None:

@@ -217,6 +217,18 @@ class PlanningScene(ArmModel):
             self._SetMargin(held, self._hand_margin)
 
     @contextlib.contextmanager
+    def reaching(self, margin: float) -> Iterator[None]:
+        """Let the hand come within `margin` [m] of its surroundings in the context."""
+        hand = self.plant.GetBodyIndices(self._gripper_model)
+        try:
+            for body in hand:
+                self._SetMargin(body, margin)
+            yield
+        finally:
+            for body in hand:
+                self._SetMargin(body, self._hand_margin)
+
+    @contextlib.contextmanager
     def standing(
         self, shape: Shape, X_WO: RigidTransform, *, touchable: bool = False
     ) -> Iterator[None]:

@@ -1,0 +1,147 @@
+"""The parts of a cell that clears its table: height mapper, bin and planner."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from drake_srg.cell.hands import MakeHand
+from drake_srg.cell.perception import camera_models
+from drake_srg.cell.planners import own_scene
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.objects.corners import body_corners
+from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
+from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.grasps.top_grasp import palm_pose
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkFailure,
+    IkSolution,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.scenario import Scenario
+from drake_srg.station.plant import Models
+from drake_srg.types import Vector
+from drake_srg.vision.config import HeightMapConfig
+from drake_srg.vision.height_mapper import HeightMapper
+from drake_srg.vision.surface import Surface
+
+# Where an iiwa 14 on the table reaches with the hand down, about its base [m].
+_REACH = (0.40, 0.82)
+# Height of the palm above the bin's rim before the hand goes down to let go [m].
+_OVER = 0.36
+
+
+def AddHeightMapper(
+    builder: DiagramBuilder, scenario: Scenario, station: Diagram
+) -> HeightMapper:
+    """Add the height mapper of a scenario and connect it to the station's cameras."""
+    clear = scenario.task.clear
+    assert clear is not None
+    low, high = clear.region.min, clear.region.max
+    surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
+    cameras = camera_models(scenario)
+    # The planner looks with the arm out of the way.
+    config = HeightMapConfig(over_edge=True)
+    mapper = builder.AddNamedSystem(
+        "height_mapper", HeightMapper(cameras, surface, config=config)
+    )
+    for name in cameras:
+        for port in ("depth_image", "body_pose_in_world"):
+            source = station.GetOutputPort(f"camera_{name}.{port}")
+            builder.Connect(source, mapper.GetInputPort(f"{name}.{port}"))
+    return mapper
+
+
+def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
+    """Make the planner that clears a scenario's table into its bin.
+
+    Raises:
+        ScenarioError: If the arm does not reach over the bin.
+    """
+    assert scenario.arm is not None
+    config, table = scenario.planner, scenario.table.height
+    scene = own_scene(scenario)
+    hand = MakeHand(scenario, scene.plant)
+    if not isinstance(hand, SrgHand):
+        raise ScenarioError("gripper: clearing a table needs the SRG")
+    low, high = bin_box(scenario)
+    q_home = np.array(scenario.arm.home)
+    p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
+    q_over = _posture_over(scene, q_home, p_WO)
+    base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
+    x, y = base.translation()[:2]
+    grasps = HeightMapGrasps(
+        SrgFingers(config.squeeze, hand.full_scale), table, reach=Reach((x, y), *_REACH)
+    )
+    motions = ClearingMotions(
+        scene,
+        Moves(scene, hand.p_GT, config),
+        q_home,
+        q_over,
+        table=table,
+        rim=float(high[2]),
+        config=config,
+    )
+    planner = PickPlanner(grasps, motions, config)
+    return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
+
+
+def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
+    """Return the posture nearest to home with the hand down over the bin, (N,) [rad].
+
+    Args:
+        scene: The arm and the bin.
+        q_home: The arm's home, shape (N,) [rad].
+        p_WO: Where the palm must be, shape (3,) [m].
+
+    Raises:
+        ScenarioError: If there is none.
+    """
+    scene.SetFingers({})
+    found = [
+        solve_inverse_kinematics(
+            scene,
+            HandTarget.from_pose(palm_pose(p_WO, yaw)),
+            q_nominal=q_home,
+        )
+        for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)
+    ]
+    solved = [ik for ik in found if isinstance(ik, IkSolution)]
+    if solved:
+        return min(solved, key=lambda ik: ik.cost).q
+    failed = [ik for ik in found if isinstance(ik, IkFailure)]
+    reason = min(failed, key=lambda ik: ik.violation).message
+    raise ScenarioError(f"task.place.bin: out of reach: {reason}")
+
+
+def bin_box(scenario: Scenario) -> tuple[Vector, Vector]:
+    """Return the least and greatest corner of a scenario's bin, in world, (3,) [m]."""
+    return _bin_box(Models.of(scenario), scenario.task.place.bin)
+
+
+@functools.lru_cache(maxsize=4)
+def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    models.add_to(plant)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    inspector = scene_graph.model_inspector()
+    corners = []
+    for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name)):
+        body = plant.get_body(index)
+        X_WB: RigidTransform = plant.EvalBodyPoseInWorld(context, body)
+        corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
+    points = np.concatenate(corners)
+    return points.min(axis=0), points.max(axis=0)

@@ -1,0 +1,1 @@
+"""Clearing a table of whatever is on it, from height maps alone."""

@@ -1,0 +1,72 @@
+"""The memory of the clearing planner."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
+
+
+@dc.dataclass(frozen=True)
+class Pick:
+    """A grasp, the motions of the modes around it, and the map they are planned on."""
+
+    grasp: TopGrasp
+    motions: Mapping[Mode, Trajectory]
+    height_map: HeightMap
+    ready_at: float  # when planning has taken its time [s]
+    # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
+    angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    held: bool = False  # the fingers felt something until the arm was over the bin
+
+
+@dc.dataclass(frozen=True)
+class ClearingMemory:
+    """The planner's memory; it is never changed, only replaced."""
+
+    motion: Motion
+    closure: float = 0.0  # commanded, 0 open .. 1 closed
+    height_map: HeightMap | None = None  # the latest
+    next_look: float = 0.0  # s
+    rested_at: float = 0.0  # when the arm came to rest to look [s]
+    pick: Pick | None = None  # the one under way, or the next one
+    tried: tuple[TopGrasp, ...] = ()  # grasps that failed
+    finished: bool = False  # nothing is left that a grasp takes
+    picks: int = 0  # grasps begun
+    taken: int = 0  # things that were felt in the hand and are gone from the table
+    looks: int = 0
+    first_seen_at: float = np.inf  # when the first pick was planned [s]
+    planning_wall: float = 0.0  # s
+    left: tuple[Left, ...] = ()
+    failure: Failure | None = None
+    message: str = ""
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ClearingMemory:
+        return self
+
+    @property
+    def planned(self) -> Pick:
+        """The pick, for modes that begin only with one."""
+        assert self.pick is not None, "this mode needs a planned pick"
+        return self.pick
+
+    def status(self, mode: Mode) -> PlannerStatus:
+        """Return the planner's report on its task in a mode."""
+        return PlannerStatus(
+            mode=mode,
+            failure=self.failure if mode is Mode.FAILED else None,
+            attempts=self.picks,
+            cycles=self.taken,
+            looks=self.looks,
+            localized_at=self.first_seen_at if self.picks else 0.0,
+            message=self.message,
+            planning_wall=self.planning_wall,
+            left=self.left,
+        )

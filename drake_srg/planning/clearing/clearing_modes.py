@@ -1,0 +1,267 @@
+"""The modes of clearing a table: what each commands, looks at and observes."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Callable
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning import state_machine
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory
+from drake_srg.planning.clearing.comparing import is_still
+from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.transitions import Observation
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.types import Failure, HeightMap, Mode, Vector
+
+_STILL = 0.05  # joint speed below which the fingers rest [rad/s]
+# Things that never quite come to rest are picked all the same after this time [s].
+_PATIENCE = 3.0
+_CLEAR = 0.001  # distance at which the fingers have let go [m]
+
+
+@dc.dataclass(frozen=True)
+class Senses:
+    """Measurements at one time."""
+
+    q: Vector  # the arm's joints, shape (N,) [rad]
+    fingers: Vector  # the gripper's joints, shape (n,) [rad]
+    finger_speeds: Vector  # shape (n,) [rad/s]
+    grasped: bool  # both fingers sense something
+    proximity: Vector  # shape (m,) [m]
+    see: Callable[[], HeightMap]  # looks through the cameras, which takes long
+
+
+Now: TypeAlias = state_machine.Moment[Senses]
+Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
+
+
+class ClearingMode(
+    state_machine.ModeActions[Mode, ClearingMemory, Senses, Observation]
+):
+    """A mode that moves the arm, or waits; every mode heeds the clock.
+
+    Attributes:
+        mode: Which mode it is.
+        planner: Plans the picks.
+        config: Times and limits.
+    """
+
+    mode: ClassVar[Mode]
+
+    def __init__(self, planner: PickPlanner) -> None:
+        self.planner = planner
+        self.config = planner.config
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Begin the mode's planned motion, if there is one."""
+        trajectory = self.trajectory(memory)
+        motion = memory.motion.followed_by(trajectory, entry.time)
+        return dc.replace(memory, motion=motion)
+
+    def trajectory(self, memory: ClearingMemory) -> Trajectory | None:
+        """Return the planned motion of the mode, None where the arm rests."""
+        return memory.pick.motions.get(self.mode) if memory.pick else None
+
+    def observe(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Return what the mode's transitions depend on, and only that."""
+        if memory.failure is not None:
+            return Observation(failure=memory.failure)
+        if now.time > self.config.time_budget:
+            return Observation(failure=Failure.TIME_BUDGET)
+        return self.observe_mode(memory, now)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report whether the arm has arrived, or is stopped by something."""
+        if memory.motion.arrived(now.senses.q, now.time):
+            return Observation(arrived=True)
+        late = now.time > memory.motion.due + self.config.arrival_timeout
+        return Observation(failure=Failure.STOPPED if late else None)
+
+
+class Idle(ClearingMode):
+    """Looks until nothing moves any more, and plans the next pick."""
+
+    mode = Mode.IDLE
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Rest."""
+        motion = memory.motion.ended(entry.time)
+        return dc.replace(memory, motion=motion, rested_at=entry.time)
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Look whenever a look is due."""
+        done = memory.pick is not None or memory.finished
+        if done or now.time < memory.next_look:
+            return memory
+        before, seen = memory.height_map, now.senses.see()
+        memory = dc.replace(
+            memory,
+            looks=memory.looks + 1,
+            height_map=seen,
+            next_look=now.time + self.config.search_period,
+        )
+        if before is None or now.time < self.config.search_time:
+            return memory
+        waited = now.time > memory.rested_at + _PATIENCE
+        if not (waited or is_still(before, seen)):
+            return memory
+        return self.planner.plan(memory, seen, now.time)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report a pick once planning has taken its time, or that there is none."""
+        pick = memory.pick
+        ready = pick is not None and now.time >= pick.ready_at
+        return Observation(ready=ready, finished=memory.finished)
+
+
+class PreGrasp(ClearingMode):
+    """Moves the open hand above the grasp."""
+
+    mode = Mode.PRE_GRASP
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Open the fingers as far as the grasp needs, and go."""
+        closure = memory.planned.grasp.closure_open
+        return dc.replace(super().enter(memory, entry), closure=closure)
+
+
+class Grasp(ClearingMode):
+    """Moves the open hand down around the thing."""
+
+    mode = Mode.GRASP
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Count the pick, and go."""
+        return dc.replace(super().enter(memory, entry), picks=memory.picks + 1)
+
+
+class Close(ClearingMode):
+    """Closes the fingers."""
+
+    mode = Mode.CLOSE
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Close the fingers."""
+        closure = memory.planned.grasp.closure_closed
+        return dc.replace(super().enter(memory, entry), closure=closure)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report whether the fingers rest."""
+        return Observation(still=_fingers_rest(now.senses))
+
+
+class Lift(ClearingMode):
+    """Lifts straight up what the fingers have closed on."""
+
+    mode = Mode.LIFT
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Remember how far the fingers have closed, and go."""
+        memory = super().enter(memory, entry)
+        pick = dc.replace(memory.planned, angles=entry.senses.fingers.copy())
+        return dc.replace(memory, pick=pick)
+
+
+class Transfer(ClearingMode):
+    """Carries the load over the bin."""
+
+    mode = Mode.TRANSFER
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Feel whether the load is still there when the arm arrives."""
+        pick = memory.planned
+        if not memory.motion.arrived(now.senses.q, now.time):
+            return memory
+        senses = now.senses
+        # Fingers that lose their load close further.
+        closed = np.mean(senses.fingers - pick.angles) > self.config.slip_closing
+        told = not pick.grasp.tellable or pick.grasp.holds(
+            senses.fingers, senses.proximity
+        )
+        held = bool(senses.grasped and told and not closed)
+        return dc.replace(memory, pick=dc.replace(pick, held=held))
+
+
+class Release(ClearingMode):
+    """Opens the fingers over the bin; meanwhile, looks at the table and plans."""
+
+    mode = Mode.RELEASE
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Let go, judge the pick by what is seen, and plan the next one."""
+        memory = dc.replace(
+            memory,
+            motion=memory.motion.ended(entry.time),
+            closure=memory.planned.grasp.closure_open,
+            looks=memory.looks + 1,
+        )
+        seen = entry.senses.see()
+        return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report whether the fingers have let go."""
+        return Observation(clear=bool(np.min(now.senses.proximity) > _CLEAR))
+
+
+class Home(ClearingMode):
+    """Moves the arm home."""
+
+    mode = Mode.HOME
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Plan the way home, and go."""
+        planned = self.planner.motions.plan_home(memory.motion.destination)
+        if isinstance(planned, PlanningFailure):
+            return dc.replace(memory, failure=planned.failure, message=planned.message)
+        trajectory, wait = planned[Mode.HOME], self.config.home_wait
+        motion = memory.motion.followed_by(trajectory, entry.time, wait)
+        return dc.replace(memory, motion=motion)
+
+
+class End(ClearingMode):
+    """Stays where it is: the task is over."""
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Stop, and remember why."""
+        failure = entry.observation.failure if entry.observation else None
+        return dc.replace(
+            memory, motion=memory.motion.ended(entry.time), failure=failure
+        )
+
+    def observe(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Observe nothing."""
+        return Observation()
+
+
+class Done(End):
+    """Nothing is left that a grasp takes, and the arm is home."""
+
+    mode = Mode.DONE
+
+
+class Failed(End):
+    """The planner has given up, for the reason that its status names."""
+
+    mode = Mode.FAILED
+
+
+def _fingers_rest(senses: Senses) -> bool:
+    return bool(np.max(np.abs(senses.finger_speeds)) < _STILL)
+
+
+_KINDS: tuple[type[ClearingMode], ...] = (
+    *(Idle, PreGrasp, Grasp, Close, Lift, Transfer, Release, Home, Done, Failed),
+)
+
+
+def clearing_modes(planner: PickPlanner) -> dict[Mode, ClearingMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        planner: Plans the picks.
+    """
+    return {kind.mode: kind(planner) for kind in _KINDS}

@@ -1,0 +1,214 @@
+"""The motions of one pick: to a grasp from above, and with its load over the bin."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.clearing.columns import columns, highest_near, thing_at
+from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkFailure,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.types import Box, HeightMap, Mode, Shape, Vector
+
+# Fingertips work this near the table [m]: the grasps allow for it.
+_TIPS = 0.0
+# How far the open hand reaches about its middle, and how much higher than what is there
+# the pads' middle has to be when the hand comes from the side [m].
+_HAND_RADIUS, _OVER = 0.16, 0.06
+# Distance that the load keeps from the bin's rim [m].
+_RIM = 0.03
+_LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
+_TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
+# A load that reaches further than this from the grasp may turn in the hand, and then
+# hangs lower, by as much as a household object does at most [m].
+_SAGS_BEYOND, _MOST_SAG = 0.1, 0.16
+_ASIDE = 0.12  # at most, the hand is beside the bin's middle when it lets go [m]
+_STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
+
+
+@dc.dataclass(frozen=True)
+class _Load:
+    """What is known of a load before it is lifted."""
+
+    p_GC: Vector  # the grasp in the hand, shape (3,) [m]
+    below: float  # how far it hangs below the grasp [m]
+    sag: float  # how much further it may hang, turned in the hand [m]
+    middle_G: Vector  # from the grasp to its middle, level, in the hand, (3,) [m]
+
+
+class ClearingMotions:
+    """Plans the motions of a pick in a planning scene; holds nothing between calls.
+
+    `scene`, `q_home` and `q_over` can be read from it.
+
+    Args:
+        scene: The arm, the gripper, the furniture and the bin.
+        moves: The moves in that scene.
+        q_home: Where the arm begins and ends, shape (N,) [rad].
+        q_over: High over the bin, with the hand down, shape (N,) [rad]. In neither
+            posture may the arm hide the table from the cameras.
+        table: Height of the table [m].
+        rim: Height of the bin's rim [m].
+        config: Distances and speeds.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        moves: Moves,
+        q_home: Vector,
+        q_over: Vector,
+        *,
+        table: float,
+        rim: float,
+        config: PlannerConfig,
+    ) -> None:
+        self.scene, self._moves, self._config = scene, moves, config
+        self.q_home = np.asarray(q_home, dtype=float)
+        self.q_over = np.asarray(q_over, dtype=float)
+        self._table, self._rim = table, rim
+
+    def plan(
+        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
+    ) -> dict[Mode, Trajectory] | PlanningFailure:
+        """Plan from `q_start` to a grasp, and with what it takes over the bin.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            grasp: The grasp.
+            height_map: Of the table, for motions to keep clear of what is on it.
+        """
+        try:
+            return self._plan(np.asarray(q_start), grasp, height_map)
+        except NoPathError as error:
+            return error.failure
+
+    def plan_home(self, q_start: Vector) -> dict[Mode, Trajectory] | PlanningFailure:
+        """Plan the way back to `q_home` from over the bin, shape (N,) [rad]."""
+        self.scene.SetFingers({})
+        try:
+            path = self._moves.joint_path(q_start, self.q_home)
+            return {Mode.HOME: self._moves.timed(path, self._moves.free)}
+        except NoPathError as error:
+            return error.failure
+
+    def _plan(
+        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
+    ) -> dict[Mode, Trajectory]:
+        scene, moves, table = self.scene, self._moves, self._table
+        q_grasp = self._reach(grasp)
+        over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
+        approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
+        load = self._load(scene.X_WG(q_grasp), grasp.p_WC, height_map)
+        lift = max(approach, self._rim + _RIM - table + load.sag)
+        motions: dict[Mode, Trajectory] = {}
+        scene.SetFingers(grasp.fingers_open)
+        with scene.reaching(_TIPS):
+            down = moves.straight(q_grasp, moves.above(q_grasp, approach))[::-1]
+            motions[Mode.GRASP] = moves.timed(down, moves.free, straight=True)
+        with self._standing(height_map):
+            to = moves.joint_path(q_start, down[0])
+            motions[Mode.PRE_GRASP] = moves.timed(to, moves.free)
+        scene.SetFingers(grasp.fingers_closed)
+        with scene.reaching(_TIPS):
+            up = moves.straight(q_grasp, moves.above(q_grasp, lift))
+            motions[Mode.LIFT] = moves.timed(up, moves.holding, straight=True)
+        with self._standing(height_map, beside=grasp.p_WC), self._loaded(load):
+            away = moves.joint_path(up[-1], self._over_bin(grasp, load))
+            motions[Mode.TRANSFER] = moves.timed(away, moves.holding)
+        return motions
+
+    def _reach(self, grasp: TopGrasp) -> Vector:
+        """Return the posture of a grasp nearest to `q_over`, either finger in front.
+
+        Raises:
+            NoPathError: If the arm cannot reach it.
+        """
+        self.scene.SetFingers(grasp.fingers_open)
+        found = []
+        with self.scene.reaching(_TIPS):
+            for either in (grasp, grasp.half_turn()):
+                ik = solve_inverse_kinematics(
+                    self.scene,
+                    either.target(),
+                    q_nominal=self.q_over,
+                    max_starts=_STARTS,
+                )
+                found.append(ik)
+        solved = [ik for ik in found if not isinstance(ik, IkFailure)]
+        if solved:
+            return min(solved, key=lambda ik: ik.cost).q
+        failed = [ik for ik in found if isinstance(ik, IkFailure)]
+        nearest = min(failed, key=lambda ik: ik.violation)
+        raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
+
+    def _load(self, X_WG: RigidTransform, p_WC: Vector, height_map: HeightMap) -> _Load:
+        """Return what is known of what a hand at `X_WG` grasps at `p_WC`."""
+        away = thing_at(height_map, self._table, p_WC) - p_WC[:2]
+        far = float(np.max(np.linalg.norm(away, axis=1)))
+        middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
+        return _Load(
+            p_GC=X_WG.inverse() @ p_WC,
+            below=max(float(p_WC[2]) - self._table, 0.01),
+            sag=min(max(far - _SAGS_BEYOND, 0.0), _MOST_SAG),
+            middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
+        )
+
+    def _over_bin(self, grasp: TopGrasp, load: _Load) -> Vector:
+        """Return a posture with the load's middle over the bin's, just above its rim.
+
+        Raises:
+            NoPathError: If the arm cannot go there.
+        """
+        X_WG = self.scene.X_WG(self.q_over)
+        below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
+        least = self._rim + _RIM + load.sag + below
+        lower = X_WG.translation()[2] - least
+        aside = -(X_WG.rotation() @ load.middle_G)
+        place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
+        path: Vector = self._moves.straight(self.q_over, place)
+        return path[-1]
+
+    @contextlib.contextmanager
+    def _standing(
+        self, height_map: HeightMap, beside: Vector | None = None
+    ) -> Iterator[None]:
+        """Let what a map shows stand on the table, except where something is taken."""
+        with contextlib.ExitStack() as stack:
+            for shape, X_WO in self._things(height_map, beside):
+                stack.enter_context(self.scene.standing(shape, X_WO))
+            yield
+
+    def _things(
+        self, height_map: HeightMap, beside: Vector | None
+    ) -> Sequence[tuple[Shape, RigidTransform]]:
+        things = columns(height_map, self._table)
+        if beside is None:
+            return things
+        return [
+            (shape, X_WO)
+            for shape, X_WO in things
+            if np.linalg.norm(X_WO.translation()[:2] - beside[:2]) > _TAKEN_RADIUS
+        ]
+
+    @contextlib.contextmanager
+    def _loaded(self, load: _Load) -> Iterator[None]:
+        """Let the hand carry a box as long as there is room below the grasp."""
+        length = load.below + load.sag
+        box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])
+        middle = RigidTransform(load.p_GC + np.array([0.5 * length, 0.0, 0.0]))
+        with self.scene.holding(box, middle):
+            yield

@@ -1,0 +1,117 @@
+"""The state machine that clears a table into a bin, as a system."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context
+
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory
+from drake_srg.planning.clearing.clearing_modes import Senses, clearing_modes
+from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.transitions import Observation, transition
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.state_machine import StateMachine
+from drake_srg.types import HeightMap, Mode
+
+_NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
+
+
+class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
+    """Takes one thing after the other from a table and drops it into a bin.
+
+    .. pydrake_system::
+
+        name: ClearingPlanner
+        input_ports:
+        - height_map
+        - arm_state
+        - gripper_state
+        - grasped
+        - proximity
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+
+    Inputs: `height_map` (HeightMap), evaluated only when the planner looks; `arm_state`
+    (2N) and `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once
+    both fingers sense something; `proximity` (m), signed distances [m].
+
+    Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
+    closed; `mode` (Mode); `status` (PlannerStatus).
+
+    The planner knows no shapes. It looks from over the bin, where the arm hides
+    nothing, takes the best grasp that the arm reaches, and carries whatever the fingers
+    have closed on over the bin. A pick counts as held if the fingers feel something
+    there (touch, proximity and their angles), and if what was at the grasp is gone
+    from the table. Grasps that failed are avoided. At `config.max_attempts` failures in
+    one place, the thing there is left.
+
+    DONE: nothing is left on the table, or `status.left` says what and why.
+
+    `planner` can be read from the system.
+
+    Args:
+        planner: Plans the picks.
+        num_fingers: Number n of the gripper's measured joints.
+        num_sensors: Number m of its proximity readings.
+    """
+
+    def __init__(
+        self, planner: PickPlanner, num_fingers: int, num_sensors: int
+    ) -> None:
+        config, q_home = planner.config, planner.motions.q_home
+        super().__init__(
+            clearing_modes(planner),
+            initial=Mode.IDLE,
+            memory=ClearingMemory(Motion(q_rest=q_home)),
+            transition=lambda mode, o, t: transition(mode, o, t, config),
+            period=config.period,
+        )
+        self.planner = planner
+        self._n, self._n_fingers = len(q_home), num_fingers
+        self._map = self.DeclareAbstractInputPort(
+            name="height_map", model_value=AbstractValue.Make(_NO_MAP)
+        )
+        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
+        self._gripper = self.DeclareVectorInputPort(
+            name="gripper_state", size=2 * num_fingers
+        )
+        self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
+        self._proximity = self.DeclareVectorInputPort(
+            name="proximity", size=num_sensors
+        )
+        AddPlannerOutputs(
+            self,
+            self._n,
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
+            prerequisites={self.state_ticket},
+        )
+
+    def sense(self, context: Context) -> Senses:
+        """Return the measurements; the cameras are asked only when a mode looks."""
+        gripper, n = self._gripper.Eval(context), self._n_fingers
+        return Senses(
+            q=self._arm.Eval(context)[: self._n],
+            fingers=gripper[:n],
+            finger_speeds=gripper[n:],
+            grasped=bool(self._grasped.Eval(context)[0]),
+            proximity=self._proximity.Eval(context),
+            see=lambda: self._map.Eval(context),
+        )
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        motion = self.state(context).memory.motion
+        output.SetFromVector(motion.position(context.get_time()))
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        output[0] = self.state(context).memory.closure
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        state = self.state(context)
+        output.set_value(state.memory.status(state.mode))

@@ -1,0 +1,71 @@
+"""Things on a table as upright boxes, for motions to keep clear of."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.types import Box, HeightMap, Shape, Vector
+
+_LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
+
+
+def columns(
+    height_map: HeightMap, table: float, size: float = 0.06
+) -> list[tuple[Shape, RigidTransform]]:
+    """Return boxes that fill a height map, with their poses [m].
+
+    Args:
+        height_map: The map.
+        table: Height of the table [m].
+        size: Width of each box [m].
+    """
+    heights = np.nan_to_num(height_map.height - table)
+    cells = max(1, round(size / height_map.resolution))
+    width = cells * height_map.resolution
+    boxes: list[tuple[Shape, RigidTransform]] = []
+    for row in range(0, heights.shape[0], cells):
+        for column in range(0, heights.shape[1], cells):
+            block = heights[row : row + cells, column : column + cells]
+            high = float(block.max())
+            if high < _LEAST_HEIGHT:
+                continue
+            middle = 0.5 * np.array(block.shape[::-1]) - 0.5 + [column, row]
+            xy = height_map.origin + height_map.resolution * middle
+            pose = RigidTransform([*xy, table + 0.5 * high])
+            boxes.append((Box([width, width, high]), pose))
+    return boxes
+
+
+def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
+    """Return the height of the highest thing near a place, in world [m].
+
+    Args:
+        height_map: The map.
+        p_W: The place, shape (2 or 3,) [m].
+        radius: What counts as near [m].
+    """
+    near = np.linalg.norm(height_map.middles() - p_W[:2], axis=-1) < radius
+    return float(np.nanmax(height_map.height[near], initial=-np.inf))
+
+
+def thing_at(height_map: HeightMap, table: float, p_W: Vector) -> Vector:
+    """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
+
+    Things that touch count as one. Where the map shows nothing, the place itself is all
+    there is.
+
+    Args:
+        height_map: The map.
+        table: Height of the table [m].
+        p_W: The place, shape (2 or 3,) [m].
+    """
+    high = (np.nan_to_num(height_map.height) > table + _LEAST_HEIGHT).astype(np.uint8)
+    _, labels = cv2.connectedComponents(high, connectivity=8)
+    row, column = height_map.cells(np.asarray(p_W))
+    inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]
+    if not (inside and high[row, column]):
+        return np.asarray(p_W, dtype=float)[np.newaxis, :2]
+    cells: Vector = height_map.middles()[labels == labels[row, column]]
+    return cells

@@ -1,0 +1,68 @@
+"""Differences between two height maps of the same region."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.types import HeightMap, Vector
+
+# Heights that differ by less are the same [m]: above the noise of depth images, below
+# the height of a spoon's handle.
+_SAME = 0.003
+# Changes of less than this are noise at the edges of things [m³].
+_LEAST_VOLUME = 1.0e-6
+# At least this share of what has left its place has left the map.
+_LEAST_SHARE = 0.25
+# A change of this much of the map says that something is still moving [m²].
+_LEAST_AREA = 2.0e-4
+
+
+# Changes of single cells are noise; these many cells side by side are not.
+_KERNEL = np.ones((3, 3), np.uint8)
+
+
+def is_still(before: HeightMap, after: HeightMap) -> bool:
+    """Return whether nothing has moved between two maps.
+
+    What falls is too high for a map, and moves from one unseen cell to another.
+    """
+    unseen = np.isnan(before.height) != np.isnan(after.height)
+    moved = np.count_nonzero(_opened(unseen) | (_drop(before, after) != 0.0))
+    return bool(moved * after.resolution**2 < _LEAST_AREA)
+
+
+def has_gone(
+    before: HeightMap, after: HeightMap, p_W: Vector, radius: float = 0.015
+) -> bool:
+    """Return whether what was at a place has left the map.
+
+    The place has become lower, and less is on the table on the whole: what was only
+    pushed aside is found elsewhere.
+
+    Args:
+        before: The map before.
+        after: The map now.
+        p_W: The place, shape (2 or 3,) [m].
+        radius: Around it [m].
+    """
+    drop = _drop(before, after)
+    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
+    if not np.any(drop[near] > 0.0):
+        return False
+    fallen, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
+    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * fallen)
+    return bool(volume > least)
+
+
+def _drop(before: HeightMap, after: HeightMap) -> Vector:
+    """Return by how much each cell has fallen [m]; 0 where a map shows nothing."""
+    drop: Vector = np.nan_to_num(before.height - after.height)
+    return np.where(_opened(np.abs(drop) > _SAME), drop, 0.0)
+
+
+def _opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+    """Return a mask without what is narrower than the kernel."""
+    opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, _KERNEL)
+    return np.asarray(opened > 0)

@@ -1,0 +1,105 @@
+"""Chooses what to pick next from a height map, and remembers what failed."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import time as wall
+from collections.abc import Iterable
+
+import numpy as np
+
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
+from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.comparing import has_gone
+from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.types import Failure, HeightMap, Left, Vector
+
+# Grasps whose motions are planned before giving up.
+_MOST_GRASPS = 30
+# Places that are nearer to each other belong to one thing [m].
+_SAME_THING = 0.06
+
+
+class PickPlanner:
+    """Plans the next pick; holds nothing between calls.
+
+    Args:
+        grasps: Finds grasps in a height map.
+        motions: Plans the motions of a grasp.
+        config: Attempts and latency.
+    """
+
+    def __init__(
+        self, grasps: GraspPlanner, motions: ClearingMotions, config: PlannerConfig
+    ) -> None:
+        self.grasps = grasps
+        self.motions = motions
+        self.config = config
+
+    def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
+        """Judge the pick under way by the map after it, and forget its plan."""
+        pick = memory.planned
+        gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
+        memory = dc.replace(memory, pick=None, height_map=height_map)
+        if pick.held and gone:
+            return dc.replace(memory, taken=memory.taken + 1)
+        return dc.replace(memory, tried=(*memory.tried, pick.grasp))
+
+    def plan(
+        self, memory: ClearingMemory, height_map: HeightMap, time: float
+    ) -> ClearingMemory:
+        """Plan the next pick; finish if no grasp takes anything that is left.
+
+        Args:
+            memory: The planner's.
+            height_map: Of the table now.
+            time: Now [s].
+        """
+        start = wall.perf_counter()
+        found = self.grasps.plan(height_map, tried=memory.tried)
+        q_start = memory.motion.destination
+        missed: list[Left] = []
+        pick = None
+        for grasp in found.grasps[:_MOST_GRASPS]:
+            if self._given_up(memory.tried, grasp.p_WC):
+                missed.append(Left(grasp.p_WC, Failure.NO_GRASP))
+                continue
+            motions = self.motions.plan(q_start, grasp, height_map)
+            if isinstance(motions, PlanningFailure):
+                missed.append(Left(grasp.p_WC, motions.failure))
+                continue
+            pick = Pick(grasp, motions, height_map, time + self.config.latency)
+            break
+        left: list[Left] = []
+        if pick is None:
+            refused = [Left(r.p_W, r.failure) for r in found.refused]
+            left = _distinct([*refused, *missed])
+        return dc.replace(
+            memory,
+            pick=pick,
+            height_map=height_map,
+            finished=pick is None,
+            first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
+            left=tuple(left),
+            planning_wall=memory.planning_wall + wall.perf_counter() - start,
+        )
+
+    def _given_up(self, tried: Iterable[TopGrasp], p_W: Vector) -> bool:
+        """Return whether as many grasps as allowed have failed at a place."""
+        count = sum(_near(grasp.p_WC, p_W) for grasp in tried)
+        return count >= self.config.max_attempts
+
+
+def _near(p_1: Vector, p_2: Vector) -> bool:
+    return bool(np.linalg.norm(p_1[:2] - p_2[:2]) < _SAME_THING)
+
+
+def _distinct(left: Iterable[Left]) -> list[Left]:
+    """Return the first of the reasons for each place."""
+    kept: list[Left] = []
+    for other in left:
+        if not any(_near(other.p_W, known.p_W) for known in kept):
+            kept.append(other)
+    return kept

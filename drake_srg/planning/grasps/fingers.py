@@ -1,0 +1,124 @@
+"""Two fingers that pinch from above, as the search for grasps sees them."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses as dc
+from collections.abc import Mapping
+
+import numpy as np
+
+from drake_srg.types import Vector
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Silhouette:
+    """How far down an open hand reaches, seen along its pads.
+
+    Attributes:
+        half_gap: Of the fingers' ends [m].
+        reach: Palm x of the lowest point of the hand at `offsets`, shape (S,) [m].
+    """
+
+    half_gap: float
+    reach: Vector
+
+
+@dc.dataclass(frozen=True)
+class FingerState:
+    """A posture of both fingers: closure command and joint angles by name [rad]."""
+
+    closure: float
+    joints: Mapping[str, float]
+
+
+class Fingers(abc.ABC):
+    """Two mirrored fingers that close along the palm's y.
+
+    The palm's x points out of it, towards the fingers' ends.
+
+    Attributes:
+        deepest: Greatest palm x that their ends reach as they close [m].
+        max_width: Greatest width that they take [m].
+        most_open: Half of the widest gap between their ends [m].
+        pad_width: Extent of the pads along the palm's z [m].
+        palm_x: How far the palm reaches in its x [m].
+        palm_size: Extents of the palm along its y and z [m].
+    """
+
+    deepest: float
+    max_width: float
+    most_open: float
+    pad_width: float
+    palm_x: float
+    palm_size: tuple[float, float]
+
+    @abc.abstractmethod
+    def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
+        """Return the silhouette of the open hand.
+
+        Args:
+            half_gap: Of the fingers' ends [m].
+            offsets: Distances from the palm's middle along its y, shape (S,) [m].
+        """
+
+    @abc.abstractmethod
+    def opened(self, half_gap: float) -> FingerState:
+        """Return the open hand.
+
+        Args:
+            half_gap: Of the fingers' ends [m].
+        """
+
+    @abc.abstractmethod
+    def closed(self, width: float) -> FingerState:
+        """Return the hand that presses on something.
+
+        Args:
+            width: Of the thing [m].
+        """
+
+    @abc.abstractmethod
+    def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
+        """Return whether closed fingers that fire hold a thing of some width.
+
+        Args:
+            width: Expected between the pads [m].
+            q: Measured angles of the gripper's joints, shape (n,) [rad].
+            proximity: Readings of its sensors, shape (m,) [m].
+        """
+
+    @abc.abstractmethod
+    def tellable(self, width: float) -> bool:
+        """Return whether joint angles tell a held thing of a width [m] from none."""
+
+
+def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:
+    """Return how far down points of a hand reach at each offset.
+
+    Args:
+        points: Of one finger, densely, |y| and x in the palm, shape (n, 2) [m].
+        offsets: Shape (S,), in equal steps [m].
+        floor: Value where there is no point [m].
+    """
+    step = offsets[1] - offsets[0]
+    reach = np.full(len(offsets), floor)
+    for side in (-1.0, 1.0):
+        index = np.rint((side * points[:, 0] - offsets[0]) / step).astype(int)
+        inside = (index >= 0) & (index < len(offsets))
+        np.maximum.at(reach, index[inside], points[inside, 1])
+    return reach
+
+
+def filled_rectangle(
+    corner: Vector, along: Vector, across: Vector, step: float = 0.001
+) -> Vector:
+    """Return points that fill a parallelogram, at most `step` apart [m], (n, 2)."""
+    a, b = (
+        np.linspace(0.0, 1.0, int(np.ceil(np.linalg.norm(v) / step)) + 1)
+        for v in (along, across)
+    )
+    points: Vector = (
+        corner + a[:, None, None] * along + b[None, :, None] * across
+    ).reshape(-1, 2)
+    return points

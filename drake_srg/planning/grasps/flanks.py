@@ -1,0 +1,79 @@
+"""Where things begin and end between two pads, and how their flanks stand there."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.types import Vector
+
+# What is within this of a pad lies at it [m].
+_TOUCHES = 0.004
+# The face there is what the pad sees within this of the middle of that, across it, and
+# as far away as this [m].
+_FACE, _AWAY = 0.01, 0.02
+# Height of the flank over which its lean is measured [m].
+_RISE = 0.012
+
+
+def extent(
+    mask: npt.NDArray[np.bool_], s: Vector
+) -> tuple[Vector, Vector, npt.NDArray[np.bool_]]:
+    """Return the first and last offset where a mask (..., S) is set, and if any is."""
+    some = np.asarray(mask.any(axis=-1))
+    first = mask.argmax(axis=-1)
+    last = len(s) - 1 - mask[..., ::-1].argmax(axis=-1)
+    return np.where(some, s[first], 0.0), np.where(some, s[last], 0.0), some
+
+
+def face_of(distance: Vector, t: Vector) -> tuple[Vector, Vector, Vector]:
+    """Return how much of pads touches things, where, and how the faces slant.
+
+    Args:
+        distance: Of things from pads, shape (n, T) [m]; inf without a thing.
+        t: Positions across the pad, shape (T,) [m].
+
+    Returns:
+        The shares 0 .. 1, the middles in t [m] and the slopes, shape (n,) each.
+    """
+    touches = distance < _TOUCHES
+    middle = (touches * t).sum(axis=1) / np.maximum(touches.sum(axis=1), 1)
+    face = np.abs(t - middle[:, None]) < _FACE
+    count = np.maximum(face.sum(axis=1), 1)
+    dt = t - ((face * t).sum(axis=1) / count)[:, None]
+    away = np.clip(distance, 0.0, _AWAY)
+    slope = (face * dt * away).sum(axis=1) / (face * dt * dt).sum(axis=1).clip(1e-9)
+    return touches.mean(axis=1), middle, slope
+
+
+def lean_of(
+    strip: npt.NDArray[np.float32],
+    tip: Vector,
+    top: Vector,
+    end: Vector,
+    inwards: int,
+    step: float,
+) -> Vector:
+    """Return how far flanks lean inwards: the tangent of the angle to the vertical.
+
+    Pads slip off what leans more than friction allows. Round things lean the less,
+    the lower they are held.
+
+    Args:
+        strip: Heights along the closing direction, shape (n, S) [m].
+        tip: Height of the fingers' ends, shape (n,) [m].
+        top: Height of the thing, shape (n,) [m].
+        end: Where the thing ends, shape (n,) [m].
+        inwards: Direction from there to its inside, 1 or -1.
+        step: Between the samples, the middle one of which is at 0 [m].
+    """
+    rows = np.arange(len(strip))
+    rise = np.clip(0.8 * (top - tip), 1e-3, _RISE)
+    at = (strip.shape[1] - 1) // 2 + np.rint(end / step).astype(int)
+    low = np.ones(len(strip), bool)
+    run = np.zeros(len(strip))
+    for _ in range(round(_RISE / step)):
+        at = np.clip(at + inwards, 0, strip.shape[1] - 1)
+        low = low & (strip[rows, at] < tip + rise)
+        run += step * low
+    return run / rise

@@ -1,0 +1,138 @@
+"""What stands on a table, from a height map."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.types import HeightMap, Vector
+
+# Cells this near to the table are mostly its own [m].
+_NEAR = 0.01
+# Smoothing rounds edges; it pays from this noise on [m].
+_NOISY = 3e-4
+# A thing is higher than the table's noise by this many standard deviations.
+_DEVIATIONS = 4.0
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Thing:
+    """A connected region above the table.
+
+    Attributes:
+        label: Its number in `Relief.labels`.
+        cells: Its cells (iy, ix), shape (n, 2).
+        middle: x, y of the middle of its volume, shape (2,) [m].
+        size: Long and short side of the narrowest rectangle around it [m].
+        top: Its height above the table [m].
+    """
+
+    label: int
+    cells: npt.NDArray[np.intp]
+    middle: Vector
+    size: tuple[float, float]
+    top: float
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Relief:
+    """A height map above a table, without gaps.
+
+    Attributes:
+        map: The map.
+        above: Height above the table, 0 where it is unknown, shape (ny, nx) [m].
+        unknown: Where no camera saw anything, shape (ny, nx).
+        noise: Standard deviation of the table's own heights [m].
+        least: What is lower does not count as a thing [m].
+        labels: Number of the thing in each cell, 0 for none, shape (ny, nx).
+        things: The things.
+    """
+
+    map: HeightMap
+    above: npt.NDArray[np.float32]
+    unknown: npt.NDArray[np.bool_]
+    noise: float
+    least: float
+    labels: npt.NDArray[np.int32]
+    things: tuple[Thing, ...]
+
+    @classmethod
+    def of(
+        cls, map_: HeightMap, table: float, *, least_height: float, least_area: float
+    ) -> Relief:
+        """Return the relief of a map.
+
+        Args:
+            map_: The map.
+            table: World z of the table [m].
+            least_height: Of a thing [m].
+            least_area: Of a thing as seen from above [m²].
+        """
+        unknown = np.isnan(map_.height)
+        above = np.where(unknown, 0.0, map_.height - table).astype(np.float32)
+        noise = _noise(above[~unknown])
+        if noise > _NOISY:
+            above = np.asarray(cv2.medianBlur(above, 3), np.float32)
+            noise = _noise(above[~unknown])
+        least = max(least_height, _DEVIATIONS * noise)
+        labels, things = _things(map_, above, least, least_area)
+        return cls(map_, above, unknown, noise, least, labels, things)
+
+    def only(self, thing: Thing) -> Relief:
+        """Return the relief with nothing but one of its things."""
+        above = np.where(self.labels == thing.label, self.above, np.float32(0.0))
+        return dc.replace(self, above=above, things=(thing,))
+
+    def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
+        """Return heights above the table at points; 0 outside the map.
+
+        Args:
+            p_W: x, y in world, shape (..., 2) [m].
+        """
+        padded = np.pad(self.above, 1)
+        cells = (p_W - self.map.origin) * (1.0 / self.map.resolution) + 1.5
+        ny, nx = padded.shape
+        ix = np.clip(cells[..., 0], 0, nx - 1).astype(np.int32)
+        iy = np.clip(cells[..., 1], 0, ny - 1).astype(np.int32)
+        return padded.ravel().take(iy * nx + ix)
+
+
+def _noise(above: npt.NDArray[np.float32]) -> float:
+    """Return the standard deviation of a table's own heights [m]."""
+    flat = np.abs(above[np.abs(above) < _NEAR])
+    return 1.4826 * float(np.median(flat)) if len(flat) else 0.0
+
+
+def _things(
+    map_: HeightMap, above: npt.NDArray[np.float32], least: float, least_area: float
+) -> tuple[npt.NDArray[np.int32], tuple[Thing, ...]]:
+    """Return the number of the thing in each cell, and the things."""
+    count, found, stats, _ = cv2.connectedComponentsWithStats(
+        (above > least).astype(np.uint8), connectivity=8
+    )
+    labels = np.array(found, np.int32)
+    middles, things = map_.middles(), []
+    for label in range(1, count):
+        if stats[label, cv2.CC_STAT_AREA] * map_.resolution**2 < least_area:
+            labels[labels == label] = 0
+            continue
+        cells = np.argwhere(labels == label)
+        heights = above[cells[:, 0], cells[:, 1]].astype(float)
+        points = middles[cells[:, 0], cells[:, 1]]
+        _, sides, _ = cv2.minAreaRect((cells - cells[0]).astype(np.float32))
+        long, short = sorted(
+            ((side + 1.0) * map_.resolution for side in sides), reverse=True
+        )
+        things.append(
+            Thing(
+                label,
+                cells,
+                np.average(points, axis=0, weights=heights),
+                (long, short),
+                float(heights.max()),
+            )
+        )
+    return labels, tuple(things)

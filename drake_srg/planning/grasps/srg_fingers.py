@@ -1,0 +1,101 @@
+"""The SRG's fingers in a pinch from above."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.planning.grasps.fingers import (
+    Fingers,
+    FingerState,
+    Silhouette,
+    filled_rectangle,
+    lowest,
+)
+from drake_srg.planning.grasps.srg_hand import (
+    EMPTY_BASE_ANGLE,
+    finger_joints,
+    pinch_angles,
+    straight_base_angle,
+)
+from drake_srg.types import Vector
+
+# Backs of base link and tip, from the line through the hinges, and how far the base
+# link goes beyond its hinges [m] (srg_fast.sdf).
+_BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
+# What joints bend and readings err, of the base angle [rad].
+_ANGLE_ERROR = 0.012
+
+
+@dc.dataclass(frozen=True)
+class SrgFingers(Fingers):
+    """The SRG: straight fingers close, then the pads turn onto the object.
+
+    Args:
+        squeeze: See `SrgHand`.
+        full_scale: See `SrgHand`.
+    """
+
+    squeeze: float = 0.6
+    full_scale: float = SRG.full_scale
+
+    # Of the edges of the ends of straight fingers.
+    deepest = SRG.hinge_x + float(np.hypot(SRG.finger_length, SRG.face_offset))
+    # The pads of a wider opening would not be parallel.
+    max_width = SRG.parallel_gap - 0.01
+    most_open = 0.1
+    pad_width = SRG.pad_width
+    palm_x = 0.0775  # of its ears
+    palm_size = (SRG.palm_width, SRG.palm_height)
+
+    def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
+        """See `Fingers`."""
+        base = straight_base_angle(half_gap)
+        along = np.array([np.cos(base), np.sin(base)])  # in |y|, x
+        inwards = np.array([-np.sin(base), np.cos(base)])
+        hinge = np.array([SRG.hinge_y, SRG.hinge_x])
+        finger = np.concatenate(
+            [
+                filled_rectangle(
+                    hinge + start * along - back * inwards,
+                    (end - start) * along,
+                    (SRG.face_offset + back) * inwards,
+                )
+                for start, end, back in (
+                    (-_HOUSING, SRG.base_length + _HOUSING, _BASE_BACK),
+                    (SRG.base_length, SRG.finger_length, _TIP_BACK),
+                )
+            ]
+        )
+        palm = np.abs(offsets) <= 0.5 * SRG.palm_width
+        reach = lowest(finger, offsets, -np.inf)
+        return Silhouette(half_gap, np.where(palm, np.fmax(reach, self.palm_x), reach))
+
+    def opened(self, half_gap: float) -> FingerState:
+        """See `Fingers`."""
+        base = straight_base_angle(half_gap)
+        return FingerState(base / self.full_scale, finger_joints(base, 0.0))
+
+    def closed(self, width: float) -> FingerState:
+        """See `Fingers`."""
+        base, tip = pinch_angles(0.5 * width)
+        closure = (base + tip + self.squeeze) / self.full_scale
+        return FingerState(min(1.0, closure), finger_joints(base, tip))
+
+    def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
+        """See `Fingers`; the base links come first in `q`.
+
+        What is held may be wider or narrower than expected.
+        """
+        least = EMPTY_BASE_ANGLE - max(_ANGLE_ERROR, 0.3 * self._difference(width))
+        return bool(np.mean(q[:2]) < least or np.max(q[2:]) > 0.1)
+
+    def tellable(self, width: float) -> bool:
+        """See `Fingers`."""
+        return self._difference(width) > 2.0 * _ANGLE_ERROR
+
+    def _difference(self, width: float) -> float:
+        """Return the base angle of an empty hand less that at contact [rad]."""
+        return float(EMPTY_BASE_ANGLE - straight_base_angle(0.5 * width))

@@ -1,0 +1,218 @@
+"""The search for grasps from above that all their planners share."""
+
+from __future__ import annotations
+
+import abc
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.random import Generator, default_rng
+
+from drake_srg.planning.grasps.fingers import Fingers
+from drake_srg.planning.grasps.pinches import PinchConfig, Pinches, PinchJudge
+from drake_srg.planning.grasps.relief import Relief, Thing
+from drake_srg.planning.grasps.top_grasp import (
+    GraspPlan,
+    Refusal,
+    TopGrasp,
+    palm_pose,
+)
+from drake_srg.types import Failure, HeightMap, Vector, positive
+
+
+@dc.dataclass(frozen=True)
+class Reach:
+    """Where the hand can be when it points down: a ring about the arm's base [m]."""
+
+    center: tuple[float, float]
+    least: float
+    most: float
+
+    def contains(self, p_W: Vector) -> np.ndarray:
+        """Return which points (n, 2 or more) the hand reaches, shape (n,)."""
+        radius = np.linalg.norm(p_W[:, :2] - self.center, axis=1)
+        return np.asarray((radius >= self.least) & (radius <= self.most))
+
+
+@dc.dataclass(kw_only=True)
+class TopGraspConfig(PinchConfig):
+    """How grasps are searched for. Lengths in m."""
+
+    points: int = dc.field(default=150, metadata={"ge": 1})
+    # At least, of every thing.
+    points_per_thing: int = dc.field(default=16, metadata={"ge": 1})
+    yaws: int = dc.field(default=18, metadata={"ge": 2})
+    # Kept for a second look, moved to the middle and turned a little.
+    kept: int = dc.field(default=120, metadata={"ge": 1})
+    grasps: int = dc.field(default=40, metadata={"ge": 1})
+    # Worse ones are not worth an attempt.
+    least_score: float = 3.5
+    # Grasps that are this much alike count as one, and as one that failed.
+    apart: float = dc.field(default=0.012, metadata=positive())
+    turned: float = dc.field(default=0.35, metadata=positive())
+    # A thing is at least this high, and this large as seen from above [m²].
+    least_height: float = dc.field(default=0.004, metadata=positive())
+    least_area: float = dc.field(default=6e-5, metadata=positive())
+
+
+class TopGraspSearch(abc.ABC):
+    """Judges places and directions on a height map, and explains what it refuses.
+
+    All depths and openings are judged at once (see `PinchJudge`). The best are moved to
+    where both pads touch at the same time, turned a little, and judged once more.
+
+    Args:
+        fingers: The hand's.
+        table: World z of the table [m].
+        reach: Where the hand can be; None for everywhere.
+        config: Numbers and thresholds; None for the defaults.
+    """
+
+    def __init__(
+        self,
+        fingers: Fingers,
+        table: float,
+        *,
+        reach: Reach | None = None,
+        config: TopGraspConfig | None = None,
+    ) -> None:
+        self._fingers, self._table, self._reach = fingers, table, reach
+        self._config = config or TopGraspConfig()
+        self._judge = PinchJudge(fingers, self._config)
+        coarse = dc.replace(self._config, step=0.004, across=0.009)
+        self._coarse = PinchJudge(fingers, coarse)
+
+    @abc.abstractmethod
+    def proposals(self, relief: Relief, rng: Generator) -> tuple[Vector, Vector]:
+        """Return where to judge pinches.
+
+        Args:
+            relief: What stands on the table, or a part of that.
+            rng: For random draws.
+
+        Returns:
+            x, y of the palm's axis in world, shape (n, 2) [m], and directions of
+            closing, shape (n,) [rad].
+        """
+
+    def relief(self, height_map: HeightMap) -> Relief:
+        """Return what stands on the table according to a height map."""
+        return Relief.of(
+            height_map,
+            self._table,
+            least_height=self._config.least_height,
+            least_area=self._config.least_area,
+        )
+
+    def plan(
+        self, height_map: HeightMap, *, tried: Sequence[TopGrasp] = (), seed: int = 0
+    ) -> GraspPlan:
+        """See `GraspPlanner`."""
+        relief = self.relief(height_map)
+        if not relief.things:
+            return GraspPlan()
+        pinches = self._search(relief, seed)
+        grasps = self._distinct([self._grasp(row) for row in _rows(pinches)], tried)
+        return GraspPlan(
+            tuple(grasps),
+            len(relief.things),
+            lambda: self._refusals(relief, grasps, seed),
+        )
+
+    def _refusals(
+        self, relief: Relief, grasps: Sequence[TopGrasp], seed: int
+    ) -> tuple[Refusal, ...]:
+        """Return the things that no grasp takes."""
+        taken: set[int] = set()
+        for grasp in grasps:
+            along = np.array([np.cos(grasp.yaw), np.sin(grasp.yaw)])
+            offsets = np.linspace(-0.5, 0.5, 21)[:, None] * grasp.width * along
+            cells = relief.map.cells(grasp.p_WC[:2] + offsets)
+            taken |= set(relief.labels[cells[:, 0], cells[:, 1]].tolist())
+        return tuple(
+            self._refuse(relief, thing, seed)
+            for thing in relief.things
+            if thing.label not in taken
+        )
+
+    def _search(self, relief: Relief, seed: int) -> Pinches:
+        """Return the best pinches, the best first."""
+        config = self._config
+        p_W, yaw = self._within_reach(*self.proposals(relief, default_rng(seed)))
+        first = self._coarse.judge(relief, p_W, yaw).best(3 * config.kept)
+        first = self._coarse.refine(relief, first).best(config.kept)
+        centered = first.p_W + (0.5 * (first.low + first.high))[:, None] * (
+            first.direction
+        )
+        little = 0.5 * np.pi / config.yaws
+        again = self._judge.judge(
+            relief,
+            *self._within_reach(
+                np.repeat(centered, 3, axis=0),
+                np.repeat(first.yaw, 3)
+                + np.tile([-little, 0.0, little], len(centered)),
+            ),
+        )
+        found = self._judge.refine(relief, again).best(3 * config.kept)
+        return found.take(np.flatnonzero(found.score > config.least_score))
+
+    def _within_reach(self, p_W: Vector, yaw: Vector) -> tuple[Vector, Vector]:
+        """Return the proposals that the hand reaches."""
+        if self._reach is None:
+            return p_W, yaw
+        reached = self._reach.contains(p_W)
+        return p_W[reached], yaw[reached]
+
+    def _grasp(self, pinch: Pinches) -> TopGrasp:
+        """Return the grasp of a single pinch."""
+        tip, low, high = float(pinch.tip[0]), float(pinch.low[0]), float(pinch.high[0])
+        width = high - low + self._config.step
+        xy, top = pinch.p_W[0], float(pinch.top[0])
+        z = self._table + tip + self._fingers.deepest
+        middle = xy + 0.5 * (low + high) * pinch.direction[0]
+        return TopGrasp(
+            X_WG=palm_pose(np.array([*xy, z]), float(pinch.yaw[0])),
+            fingers=self._fingers,
+            half_gap=float(pinch.half_gap[0]),
+            width=width,
+            p_WC=np.array([*middle, self._table + 0.5 * (tip + top)]),
+            height=top,
+            score=float(pinch.score[0]),
+        )
+
+    def _distinct(
+        self, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
+    ) -> list[TopGrasp]:
+        """Return grasps that differ, the best first, those like failed ones last."""
+        config = self._config
+        new: list[TopGrasp] = []
+        old: list[TopGrasp] = []
+        for grasp in grasps:
+            if any(grasp.like(g, config.apart, config.turned) for g in new + old):
+                continue
+            failed = any(grasp.like(g, 2 * config.apart, config.turned) for g in tried)
+            (old if failed else new).append(grasp)
+            if len(new) >= config.grasps:
+                break
+        return new + old[: config.grasps - len(new)]
+
+    def _refuse(self, relief: Relief, thing: Thing, seed: int) -> Refusal:
+        """Return why there is no grasp of a thing."""
+        points = relief.map.middles()[thing.cells[:, 0], thing.cells[:, 1]]
+        if self._reach is not None and not self._reach.contains(points).any():
+            failure = Failure.OUT_OF_REACH
+        elif len(relief.things) > 1 and len(
+            self._search(relief.only(thing), seed).score
+        ):
+            failure = Failure.BLOCKED
+        elif thing.size[1] > self._fingers.max_width:
+            failure = Failure.TOO_WIDE
+        else:
+            failure = Failure.NO_GRASP
+        p_W = np.array([*thing.middle, self._table + thing.top])
+        return Refusal(p_W, thing.size, failure)
+
+
+def _rows(pinches: Pinches) -> list[Pinches]:
+    return [pinches.take(np.array([i])) for i in range(len(pinches.score))]

@@ -1,0 +1,149 @@
+"""Judges a run that clears a table, from its log and the ground truth."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_srg.cell.clearing import bin_box
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.objects.household import ObjectFacts, object_facts
+from drake_srg.scenario import Scenario
+from drake_srg.simulation import measures
+from drake_srg.simulation.hand_poses import hand_poses
+from drake_srg.simulation.log_format import MODES, row_to_pose
+from drake_srg.types import Failure, Left, Mode, PlannerStatus, Vector
+
+# An object in the bin that is slower than this rests [m/s].
+_AT_REST = 0.005
+# How far above the bin's rim the origin of an object in the bin may be [m]: a full bin
+# is heaped.
+_HEAPED = 0.1
+# Distance between an object and the place that the planner names for it [m].
+_NAMED_WITHIN = 0.05
+# Where the fingers take things, in the palm [m].
+_p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
+CLEARED = "cleared"
+
+
+@dc.dataclass(frozen=True)
+class ObjectOutcome:
+    """What became of one object.
+
+    Attributes:
+        cleared: Whether it rests in the bin.
+        outcome: `cleared`, or why the planner has left it; `not_seen` if it does not
+            say.
+        attempts: Grasps that were nearest to it.
+    """
+
+    cleared: bool
+    outcome: str
+    attempts: int
+
+
+@dc.dataclass(frozen=True)
+class ClearingOutcome:
+    """What became of all objects."""
+
+    objects: Mapping[str, ObjectOutcome]
+    picks: int
+    picks_held: int
+    picks_per_hour: float | None
+
+    @property
+    def cleared(self) -> int:
+        """Number of objects in the bin."""
+        return sum(thing.cleared for thing in self.objects.values())
+
+    def metrics(self) -> dict[str, Any]:
+        """Return the entries of metrics.json."""
+        return {
+            "objects_total": len(self.objects),
+            "objects_cleared": self.cleared,
+            "picks": self.picks,
+            "picks_held": self.picks_held,
+            "picks_per_hour": self.picks_per_hour,
+            "objects": {name: dc.asdict(o) for name, o in self.objects.items()},
+        }
+
+    @property
+    def honest(self) -> bool:
+        """Whether all that is left is named, and no more was claimed than is true."""
+        named = all(
+            thing.cleared or thing.outcome != Failure.NOT_SEEN.value
+            for thing in self.objects.values()
+        )
+        return named and self.picks_held <= self.cleared
+
+
+def clearing_outcome(
+    scenario: Scenario, log: Mapping[str, Vector], status: PlannerStatus
+) -> ClearingOutcome:
+    """Return what became of the objects of a scenario with `task.clear`.
+
+    Args:
+        scenario: The scenario.
+        log: Arrays of log.npz, one row per sample.
+        status: The planner's last status.
+    """
+    assert scenario.task.clear is not None
+    time, box = log["time"], bin_box(scenario)
+    names = [n for n in scenario.task.clear.objects if f"object_pose.{n}" in log]
+    facts = {name: object_facts(name, scenario.objects[name]) for name in names}
+    attempts = _attempts(scenario, log, facts)
+    outcomes = {}
+    for name in names:
+        poses = log[f"object_pose.{name}"]
+        slow = measures.final_speed(time, poses) < _AT_REST
+        cleared = slow and _is_inside(poses[-1, :3], box)
+        outcome = CLEARED if cleared else _reason(poses[-1], facts[name], status.left)
+        outcomes[name] = ObjectOutcome(cleared, outcome, attempts[name])
+    spent = time[-1] - status.localized_at
+    ended = np.isin(log["mode"], [MODES.index(m) for m in (Mode.DONE, Mode.FAILED)])
+    if ended.any():
+        spent = time[np.argmax(ended)] - status.localized_at
+    rate = 3600.0 * status.cycles / spent if status.attempts and spent > 0.0 else None
+    return ClearingOutcome(outcomes, status.attempts, status.cycles, rate)
+
+
+def _is_inside(p_W: Vector, box: tuple[Vector, Vector]) -> bool:
+    low, high = box[0] - 0.01, box[1] + [0.0, 0.0, _HEAPED]
+    return bool(np.all(p_W >= low) and np.all(p_W <= high))
+
+
+def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Left]) -> str:
+    """Return the reason that the planner gives for the place of an object."""
+    distances = [(_distance(row, facts, thing.p_W), thing) for thing in left]
+    near = [pair for pair in distances if pair[0] < _NAMED_WITHIN]
+    if not near:
+        return Failure.NOT_SEEN.value
+    return min(near, key=lambda pair: pair[0])[1].failure.value
+
+
+def _attempts(
+    scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
+) -> dict[str, int]:
+    """Return how many grasps have closed nearest to each object."""
+    mode, states = log["mode"], measures.arm_states(log)
+    assert states is not None
+    closes = mode == MODES.index(Mode.CLOSE)
+    rows = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
+    counts = dict.fromkeys(facts, 0)
+    for row, X_WG in zip(rows, hand_poses(scenario, states[rows]), strict=True):
+        distances = {
+            name: _distance(log[f"object_pose.{name}"][row], facts[name], X_WG @ _p_GC)
+            for name in facts
+        }
+        counts[min(distances, key=lambda name: distances[name])] += 1
+    return counts
+
+
+def _distance(row: Vector, facts: ObjectFacts, p_W: Vector) -> float:
+    """Return the distance of a point from the box around an object [m]."""
+    p_O = row_to_pose(row).inverse() @ p_W
+    outside = np.maximum(np.maximum(facts.low - p_O, p_O - facts.high), 0.0)
+    return float(np.linalg.norm(outside))

@@ -1,0 +1,145 @@
+"""Height maps of a table from depth images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.types import HeightMap, Vector
+from drake_srg.vision.camera import Imager
+from drake_srg.vision.config import DepthNoiseConfig, HeightMapConfig
+from drake_srg.vision.depth_noise import clean
+from drake_srg.vision.mask import Mask, grow, has_depth
+from drake_srg.vision.surface import Surface
+
+
+def points_of(
+    depth: Vector,
+    X_WB: RigidTransform,
+    imager: Imager,
+    noise: DepthNoiseConfig,
+    *,
+    subpixels: int = 1,
+) -> Vector:
+    """Return the points that a depth image shows, in world, shape (n, 3) [m].
+
+    Args:
+        depth: Along the imager's z [m], shape (height, width).
+        X_WB: Pose of the camera's body in world.
+        imager: Its depth imager.
+        noise: How its noise is reduced.
+        subpixels: Points per side of a pixel, which counts as a patch of one depth.
+    """
+    cleaned, _ = clean(np.asarray(depth, np.float32), noise)
+    rows, columns = np.nonzero(has_depth(cleaned))
+    h, w = cleaned.shape
+    rays = imager.rays(slice(0, w), slice(0, h))[rows, columns]
+    z = cleaned[rows, columns].astype(float)
+    info = imager.info
+    offsets = (np.arange(subpixels) + 0.5) / subpixels - 0.5
+    patches = [
+        (rays + np.array([du / info.focal_x(), dv / info.focal_y(), 0.0])) * z[:, None]
+        for du in offsets
+        for dv in offsets
+    ]
+    p_D = np.concatenate(patches)
+    X_WD = X_WB @ imager.X_BI
+    p_W: Vector = p_D @ X_WD.rotation().matrix().T + X_WD.translation()
+    return p_W
+
+
+def height_map(
+    clouds: Iterable[Vector],
+    surface: Surface,
+    *,
+    resolution: float = 0.002,
+    max_height: float = 0.35,
+    config: HeightMapConfig | None = None,
+) -> HeightMap:
+    """Return how high things reach above a surface, and the surface's own height.
+
+    A cell holds the highest of its points, from whichever cloud. Holes as narrow as a
+    pixel are filled from their surroundings. The arm reaches higher than things on the
+    table do: a region that rises above `max_height` is unknown, and so is one that
+    hangs over the surface's edge, unless `config.over_edge`.
+
+    Args:
+        clouds: Points that each camera sees, in world [m], shape (n, 3) each.
+        surface: Where to look.
+        resolution: Width of a cell [m].
+        max_height: Greatest height of a thing above the surface [m].
+        config: The thresholds; None for the defaults.
+    """
+    config = config or HeightMapConfig()
+    low, high = np.array(surface.min), np.array(surface.max)
+    nx, ny = np.maximum(np.floor((high - low) / resolution).astype(int), 1)
+    origin = low + 0.5 * resolution
+    height = np.full((ny, nx), -np.inf)
+    for cloud in clouds:
+        seen = _highest(cloud, origin, resolution, (ny, nx))
+        seen += _offset(seen, surface.height, config)
+        height = np.fmax(height, seen)
+    height[~np.isfinite(height)] = np.nan
+    height = _filled(height, config.hole)
+    things = height > surface.height + config.thing
+    seeds = height > surface.height + max_height
+    if not config.over_edge:
+        seeds |= _at_edge(things)
+    strange = _connected(things, seeds)
+    height[grow(strange, config.fringe)] = np.nan
+    return HeightMap(origin, resolution, height)
+
+
+def _highest(
+    cloud: Vector, origin: Vector, resolution: float, shape: tuple[int, int]
+) -> Vector:
+    """Return the height of the highest point in each cell, -inf without a point."""
+    height = np.full(shape, -np.inf)
+    ix, iy = np.rint((cloud[:, :2] - origin) / resolution).astype(int).T
+    inside = (ix >= 0) & (iy >= 0) & (ix < shape[1]) & (iy < shape[0])
+    np.maximum.at(height, (iy[inside], ix[inside]), cloud[inside, 2])
+    return height
+
+
+def _offset(height: Vector, level: float, config: HeightMapConfig) -> float:
+    """Return what corrects a camera's heights, by what it sees of the surface [m].
+
+    The highest of several noisy points is too high on average, and a camera's pose is
+    known only so well.
+    """
+    flat = height[np.abs(height - level) < config.near] - level
+    if len(flat) < config.least_flat:
+        return 0.0
+    return -float(np.median(flat))
+
+
+def _filled(height: Vector, hole: int) -> Vector:
+    """Return a map whose holes of at most `hole` cells hold the lowest neighbour.
+
+    Holes are shadows more often than tops.
+    """
+    filled = height.copy()
+    for _ in range((hole + 1) // 2):
+        missing = np.isnan(filled)
+        # Erosion takes the least, and inf for what is missing.
+        known = np.where(missing, np.inf, filled).astype(np.float32)
+        lowest = cv2.erode(known, np.ones((3, 3), np.uint8), borderValue=np.inf)
+        filled[missing] = np.where(np.isfinite(lowest), lowest, np.nan)[missing]
+    return filled
+
+
+def _at_edge(things: Mask) -> Mask:
+    """Return where things are at the edge of the map."""
+    inner = np.zeros_like(things)
+    inner[1:-1, 1:-1] = True
+    return np.asarray(things & ~inner)
+
+
+def _connected(things: Mask, seeds: Mask) -> Mask:
+    """Return the connected regions of `things` that hold a seed."""
+    _, labels = cv2.connectedComponents(things.astype(np.uint8), connectivity=8)
+    chosen = np.unique(labels[seeds & things])
+    return np.asarray(np.isin(labels, chosen[chosen > 0]))

@@ -1,0 +1,24 @@
+"""The planner of a cell that clears its table."""
+
+import pytest
+
+from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.scenario import load_scenario
+
+FAR = "directives.bin::bottom.add_weld.X_PC.translation=[1.2, -0.5, 0.0]"
+
+
+def test_a_bin_out_of_reach_is_told():
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", FAR])
+    with pytest.raises(ScenarioError, match=r"^task\.place\.bin: out of reach: "):
+        MakeClearingPlanner(scenario)
+
+
+def test_the_hand_drops_over_the_bin():
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
+    planner = MakeClearingPlanner(scenario)
+    motions = planner.planner.motions
+    x, y, z = motions.scene.X_WG(motions.q_over).translation()
+    assert (x, y) == pytest.approx((0.3, -0.55), abs=1e-3)
+    assert z > 0.3

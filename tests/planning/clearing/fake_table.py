@@ -1,0 +1,156 @@
+"""A table of things as a height map, and motions that take no planning."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
+from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.top_grasp import (
+    GraspPlan,
+    Refusal,
+    TopGrasp,
+    palm_pose,
+)
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.types import Failure, HeightMap, Mode
+
+HOME = np.zeros(2)
+RESOLUTION = 0.005
+SIDE = 0.04  # of the square things [m]
+TALL = 0.05
+HELD = np.array([0.8, 0.8, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0])  # state with something
+MODES = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER)
+CONFIG = PlannerConfig(
+    latency=0.1, search_time=0.0, search_period=0.1, gripper_timeout=0.5
+)
+
+
+def table(*places, tall=TALL):
+    """Return the map of a table with a square thing at each place."""
+    height_map = HeightMap(np.zeros(2), RESOLUTION, np.zeros((80, 100)))
+    middles = height_map.middles()
+    for place in places:
+        inside = np.all(np.abs(middles - place) < 0.5 * SIDE, axis=-1)
+        height_map.height[inside] = tall
+    return height_map
+
+
+def grasp_at(place):
+    """Return a grasp of the thing at a place."""
+    p_WC = np.array([*place, 0.5 * TALL])
+    return TopGrasp(
+        X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.17]), 0.0),
+        fingers=SrgFingers(),
+        half_gap=0.05,
+        width=SIDE,
+        p_WC=p_WC,
+        height=TALL,
+        score=1.0,
+    )
+
+
+class Grasps:
+    """Stands in for a GraspPlanner: grasps whatever stands at known places."""
+
+    def __init__(self, places, refused=()):
+        self.places = places
+        self.refused = dict(refused)  # place: failure
+
+    def plan(self, height_map, *, tried=(), seed=0):
+        def stands(place):
+            return height_map.height[tuple(height_map.cells(np.array(place)))] > 0.0
+
+        left = [place for place in self.places if stands(place)]
+        refused = [
+            Refusal(np.array([*p, TALL]), (SIDE, SIDE), self.refused[p])
+            for p in left
+            if p in self.refused
+        ]
+        grasps = [grasp_at(p) for p in left if p not in self.refused]
+        return GraspPlan(tuple(grasps), len(left), lambda: tuple(refused))
+
+
+class Motions:
+    """Stands in for `ClearingMotions`: every motion takes a second."""
+
+    q_home = HOME
+
+    def __init__(self, unreachable=()):
+        self.unreachable = unreachable
+        self.taken = []
+
+    def plan(self, q_start, grasp, height_map):
+        place = tuple(np.round(grasp.p_WC[:2], 6))
+        if place in self.unreachable:
+            return PlanningFailure(Failure.OUT_OF_REACH, "too far")
+        self.taken.append(place)
+        ends = [q_start, *(np.full(2, i + 1.0) for i in range(4))]
+        lines = zip(MODES, ends[:-1], ends[1:], strict=True)
+        return {mode: _line(a, b) for mode, a, b in lines}
+
+    def plan_home(self, q_start):
+        return {Mode.HOME: _line(q_start, HOME)}
+
+
+def _line(start, end):
+    return PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.array([start, end]).T)
+
+
+@dc.dataclass
+class Run:
+    """Advances a planner whose arm follows at once, over a table of the test's."""
+
+    grasps: Grasps
+    motions: Motions
+    shown: HeightMap
+    config: PlannerConfig = dc.field(default_factory=lambda: CONFIG)
+
+    def __post_init__(self):
+        picks = PickPlanner(self.grasps, self.motions, self.config)
+        self.planner = ClearingPlanner(picks, 4, 4)
+        self.simulator = Simulator(self.planner)
+        self.context = self.simulator.get_mutable_context()
+        self.modes = []
+        self.show(self.shown)
+        self.feel(False)
+        self.follow()
+
+    def fix(self, name, value):
+        self.planner.GetInputPort(name).FixValue(self.context, value)
+
+    def show(self, height_map):
+        self.fix("height_map", height_map)
+
+    def feel(self, held):
+        self.fix("grasped", [float(held)])
+        self.fix("gripper_state", HELD if held else np.zeros(8))
+        self.fix("proximity", np.full(4, 0.0 if held else 0.01))
+
+    def follow(self):
+        port = self.planner.GetOutputPort("position_commanded")
+        q = port.Eval(self.context)
+        self.fix("arm_state", [*q, 0.0, 0.0])
+
+    @property
+    def status(self):
+        return self.planner.GetOutputPort("status").Eval(self.context)
+
+    def until(self, *modes, limit=30.0):
+        """Advance until one of the modes begins, and return it."""
+        end = self.context.get_time() + limit
+        while self.context.get_time() < end:
+            self.simulator.AdvanceTo(self.context.get_time() + 0.05)
+            self.follow()
+            mode = self.status.mode
+            if not self.modes or self.modes[-1] is not mode:
+                self.modes.append(mode)
+                if mode in modes:
+                    return mode
+        raise AssertionError(f"still {self.status.mode}, not {modes}")

@@ -1,0 +1,66 @@
+"""Where the arm carries its load, with the scenario's own arm and bin."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.scenario import load_scenario
+from drake_srg.types import Mode
+from planning.clearing.fake_table import grasp_at, table
+
+PLACE = (0.55, 0.05)
+SHIFT = np.array([0.4, -0.1])  # from the fake table to the scenario's
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("clear_table", overrides=["clutter.count=1"])
+
+
+@pytest.fixture(scope="module")
+def motions(scenario):
+    return MakeClearingPlanner(scenario).planner.motions
+
+
+def long_thing(height_map, length):
+    """Lay a bar on the map, from the grasp on along x."""
+    offsets = height_map.middles() - PLACE
+    inside = (np.abs(offsets[..., 1]) < 0.02) & (
+        np.abs(offsets[..., 0] - 0.5 * length) < 0.5 * length + 0.02
+    )
+    height_map.height[inside] = 0.03
+    return height_map
+
+
+def moved(height_map):
+    return dc.replace(height_map, origin=height_map.origin + SHIFT)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.1])
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_middle_of_the_load_is_over_the_bin(scenario, motions, length, turned):
+    height_map = long_thing(moved(table()), length)
+    grasp = grasp_at(PLACE)
+    planned = motions.plan(
+        motions.q_home, grasp.half_turn() if turned else grasp, height_map
+    )
+    assert not isinstance(planned, PlanningFailure), planned.message
+    at_grasp = motions.scene.X_WG(planned[Mode.GRASP].value(1e9)[:, 0])
+    over_bin = motions.scene.X_WG(planned[Mode.TRANSFER].value(1e9)[:, 0])
+    middle = np.array([PLACE[0] + 0.5 * length, PLACE[1], 0.0])
+    p_W = over_bin @ (at_grasp.inverse() @ middle)
+    low, high = bin_box(scenario)
+    np.testing.assert_allclose(p_W[:2], 0.5 * (low + high)[:2], atol=0.005)
+    assert p_W[2] > high[2]  # what stood on the table clears the rim
+
+
+def test_motions_follow_one_another(motions):
+    planned = motions.plan(motions.q_home, grasp_at(PLACE), moved(table()))
+    order = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER)
+    q = motions.q_home
+    for mode in order:
+        np.testing.assert_allclose(planned[mode].value(0.0)[:, 0], q, atol=1e-6)
+        q = planned[mode].value(1e9)[:, 0]

@@ -1,0 +1,123 @@
+"""What the planner does and says, over tables that change as the test wants."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from drake_srg.types import Failure, Mode
+from planning.clearing.fake_table import CONFIG, HELD, HOME, Grasps, Motions, Run, table
+
+A, B = (0.1, 0.1), (0.3, 0.2)
+
+
+def run(*places, shown=None, config=CONFIG, unreachable=(), refused=()):
+    motions = Motions(unreachable)
+    seen = table(*places) if shown is None else shown
+    return Run(Grasps(places, refused), motions, seen, config)
+
+
+def pick(run, *, after, felt=True):
+    """Let a pick happen; afterwards, the table looks like `after`."""
+    run.until(Mode.CLOSE)
+    run.feel(felt)
+    run.until(Mode.TRANSFER)
+    run.show(after)
+    run.until(Mode.RELEASE)
+    run.feel(False)
+
+
+def test_empty_table_is_done():
+    empty = run()
+    empty.until(Mode.DONE)
+    assert empty.status.left == ()
+    assert empty.status.attempts == 0
+
+
+def test_clears_one_thing_after_the_other():
+    both = run(A, B)
+    pick(both, after=table(B))
+    pick(both, after=table())
+    both.until(Mode.DONE)
+    assert both.motions.taken == [A, B]
+    assert (both.status.attempts, both.status.cycles) == (2, 2)
+    assert both.status.left == ()
+    end = both.planner.GetOutputPort("position_commanded").Eval(both.context)
+    np.testing.assert_allclose(end, HOME)
+
+
+@pytest.mark.parametrize(
+    ("felt", "after"),
+    [
+        (True, table(A)),  # felt in the hand, and still on the table
+        (False, table()),  # gone, but not felt in the hand
+        (True, table((0.2, 0.1))),  # felt, but only pushed aside
+    ],
+)
+def test_counts_only_what_is_felt_and_gone(felt, after):
+    one = run(A)
+    pick(one, after=after, felt=felt)
+    assert one.status.cycles == 0
+
+
+def test_notices_fingers_that_close_further_on_the_way():
+    one = run(A)
+    one.until(Mode.CLOSE)
+    one.feel(True)
+    one.until(Mode.TRANSFER)
+    one.fix("gripper_state", [*(HELD[:4] + CONFIG.slip_closing + 0.01), *np.zeros(4)])
+    one.show(table())
+    one.until(Mode.RELEASE)
+    assert one.status.cycles == 0
+
+
+def test_leaves_what_fails_too_often():
+    config = dc.replace(CONFIG, max_attempts=2)
+    stuck = run(A, config=config)
+    for _ in range(2):
+        pick(stuck, after=table(A), felt=False)
+    stuck.until(Mode.DONE)
+    (left,) = stuck.status.left
+    assert left.failure is Failure.NO_GRASP
+    np.testing.assert_allclose(left.p_W[:2], A)
+
+
+@pytest.mark.parametrize("failure", [Failure.TOO_WIDE, Failure.BLOCKED])
+def test_says_why_a_thing_stays(failure):
+    wide = run(A, B, refused={B: failure})
+    pick(wide, after=table(B))
+    wide.until(Mode.DONE)
+    assert [thing.failure for thing in wide.status.left] == [failure]
+
+
+def test_passes_over_what_is_out_of_reach():
+    far = run(A, B, unreachable=[A])
+    pick(far, after=table(A))
+    far.until(Mode.DONE)
+    assert far.motions.taken == [B]
+    assert [thing.failure for thing in far.status.left] == [Failure.OUT_OF_REACH]
+
+
+def test_waits_until_nothing_moves():
+    pouring = run(A)
+    for x in (0.1, 0.14, 0.18):
+        pouring.show(table((x, 0.1)))
+        pouring.simulator.AdvanceTo(pouring.context.get_time() + CONFIG.search_period)
+        assert pouring.status.mode is Mode.IDLE
+    pouring.show(table(A))
+    pouring.until(Mode.PRE_GRASP)
+    assert pouring.status.looks > 3
+
+
+def test_gives_up_when_the_time_is_over():
+    slow = run(A, config=dc.replace(CONFIG, time_budget=3.0))
+    slow.until(Mode.FAILED)
+    assert slow.status.failure is Failure.TIME_BUDGET
+
+
+def test_stops_when_the_arm_does_not_get_there():
+    blocked = run(A)
+    blocked.until(Mode.GRASP)
+    blocked.follow = lambda: None
+    blocked.until(Mode.FAILED)
+    assert blocked.status.failure is Failure.STOPPED

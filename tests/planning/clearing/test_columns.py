@@ -1,0 +1,45 @@
+"""Boxes around what a map shows."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.planning.clearing.columns import columns, highest_near, thing_at
+from planning.clearing.fake_table import RESOLUTION, SIDE, TALL, table
+
+places = st.tuples(st.floats(0.05, 0.4), st.floats(0.05, 0.3))
+
+
+@given(places, st.floats(0.02, 0.1))
+def test_columns_hold_whatever_stands(place, size):
+    height_map = table(place)
+    boxes = columns(height_map, 0.0, size)
+    for p in height_map.middles()[height_map.height > 0.0]:
+        top = np.array([*p, TALL])
+        inside = [
+            np.all(np.abs(X.inverse() @ top) <= 0.5 * np.array(box.size) + 1e-9)
+            for box, X in boxes
+        ]
+        assert any(inside)
+    assert columns(table(), 0.0, size) == []
+
+
+@given(places)
+def test_highest_thing_counts_within_the_radius(place):
+    height_map = table(place)
+    assert highest_near(height_map, np.array(place), 0.05) == TALL
+    far = np.array([place[0], place[1] + 0.5 * SIDE + 0.03])
+    assert highest_near(height_map, far, 0.02) <= 0.0
+
+
+@given(places)
+def test_a_thing_is_all_that_touches(place):
+    other = (place[0], place[1] + 0.1)
+    cells = thing_at(table(place, other), 0.0, np.array([*place, TALL]))
+    np.testing.assert_allclose(cells.mean(axis=0), place, atol=RESOLUTION)
+    assert np.all(np.abs(cells - place) < 0.5 * SIDE)
+
+
+def test_where_nothing_is_the_place_counts():
+    cells = thing_at(table(), 0.0, np.array([0.1, 0.1, 0.0]))
+    np.testing.assert_allclose(cells, [[0.1, 0.1]])

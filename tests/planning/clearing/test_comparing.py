@@ -1,0 +1,59 @@
+"""Maps of the same table, before and after."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.planning.clearing.comparing import has_gone, is_still
+from planning.clearing.fake_table import TALL, table
+
+A, B = (0.1, 0.1), (0.3, 0.2)
+NOISE = 1e-3  # of heights, standard deviation [m]
+seeds = st.integers(0, 2**32 - 1)
+places = st.tuples(st.floats(0.05, 0.4), st.floats(0.05, 0.3))
+
+
+def noisy(height_map, seed):
+    """Return the map with noise, and holes in one cell of a hundred."""
+    rng = np.random.default_rng(seed)
+    height = height_map.height + rng.normal(0.0, NOISE, height_map.height.shape)
+    height[rng.random(height.shape) < 0.01] = np.nan
+    return dc.replace(height_map, height=height)
+
+
+@given(seeds, places)
+def test_noise_is_still(seed, place):
+    assert is_still(noisy(table(place), seed), noisy(table(place), seed + 1))
+
+
+@given(seeds, st.floats(0.03, 0.2))
+def test_what_moves_is_not_still(seed, step):
+    before, after = table(A), table((A[0] + step, A[1]))
+    assert not is_still(noisy(before, seed), noisy(after, seed + 1))
+
+
+def test_what_passes_above_the_map_is_not_still():
+    maps = [table(), table()]
+    for height_map, column in zip(maps, (10, 40), strict=True):
+        height_map.height[20:40, column : column + 20] = np.nan
+    assert not is_still(*maps)
+
+
+@given(seeds)
+def test_tells_gone_from_pushed_and_from_untouched(seed):
+    before = noisy(table(A, B), seed)
+    for after, gone in (
+        (table(B), True),
+        (table((A[0] + 0.05, A[1]), B), False),
+        (table(A, B), False),
+        (table(A), False),
+    ):
+        assert has_gone(before, noisy(after, seed + 1), np.array(A)) == gone
+
+
+@pytest.mark.parametrize("tall", [0.005, TALL])
+def test_flat_things_go_too(tall):
+    assert has_gone(table(A, tall=tall), table(), np.array(A))

@@ -1,0 +1,177 @@
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.types import Failure, HeightMap
+
+TABLE = 0.3  # m
+HAND = SrgFingers()
+PLANNER = HeightMapGrasps(HAND, TABLE)
+FEW = settings(max_examples=4, deadline=None)
+ANGLES = st.floats(-np.pi, np.pi)
+
+
+def height_map(*boxes, noise=0.0, seed=0, half=0.2):
+    """Return a map of boxes (x, y, yaw, length, width, height) on the table [m]."""
+    n = round(2 * half / 0.002)
+    origin = np.full(2, -half + 0.001)
+    found = HeightMap(origin, 0.002, np.full((n, n), TABLE))
+    middles = found.middles()
+    for x, y, yaw, length, width, height in boxes:
+        d = middles - [x, y]
+        along = np.cos(yaw) * d[..., 0] + np.sin(yaw) * d[..., 1]
+        across = np.cos(yaw) * d[..., 1] - np.sin(yaw) * d[..., 0]
+        inside = (np.abs(along) < 0.5 * length) & (np.abs(across) < 0.5 * width)
+        found.height[inside] = TABLE + height
+    found.height[:] += np.random.default_rng(seed).normal(0.0, noise, (n, n))
+    return found
+
+
+def turn(a, b):
+    """Return the angle between two directions without a sense [rad]."""
+    return abs((a - b + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
+
+
+def check_box(grasp, x, y, yaw, width):
+    """Check that a grasp takes a box across its narrow side, near its middle."""
+    assert turn(grasp.yaw, yaw + 0.5 * np.pi) < np.deg2rad(16)
+    assert grasp.width == pytest.approx(width, abs=0.012)
+    along = [np.cos(yaw), np.sin(yaw)]
+    away = grasp.p_WC[:2] - [x, y]
+    assert abs(away @ along) < 0.03  # the lever
+    assert (
+        abs(along[0] * away[1] - along[1] * away[0]) < 0.006
+    )  # both pads touch at the same time
+
+
+@FEW
+@given(
+    yaw=ANGLES,
+    width=st.floats(0.03, 0.1),
+    height=st.floats(0.02, 0.15),
+    noise=st.sampled_from([0.0, 0.001]),
+)
+def test_a_box_is_taken_across_its_narrow_side(yaw, width, height, noise):
+    length = width + 0.06
+    scene = height_map((0.03, -0.02, yaw, length, width, height), noise=noise)
+    plan = PLANNER.plan(scene)
+    assert plan.things == 1
+    assert not plan.refused
+    grasp = plan.grasps[0]
+    check_box(grasp, 0.03, -0.02, yaw, width)
+    # It points down, stays off the table and reaches below the top.
+    np.testing.assert_allclose(grasp.X_WG.rotation().matrix()[:, 0], [0, 0, -1])
+    ends = grasp.X_WG.translation()[2] - HAND.deepest
+    assert TABLE < ends < TABLE + height
+    assert 2 * grasp.half_gap > width
+
+
+@FEW
+@given(yaw=ANGLES, width=st.floats(0.15, 0.25), height=st.floats(0.02, 0.1))
+def test_a_box_wider_than_the_hand_is_too_wide(yaw, width, height):
+    plan = PLANNER.plan(height_map((0, 0, yaw, width + 0.02, width, height)))
+    assert plan.grasps == ()
+    (refusal,) = plan.refused
+    assert refusal.failure is Failure.TOO_WIDE
+    np.testing.assert_allclose(refusal.p_W, [0, 0, TABLE + height], atol=2e-3)
+    assert refusal.size == pytest.approx((width + 0.02, width), abs=0.01)
+
+
+@FEW
+@given(angle=ANGLES)
+def test_what_turns_takes_its_grasps_along(angle):
+    def turned(x, y, yaw, *size):
+        c, s = np.cos(angle), np.sin(angle)
+        return (c * x - s * y, s * x + c * y, yaw + angle, *size)
+
+    box, other = (0.07, 0.0, 0.4, 0.12, 0.05, 0.06), (-0.08, 0.03, 1.5, 0.1, 0.04, 0.04)
+    best = PLANNER.plan(height_map(turned(*box), turned(*other))).grasps
+    for x, y, yaw, _, width, _ in (turned(*box), turned(*other)):
+        near = [g for g in best if np.hypot(*(g.p_WC[:2] - [x, y])) < 0.05]
+        assert near
+        check_box(near[0], x, y, yaw, width)
+
+
+def test_an_empty_table_has_no_things():
+    for noise in (0.0, 0.002):
+        plan = PLANNER.plan(height_map(noise=noise))
+        assert (plan.grasps, plan.refused, plan.things) == ((), (), 0)
+
+
+def test_what_is_unknown_is_not_a_thing():
+    scene = height_map((0, 0, 0, 0.06, 0.04, 0.05))
+    scene.height[:40] = np.nan
+    assert PLANNER.plan(scene).things == 1
+
+
+def test_touching_boxes_are_taken_one_at_a_time():
+    # A high one beside a low one: only one side of the high one is hidden.
+    scene = height_map((0, -0.02, 0, 0.1, 0.04, 0.12), (0, 0.02, 0, 0.1, 0.04, 0.03))
+    plan = PLANNER.plan(scene)
+    assert plan.things == 1  # as one, seen from above
+    high = plan.grasps[0]
+    assert high.height == pytest.approx(0.12, abs=1e-3)
+    assert high.width < 0.06
+
+
+def test_things_out_of_reach_are_refused():
+    scene = height_map((0.12, 0, 0, 0.06, 0.04, 0.05), (-0.1, 0, 0, 0.06, 0.04, 0.05))
+    plan = HeightMapGrasps(HAND, TABLE, reach=Reach((-0.3, 0.0), 0.1, 0.3)).plan(scene)
+    assert all(grasp.p_WC[0] < 0 for grasp in plan.grasps)
+    (refusal,) = plan.refused
+    assert refusal.failure is Failure.OUT_OF_REACH
+    assert refusal.p_W[0] == pytest.approx(0.12, abs=2e-3)
+
+
+def test_a_thing_between_walls_is_blocked():
+    box = (0, 0, 0, 0.05, 0.05, 0.05)
+    # So thick that the hand does not take box and wall together.
+    walls = [(x, 0, 0, 0.12, 0.06, 0.1) for x in (-0.09, 0.09)]
+    walls += [(0, y, 0, 0.3, 0.12, 0.1) for y in (-0.09, 0.09)]
+    failures = [
+        refusal.failure
+        for refusal in PLANNER.plan(height_map(box, *walls)).refused
+        if np.hypot(*refusal.p_W[:2]) < 0.02
+    ]
+    assert failures == [Failure.BLOCKED]
+
+
+def test_the_next_attempt_differs_from_those_that_failed():
+    scene = height_map((0, 0, 0.3, 0.16, 0.05, 0.06))
+    tried = []
+    for _ in range(3):
+        grasp = PLANNER.plan(scene, tried=tried).grasps[0]
+        assert not any(grasp.like(other, 0.012, 0.35) for other in tried)
+        tried.append(grasp)
+
+
+@settings(max_examples=3, deadline=None)
+@given(seed=st.integers(0, 99), yaw=ANGLES)
+def test_noise_hardly_changes_the_best(seed, yaw):
+    box = (0.0, 0.01, yaw, 0.12, 0.05, 0.06)
+    clear = PLANNER.plan(height_map(box)).grasps[0]
+    noisy = PLANNER.plan(height_map(box, noise=0.0015, seed=seed)).grasps[0]
+    assert noisy.like(clear, 0.04, np.deg2rad(20))
+
+
+def test_the_same_map_and_seed_give_the_same_plan():
+    scene = height_map((0, 0, 0.3, 0.16, 0.05, 0.06), noise=0.001)
+    one, other = (PLANNER.plan(scene, seed=3).grasps for _ in range(2))
+    assert [g.score for g in one] == [g.score for g in other]
+
+
+@FEW
+@given(radius=st.floats(0.02, 0.05))
+def test_a_ball_is_held_below_its_middle(radius):
+    scene = height_map()
+    d = np.hypot(*np.moveaxis(scene.middles(), -1, 0))
+    assume(radius < 0.05)
+    cap = np.sqrt(np.maximum(radius**2 - d**2, 0.0))
+    scene.height[d < radius] += (radius + cap)[d < radius]
+    grasp = PLANNER.plan(scene).grasps[0]
+    ends = grasp.X_WG.translation()[2] - HAND.deepest - TABLE
+    assert ends < radius
+    assert np.hypot(*grasp.p_WC[:2]) < 0.008

@@ -1,0 +1,61 @@
+import numpy as np
+import pytest
+
+from drake_srg.planning.grasps.relief import Relief
+from drake_srg.types import HeightMap
+
+TABLE = 0.5
+
+
+def relief(*boxes, noise=0.0):
+    """Return the relief of boxes (x0, x1, y0, y1, height) in cells of 2 mm [m]."""
+    height = np.full((80, 100), TABLE)
+    height += np.random.default_rng(0).normal(0.0, noise, height.shape)
+    for x0, x1, y0, y1, tall in boxes:
+        height[y0:y1, x0:x1] += tall
+    map_ = HeightMap(np.array([1.0, 2.0]), 0.002, height)
+    return Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+
+
+def test_things_and_their_sizes():
+    found = relief((10, 40, 20, 30, 0.05), (60, 70, 40, 60, 0.03))
+    big, small = found.things
+    assert big.size == pytest.approx((0.06, 0.02), abs=1e-6)
+    assert big.top == pytest.approx(0.05, abs=1e-6)
+    np.testing.assert_allclose(big.middle, [1.0 + 0.049, 2.0 + 0.049], atol=1e-6)
+    assert len(small.cells) == 200
+    assert set(np.unique(found.labels)) == {0, big.label, small.label}
+
+
+def test_specks_and_flat_things_are_none():
+    assert relief((10, 12, 20, 22, 0.05), (60, 70, 40, 60, 0.003)).things == ()
+
+
+def test_noise_raises_what_counts():
+    quiet, noisy = relief(), relief(noise=0.003)
+    assert quiet.noise == pytest.approx(0.0, abs=1e-6)
+    # The median of nine values has two fifths of their noise.
+    assert 0.0008 < noisy.noise < 0.003
+    assert noisy.least > 3.5 * noisy.noise
+    assert noisy.things == ()
+
+
+def test_heights_at_points():
+    found = relief((10, 40, 20, 30, 0.05))
+    points = np.array([[1.03, 2.045], [1.1, 2.1], [0.9, 2.0], [5.0, 5.0], [-9.0, 2.0]])
+    np.testing.assert_allclose(found.lookup(points), [0.05, 0, 0, 0, 0], atol=1e-6)
+
+
+def test_one_thing_alone():
+    found = relief((10, 40, 20, 30, 0.05), (60, 70, 40, 60, 0.03))
+    only = found.only(found.things[1])
+    assert only.above.max() == pytest.approx(0.03, abs=1e-6)
+    assert only.things == (found.things[1],)
+
+
+def test_the_unknown_is_level():
+    map_ = HeightMap(np.zeros(2), 0.002, np.full((20, 20), np.nan))
+    found = Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    assert found.unknown.all()
+    np.testing.assert_array_equal(found.above, 0.0)
+    assert found.things == ()

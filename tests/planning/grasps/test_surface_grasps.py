@@ -1,0 +1,65 @@
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from drake_srg.planning.grasps.known_surface import KnownSurface
+from drake_srg.planning.grasps.linkage_fingers import LinkageFingers
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.surface_grasps import SurfaceGrasps
+from drake_srg.types import Box, Cylinder, Failure, HeightMap, Sphere
+
+N = 150
+PAGE = Path(__file__).parents[3] / "docs" / "grasps.md"
+
+
+def table(height=0.0):
+    """Return the map of an empty table that has not been seen."""
+    return HeightMap(np.full(2, -0.149), 0.002, np.full((N, N), height))
+
+
+def plan(shape, rpy=(0, 0, 0), fingers=None, map_=None):
+    """Return grasps of a shape that rests on the table near its middle."""
+    R_WO = RollPitchYaw(rpy).ToRotationMatrix()
+    z = shape.half_extent(R_WO.matrix()[2])
+    surface = KnownSurface.of_shape(shape, 20_000, np.random.default_rng(0))
+    posed = surface.posed(RigidTransform(R_WO, [0.01, -0.02, z]))
+    planner = SurfaceGrasps(fingers or SrgFingers(), 0.0, [posed])
+    return planner.plan(table() if map_ is None else map_)
+
+
+@pytest.mark.parametrize(
+    ("shape", "rpy", "width"),
+    [
+        (Box([0.12, 0.05, 0.04]), (0, 0, 0.5), 0.05),
+        (Sphere(0.035), (0, 0, 0), 0.07),
+        (Cylinder(0.03, 0.1), (0, 0, 0), 0.06),
+        (Cylinder(0.03, 0.14), (np.pi / 2, 0, 1.0), 0.06),
+    ],
+    ids=["box", "ball", "standing", "lying"],
+)
+def test_shapes_are_taken_across_their_narrow_side(shape, rpy, width):
+    found = plan(shape, rpy)
+    assert (found.things, found.refused) == (1, ())
+    grasp = found.grasps[0]
+    assert grasp.width == pytest.approx(width, abs=0.008)
+    np.testing.assert_allclose(grasp.p_WC[:2], [0.01, -0.02], atol=0.02)
+
+
+def test_a_known_thing_is_taken_without_having_been_seen():
+    unseen = table()
+    unseen.height[60:90, 60:90] = np.nan
+    assert plan(Cylinder(0.03, 0.1), map_=unseen).grasps
+
+
+def test_the_linkage_takes_what_is_narrow():
+    assert plan(Cylinder(0.0125, 0.05), fingers=LinkageFingers()).grasps
+    wide = plan(Cylinder(0.035, 0.05), fingers=LinkageFingers())
+    assert [refusal.failure for refusal in wide.refused] == [Failure.TOO_WIDE]
+
+
+def test_the_code_of_the_page_runs():
+    (block,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    exec(compile(block, str(PAGE), "exec"), {})
