@@ -138,6 +138,11 @@ class Grasp(ClearingMode):
         """Count the pick, and go."""
         return dc.replace(super().enter(memory, entry), picks=memory.picks + 1)
 
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report the arrival; fingers that stand on something close where they are."""
+        observed = super().observe_mode(memory, now)
+        return Observation(arrived=observed.arrived or observed.failure is not None)
+
 
 class Close(ClearingMode):
     """Closes the fingers."""
@@ -177,10 +182,11 @@ class Transfer(ClearingMode):
         if not memory.motion.arrived(now.senses.q, now.time):
             return memory
         senses = now.senses
-        # Fingers that lose their load close further.
+        # Fingers that lose their load close further. What they hold may be narrower
+        # than expected, so their angles need only differ from those of an empty hand.
         closed = np.mean(senses.fingers - pick.angles) > self.config.slip_closing
-        told = not pick.grasp.tellable or pick.grasp.holds(
-            senses.fingers, senses.proximity
+        told = not pick.grasp.tellable or pick.grasp.fingers.holds(
+            0.0, senses.fingers, senses.proximity
         )
         held = bool(senses.grasped and told and not closed)
         return dc.replace(memory, pick=dc.replace(pick, held=held))

@@ -108,12 +108,11 @@ class ClearingMotions:
     def _plan(
         self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
     ) -> dict[Mode, Trajectory]:
-        scene, moves, table = self.scene, self._moves, self._table
+        scene, moves = self.scene, self._moves
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
         load = self._load(scene.X_WG(q_grasp), grasp.p_WC, height_map)
-        lift = max(approach, self._rim + _RIM - table + load.sag)
         motions: dict[Mode, Trajectory] = {}
         scene.SetFingers(grasp.fingers_open)
         with scene.reaching(_TIPS):
@@ -122,14 +121,38 @@ class ClearingMotions:
         with self._standing(height_map):
             to = moves.joint_path(q_start, down[0])
             motions[Mode.PRE_GRASP] = moves.timed(to, moves.free)
+        try:
+            return motions | self._carry(q_grasp, grasp, load, approach, height_map)
+        except NoPathError:
+            if load.sag == 0.0:
+                raise
+        # Far from its base, the arm does not lift that high.
+        load = dc.replace(load, sag=0.0)
+        return motions | self._carry(q_grasp, grasp, load, approach, height_map)
+
+    def _carry(
+        self,
+        q_grasp: Vector,
+        grasp: TopGrasp,
+        load: _Load,
+        least: float,
+        height_map: HeightMap,
+    ) -> dict[Mode, Trajectory]:
+        """Return the motions with the load, which is lifted by `least` [m] or more.
+
+        Raises:
+            NoPathError: If there are none.
+        """
+        scene, moves = self.scene, self._moves
+        lift = max(least, self._rim + _RIM - self._table + load.sag)
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, lift))
-            motions[Mode.LIFT] = moves.timed(up, moves.holding, straight=True)
+            lifting = moves.timed(up, moves.holding, straight=True)
         with self._standing(height_map, beside=grasp.p_WC), self._loaded(load):
             away = moves.joint_path(up[-1], self._over_bin(grasp, load))
-            motions[Mode.TRANSFER] = moves.timed(away, moves.holding)
-        return motions
+            carrying = moves.timed(away, moves.holding)
+        return {Mode.LIFT: lifting, Mode.TRANSFER: carrying}
 
     def _reach(self, grasp: TopGrasp) -> Vector:
         """Return the posture of a grasp nearest to `q_over`, either finger in front.

@@ -64,3 +64,12 @@ def test_motions_follow_one_another(motions):
     for mode in order:
         np.testing.assert_allclose(planned[mode].value(0.0)[:, 0], q, atol=1e-6)
         q = planned[mode].value(1e9)[:, 0]
+
+
+def test_far_out_a_long_load_is_lifted_less(motions):
+    far = (0.78, 0.05)
+    height_map = moved(table())
+    row = np.abs(height_map.middles()[:, 0, 1] - far[1]) < 0.02
+    height_map.height[row] = 0.03
+    planned = motions.plan(motions.q_home, grasp_at(far), height_map)
+    assert not isinstance(planned, PlanningFailure), planned.message

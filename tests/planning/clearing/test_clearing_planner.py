@@ -117,7 +117,14 @@ def test_gives_up_when_the_time_is_over():
 
 def test_stops_when_the_arm_does_not_get_there():
     blocked = run(A)
-    blocked.until(Mode.GRASP)
+    blocked.until(Mode.LIFT)
     blocked.follow = lambda: None
     blocked.until(Mode.FAILED)
     assert blocked.status.failure is Failure.STOPPED
+
+
+def test_closes_where_something_stops_the_fingers():
+    shallow = run(A)
+    shallow.until(Mode.GRASP)
+    shallow.follow = lambda: None
+    assert shallow.until(Mode.CLOSE, Mode.FAILED) is Mode.CLOSE
