@@ -1,3 +1,4 @@
+import contextlib
 import functools
 import os
 import shutil
@@ -10,6 +11,7 @@ from common.test_status_line import Clock, Terminal
 
 from drake_srg.common.status_line import StatusLine
 from drake_srg.experiments import registry
+from drake_srg.simulation import kept_replay
 from experiments.fake_experiment import TWO
 
 
@@ -100,3 +102,21 @@ def test_a_line_shows_the_progress_of_an_experiment(monkeypatch):
     shown = stream.getvalue()
     assert "fake_one: case 2" in shown
     assert "2/2" in shown
+
+
+def test_the_replay_of_a_cell_is_kept_beside_the_results(fake, tmp_path, monkeypatch):
+    fake(2.0)
+
+    @contextlib.contextmanager
+    def with_a_run(folder):
+        if folder is not None:
+            (folder / "replay.html").write_text("page")
+            (folder / "log.npz").write_text("log")
+        yield
+
+    monkeypatch.setattr(kept_replay, "keep_first_replay", with_a_run)
+    out = tmp_path / "out"
+    registry.run_experiment("fake_one", out)
+    assert (out / "replay.html").read_text() == "page"
+    assert not list(out.rglob("log.npz"))
+    assert not [path for path in out.iterdir() if path.is_dir()]
