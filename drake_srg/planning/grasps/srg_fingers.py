@@ -25,8 +25,12 @@ from drake_srg.types import Vector
 # Backs of base link and tip, from the line through the hinges, and how far the base
 # link goes beyond its hinges [m] (srg_fast.sdf).
 _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
-# What joints bend and readings err, of the base angle [rad].
-_ANGLE_ERROR = 0.012
+# The base angle of an empty hand that is pressed shut exceeds EMPTY_BASE_ANGLE by about
+# 0.01 rad, because pads yield. One that holds something is below it by this much [rad]:
+# 1.3 mm between the pads, or 3 mm more than in the empty hand.
+_LESS = 0.006
+# By how much a height map shows things too wide, at most [m].
+_BLUR = 0.004
 
 
 @dc.dataclass(frozen=True)
@@ -87,15 +91,12 @@ class SrgFingers(Fingers):
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
         """See `Fingers`; the base links come first in `q`.
 
-        What is held may be wider or narrower than expected.
+        Things are wider or narrower than a height map shows them, so that the expected
+        angle says less than that of an empty hand.
         """
-        least = EMPTY_BASE_ANGLE - max(_ANGLE_ERROR, 0.3 * self._difference(width))
-        return bool(np.mean(q[:2]) < least or np.max(q[2:]) > 0.1)
+        return bool(np.mean(q[:2]) < EMPTY_BASE_ANGLE - _LESS or np.max(q[2:]) > 0.1)
 
     def tellable(self, width: float) -> bool:
         """See `Fingers`."""
-        return self._difference(width) > 2.0 * _ANGLE_ERROR
-
-    def _difference(self, width: float) -> float:
-        """Return the base angle of an empty hand less that at contact [rad]."""
-        return float(EMPTY_BASE_ANGLE - straight_base_angle(0.5 * width))
+        contact = straight_base_angle(0.5 * (width - _BLUR))
+        return EMPTY_BASE_ANGLE - contact > 2.0 * _LESS

@@ -39,7 +39,7 @@ def test_the_silhouette_of_the_open_hand(half_gap):
     assert seen[len(OFFSETS) // 2] >= FINGERS.palm_x
 
 
-@given(width=st.floats(0.012, 0.13))
+@given(width=st.floats(0.008, 0.13))
 def test_held_things_are_told_from_none(width):
     closed, empty = FINGERS.closed(width), FINGERS.closed(0.0)
     assert FINGERS.tellable(width)
