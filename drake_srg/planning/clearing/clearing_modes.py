@@ -182,11 +182,10 @@ class Transfer(ClearingMode):
         if not memory.motion.arrived(now.senses.q, now.time):
             return memory
         senses = now.senses
-        # Fingers that lose their load close further. What they hold may be narrower
-        # than expected, so their angles need only differ from those of an empty hand.
+        # Fingers that lose their load close further.
         closed = np.mean(senses.fingers - pick.angles) > self.config.slip_closing
-        told = not pick.grasp.tellable or pick.grasp.fingers.holds(
-            0.0, senses.fingers, senses.proximity
+        told = not pick.grasp.tellable or pick.grasp.holds(
+            senses.fingers, senses.proximity
         )
         held = bool(senses.grasped and told and not closed)
         return dc.replace(memory, pick=dc.replace(pick, held=held))
