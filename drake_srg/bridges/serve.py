@@ -47,8 +47,8 @@ class Served:
     sim_time: float  # s
     wall_time: float  # s
     commands: int  # messages received, good and bad
-    recording: Path | None
-    replay: Path | None
+    recording: Path | None = None
+    replay: Path | None = None
 
 
 def control_period(scenario: Scenario) -> float:

@@ -26,7 +26,7 @@ def test_words_are_for_people_and_json_for_scripts(json_, quiet, printed, capsys
     assert output.progress is not quiet
 
 
-@pytest.mark.parametrize("page", {*COMMAND_PAGES.values(), *KEY_PAGES.values()})
+@pytest.mark.parametrize("page", sorted({*COMMAND_PAGES.values(), *KEY_PAGES.values()}))
 def test_the_pages_are_there(page):
     assert (ROOT / page).is_file()
 

@@ -17,7 +17,7 @@ from drake_srg.scenario import load_scenario
 NAME = "thesis_kitchen"
 WELL = Witnessed(
     sent=5752,
-    served=Served(240.0, 240.0, 5752, None),
+    served=Served(240.0, 240.0, 5752),
     time=np.array([0.0, 120.0, 240.0]),
     position=np.array([[-0.8, 0.0, 0.07], [0.0, 0.0, 1.4], [-0.799, 0.0, 0.07]]),
     tilt=np.array([0.0, 90.0, 0.1]),
@@ -36,7 +36,7 @@ def test_a_can_that_is_carried_and_put_back_passes():
     "fault, quantity",
     [
         ({"sent": 5753}, "messages received"),
-        ({"served": Served(200.0, 240.0, 5752, None)}, "pace"),
+        ({"served": Served(200.0, 240.0, 5752)}, "pace"),
         ({"position": WELL.position * [1.0, 1.0, 0.9]}, "largest height"),
         (
             {"position": np.add(WELL.position, [[0.0], [0.0], [0.004]])},
