@@ -214,6 +214,7 @@ def calc_metrics(
     cleared = None
     if scenario.task.clear is not None:
         cleared = clearing_outcome(scenario, log, status)
+        peak = float(np.max(log["contact_force"])) or None
         home = measures.is_home(scenario, log)
         success = status.mode is Mode.DONE and home and cleared.honest
     failure = status.failure

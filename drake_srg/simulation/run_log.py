@@ -60,7 +60,9 @@ class RunLog:
         self._poses = cell.GetOutputPort("object_poses_cheat")
         self._contacts = cell.GetOutputPort("contact_results_cheat")
         self._asleep = ports.get("objects_asleep_cheat")
-        self._pick = scenario.task.pick
+        self._pick, clear = scenario.task.pick, scenario.task.clear
+        # Where many objects are picked, the gripper's own contacts are read.
+        self._grasped = frozenset(() if clear is None else clear.objects)
         self._reader: ContactReader | None = None
         picked = scenario.objects.get(self._pick) if self._pick else None
         self._present = picked is not None and picked.present
@@ -82,12 +84,16 @@ class RunLog:
         for name, X_WO in self._poses.Eval(context).items():
             row[f"object_pose.{name}"] = pose_to_row(X_WO)
         forces = {}
-        if self._present:
+        if self._present or self._grasped:
             contacts = self._contacts.Eval(context)
             if self._reader is None:
-                self._reader = ContactReader(contacts.plant(), self._pick)
+                whose = "gripper" if self._grasped else self._pick
+                self._reader = ContactReader(contacts.plant(), whose)
             forces = self._reader.forces(contacts)
-        row["contact_force"] = forces.get("gripper", 0.0)
+        row["contact_force"] = max(
+            (forces[name] for name in self._grasped & forces.keys()),
+            default=forces.get("gripper", 0.0) if self._present else 0.0,
+        )
         if self._asleep is None or self._pick not in self._asleep.Eval(context):
             self.touching = set(forces)
         self._rows.append(row)

@@ -21,4 +21,6 @@ def test_a_brick_ends_in_the_bin():
     assert (metrics.objects_total, metrics.objects_cleared) == (1, 1)
     assert (metrics.picks, metrics.picks_held) == (1, 1)
     assert metrics.objects["clutter_1"]["outcome"] == "cleared"
+    # At least the brick's weight, 0.028 kg, at most the motors' stall torque.
+    assert 0.3 < metrics.peak_contact_force_n < 60.0
     assert "1 of 1 objects" in metrics.table()
