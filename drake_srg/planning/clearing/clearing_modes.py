@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable
 from typing import ClassVar, TypeAlias
 
 import numpy as np
@@ -15,26 +14,13 @@ from drake_srg.planning.clearing.comparing import is_still
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.types import Failure, HeightMap, Mode, Vector
+from drake_srg.planning.senses import HandSenses
+from drake_srg.types import Failure, HeightMap, Mode
 
-_STILL = 0.05  # joint speed below which the fingers rest [rad/s]
 # Things that never quite come to rest are picked all the same after this time [s].
 _PATIENCE = 3.0
-_CLEAR = 0.001  # distance at which the fingers have let go [m]
 
-
-@dc.dataclass(frozen=True)
-class Senses:
-    """Measurements at one time."""
-
-    q: Vector  # the arm's joints, shape (N,) [rad]
-    fingers: Vector  # the gripper's joints, shape (n,) [rad]
-    finger_speeds: Vector  # shape (n,) [rad/s]
-    grasped: bool  # both fingers sense something
-    proximity: Vector  # shape (m,) [m]
-    see: Callable[[], HeightMap]  # looks through the cameras, which takes long
-
-
+Senses: TypeAlias = HandSenses[HeightMap]
 Now: TypeAlias = state_machine.Moment[Senses]
 Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
 
@@ -156,7 +142,7 @@ class Close(ClearingMode):
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the fingers rest."""
-        return Observation(still=_fingers_rest(now.senses))
+        return Observation(still=now.senses.still)
 
 
 class Lift(ClearingMode):
@@ -209,7 +195,7 @@ class Release(ClearingMode):
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the fingers have let go."""
-        return Observation(clear=bool(np.min(now.senses.proximity) > _CLEAR))
+        return Observation(clear=now.senses.clear)
 
 
 class Home(ClearingMode):
@@ -254,13 +240,8 @@ class Failed(End):
     mode = Mode.FAILED
 
 
-def _fingers_rest(senses: Senses) -> bool:
-    return bool(np.max(np.abs(senses.finger_speeds)) < _STILL)
-
-
-_KINDS: tuple[type[ClearingMode], ...] = (
-    *(Idle, PreGrasp, Grasp, Close, Lift, Transfer, Release, Home, Done, Failed),
-)
+_KINDS: list[type[ClearingMode]] = [Idle, PreGrasp, Grasp, Close, Lift]
+_KINDS += [Transfer, Release, Home, Done, Failed]
 
 
 def clearing_modes(planner: PickPlanner) -> dict[Mode, ClearingMode]:

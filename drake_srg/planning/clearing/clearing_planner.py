@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.systems.framework import Context
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_modes import Senses, clearing_modes
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation, transition
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
-from drake_srg.planning.state_machine import StateMachine
-from drake_srg.types import HeightMap, Mode
+from drake_srg.planning.planner_machine import PlannerMachine
+from drake_srg.types import HeightMap
 
 _NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
 
 
-class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
+class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
     """Takes one thing after the other from a table and drops it into a bin.
 
     .. pydrake_system::
@@ -50,7 +49,8 @@ class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
     from the table. Grasps that failed are avoided. At `config.max_attempts` failures in
     one place, the thing there is left.
 
-    DONE: nothing is left on the table, or `status.left` says what and why.
+    DONE means that nothing is left on the table, or that `status.left` says what is,
+    and why.
 
     `planner` can be read from the system.
 
@@ -63,13 +63,12 @@ class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
     def __init__(
         self, planner: PickPlanner, num_fingers: int, num_sensors: int
     ) -> None:
-        config, q_home = planner.config, planner.motions.q_home
+        q_home = planner.motions.q_home
         super().__init__(
             clearing_modes(planner),
-            initial=Mode.IDLE,
             memory=ClearingMemory(Motion(q_rest=q_home)),
-            transition=lambda mode, o, t: transition(mode, o, t, config),
-            period=config.period,
+            transition=transition,
+            config=planner.config,
         )
         self.planner = planner
         self._n, self._n_fingers = len(q_home), num_fingers
@@ -84,14 +83,6 @@ class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
         self._proximity = self.DeclareVectorInputPort(
             name="proximity", size=num_sensors
         )
-        AddPlannerOutputs(
-            self,
-            self._n,
-            position=self._calc_position,
-            closure=self._calc_closure,
-            status=self._calc_status,
-            prerequisites={self.state_ticket},
-        )
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the cameras are asked only when a mode looks."""
@@ -104,14 +95,3 @@ class ClearingPlanner(StateMachine[Mode, ClearingMemory, Senses, Observation]):
             proximity=self._proximity.Eval(context),
             see=lambda: self._map.Eval(context),
         )
-
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        motion = self.state(context).memory.motion
-        output.SetFromVector(motion.position(context.get_time()))
-
-    def _calc_closure(self, context: Context, output: BasicVector) -> None:
-        output[0] = self.state(context).memory.closure
-
-    def _calc_status(self, context: Context, output: AbstractValue) -> None:
-        state = self.state(context)
-        output.set_value(state.memory.status(state.mode))

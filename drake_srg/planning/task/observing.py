@@ -3,41 +3,22 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Callable
 
 import numpy as np
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.senses import HandSenses
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.planning.task.sightings import View
 from drake_srg.types import Vector
 
-_STILL = 0.05  # joint speed below which the fingers rest [rad/s]
-_CLEAR = 0.001  # distance at which resting fingers have let go of an object [m]
-
 
 @dc.dataclass(frozen=True)
-class Senses:
+class Senses(HandSenses[View]):
     """Measurements at one time."""
 
-    q: Vector  # the arm's joints, shape (N,) [rad]
-    fingers: Vector  # the gripper's joints, shape (n,) [rad]
-    finger_speeds: Vector  # shape (n,) [rad/s]
-    grasped: bool  # both fingers sense something
-    proximity: Vector  # shape (m,) [m]
-    see: Callable[[], View]  # looks through the cameras, which takes long
     external_torque: Vector | None = None  # at the arm's joints, shape (N,) [N m]
-
-    @property
-    def still(self) -> bool:
-        """Whether the fingers have come to rest."""
-        return bool(np.max(np.abs(self.finger_speeds)) < _STILL)
-
-    @property
-    def clear(self) -> bool:
-        """Whether nothing is near the fingers."""
-        return bool(np.min(self.proximity) > _CLEAR)
 
 
 def holding(memory: PlannerMemory, senses: Senses) -> bool:

@@ -4,11 +4,10 @@ from collections.abc import Mapping
 
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.systems.framework import Context
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
-from drake_srg.planning.state_machine import StateMachine
+from drake_srg.planning.planner_machine import PlannerMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.modes import task_modes
 from drake_srg.planning.task.observing import Senses
@@ -17,10 +16,10 @@ from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View
 from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.planning.task.transitions import Observation, transition
-from drake_srg.types import Mode, Shape
+from drake_srg.types import Shape
 
 
-class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]):
+class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
     """Finds an object, picks it up, places it on its goal and returns home.
 
     .. pydrake_system::
@@ -107,10 +106,9 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
         replanner = Replanner(task_planner, sightings, goal, tolerance, config)
         super().__init__(
             task_modes(config, replanner, repeat),
-            initial=Mode.IDLE,
             memory=PlannerMemory(Motion(q_rest=task_planner.q_home)),
-            transition=lambda mode, o, t: transition(mode, o, t, config),
-            period=config.period,
+            transition=transition,
+            config=config,
         )
         self.config = config
         self.goal = goal
@@ -135,14 +133,6 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
         self._external_torque = self.DeclareVectorInputPort(
             name="external_torque", size=self._n
         )
-        AddPlannerOutputs(
-            self,
-            self._n,
-            position=self._calc_position,
-            closure=self._calc_closure,
-            status=self._calc_status,
-            prerequisites={self.state_ticket},
-        )
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the cameras are asked only when a mode looks."""
@@ -163,14 +153,3 @@ class PickAndPlacePlanner(StateMachine[Mode, PlannerMemory, Senses, Observation]
         return View(
             self._blobs.Eval(context), self._obstacles.Eval(context) if known else ()
         )
-
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        motion = self.state(context).memory.motion
-        output.SetFromVector(motion.position(context.get_time()))
-
-    def _calc_closure(self, context: Context, output: BasicVector) -> None:
-        output[0] = self.state(context).memory.grip.closure
-
-    def _calc_status(self, context: Context, output: AbstractValue) -> None:
-        state = self.state(context)
-        output.set_value(state.memory.status(state.mode))

@@ -104,6 +104,11 @@ class PlannerMemory:
     def __deepcopy__(self, memo: dict[int, Any]) -> PlannerMemory:
         return self
 
+    @property
+    def closure(self) -> float:
+        """The commanded closure, 0 open .. 1 closed."""
+        return self.grip.closure
+
     def status(self, mode: Mode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
         return PlannerStatus(

@@ -38,10 +38,14 @@ class Memory:
     gripped_since: float = np.inf  # s
     ready_at: float = np.inf  # when the planned motions may begin [s]
     next_look: float = 0.0  # s
-    status: PlannerStatus = dc.field(default_factory=PlannerStatus)
+    report: PlannerStatus = dc.field(default_factory=PlannerStatus)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Memory:
         return self
+
+    def status(self, mode: Mode) -> PlannerStatus:
+        """Return the planner's report on its task in a mode."""
+        return dc.replace(self.report, mode=mode)
 
 
 @dc.dataclass(frozen=True)
@@ -122,12 +126,12 @@ class TaughtMode(state_machine.ModeActions[Mode, Memory, Senses, Observation]):
             motion=motion,
             closure=closure,
             gripped_since=np.inf,
-            status=self.status(memory.status, entry),
+            report=self.report(memory.report, entry),
         )
 
-    def status(self, status: PlannerStatus, entry: Entry) -> PlannerStatus:
+    def report(self, report: PlannerStatus, entry: Entry) -> PlannerStatus:
         """Return what the planner reports from now on."""
-        return dc.replace(status, mode=self.mode)
+        return dc.replace(report, mode=self.mode)
 
     @property
     def wait(self) -> float:
@@ -141,7 +145,7 @@ class TaughtMode(state_machine.ModeActions[Mode, Memory, Senses, Observation]):
 
     def observe(self, memory: Memory, now: Now) -> Observation:
         """Report whether the arm has arrived, the grip lasts and the time is up."""
-        over = now.time - memory.status.localized_at > self.config.time_budget
+        over = now.time - memory.report.localized_at > self.config.time_budget
         return Observation(
             arrived=memory.motion.arrived(now.senses.q, now.time),
             gripped=now.time - memory.gripped_since,
@@ -161,31 +165,31 @@ class Idle(TaughtMode):
         """Look when a look is due, and plan once there is something to grasp."""
         if memory.motions or now.time < memory.next_look:
             return memory
-        taught, status = self.planner.config, memory.status
+        taught, report = self.planner.config, memory.report
         next_look = now.time + self.config.search_period
         memory = dc.replace(memory, next_look=next_look)
         if taught.grasp is not None:
             p_WT = np.array(taught.grasp)
         else:
-            status = dc.replace(status, looks=status.looks + 1)
-            memory = dc.replace(memory, status=status)
+            report = dc.replace(report, looks=report.looks + 1)
+            memory = dc.replace(memory, report=report)
             blobs = [b for b in now.senses.see() if b.object_name == self.name]
             if not blobs:
                 return memory
             p_WT = blobs[0].position
-            status = dc.replace(status, localization=blobs[0])
+            report = dc.replace(report, localization=blobs[0])
         start = wall.perf_counter()
         planned = self.planner.plan(p_WT)
-        status = dc.replace(
-            status, localized_at=now.time, planning_wall=wall.perf_counter() - start
+        report = dc.replace(
+            report, localized_at=now.time, planning_wall=wall.perf_counter() - start
         )
         if isinstance(planned, PlanningFailure):
-            status = dc.replace(
-                status, failure=planned.failure, message=planned.message
+            report = dc.replace(
+                report, failure=planned.failure, message=planned.message
             )
             planned = {}
         ready_at = now.time + self.config.latency
-        return dc.replace(memory, motions=planned, ready_at=ready_at, status=status)
+        return dc.replace(memory, motions=planned, ready_at=ready_at, report=report)
 
     def observe(self, memory: Memory, now: Now) -> Observation:
         """Report motions, or why there are none, once planning has taken its time."""
@@ -193,16 +197,16 @@ class Idle(TaughtMode):
         unseen = Failure.NOT_SEEN if late and not memory.motions else None
         return Observation(
             ready=now.time >= memory.ready_at and bool(memory.motions),
-            failure=memory.status.failure or unseen,
+            failure=memory.report.failure or unseen,
         )
 
 
 class Grasp(TaughtMode):
     """Moves the open hand around the object."""
 
-    def status(self, status: PlannerStatus, entry: Entry) -> PlannerStatus:
+    def report(self, report: PlannerStatus, entry: Entry) -> PlannerStatus:
         """Count the attempt."""
-        return dc.replace(super().status(status, entry), attempts=1)
+        return dc.replace(super().report(report, entry), attempts=1)
 
 
 class Home(TaughtMode):
@@ -223,14 +227,13 @@ class Home(TaughtMode):
 class End(TaughtMode):
     """Stays where it is: the task is over."""
 
-    def status(self, status: PlannerStatus, entry: Entry) -> PlannerStatus:
+    def report(self, report: PlannerStatus, entry: Entry) -> PlannerStatus:
         """Report success or failure, as far as this planner can tell."""
-        status = super().status(status, entry)
+        report = super().report(report, entry)
         if self.mode is Mode.DONE:
-            return dc.replace(status, cycles=1)
+            return dc.replace(report, cycles=1)
         observed = entry.observation.failure if entry.observation else None
-        failure = status.failure or observed
-        return dc.replace(status, failure=failure)
+        return dc.replace(report, failure=report.failure or observed)
 
     def observe(self, memory: Memory, now: Now) -> Observation:
         """Observe nothing."""

@@ -1,11 +1,10 @@
 """The state machine of the five-axis arm's thesis, as a system."""
 
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context
+from pydrake.systems.framework import Context
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
-from drake_srg.planning.state_machine import StateMachine
+from drake_srg.planning.planner_machine import PlannerMachine
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.taught_modes import (
     Memory,
@@ -15,10 +14,9 @@ from drake_srg.planning.taught.taught_modes import (
     transition,
 )
 from drake_srg.planning.taught.taught_motions import TaughtMotions
-from drake_srg.types import Mode
 
 
-class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
+class TaughtPlanner(PlannerMachine[Memory, Senses, Observation]):
     """Looks once and moves through taught waypoints, as the arm's thesis does.
 
     .. pydrake_system::
@@ -57,10 +55,9 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
     ) -> None:
         super().__init__(
             taught_modes(config, motions, object_name),
-            initial=Mode.IDLE,
             memory=Memory(Motion(q_rest=motions.q_home)),
-            transition=lambda mode, o, t: transition(mode, o, t, config),
-            period=config.period,
+            transition=transition,
+            config=config,
         )
         self.config = config
         self._blobs = self.DeclareAbstractInputPort(
@@ -69,14 +66,6 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
         self._n = len(motions.q_home)
         self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
         self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
-        AddPlannerOutputs(
-            self,
-            self._n,
-            position=self._calc_position,
-            closure=self._calc_closure,
-            status=self._calc_status,
-            prerequisites={self.state_ticket},
-        )
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the camera is asked only while the planner looks."""
@@ -85,16 +74,3 @@ class TaughtPlanner(StateMachine[Mode, Memory, Senses, Observation]):
             gripped=bool(self._grasped.Eval(context)[0]),
             see=lambda: self._blobs.Eval(context),
         )
-
-    def _memory(self, context: Context) -> Memory:
-        return self.state(context).memory
-
-    def _calc_position(self, context: Context, output: BasicVector) -> None:
-        motion = self._memory(context).motion
-        output.SetFromVector(motion.position(context.get_time()))
-
-    def _calc_closure(self, context: Context, output: BasicVector) -> None:
-        output[0] = self._memory(context).closure
-
-    def _calc_status(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(self._memory(context).status)
