@@ -133,7 +133,10 @@ def add_clutter(
         ScenarioError: If the count is invalid, there are no kinds, or a name is taken.
     """
     tree, clutter = dict(tree), tree.get("clutter")
-    if not isinstance(clutter, Mapping):  # `load_typed` reports it
+    if tree.get("objects") is None:  # null in a variant removes those of its base
+        tree["objects"] = {}
+    # `load_typed` reports what has another type.
+    if not (_is_mapping(tree["objects"]) and isinstance(clutter, Mapping)):
         return tree
     key = "clutter.count"
     drawn = draw_distributions(clutter.get("count", 0), seed, origin, values, key)
@@ -145,7 +148,7 @@ def add_clutter(
         return tree
     if count > 0 and not kinds:
         fail(origin, "clutter.kinds", "needs at least one kind, got none")
-    objects = dict(tree.get("objects") or {})
+    objects = dict(tree["objects"])
     for name in (f"clutter_{i + 1}" for i in range(count)):
         if name in objects:
             fail(origin, f"objects.{name}", "this name is reserved for clutter")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from drake_srg.common.exceptions import suggest
-from drake_srg.scenario.yaml_tree import fail
+from drake_srg.scenario.yaml_tree import describe, fail
 
 if TYPE_CHECKING:
     from drake_srg.scenario.schema import Scenario
@@ -22,13 +22,13 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
         origin: File or name at the start of error messages.
 
     Raises:
-        ScenarioError: If there is a bin and not `all` is picked, or the other way
-            round, or there are no objects.
+        ScenarioError: If there is a bin but `task.pick` is not `all`, or the other way
+            round, or if `task.clear` names objects itself.
     """
     task, objects = tree.get("task"), tree.get("objects")
     if not (isinstance(task, Mapping) and isinstance(objects, Mapping)):
         return tree  # `load_typed` reports it
-    pick, place = task.get("pick"), task.get("place")
+    pick, place, clear = (task.get(key) for key in ("pick", "place", "clear"))
     into = place.get("bin") if isinstance(place, Mapping) else None
     every = pick == _ALL and _ALL not in objects
     if not into:
@@ -36,18 +36,22 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
             fail(origin, "task.place.bin", "must name the bin where `all` are picked")
         return tree
     if not every:
-        given = pick if isinstance(pick, str) else "several"
-        if given not in objects and isinstance(pick, str):
+        if isinstance(pick, str) and pick not in objects:
             problem = f"unknown object {pick!r} {suggest(pick, [_ALL])}"
         else:
+            given = pick if isinstance(pick, str) else describe(pick)
             problem = (
                 "must be all with task.place.bin, because the planner does not tell "
                 f"objects apart, got {given}"
             )
         fail(origin, "task.pick", problem)
-    if not objects:
-        fail(origin, "task.pick", "needs at least one object for the bin, got none")
-    clear = {**(task.get("clear") or {}), "objects": list(objects)}
+    if clear is None:
+        clear = {}
+    if not isinstance(clear, Mapping):
+        return tree  # `load_typed` reports it
+    if "objects" in clear:
+        fail(origin, "task.clear.objects", "must be absent: task.pick all sets it")
+    clear = {**clear, "objects": list(objects)}
     return {**tree, "task": {**task, "pick": "", "clear": clear}}
 
 
@@ -56,6 +60,8 @@ def clear_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     clear, table = scenario.task.clear, scenario.table
     if clear is None:
         return
+    if not clear.objects:
+        yield "task.pick", "needs at least one object for the bin, got none"
     models = [d.add_model.name for d in scenario.directives if d.add_model is not None]
     into = scenario.task.place.bin
     if into not in models:

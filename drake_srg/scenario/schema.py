@@ -77,7 +77,8 @@ class TableConfig(RegionConfig):
 class ClearConfig:
     """Objects to take away one after the other, whatever their shapes."""
 
-    objects: list[str] = dc.field(default_factory=list)  # their names
+    # Their names; `task.pick: all` fills them in.
+    objects: list[str] = dc.field(default_factory=list)
     # Where the planner looks for them, without the bin.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
 
