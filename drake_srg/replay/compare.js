@@ -38,7 +38,10 @@ function play(on) {
 async function follow() {
   while (playing) {
     show(Math.max(...runs.map((run) => run.time)));
-    if (shown >= duration) play(false);
+    if (shown >= duration) {
+      play(false);
+      seek(duration); // the others may be a frame behind
+    }
     await nextFrame();
   }
 }
