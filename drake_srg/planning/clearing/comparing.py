@@ -17,16 +17,14 @@ _LEAST_VOLUME = 1.0e-6
 _LEAST_SHARE = 0.25
 # A change of this much of the map says that something is still moving [m²].
 _LEAST_AREA = 2.0e-4
-
-
-# Changes of single cells are noise; these many cells side by side are not.
+# Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
 
 
 def is_still(before: HeightMap, after: HeightMap) -> bool:
     """Return whether nothing has moved between two maps.
 
-    What falls is too high for a map, and moves from one unseen cell to another.
+    A falling thing is too high for the map. It shows as unseen cells that move.
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
     moved = np.count_nonzero(_opened(unseen) | (_drop(before, after) != 0.0))

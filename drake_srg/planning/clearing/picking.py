@@ -16,7 +16,7 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Left, Vector
 
-# Grasps whose motions are planned before giving up.
+# Grasps whose motions are planned, at most.
 _MOST_GRASPS = 30
 # Places that are nearer to each other belong to one thing [m].
 _SAME_THING = 0.06
@@ -62,10 +62,14 @@ class PickPlanner:
         q_start = memory.motion.destination
         missed: list[Left] = []
         pick = None
-        for grasp in found.grasps[:_MOST_GRASPS]:
+        planned = 0
+        for grasp in found.grasps:
             if self._given_up(memory.tried, grasp.p_WC):
                 missed.append(Left(grasp.p_WC, Failure.NO_GRASP))
                 continue
+            if planned == _MOST_GRASPS:
+                break
+            planned += 1
             motions = self.motions.plan(q_start, grasp, height_map)
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))

@@ -82,6 +82,15 @@ def test_leaves_what_fails_too_often():
     np.testing.assert_allclose(left.p_W[:2], A)
 
 
+def test_grasps_of_what_is_given_up_leave_room_for_others():
+    # As many grasps of one thing as the planner plans motions for, and one of another.
+    many = run(*[A] * 40, B, config=dc.replace(CONFIG, max_attempts=1))
+    pick(many, after=table(A, B), felt=False)
+    pick(many, after=table(A))
+    many.until(Mode.DONE)
+    assert many.motions.taken == [A, B]
+
+
 @pytest.mark.parametrize("failure", [Failure.TOO_WIDE, Failure.BLOCKED])
 def test_says_why_a_thing_stays(failure):
     wide = run(A, B, refused={B: failure})
