@@ -1,4 +1,4 @@
-"""Judges a run that clears a table, from its log and the ground truth."""
+"""Judges a run that clears a table by the ground truth in its log."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ from drake_srg.types import Failure, Left, Mode, PlannerStatus, Vector
 
 # An object in the bin that is slower than this rests [m/s].
 _AT_REST = 0.005
-# How far above the bin's rim the origin of an object in the bin may be [m]: a full bin
-# is heaped.
+# How far above the rim the origin of an object in the bin may be [m]: things pile up.
 _HEAPED = 0.1
-# Distance between an object and the place that the planner names for it [m].
+# How far below the bin its origin may be [m].
+_BELOW = 0.01
+# Distance between an object and the place that the planner names for it, at most [m].
 _NAMED_WITHIN = 0.05
 # Where the fingers take things, in the palm [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
@@ -111,7 +112,7 @@ def clearing_outcome(
 
 
 def _is_inside(p_W: Vector, box: tuple[Vector, Vector]) -> bool:
-    low, high = box[0] - 0.01, box[1] + [0.0, 0.0, _HEAPED]
+    low, high = box[0] - [0.0, 0.0, _BELOW], box[1] + [0.0, 0.0, _HEAPED]
     return bool(np.all(p_W >= low) and np.all(p_W <= high))
 
 

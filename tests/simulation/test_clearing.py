@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
 from drake_srg.cell.clearing import bin_box
@@ -52,6 +54,19 @@ def test_counts_what_is_in_the_bin(scenario):
     assert found.metrics()["picks_held"] == 2
     assert found.picks_per_hour == pytest.approx(36000.0)  # two in 0.2 s
     assert found.honest
+
+
+@settings(max_examples=20)  # each measures the objects anew
+@given(st.floats(-np.pi, np.pi), st.floats(0.0, 0.2))
+def test_what_lies_beside_the_bin_is_not_in_it(scenario, direction, far):
+    low, high = bin_box(scenario)
+    # From the middle through its side, and a little or a lot further.
+    x, y = np.cos(direction), np.sin(direction)
+    half = 0.5 * (high - low)[:2]
+    reach = 0.001 + far + min(half[0] / max(abs(x), 1e-9), half[1] / max(abs(y), 1e-9))
+    beside = [*(0.5 * (low + high)[:2] + reach * np.array([x, y])), 0.05]
+    found = outcome(scenario, {A: IN_BIN, B: beside})
+    assert (found.objects[A].cleared, found.objects[B].cleared) == (True, False)
 
 
 def test_what_is_left_needs_a_reason(scenario):
