@@ -175,7 +175,13 @@ def ConnectPlanner(
 
 
 def ConnectSensors(builder: DiagramBuilder, station: Diagram, planner: System) -> None:
-    """Connect a station's measurements to a planner that has inputs for them."""
+    """Connect a station's measurements to those inputs that a planner has for them.
+
+    Args:
+        builder: The cell's.
+        station: A station.
+        planner: The planner.
+    """
     for source, target in (
         ("arm.state_measured", "arm_state"),
         ("gripper.state_measured", "gripper_state"),

@@ -103,7 +103,7 @@ class ObjectConfig:
         default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
     )
     # Null: the object stands on the table. Else it falls: it starts this far above the
-    # table, or above the box around any object before it that is in the way [m].
+    # table, or above any falling object before it whose box would overlap its own [m].
     drop: float | None = dc.field(default=None, metadata={"ge": 0.0})
     # Pose at the start in place of `position` and `yaw`: for an object that lies, is on
     # something or is in the hand. In world, or in the frame `base_frame` of a model in

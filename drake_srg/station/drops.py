@@ -1,4 +1,4 @@
-"""Where falling objects start: above one another, so that none overlap."""
+"""Where falling objects start: one above the other where they would overlap."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ class Drops:
     ) -> RigidTransform:
         """Return where an object starts.
 
-        The box around it clears the table and the boxes of the objects before it.
+        The box around it clears the table and those of falling objects before it. It
+        may overlap objects that stand on the table.
 
         Args:
             name: The object's name, for error messages.
             config: The object, with `drop`.
-            X_WO: Its pose at any height [m].
+            X_WO: Its pose, of which the height does not count [m].
 
         Raises:
             ScenarioError: If its model cannot be read.

@@ -1,4 +1,4 @@
-"""Videos that a process of their own renders and encodes during the simulation.
+"""Videos that a separate process renders and encodes during the simulation.
 
 Rendering in software takes longer than simulating. So the simulation only sends the
 plant's states, and another process, which builds the same cameras, makes the video.
@@ -17,7 +17,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -32,12 +31,12 @@ from drake_srg.recording.video_file import VideoFile
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
 
-_PIPE = 1 << 20  # states that may wait to be rendered: some minutes' [bytes]
+_PIPE = 1 << 20  # for states that wait to be rendered: about a minute's [bytes]
 _NICE = 10  # the simulation goes first; see nice(1)
 
 
 def can_render_apart(scenario: Scenario) -> bool:
-    """Return whether a process of its own can render a scenario's video.
+    """Return whether a separate process can render a scenario's video.
 
     The state of a plant does not hold the shape of a soft object.
     """
@@ -48,7 +47,7 @@ def can_render_apart(scenario: Scenario) -> bool:
 class VideoProcess:
     """A process that renders and encodes `recording.video_camera` of a scenario.
 
-    Use it as a context manager: it has ended on exit, in any case.
+    Use it as a context manager: on exit the process ends, whatever it was doing.
 
     Args:
         scenario: The scenario; `can_render_apart` must hold.
@@ -89,12 +88,7 @@ class VideoProcess:
     def __enter__(self) -> VideoProcess:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._process.kill()
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout):
@@ -105,8 +99,8 @@ class VideoProcess:
     def send(self, *message: Any) -> None:
         """Send a message: the scenario's YAML, then the path, then frames.
 
-        A frame is its time [s], its caption and the plant's state. Once the process
-        has ended, messages are lost; `finish` tells.
+        A frame is its time [s], its caption and the plant's state. Messages to a
+        process that has ended are lost; `finish` reports that.
         """
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
@@ -117,7 +111,7 @@ class VideoProcess:
         """Wait until the video is complete, and return its number of frames.
 
         Returns:
-            0 if the process could not make it; the user is told.
+            0 if the process could not make it; `tell` was called with the reason.
 
         Raises:
             OSError: If the file could not be written.
@@ -141,7 +135,7 @@ class VideoProcess:
 
 
 class RemoteVideoRecorder(Recorder):
-    """Records a camera as an H.264 video in a process of its own.
+    """Records a camera as an H.264 video in a separate process.
 
     .. pydrake_system::
 
@@ -188,7 +182,7 @@ class RemoteVideoRecorder(Recorder):
 
 
 def main() -> None:
-    """Render what comes on standard input until it ends."""
+    """Render what arrives on standard input until it ends."""
     os.nice(_NICE)
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever libraries print
