@@ -19,8 +19,20 @@ Floats = npt.NDArray[np.float32]
 _STEEPEST = 0.45
 # More room around the open hand is no better [m]. Wider things are harder to hold [m].
 _ROOM, _WIDE = 0.012, 0.1
+# Weights of the score's terms (docs/grasps.md): depth, steepness, twist, wedge, lever
+# [1/m], the excess width that costs two points and the half gap that costs one [m].
+_DEPTH, _STEEP, _TWIST, _WEDGE, _LEVER = 2.5, 2.0, 2.0, 2.0, 16.0
+_EXCESS, _OPENING = 0.05, 0.3
+# Longer levers cost no more, and one that is not known costs as much as this [m].
+_LONGEST, _UNKNOWN = 0.1, 0.05
 # Distance between samples below the palm, at most [m].
 _PALM_STEP = 0.007
+# Half the width of the middle of a pinch: what is there is taken. It counts as one
+# thing up to this height above the point in the middle [m].
+_MIDDLE, _TALLER = 0.011, 0.02
+# Samples reach this far beyond the widest opening, for the fingers' backs, and beyond
+# the edges of the pads, for errors of the map [m].
+_BACKS, _EDGES = 0.04, 0.002
 
 
 @dc.dataclass(kw_only=True)
@@ -103,10 +115,10 @@ class PinchJudge:
     def __init__(self, fingers: Fingers, config: PinchConfig) -> None:
         self._fingers, self._config = fingers, config
         openings = sorted({min(gap, fingers.most_open) for gap in config.openings})
-        most = openings[-1] + 0.04
+        most = openings[-1] + _BACKS
         count = int(most / config.step)
         self._s: Vector = config.step * np.arange(-count, count + 1.0)
-        half = 0.5 * fingers.pad_width + 0.002
+        half = 0.5 * fingers.pad_width + _EDGES
         self._t = np.linspace(-half, half, 2 * int(np.ceil(half / config.across)) + 1)
         self._deepest = fingers.deepest
         self._silhouettes = [fingers.silhouette(g, self._s) for g in openings]
@@ -121,11 +133,11 @@ class PinchJudge:
         """
         config, n = self._config, len(p_W)
         strip = _sample(relief, p_W, yaw, self._s, self._t).max(axis=1)
-        middle = np.abs(self._s) < 0.011
+        middle = np.abs(self._s) < _MIDDLE
         # The thing at the middle, not a taller one beside it.
         around = relief.lookup(p_W)
         near = strip[:, middle].max(axis=1)
-        top = np.where(around > relief.least, np.minimum(near, around + 0.02), near)
+        top = np.where(around > relief.least, np.minimum(near, around + _TALLER), near)
         y, z = (
             np.linspace(-0.5 * size, 0.5 * size, int(size / _PALM_STEP) + 2)
             for size in self._fingers.palm_size
@@ -149,7 +161,7 @@ class PinchJudge:
                     lean_of(strip, tip, top, high, -1, self._config.step),
                 )
                 score = _score(tip, top, high - low, lean, clear)
-                score = score - silhouette.half_gap / 0.3
+                score = score - silhouette.half_gap / _OPENING
                 beside = silhouette.half_gap - np.maximum(-low, high)
                 possible = fits & some & (clear > config.clearance)
                 possible &= beside > config.clearance
@@ -189,8 +201,8 @@ class PinchJudge:
         wedge = 0.5 * np.abs(slope_high + slope_low)
         share = np.minimum(share_low, share_high)
         lever = self._lever(relief, pinches)
-        score = pinches.score + share - 2.0 * np.minimum(twist, 1.0)
-        score -= 16.0 * lever + 2.0 * wedge
+        score = pinches.score + share - _TWIST * np.minimum(twist, 1.0)
+        score -= _LEVER * lever + _WEDGE * wedge
         slant = np.hypot(wedge, pinches.lean)
         score = np.where(slant < _STEEPEST, score, -np.inf)
         return dc.replace(pinches, score=score)
@@ -208,7 +220,7 @@ class PinchJudge:
         apart = middles[relief.labels[iy, ix]] - p_W
         across = np.stack([-pinches.direction[:, 1], pinches.direction[:, 0]], axis=-1)
         lever = np.abs(np.sum(apart * across, axis=-1))
-        return np.where(np.isfinite(lever), np.minimum(lever, 0.1), 0.05)
+        return np.where(np.isfinite(lever), np.minimum(lever, _LONGEST), _UNKNOWN)
 
 
 def _sample(relief: Relief, p_W: Vector, yaw: Vector, s: Vector, t: Vector) -> Floats:
@@ -245,8 +257,8 @@ def _score(
     # Below the middle of round things, or with most of the pads.
     wanted = np.clip(0.65 * top, 0.01, 0.055)
     return np.asarray(
-        2.5 * np.clip((top - tip) / wanted, 0.0, 1.0)
-        + 2.0 * (1.0 - np.minimum(lean / _STEEPEST, 1.0))
+        _DEPTH * np.clip((top - tip) / wanted, 0.0, 1.0)
+        + _STEEP * (1.0 - np.minimum(lean / _STEEPEST, 1.0))
         + np.minimum(clear, _ROOM) / _ROOM
-        - 2.0 * np.clip(width - _WIDE, 0.0, None) / 0.05
+        - 2.0 * np.clip(width - _WIDE, 0.0, None) / _EXCESS
     )

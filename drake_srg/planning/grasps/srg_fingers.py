@@ -29,6 +29,8 @@ _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
 # 0.01 rad, because pads yield. One that holds something is below it by this much [rad]:
 # 1.3 mm between the pads, or 3 mm more than in the empty hand.
 _LESS = 0.006
+# A tip that has turned further than this lies on something [rad].
+_TURNED = 0.1
 # By how much a height map shows things too wide, at most [m].
 _BLUR = 0.004
 
@@ -91,10 +93,12 @@ class SrgFingers(Fingers):
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
         """See `Fingers`; the base links come first in `q`.
 
-        Things are wider or narrower than a height map shows them, so that the expected
-        angle says less than that of an empty hand.
+        The width says little, because a height map shows things wider or narrower than
+        they are. So the angles only have to differ from those of an empty hand.
         """
-        return bool(np.mean(q[:2]) < EMPTY_BASE_ANGLE - _LESS or np.max(q[2:]) > 0.1)
+        return bool(
+            np.mean(q[:2]) < EMPTY_BASE_ANGLE - _LESS or np.max(q[2:]) > _TURNED
+        )
 
     def tellable(self, width: float) -> bool:
         """See `Fingers`."""

@@ -43,13 +43,8 @@ def test_the_silhouette_of_the_open_hand(half_gap):
 def test_held_things_are_told_from_none(width):
     closed, empty = FINGERS.closed(width), FINGERS.closed(0.0)
     assert FINGERS.tellable(width)
-    order = [
-        f"{side}_{link}_joint" for link in ("base", "tip") for side in ("left",) * 2
-    ]
-    held = np.array([closed.joints[name] for name in order])
-    nothing = np.array([empty.joints[name] for name in order])
-    assert FINGERS.holds(width, held, np.zeros(4))
-    assert not FINGERS.holds(width, nothing, np.zeros(4))
+    assert FINGERS.holds(width, angles(closed), np.zeros(4))
+    assert not FINGERS.holds(width, angles(empty), np.zeros(4))
 
 
 def test_the_thinnest_things_cannot_be_told():
