@@ -17,7 +17,13 @@ from drake_srg.planning.state_machine import (
     StateMachine,
 )
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.types import Mode, PlannerStatus
+from drake_srg.types import Failure, Mode, PlannerStatus
+
+# Why any planner gives up, in words.
+GIVES_UP: Mapping[Failure, str] = {
+    Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
+    Failure.TIME_BUDGET: "the time budget is used up",
+}
 
 
 class MotionMemory(Protocol):

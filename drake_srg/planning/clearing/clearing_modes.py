@@ -14,6 +14,7 @@ from drake_srg.planning.clearing.comparing import is_still
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.planner_machine import GIVES_UP
 from drake_srg.planning.senses import HandSenses
 from drake_srg.types import Failure, HeightMap, Mode
 
@@ -28,7 +29,7 @@ Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
 class ClearingMode(
     state_machine.ModeActions[Mode, ClearingMemory, Senses, Observation]
 ):
-    """A mode that moves the arm, or waits; every mode heeds the clock.
+    """A mode that moves the arm, or waits; every mode checks the time budget.
 
     Attributes:
         mode: Which mode it is.
@@ -219,9 +220,11 @@ class End(ClearingMode):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Stop, and remember why."""
         failure = entry.observation.failure if entry.observation else None
-        return dc.replace(
-            memory, motion=memory.motion.ended(entry.time), failure=failure
-        )
+        message = memory.message
+        if failure is not None:
+            message = message or GIVES_UP.get(failure, "")
+        motion = memory.motion.ended(entry.time)
+        return dc.replace(memory, motion=motion, failure=failure, message=message)
 
     def observe(self, memory: ClearingMemory, now: Now) -> Observation:
         """Observe nothing."""

@@ -8,6 +8,7 @@ from typing import ClassVar, TypeAlias
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning import state_machine
+from drake_srg.planning.planner_machine import GIVES_UP
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.observing import (
     Senses,
@@ -24,8 +25,7 @@ Now: TypeAlias = state_machine.Moment[Senses]
 Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
 
 _MESSAGES = {
-    Failure.STOPPED: "the arm does not get where it is sent; something is in its way",
-    Failure.TIME_BUDGET: "the time budget is used up",
+    **GIVES_UP,
     Failure.NO_GRASP: "the fingers closed, but nothing of the right size is in them",
     Failure.DROPPED: "the object was in the hand and got lost",
     Failure.MISPLACED: "the object is not seen on its goal",

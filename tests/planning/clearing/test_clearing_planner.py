@@ -122,6 +122,7 @@ def test_gives_up_when_the_time_is_over():
     slow = run(A, config=dc.replace(CONFIG, time_budget=3.0))
     slow.until(Mode.FAILED)
     assert slow.status.failure is Failure.TIME_BUDGET
+    assert slow.status.message == "the time budget is used up"
 
 
 def test_stops_when_the_arm_does_not_get_there():
@@ -130,6 +131,7 @@ def test_stops_when_the_arm_does_not_get_there():
     blocked.follow = lambda: None
     blocked.until(Mode.FAILED)
     assert blocked.status.failure is Failure.STOPPED
+    assert "something is in its way" in blocked.status.message
 
 
 def test_closes_where_something_stops_the_fingers():
