@@ -36,7 +36,8 @@ from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 
-# Where an iiwa 14 on the table reaches with the hand down, about its base [m].
+# Distances from its base at which an iiwa 14 on the table reaches the table with the
+# hand down [m].
 _REACH = (0.40, 0.82)
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
 _OVER = 0.36
@@ -67,14 +68,18 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     """Make the planner that clears a scenario's table into its bin.
 
     Raises:
-        ScenarioError: If the arm does not reach over the bin.
+        ScenarioError: If the gripper is not the SRG, the arm does not reach over the
+            bin, or the bin has no collision geometry.
     """
     assert scenario.arm is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
     hand = MakeHand(scenario, scene.plant)
     if not isinstance(hand, SrgHand):
-        raise ScenarioError("gripper: clearing a table needs the SRG")
+        raise ScenarioError(
+            "gripper: must be the SRG with task.pick all (allowed: !SrgPositionDriver, "
+            "!SrgTendonDriver)"
+        )
     low, high = bin_box(scenario)
     q_home = np.array(scenario.arm.home)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
@@ -126,7 +131,11 @@ def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
 
 
 def bin_box(scenario: Scenario) -> tuple[Vector, Vector]:
-    """Return the least and greatest corner of a scenario's bin, in world, (3,) [m]."""
+    """Return the least and greatest corner of a scenario's bin, in world, (3,) [m].
+
+    Raises:
+        ScenarioError: If the model has no collision geometry.
+    """
     return _bin_box(Models.of(scenario), scenario.task.place.bin)
 
 
@@ -138,10 +147,13 @@ def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
     plant.Finalize()
     context = plant.CreateDefaultContext()
     inspector = scene_graph.model_inspector()
-    corners = []
+    corners = [np.zeros((0, 3))]
     for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name)):
         body = plant.get_body(index)
         X_WB: RigidTransform = plant.EvalBodyPoseInWorld(context, body)
-        corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
+        if plant.GetCollisionGeometriesForBody(body):
+            corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
     points = np.concatenate(corners)
+    if not len(points):
+        raise ScenarioError(f"task.place.bin: {name!r} has no collision geometry")
     return points.min(axis=0), points.max(axis=0)

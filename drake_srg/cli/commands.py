@@ -58,7 +58,7 @@ def demo(options: argparse.Namespace) -> int:
 
 
 def replay(options: argparse.Namespace) -> int:
-    """Write the page of one recorded run again, or a page that compares two."""
+    """Write the page of one recorded run again, or a page that compares several."""
     from drake_srg.replay import write_comparison, write_page
 
     first: Path = options.folders[0]

@@ -150,7 +150,7 @@ def make_parser() -> argparse.ArgumentParser:
         commands.replay,
         "make the page that plays a recorded run",
         "`drake-srg run` and recorded sweeps make it, too: replay.html, one file that "
-        "any browser opens. With two folders, the page plays both runs side by side.",
+        "any browser opens. With several folders, it plays the runs side by side.",
     )
     replay.add_argument(
         "folders", type=Path, nargs="+", metavar="DIR", help="folder of a recorded run"
@@ -160,7 +160,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--output",
         type=Path,
         metavar="FILE.html",
-        help="page of two runs (default: compare.html in the first folder)",
+        help="page of several runs (default: compare.html in the first folder)",
     )
     _add_open(replay)
 

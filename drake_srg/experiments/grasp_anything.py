@@ -1,7 +1,7 @@
 """Household objects in random poses, grasped from above by the depth image alone.
 
-Each object is dropped in a random orientation. From then on, nobody knows what it is: a
-noisy depth image becomes a height map, the best grasp of that is tried, and the thing
+Each object is dropped in a random orientation. The planner does not know what it is: a
+noisy depth image becomes a height map, the best grasp on it is tried, and the thing
 counts as held if the hand alone holds it one second after it was lifted by 15 cm. After
 a failure, the camera looks again at where the thing has come to rest.
 """

@@ -62,7 +62,8 @@ def clear_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         return
     if not clear.objects:
         yield "task.pick", "needs at least one object for the bin, got none"
-    models = [d.add_model.name for d in scenario.directives if d.add_model is not None]
+    added = [d.add_model.name for d in scenario.directives if d.add_model is not None]
+    models = [name for name in added if name not in ("arm", "gripper")]
     into = scenario.task.place.bin
     if into not in models:
         yield "task.place.bin", f"unknown model {into!r} {suggest(into, models)}"

@@ -69,9 +69,9 @@ class Metrics:
     real_time_factor: float
     artifacts: dict[str, str | None]
     schema_version: int = SCHEMA_VERSION
-    # With several objects, of which all else says little: how many there are and how
-    # many rest in the bin, grasps begun and those that the planner claims, claimed ones
-    # an hour, and what became of each object (see `ObjectOutcome`).
+    # Only for tasks with several objects: how many there are, how many rest in the bin,
+    # the grasps begun, those that held by the planner's word, these per hour, and what
+    # became of each object (see `ObjectOutcome`).
     objects_total: int | None = None
     objects_cleared: int | None = None
     picks: int | None = None

@@ -248,16 +248,16 @@ class HeightMapConfig:
     subpixels: int = dc.field(default=2, metadata={"ge": 1, "le": 8})
     # Width of holes that are filled [cells].
     hole: int = dc.field(default=2, metadata={"ge": 0})
-    # What is higher above the surface than this belongs to a thing, where it matters
-    # whether one reaches too high or over the edge [m].
+    # Cells higher above the surface than this form the regions that are checked for
+    # reaching too high or over the edge [m].
     thing: float = dc.field(default=0.008, metadata=positive())
-    # Whether things that hang over the edge of the map are in it. The robot's may, when
-    # it is in view.
+    # Whether the map keeps things that reach over its edge. Set it only where the robot
+    # is out of view, because the robot reaches over the edge, too.
     over_edge: bool = False
-    # How far around such a thing the map is unknown, too [cells].
+    # The map is unknown this far around a region that is left out, too [cells].
     fringe: int = dc.field(default=4, metadata={"ge": 0})
-    # Cells this near to the surface are mostly its own and show how well its height is
-    # measured [m]. Fewer than `least_flat` of them say nothing.
+    # Cells this near to the surface are mostly its own, and their median corrects the
+    # heights [m]. With fewer than `least_flat` of them, nothing is corrected.
     near: float = dc.field(default=0.01, metadata=positive())
     least_flat: int = dc.field(default=200, metadata={"ge": 1})
 

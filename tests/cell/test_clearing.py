@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
@@ -13,6 +13,17 @@ def test_a_bin_out_of_reach_is_told():
     scenario = load_scenario("clear_table", overrides=["clutter.count=1", FAR])
     with pytest.raises(ScenarioError, match=r"^task\.place\.bin: out of reach: "):
         MakeClearingPlanner(scenario)
+
+
+def test_a_bin_without_walls_is_refused(tmp_path):
+    path = tmp_path / "ghost.sdf"
+    path.write_text(
+        "<sdf version='1.9'><model name='m'><link name='bottom'/></model></sdf>"
+    )
+    ghost = f"directives.bin.add_model.file={path.as_uri()}"
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", ghost])
+    with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no coll"):
+        bin_box(scenario)
 
 
 def test_the_hand_drops_over_the_bin():

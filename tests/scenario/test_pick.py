@@ -30,7 +30,7 @@ def test_all_are_the_names_of_all_objects():
         (
             "clear_table",
             "task.place.bin=basket",
-            "task.place.bin: unknown model 'basket' (allowed: arm, bin, ",
+            "task.place.bin: unknown model 'basket' (allowed: bin, floor, ",
         ),
         ("clear_table", "task.place.bin=''", "task.place.bin: must name the bin"),
         ("clear_table", "task.clear.region.max=[0, 0]", "region: min must be below"),

@@ -23,19 +23,20 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Box, HeightMap, Mode, Shape, Vector
 
-# Fingertips work this near the table [m]: the grasps allow for it.
+# Margin of the hand while it is at a grasp [m]: grasps keep their own clearance.
 _TIPS = 0.0
-# How far the open hand reaches about its middle, and how much higher than what is there
-# the pads' middle has to be when the hand comes from the side [m].
+# How far the open hand reaches around its middle. A hand that comes from the side keeps
+# the middle of its pads so much higher than whatever is within that radius [m].
 _HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
-# A load that reaches further than this from the grasp may turn in the hand, and then
-# hangs lower, by as much as a household object does at most [m].
+# A load that reaches further than this from the grasp may turn in the hand. Then it
+# hangs lower, but no household object by more than `_MOST_SAG` [m].
 _SAGS_BEYOND, _MOST_SAG = 0.1, 0.16
-_ASIDE = 0.12  # at most, the hand is beside the bin's middle when it lets go [m]
+# Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
+_ASIDE = 0.12
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
 
 

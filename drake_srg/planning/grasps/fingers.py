@@ -80,7 +80,7 @@ class Fingers(abc.ABC):
 
     @abc.abstractmethod
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers that fire hold a thing of some width.
+        """Return whether closed fingers whose sensors fire hold a thing of some width.
 
         Args:
             width: Expected between the pads [m].

@@ -7,10 +7,10 @@ import numpy.typing as npt
 
 from drake_srg.types import Vector
 
-# What is within this of a pad lies at it [m].
+# A thing this near to a pad touches it [m].
 _TOUCHES = 0.004
-# The face there is what the pad sees within this of the middle of that, across it, and
-# as far away as this [m].
+# The slant of a face is fitted to what the pad sees within `_FACE` of the middle of the
+# part that touches, across the pad. Distances beyond `_AWAY` count as that [m].
 _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012

@@ -55,7 +55,7 @@ class TopGrasp:
 
     @property
     def tellable(self) -> bool:
-        """Whether joint angles tell the held thing from none: thin ones they do not."""
+        """Whether joint angles tell a hand that holds the thing from an empty one."""
         return self.fingers.tellable(self.width)
 
     def target(self) -> HandTarget:
@@ -63,7 +63,7 @@ class TopGrasp:
         return HandTarget.from_pose(self.X_WG)
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
-        """Return whether closed fingers that fire hold something; see `Grasp`."""
+        """Return whether closed fingers whose sensors fire hold something."""
         return self.fingers.holds(self.width, q, proximity)
 
     def half_turn(self) -> TopGrasp:

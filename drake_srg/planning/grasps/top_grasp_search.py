@@ -39,16 +39,19 @@ class Reach:
 class TopGraspConfig(PinchConfig):
     """How grasps are searched for. Lengths in m."""
 
+    # Points that are tried: about this many in all, and at least so many of each thing.
     points: int = dc.field(default=150, metadata={"ge": 1})
-    # At least, of every thing.
     points_per_thing: int = dc.field(default=16, metadata={"ge": 1})
+    # Directions of closing at each point.
     yaws: int = dc.field(default=18, metadata={"ge": 2})
-    # Kept for a second look, moved to the middle and turned a little.
+    # Pinches that are centered, turned a little and judged again on finer samples.
     kept: int = dc.field(default=120, metadata={"ge": 1})
+    # Grasps of a plan, at most.
     grasps: int = dc.field(default=40, metadata={"ge": 1})
-    # Worse ones are not worth an attempt.
+    # Pinches that score less are not worth an attempt.
     least_score: float = 3.5
-    # Grasps that are this much alike count as one, and as one that failed.
+    # Grasps within this distance and angle [rad] of each other count as one; within
+    # twice the distance of one that failed, they come last.
     apart: float = dc.field(default=0.012, metadata=positive())
     turned: float = dc.field(default=0.35, metadata=positive())
     # A thing is at least this high, and this large as seen from above [m²].
