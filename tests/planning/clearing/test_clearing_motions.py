@@ -71,5 +71,15 @@ def test_far_out_a_long_load_is_lifted_less(motions):
     height_map = moved(table())
     row = np.abs(height_map.middles()[:, 0, 1] - far[1]) < 0.02
     height_map.height[row] = 0.03
-    planned = motions.plan(motions.q_home, grasp_at(far), height_map)
-    assert not isinstance(planned, PlanningFailure), planned.message
+
+    def rise(place):
+        planned = motions.plan(motions.q_home, grasp_at(place), height_map)
+        assert not isinstance(planned, PlanningFailure), planned.message
+        lift = planned[Mode.LIFT]
+        start, end = (
+            motions.scene.X_WG(lift.value(time)[:, 0]).translation()[2]
+            for time in (lift.start_time(), lift.end_time())
+        )
+        return end - start
+
+    assert 0.1 < rise(far) < rise(PLACE) - 0.05
