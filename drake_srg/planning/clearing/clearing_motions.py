@@ -123,13 +123,16 @@ class ClearingMotions:
             to = moves.joint_path(q_start, down[0])
             motions[Mode.PRE_GRASP] = moves.timed(to, moves.free)
         try:
-            return motions | self._carry(q_grasp, grasp, load, approach, height_map)
+            return motions | self._carry(
+                q_grasp, grasp, load, approach, height_map, sag=load.sag
+            )
         except NoPathError:
             if load.sag == 0.0:
                 raise
-        # Far from its base, the arm does not lift that high.
-        load = dc.replace(load, sag=0.0)
-        return motions | self._carry(q_grasp, grasp, load, approach, height_map)
+        # Far from its base, the arm does not lift that high, but over the bin it does.
+        return motions | self._carry(
+            q_grasp, grasp, load, approach, height_map, sag=0.0
+        )
 
     def _carry(
         self,
@@ -138,20 +141,31 @@ class ClearingMotions:
         load: _Load,
         least: float,
         height_map: HeightMap,
+        *,
+        sag: float,
     ) -> dict[Mode, Trajectory]:
         """Return the motions with the load, which is lifted by `least` [m] or more.
+
+        It may sag by `sag` [m] on the way, and by `load.sag` where it is dropped.
 
         Raises:
             NoPathError: If there are none.
         """
         scene, moves = self.scene, self._moves
-        lift = max(least, self._rim + _RIM - self._table + load.sag)
+        lift = max(least, self._rim + _RIM - self._table + sag)
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, lift))
             lifting = moves.timed(up, moves.holding, straight=True)
-        with self._standing(height_map, beside=grasp.p_WC), self._loaded(load):
-            away = moves.joint_path(up[-1], self._over_bin(grasp, load))
+        hanging = dc.replace(load, sag=sag)
+        with self._standing(height_map, beside=grasp.p_WC), self._loaded(hanging):
+            down = self._into_bin(grasp, load)
+            away = (
+                moves.joint_path(up[-1], down[-1])
+                if sag == load.sag
+                # It rises on the way, and what hangs from the hand clears the rim.
+                else np.vstack([moves.joint_path(up[-1], down[0]), down[1:]])
+            )
             carrying = moves.timed(away, moves.holding)
         return {Mode.LIFT: lifting, Mode.TRANSFER: carrying}
 
@@ -191,8 +205,10 @@ class ClearingMotions:
             middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
         )
 
-    def _over_bin(self, grasp: TopGrasp, load: _Load) -> Vector:
-        """Return a posture with the load's middle over the bin's, just above its rim.
+    def _into_bin(self, grasp: TopGrasp, load: _Load) -> Vector:
+        """Return the way from `q_over` to where the load is dropped, (k, N) [rad].
+
+        The load's middle is over the bin's then, just above its rim.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -204,7 +220,7 @@ class ClearingMotions:
         aside = -(X_WG.rotation() @ load.middle_G)
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
         path: Vector = self._moves.straight(self.q_over, place)
-        return path[-1]
+        return path
 
     @contextlib.contextmanager
     def _standing(
