@@ -102,6 +102,7 @@ def test_the_home_pose_is_the_printed_one_up_to_rounding_and_the_plane_of_the_ar
 @pytest.mark.slow
 @given(direction, point, angle)
 def test_the_exponential_of_a_screw_is_that_of_its_matrix(w, p, theta):
+    # scipy comes with toppra and with the extras.
     expm = pytest.importorskip("scipy.linalg").expm
     v = -np.cross(w, p)
     W = np.zeros((4, 4))

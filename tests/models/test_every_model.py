@@ -155,7 +155,7 @@ def test_collision_geometry_is_convex_or_primitive(name):
 
 @pytest.mark.slow
 def test_checked_in_models_match_what_the_script_builds():
-    pytest.importorskip("manifold3d")
+    pytest.importorskip("manifold3d")  # only the extra `models` has it
     script = Path(__file__).parents[2] / "tools" / "build_models.py"
     run = subprocess.run(
         [sys.executable, str(script), "--check"],

@@ -57,7 +57,7 @@ def test_every_format_gives_the_same_object(tmp_path, name):
                 "</model></sdf>"
             )
         case _:
-            trimesh = pytest.importorskip("trimesh")
+            trimesh = pytest.importorskip("trimesh")  # of the extra `import`
             up = vertices[:, [0, 2, 1]] * (1, 1, -1)  # y is up
             trimesh.Trimesh(up, faces).export(path)
     facts = object_facts("a", ObjectConfig(model=str(path)))

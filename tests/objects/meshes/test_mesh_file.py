@@ -24,7 +24,7 @@ def test_a_closed_box_needs_no_mending(tmp_path, write):
 
 
 def test_gltf_points_up_along_y(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
+    trimesh = pytest.importorskip("trimesh")  # of the extra `import`
     path = tmp_path / "box.glb"
     trimesh.Trimesh(*box([0.04, 0.05, 0.06], at=[0, 0.025, 0])).export(path)
     ((mesh, _),), _ = read(path)

@@ -15,7 +15,7 @@ from drake_srg.objects.meshes.pieces import (
 )
 from objects.meshes.made_meshes import box, elbow, joined
 
-trimesh = pytest.importorskip("trimesh")
+trimesh = pytest.importorskip("trimesh")  # of the extra `import`
 
 
 def mesh(parts):
