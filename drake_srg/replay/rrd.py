@@ -23,6 +23,8 @@ from drake_srg.types import Vector
 _TIME = "time"  # the timeline: simulated time
 _SCENE, _PLOTS, _SIGHTS, _MODES, _VIDEO = "scene", "plots", "seen", "planner", "video"
 _FRUSTUM = 0.15  # length of a camera's pyramid [m]
+# Rerun's names of a node's properties.
+_POSE = {"translation": "translation", "rotation": "quaternion", "scale": "scale"}
 
 
 def write_rrd(folder: Path) -> Path:
@@ -110,12 +112,10 @@ class _Writer:
     def _write_node(self, node: Node) -> None:
         rr, path = self._rr, entity(_SCENE, node.name)
         time = track_times(node)
-        names = {"translation": "translation", "rotation": "quaternion"}
-        names["scale"] = "scale"
         pose = {
-            names[key]: at_times(track, time)
+            _POSE[key]: at_times(track, time)
             for key, track in node.tracks.items()
-            if key in names
+            if key in _POSE
         }
         if pose:
             columns = rr.Transform3D.columns(**pose)
