@@ -39,7 +39,7 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 # Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.
 lock: .venv/ready  ## pin the packages of pyproject.toml for every supported Python
 	$(BIN)/uv pip compile --universal --python-version 3.11 --only-binary :all: \
-		--all-extras --no-annotate --quiet --custom-compile-command "make lock" \
+		--all-extras --no-emit-package rerun-sdk --no-annotate --quiet --custom-compile-command "make lock" \
 		$(UPGRADE) pyproject.toml --output-file requirements.lock
 
 .venv/ready: requirements.lock pyproject.toml tools/install_system_libraries.sh

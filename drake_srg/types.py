@@ -279,6 +279,8 @@ class PlannerStatus:
     looks: int = 0  # times the planner requested images
     localization: Blob | None = None  # the first that led to a plan
     localized_at: float = 0.0  # time of that localization [s]
+    sighting: Blob | None = None  # the latest that the planner has used
+    sighted_at: float = 0.0  # time of that sighting [s]
     message: str = ""  # why it failed, in words
     planning_wall: float = 0.0  # wall-clock time spent on planning [s]
     left: tuple[Left, ...] = ()  # things that stay, once the mode is DONE

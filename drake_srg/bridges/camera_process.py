@@ -15,7 +15,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.bridges.commands import Warnings
-from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
+from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
 from drake_srg.cell.perception import AddLocalizer
 from drake_srg.common.ports import export_outputs
 from drake_srg.scenario import Scenario
@@ -156,9 +156,10 @@ class _Viewer:
             values[COLOR] = (self._image("color")[..., :3].copy(),)
         if DEPTH in topics:
             values[DEPTH] = (self._image("depth")[..., 0].copy(),)
-        if BLOBS in topics and self._diagram.HasOutputPort("blobs"):
-            port = self._diagram.GetOutputPort("blobs")
-            values[BLOBS] = (port.Eval(self._context),)
+        for name in (BLOBS, OBJECT_POSE):
+            if name in topics and self._diagram.HasOutputPort("blobs"):
+                port = self._diagram.GetOutputPort("blobs")
+                values[name] = (port.Eval(self._context),)
         return values
 
     def _image(self, kind: str) -> Any:

@@ -51,7 +51,8 @@ class Pictures:
         self.topics: dict[str, Topic] = {}
         if camera is not None:
             self._camera, intrinsics = camera
-            self.topics = camera_topics(self._camera, intrinsics)
+            pick = scenario.task.pick
+            self.topics = camera_topics(self._camera, intrinsics, pick)
         self._process: CameraProcess | None = None
         self._next = 0.0
 

@@ -14,15 +14,19 @@ from drake_srg.recording.ros_topics import (
     Topic,
     header,
     image_message,
+    pose_message,
 )
 from drake_srg.types import Blob
 from drake_srg.vision.camera import DRAKE_PIXEL_CENTER
 
 COLOR, DEPTH = "/camera/color/image_raw", "/camera/depth/image_raw"
 CAMERA_INFO, BLOBS = "/camera/color/camera_info", "/blobs"
+OBJECT_POSE = "/object_pose"
 
 
-def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
+def camera_topics(
+    camera: str, intrinsics: CameraInfo, pick: str = ""
+) -> dict[str, Topic]:
     """Return the topics of a camera and of the localizer, by name.
 
     After the time, their `convert` takes:
@@ -30,11 +34,12 @@ def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
     - COLOR: pixels, shape (h, w, 3), uint8
     - DEPTH: Drake's depths [m], shape (h, w), float32
     - CAMERA_INFO: nothing
-    - BLOBS: list of `Blob`
+    - BLOBS, OBJECT_POSE: list of `Blob`
 
     Args:
         camera: The camera's name in the scenario.
         intrinsics: Intrinsics of both images.
+        pick: Name of the object that OBJECT_POSE tells of.
     """
     frame_id = f"camera_{camera}"
 
@@ -49,6 +54,11 @@ def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
     def info(make: MakeMessage, time: float) -> Any:
         return _camera_info(make, time, frame_id, intrinsics)
 
+    def pose(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
+        certain = [b for b in blobs if b.object_name == pick and b.certain]
+        best = max(certain, key=lambda blob: blob.trust, default=None)
+        return best and pose_message(make, time, best.X_WO)
+
     image = "sensor_msgs/msg/Image"
     return {
         topic.name: topic
@@ -57,6 +67,7 @@ def camera_topics(camera: str, intrinsics: CameraInfo) -> dict[str, Topic]:
             Topic(DEPTH, image, {}, depth, sensor=True),
             Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", {}, info, sensor=True),
             Topic(BLOBS, "std_msgs/msg/String", {}, _blobs),
+            Topic(OBJECT_POSE, "geometry_msgs/msg/PoseStamped", {}, pose),
         )
     }
 

@@ -29,8 +29,8 @@ def AddLocalizer(
     """Add the localizer of a scenario and connect it to the station's cameras.
 
     Raises:
-        ScenarioError: If two objects look alike or a range of colours is invalid, or if
-            the thesis's localizer has more than one camera.
+        ScenarioError: If it knows none of the objects, if two look alike, if a range of
+            colours is invalid, or if the thesis's localizer has more than one camera.
     """
     cameras, config = camera_models(scenario), scenario.localizer
     if config.thesis is not None:
@@ -177,6 +177,11 @@ def _targets(scenario: Scenario) -> list[BlobTarget]:
                     "give it another shape, color or color_range"
                 )
         targets.append(BlobTarget(name, shape, colors, tuple(p_OC)))
+    if not targets:
+        raise ScenarioError(
+            "objects: the localizer knows none of them (allowed: a single cylinder, "
+            "box or sphere, or a model with a color_range)"
+        )
     return targets
 
 

@@ -162,6 +162,11 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="FILE.html",
         help="page of several runs (default: compare.html in the first folder)",
     )
+    replay.add_argument(
+        "--rrd",
+        action="store_true",
+        help="also write replay.rrd for the Rerun viewer; needs the extra `rerun`",
+    )
     _add_open(replay)
 
     list_ = add("list", commands.list_all, "list the scenarios or our objects")

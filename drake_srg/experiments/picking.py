@@ -7,6 +7,7 @@ import time as clock
 
 import numpy as np
 from numpy.random import Generator, default_rng
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.schema import Rotation, Transform
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.sensors import CameraConfig
@@ -81,8 +82,7 @@ def rest(name: str, thing: ObjectConfig, rng: Generator) -> RigidTransform:
     """Drop a thing in a random orientation and return the pose in which it rests."""
     facts = object_facts(name, thing)
     quaternion = rng.normal(size=4)
-    w, x, y, z = quaternion / np.linalg.norm(quaternion)
-    R_WO = RotationMatrix(_rotation(w, x, y, z))
+    R_WO = RotationMatrix(Quaternion(quaternion / np.linalg.norm(quaternion)))
     corners = np.array(np.meshgrid(*zip(facts.low, facts.high, strict=True)))
     corners = corners.reshape(3, -1).T @ R_WO.matrix().T
     away = rng.uniform(-_SPREAD, _SPREAD, size=2)
@@ -204,7 +204,6 @@ def attempts(
 ) -> list[Attempt]:
     """Drop a thing and try to lift it, until it is held or `most` attempts failed."""
     rng = default_rng([seed, sum(map(ord, name))])
-    thing = dc.replace(thing)
     X_WO = rest(name, thing, rng)
     made: list[Attempt] = []
     tried: list[TopGrasp] = []
@@ -240,12 +239,3 @@ def _placed(thing: ObjectConfig, X_WO: RigidTransform) -> ObjectConfig:
     pose.translation = X_WO.translation()
     pose.rotation = Rotation(X_WO.rotation())
     return dc.replace(thing, pose=pose, position=None)
-
-
-def _rotation(w: float, x: float, y: float, z: float) -> Vector:
-    """Return the rotation matrix of a unit quaternion."""
-    v = np.array([x, y, z])
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.asarray(
-        (w * w - v @ v) * np.eye(3) + 2.0 * np.outer(v, v) + 2.0 * w * cross
-    )

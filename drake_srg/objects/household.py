@@ -5,11 +5,11 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
-from pydrake.geometry import Box, Convex, Cylinder, Mesh, Role, Sphere
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.objects.config import ObjectConfig
+from drake_srg.objects.corners import hull_points
 from drake_srg.objects.models import AddObject, object_body
 from drake_srg.types import Vector
 
@@ -81,32 +81,7 @@ def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
     body = plant.get_body(object_body(plant, AddObject(plant, name, config)))
     plant.Finalize()
     inspector = scene_graph.model_inspector()
-    frame = plant.GetBodyFrameIdOrThrow(body.index())
-    corners = []
-    geometries = inspector.GetGeometries(frame, Role.kProximity)
-    for geometry in geometries:
-        X_LG = inspector.GetPoseInFrame(geometry)
-        shape = inspector.GetShape(geometry)
-        corners.append((X_LG @ _extreme_points(shape, X_LG.rotation().matrix()).T).T)
-    points = np.vstack(corners)
+    pieces = hull_points(plant, inspector, body)
+    points = np.vstack(pieces)
     mass = body.default_mass()
-    return ObjectFacts(points.min(axis=0), points.max(axis=0), mass, len(geometries))
-
-
-def _extreme_points(shape: object, R_LG: Vector) -> Vector:
-    """Return points of a shape that reach as far along L's axes as it does, (n, 3)."""
-    if isinstance(shape, Mesh | Convex):
-        hull = shape.GetConvexHull()
-        return np.array([hull.vertex(i) for i in range(hull.num_vertices())])
-    if isinstance(shape, Box):
-        signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
-        return signs * shape.size()
-    directions = np.vstack([R_LG, -R_LG])  # L's axes, in G
-    if isinstance(shape, Sphere):
-        return directions * shape.radius()
-    assert isinstance(shape, Cylinder)
-    across = directions[:, :2]
-    norm = np.linalg.norm(across, axis=1, keepdims=True)
-    round_ = shape.radius() * across / np.maximum(norm, 1e-12)
-    ends = 0.5 * shape.length() * np.where(directions[:, 2:] < 0.0, -1.0, 1.0)
-    return np.hstack([round_, ends])
+    return ObjectFacts(points.min(axis=0), points.max(axis=0), mass, len(pieces))

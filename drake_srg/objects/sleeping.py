@@ -39,11 +39,11 @@ class SleepMonitor(LeafSystem):
     (list[ExternallyAppliedSpatialForce]). `objects_asleep` (frozenset[str]) holds the
     names of the objects that sleep.
 
-    An object sleeps if it has been slower than `config.speed` for `config.after`, no
-    force is applied to it, and nothing that is awake is or comes near. That is a body
-    within `config.margin`, plus the distance that it moves in `config.period`. Every
-    body that is not fixed to the world counts as awake, save the objects that sleep. So
-    objects that touch each other fall asleep together, and wake together.
+    An object sleeps if it has been slower than `config.speed` and free of applied
+    forces for `config.after`, and nothing that is awake is or comes near. That is a
+    body within `config.margin`, plus the distance that it moves in `config.period`.
+    Every body that is not fixed to the world counts as awake, save the objects that
+    sleep. So objects that touch each other fall asleep together, and wake together.
 
     Distances are between the boxes around the bodies' collision geometry. They are
     never longer than the true ones, so an object may wake early, never late.
@@ -103,11 +103,8 @@ class SleepMonitor(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         stirred = context.get_discrete_state(0).value().copy()
-        asleep = self.get_output_port().Eval(context)
-        awake = np.array([name not in asleep for name in self.object_names], bool)
-        awoken = self._rested(context) & awake
         moving = self._speeds(context)[: len(stirred)] > self.config.speed
-        stirred[awoken | moving] = context.get_time()
+        stirred[moving | self._pushed(context)] = context.get_time()
         discrete_state.set_value(stirred)
 
     def _calc_objects_asleep(self, context: Context, output: AbstractValue) -> None:

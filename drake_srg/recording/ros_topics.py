@@ -14,13 +14,17 @@ from typing import Any
 import cv2
 import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
 from pydrake.systems.sensors import ImageRgba8U
+
+from drake_srg.types import PlannerStatus
 
 # Makes a message: (type name such as "std_msgs/msg/String", fields) -> message. Fields
 # are given by name or, where ROS 1 and 2 name them differently, in order.
 MakeMessage = Callable[..., Any]
 # (make, time [s], one value per port, None for an unconnected optional port) -> message
 Convert = Callable[..., Any]
+OBJECT_POSE = "/planner/object_pose"
 
 
 @dc.dataclass(frozen=True)
@@ -100,6 +104,43 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
     return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
 
 
+def pose_message(make: MakeMessage, time: float, X_WO: RigidTransform) -> Any:
+    """Return a pose in world at a time [s] as a geometry_msgs/msg/PoseStamped."""
+    x, y, z = X_WO.translation()
+    turn = X_WO.rotation().ToQuaternion()
+    return make(
+        "geometry_msgs/msg/PoseStamped",
+        header=header(make, time, "world"),
+        pose=make(
+            "geometry_msgs/msg/Pose",
+            position=make("geometry_msgs/msg/Point", x=x, y=y, z=z),
+            orientation=make(
+                "geometry_msgs/msg/Quaternion",
+                **{name: float(getattr(turn, name)()) for name in "xyzw"},
+            ),
+        ),
+    )
+
+
+def object_pose(name: str, port: str) -> Topic:
+    """Return a topic of where a planner last saw its object.
+
+    A geometry_msgs/msg/PoseStamped, stamped with the time of the look; no message
+    before the planner has seen it.
+
+    Args:
+        name: The topic's.
+        port: An input port of `PlannerStatus`.
+    """
+
+    def convert(make: MakeMessage, time: float, status: PlannerStatus) -> Any:
+        blob = status.sighting
+        return blob and pose_message(make, status.sighted_at, blob.X_WO)
+
+    model = AbstractValue.Make(PlannerStatus())
+    return Topic(name, "geometry_msgs/msg/PoseStamped", {port: model}, convert)
+
+
 def image(name: str, port: str, frame_id: str, period: float) -> Topic:
     """Return a topic of an ImageRgba8U port, as sensor_msgs/msg/Image in rgb8.
 
@@ -175,6 +216,8 @@ def cell_topics(
     gripper_joints: Sequence[str],
     sensors: int,
     cameras: Mapping[str, float] | None = None,
+    *,
+    located: bool = False,
 ) -> list[Topic]:
     """Return the topics of a cell.
 
@@ -183,6 +226,7 @@ def cell_topics(
         gripper_joints: Names of the gripper's actuated joints; empty: no gripper.
         sensors: Number of finger sensors.
         cameras: Camera name to the time between its images [s].
+        located: Whether the planner locates one object to pick.
     """
     size = len(arm_joints)
     joints = {"arm": arm_joints, "gripper": gripper_joints}
@@ -195,6 +239,7 @@ def cell_topics(
         float64_array("/gripper/proximity", "gripper.proximity", sensors),
         float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
         string("/planner/mode", "planner.mode"),
+        *([object_pose(OBJECT_POSE, "planner.status")] if located else []),
         *(
             image(
                 f"/camera_{name}/color/image_raw",

@@ -14,13 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.recording.figure import COLORS
-from drake_srg.recording.log import read_log
 from drake_srg.recording.output import OutputFile
-from drake_srg.recording.run_timeline import Labels, run_timeline
 from drake_srg.recording.timeline import Timeline, timeline_panels
-from drake_srg.replay.glb import EXTRAS, Json, read_glb
+from drake_srg.replay.glb import Json
+from drake_srg.replay.recorded import read_run
 
 _SCRIPTS = ("gltf.js", "view.js", "plots.js", "page.js")
 _DIGITS = 4  # significant digits of plotted values
@@ -52,33 +50,15 @@ def page_html(folder: Path) -> str:
     Raises:
         ScenarioError: If a file is missing or cannot be read.
     """
-    glb = _read(folder, "replay.glb")
-    try:
-        document, binary = read_glb(glb)
-        extras = document["scenes"][0]["extras"][EXTRAS]
-        labels = Labels(**extras["labels"])
-        images = _images(document, binary)
-        sights = [{**s, "image": images[s["image"]]} for s in extras["sights"]]
-        video_start = float(extras["video_start"])
-    except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise ScenarioError(
-            f"{folder / 'replay.glb'}: not the scene of a recorded run: "
-            f"{one_line(error)}"
-        ) from error
-    _read(folder, "log.npz")
-    try:
-        timeline = run_timeline(read_log(folder / "log.npz"), labels)
-    except (ValueError, KeyError, OSError) as error:
-        raise ScenarioError(
-            f"{folder / 'log.npz'}: not the log of a run: {one_line(error)}"
-        ) from error
-    video = folder / "video.mp4"
+    run = read_run(folder)
+    images = [_data_url("image/jpeg", image) for image in run.images]
+    sights = [{**sight, "image": images[sight["image"]]} for sight in run.sights]
     return _page(
-        labels.title,
+        run.labels.title,
         _result(folder / "metrics.json"),
-        _data(timeline, sights, video_start),
-        glb,
-        video.read_bytes() if video.is_file() else None,
+        _data(run.timeline, sights, run.video_start),
+        run.glb,
+        None if run.video is None else run.video.read_bytes(),
     )
 
 
@@ -103,16 +83,6 @@ def policy(scripts: Sequence[str], styles: Sequence[str]) -> str:
     return html.escape("; ".join(rules))
 
 
-def _read(folder: Path, name: str) -> bytes:
-    try:
-        return (folder / name).read_bytes()
-    except OSError as error:
-        raise ScenarioError(
-            f"{folder / name}: {error.strerror or error} "
-            "(allowed: the folder of a run recorded without --no-record)"
-        ) from error
-
-
 def _result(path: Path) -> tuple[bool, str] | None:
     """Return whether a run succeeded and a phrase about it, if metrics.json tells."""
     try:
@@ -125,16 +95,6 @@ def _result(path: Path) -> tuple[bool, str] | None:
         return success, f"{word}, {tries} attempt{'' if tries == 1 else 's'}"
     except (OSError, ValueError, KeyError, TypeError):
         return None
-
-
-def _images(document: Json, binary: bytes) -> list[str]:
-    """Return the images of a GLB file as data URLs."""
-    urls = []
-    for image in document.get("images", []):
-        view = document["bufferViews"][image["bufferView"]]
-        data = binary[view["byteOffset"] :][: view["byteLength"]]
-        urls.append(_data_url(image["mimeType"], data))
-    return urls
 
 
 def _data_url(kind: str, data: bytes) -> str:

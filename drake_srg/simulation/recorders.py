@@ -120,6 +120,7 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
         gripper_joints,
         len(sensors),
         dict.fromkeys(config.bag_cameras, config.bag_camera_period),
+        located=scenario.task.clear is None and not scenario.script,
     )
     ports = output_ports(cell)
     return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]

@@ -12,9 +12,11 @@ import dataclasses as dc
 import fcntl
 import os
 import pickle
+import select
 import signal
 import subprocess
 import sys
+import time as wall
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -33,6 +35,8 @@ from drake_srg.station.cameras import MakeRemoteCameras
 
 _PIPE = 1 << 20  # for states that wait to be rendered: about a minute's [bytes]
 _NICE = 10  # the simulation goes first; see nice(1)
+_PATIENCE = 120.0  # s; a frame takes seconds at worst
+_SIGN, _SIGN_PERIOD = b"\0", 1.0  # of life: before the answer, at most so often [s]
 
 
 def can_render_apart(scenario: Scenario) -> bool:
@@ -52,15 +56,22 @@ class VideoProcess:
     Args:
         scenario: The scenario; `can_render_apart` must hold.
         tell: Called with a line for the user if the process fails.
+        patience: Time without a sign of life after which a process that has work to
+            do is ended [s, wall clock].
 
     Raises:
         ImportError: If PyAV is missing.
         OSError: If no process can be started.
     """
 
-    def __init__(self, scenario: Scenario, tell: Callable[[str], None]):
+    def __init__(
+        self,
+        scenario: Scenario,
+        tell: Callable[[str], None],
+        patience: float = _PATIENCE,
+    ):
         require("av")
-        self._tell = tell
+        self._tell, self._patience, self._hung = tell, patience, False
         package = str(Path(drake_srg.__file__).parents[1])
         paths = [package, *filter(None, [os.environ.get("PYTHONPATH")])]
         self._process = subprocess.Popen(
@@ -71,8 +82,12 @@ class VideoProcess:
             start_new_session=True,  # Ctrl-C in a terminal is for the simulation
         )
         assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._stdin = self._process.stdin.fileno()
+        self._stdout = self._process.stdout.fileno()
+        os.set_blocking(self._stdin, False)  # or a hung process would stop us
         with contextlib.suppress(OSError):  # the system's limit is lower
-            fcntl.fcntl(self._process.stdin, fcntl.F_SETPIPE_SZ, _PIPE)
+            fcntl.fcntl(self._stdin, fcntl.F_SETPIPE_SZ, _PIPE)
         # Drake's schema objects do not pickle, but their YAML does. Only models and
         # one camera are needed; a gripper's driver may be the user's own.
         name = scenario.recording.video_camera
@@ -93,19 +108,18 @@ class VideoProcess:
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout):
             assert stream is not None
-            with contextlib.suppress(OSError):  # something is left to be sent
-                stream.close()
+            stream.close()
 
     def send(self, *message: Any) -> None:
         """Send a message: the scenario's YAML, then the path, then frames.
 
         A frame is its time [s], its caption and the plant's state. Messages to a
-        process that has ended are lost; `finish` reports that.
+        process that has ended, or hangs, are lost; `finish` reports that.
         """
-        assert self._process.stdin is not None
+        rest = pickle.dumps(message)
         with contextlib.suppress(OSError):
-            pickle.dump(message, self._process.stdin)
-            self._process.stdin.flush()
+            while rest and self._ready(self._stdin, select.POLLOUT):
+                rest = rest[os.write(self._stdin, rest) :]
 
     def finish(self) -> int:
         """Wait until the video is complete, and return its number of frames.
@@ -116,22 +130,41 @@ class VideoProcess:
         Raises:
             OSError: If the file could not be written.
         """
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
         self.send()
-        with contextlib.suppress(OSError):
-            self._process.stdin.close()
-        answer = self._process.stdout.read()
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        answer = b""
+        while self._ready(self._stdout, select.POLLIN):
+            if not (more := os.read(self._stdout, 1 << 16)):
+                break
+            answer += more
+        answer = answer.lstrip(_SIGN)
         if not answer:
-            code = self._process.wait()
-            ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-            answer = pickle.dumps((0, 0, f"the process that renders it died ({ended})"))
+            answer = pickle.dumps((0, 0, f"the process that renders it {self._end()}"))
         frames, number, reason = pickle.loads(answer)
         if number:
             raise OSError(number, os.strerror(number))
         if reason:
             self._tell(f"no video: {reason}")
         return int(frames)
+
+    def _ready(self, pipe: int, event: int) -> bool:
+        """Wait until a pipe is ready; end the process if it hangs instead."""
+        poll = select.poll()
+        poll.register(pipe, event)
+        if poll.poll(1e3 * self._patience):
+            return True
+        self._hung = True
+        self._process.kill()
+        return False
+
+    def _end(self) -> str:
+        """Return how the process ended without an answer, in words."""
+        code = self._process.wait()
+        if self._hung:
+            return f"hung (no sign of life for {self._patience:g} s)"
+        ended = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        return f"died ({ended})"
 
 
 class RemoteVideoRecorder(Recorder):
@@ -187,8 +220,17 @@ def main() -> None:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever libraries print
     frames, number, reason = 0, 0, ""
+    last = wall.monotonic()
+
+    def live() -> None:
+        nonlocal last
+        if wall.monotonic() > last + _SIGN_PERIOD:
+            last = wall.monotonic()
+            answers.write(_SIGN)
+            answers.flush()
+
     try:
-        frames = _render()
+        frames = _render(live)
     except EOFError:  # the simulation's process is gone
         return
     except OSError as error:
@@ -199,8 +241,12 @@ def main() -> None:
         pickle.dump((frames, number, reason), answers)
 
 
-def _render() -> int:
-    """Make the video, and return its number of frames."""
+def _render(live: Callable[[], None]) -> int:
+    """Make the video, and return its number of frames.
+
+    Args:
+        live: Called after each frame.
+    """
     (text,) = pickle.load(sys.stdin.buffer)
     scenario = yaml_load_typed(schema=Scenario, data=text)
     (name,) = scenario.cameras
@@ -216,6 +262,7 @@ def _render() -> int:
         context.SetTime(time)
         state.FixValue(context, value)
         file.add(port.Eval(context).data, time, words)
+        live()
     file.close()
     return file.frames
 

@@ -6,7 +6,7 @@ from drake_srg.bridges import pictures as pictures_module
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pictures import Pictures, served_camera
-from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH
+from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
 from drake_srg.scenario import load_scenario
 
 KITCHEN = load_scenario("kitchen")
@@ -77,7 +77,8 @@ def test_a_scenario_with_a_soft_object_has_no_topics():
 
 def test_the_process_starts_with_the_first_subscription(made):
     pictures = Pictures(KITCHEN, Warnings(print))
-    assert set(pictures.topics) == {COLOR, DEPTH, CAMERA_INFO, BLOBS}
+    topics = {COLOR, DEPTH, CAMERA_INFO, BLOBS, OBJECT_POSE}
+    assert set(pictures.topics) == topics
     look(pictures, 0.0)
     assert made == []
     look(pictures, 0.1, COLOR)

@@ -16,6 +16,7 @@ PICTURES = {
     "/camera/depth/image_raw",
     "/camera/color/camera_info",
     "/blobs",
+    "/object_pose",
 }
 STATE = {
     "/clock",

@@ -6,11 +6,18 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 from rosbags.typesys import Stores, get_typestore
 
-from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, camera_topics
+from drake_srg.bridges.topics import (
+    BLOBS,
+    CAMERA_INFO,
+    COLOR,
+    DEPTH,
+    OBJECT_POSE,
+    camera_topics,
+)
 from drake_srg.types import Blob, BlobFlag
 
 INFO = CameraInfo(640, 480, 579.4, 580.6, 319.5, 239.5)
-TOPICS = camera_topics("ceiling", INFO)
+TOPICS = camera_topics("ceiling", INFO, "can")
 
 
 @pytest.fixture(params=[Stores.ROS1_NOETIC, Stores.ROS2_HUMBLE])
@@ -91,3 +98,30 @@ def test_blobs_are_json_with_every_field(send):
             }
         ],
     }
+
+
+def seen(name, x, *flags, misfit=0.0):
+    X_WO = RigidTransform(RotationMatrix.MakeZRotation(np.pi / 2), [x, 0.1, 0.05])
+    return Blob(name, "ceiling", (0.0, 0.0), X_WO, 0.9, frozenset(flags), misfit)
+
+
+def test_the_object_pose_is_that_of_the_most_trustworthy_certain_blob(send):
+    uncertain = seen("can", 0.1, BlobFlag.UNCERTAIN)
+    blobs = [
+        uncertain,
+        seen("box", 0.2),
+        seen("can", 0.3, misfit=0.2),
+        seen("can", 0.4),
+    ]
+    message = send(OBJECT_POSE, blobs)
+    assert message.header.frame_id == "world"
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 250_000_000)
+    p, q = message.pose.position, message.pose.orientation
+    assert (p.x, p.y, p.z) == (0.4, 0.1, 0.05)
+    assert (q.x, q.y, q.z, q.w) == pytest.approx((0, 0, np.sqrt(0.5), np.sqrt(0.5)))
+
+
+def test_there_is_no_message_of_an_object_that_is_not_certain_to_be_seen():
+    uncertain = seen("can", 0.1, BlobFlag.UNCERTAIN)
+    for blobs in ([], [seen("box", 0.2)], [uncertain]):
+        assert TOPICS[OBJECT_POSE].convert(None, 1.25, blobs) is None

@@ -94,6 +94,15 @@ def describe(found):
     ]
 
 
+def test_a_localizer_without_an_object_that_it_knows_is_refused():
+    mug = "object.model=package://drake_srg/sdf/mug.sdf"
+    scenario = load_scenario("kitchen", overrides=[mug])
+    builder = DiagramBuilder()
+    station = builder.AddNamedSystem("station", MakeStation(scenario))
+    with pytest.raises(ScenarioError, match=r"^objects: the localizer knows none"):
+        AddLocalizer(builder, scenario, station)
+
+
 def test_the_thesis_s_localizer_takes_one_camera():
     scenario = load_scenario("assistive_arm_thesis", seed=0)
     scenario.localizer.cameras = ["ceiling", "overview"]

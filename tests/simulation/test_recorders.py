@@ -92,6 +92,12 @@ def test_the_bag_holds_commands_measurements_and_images(run, messages):
     assert (image.width, image.height, image.encoding) == (640, 480, "rgb8")
 
 
+def test_an_object_that_is_never_seen_has_a_topic_without_messages(run, messages):
+    assert "/planner/object_pose" not in messages
+    with Reader(run[1] / "recording.mcap") as reader:
+        assert "/planner/object_pose" in {c.topic for c in reader.connections}
+
+
 def test_messages_have_simulated_times_above_zero(run, messages):
     for topic, stamped in messages.items():
         times = np.array([time for time, _ in stamped])
@@ -168,7 +174,9 @@ def test_a_scripted_cell_is_recorded_too(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == FILES
     store = get_typestore(Stores.ROS2_HUMBLE)
     with Reader(tmp_path / "recording.mcap") as reader:
-        assert set(reader.topics) >= {"/joint_states", "/planner/mode"}
+        topics = {c.topic for c in reader.connections}
+        assert topics >= {"/joint_states", "/planner/mode"}
+        assert "/planner/object_pose" not in topics
         _, _, data = next(
             message
             for message in reader.messages()

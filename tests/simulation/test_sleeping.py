@@ -59,8 +59,10 @@ def push(rig, name, force):
     applied = ExternallyAppliedSpatialForce()
     applied.body_index = rig.plant.GetBodyByName("object", model(rig, name)).index()
     applied.F_Bq_W = SpatialForce(tau=np.zeros(3), f=force)
-    port = rig.diagram.GetInputPort("object_forces_cheat")
-    port.FixValue(rig.context, AbstractValue.Make([applied]))
+    value = AbstractValue.Make([applied])
+    if not any(force):
+        value.set_value([])  # a force of zero would keep it awake
+    rig.diagram.GetInputPort("object_forces_cheat").FixValue(rig.context, value)
 
 
 def test_objects_at_rest_sleep_and_stay_where_they_are():
@@ -123,6 +125,27 @@ def test_neighbours_that_touch_wake_together(gap):
     push(rig, "first", [-0.1, 0.0, 0.0])  # friction holds it
     rig.advance(0.01)
     assert asleep(rig) == ({"second"} if gap > 0.005 else set())
+
+
+def test_neighbours_that_come_to_rest_one_after_the_other_sleep():
+    rig = make(first=block(0.3), second=block(0.352, z=0.035))  # falls by 10 mm
+    rig.advance(0.1)
+    assert asleep(rig) == set()
+    rig.advance(0.4)
+    assert asleep(rig) == {"first", "second"}
+
+
+def test_an_object_falls_asleep_some_time_after_a_push():
+    rig = make(pushed=block(0.3))
+    rig.advance(0.4)
+    push(rig, "pushed", [-0.1, 0.0, 0.0])  # friction holds it
+    rig.advance(0.2)
+    assert asleep(rig) == set()
+    push(rig, "pushed", [0.0, 0.0, 0.0])
+    rig.advance(0.08)
+    assert asleep(rig) == set()
+    rig.advance(0.05)
+    assert asleep(rig) == {"pushed"}
 
 
 def test_a_pushed_object_ends_where_it_ends_awake():

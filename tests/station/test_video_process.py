@@ -1,5 +1,9 @@
 """Videos made in a process of their own."""
 
+import os
+import signal
+
+import numpy as np
 import pytest
 from pydrake.systems.framework import DiagramBuilder
 
@@ -66,6 +70,27 @@ def test_an_error_of_the_process_is_told_or_raised(tmp_path):
     (line,) = told
     assert line.startswith("no video: ")
     assert "Traceback" not in line
+
+
+def test_a_process_that_hangs_is_told_and_ended(tmp_path):
+    scenario, told = load_scenario("kitchen", overrides=SMALL), []
+    with VideoProcess(scenario, told.append, patience=0.2) as process:
+        os.kill(process._process.pid, signal.SIGSTOP)
+        process.send(str(tmp_path / "video.mp4"))
+        for _ in range(3):  # more than the pipe holds
+            process.send(0.0, None, np.zeros(1 << 17))
+        assert process.finish() == 0
+    assert told == [
+        "no video: the process that renders it hung (no sign of life for 0.2 s)"
+    ]
+
+
+def test_a_process_that_hangs_at_the_end_is_told(tmp_path):
+    told = []
+    with VideoProcess(load_scenario("kitchen"), told.append, patience=0.2) as process:
+        os.kill(process._process.pid, signal.SIGSTOP)
+        assert process.finish() == 0
+    assert len(told) == 1
 
 
 def test_it_ends_with_its_block():

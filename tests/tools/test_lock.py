@@ -11,6 +11,9 @@ ROOT = Path(__file__).parents[2]
 LOCK = (ROOT / "requirements.lock").read_text("utf-8")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
+# Too large to install for everybody; pinned in pyproject.toml instead.
+LEFT_OUT = {"rerun-sdk"}
+
 
 def needed(lines, python):
     """Requirements of a Linux machine, by the canonical names of the packages."""
@@ -40,7 +43,11 @@ def test_every_requirement_has_one_pin_that_meets_it(python):
     wanted = [*PROJECT["dependencies"], *(line for extra in extras for line in extra)]
     assert len(wanted) > 20
     for name, specifier in needed(wanted, python):
-        assert pins[name] in specifier
+        if name in LEFT_OUT:
+            assert str(specifier).startswith("==")
+            assert name not in pins
+        else:
+            assert pins[name] in specifier
 
 
 def test_the_lock_names_no_registry():

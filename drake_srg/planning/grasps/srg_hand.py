@@ -84,7 +84,7 @@ class SrgHand(Hand):
         """See `Hand`."""
         squeeze = firmness * self.squeeze
         if isinstance(shape, Box):
-            return []  # needs the turn about the vertical, which a Blob lacks
+            return []  # needs the turn about the vertical, which an axis lacks
         if not isinstance(shape, Sphere) and axis_W[2] < np.cos(_UPRIGHT_WITHIN):
             return []
         found: list[SrgGrasp | None] = []

@@ -235,7 +235,7 @@ class Home(Moving):
         hopeful = memory.trouble.failure in (None, Failure.DROPPED)
         if not hopeful or self.final_failure(memory, now.time) is not None:
             return memory
-        return self.replanner.judge(now.senses.see(), memory)
+        return self.replanner.judge(now.senses.see(), memory, now.time)
 
     def observe_arrived(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report whether the object is on its goal, and whether to give up."""

@@ -76,6 +76,8 @@ class Seen:
 
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
+    latest: Blob | None = None  # the latest one that was used
+    latest_at: float = 0.0  # s
     X_WO_return: RigidTransform | None = None  # where every second cycle puts it [m]
     obstacles: Obstacles = ()
 
@@ -119,6 +121,8 @@ class PlannerMemory:
             looks=self.totals.looks,
             localization=self.seen.localization,
             localized_at=self.seen.localized_at,
+            sighting=self.seen.latest,
+            sighted_at=self.seen.latest_at,
             message=self.trouble.message,
             planning_wall=self.totals.planning_wall,
         )

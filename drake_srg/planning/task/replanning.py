@@ -66,7 +66,7 @@ class Replanner:
         back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
         return back or self._goal
 
-    def judge(self, view: View, memory: PlannerMemory) -> PlannerMemory:
+    def judge(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See whether the object is where this cycle was to take it."""
         blob, goal = self._sightings.best(view, self._rests), self.goal(memory)
         at_goal = False
@@ -75,12 +75,12 @@ class Replanner:
             turn = lean(X_WO.rotation().col(2), goal.rotation().col(2))
             near = distance(X_WO, goal) <= self._tolerance
             at_goal = bool(near and turn <= _STANDING)
-        return _looked(memory, at_goal=at_goal)
+        return _looked(memory, blob, time, at_goal=at_goal)
 
     def plan(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Look for the object, and plan the whole cycle from where the arm is."""
         blob = self._sightings.best(view, self._rests)
-        memory = _looked(memory, next_look=np.inf)
+        memory = _looked(memory, blob, time, next_look=np.inf)
         if blob is None:
             return self._not_seen(memory, time)
         start, q = wall.perf_counter(), memory.motion.q_rest
@@ -127,7 +127,8 @@ class Replanner:
     def compare(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See whether the object is still where the motions take it, and they free."""
         blob = self._sightings.best(view, self._rests)
-        memory = _looked(memory)
+        certain = blob if blob is not None and blob.certain else None
+        memory = _looked(memory, certain, time)
         if memory.cycle.detours >= self._config.max_attempts:
             return memory  # an object that never stands still must be tried as it is
         motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
@@ -138,23 +139,25 @@ class Replanner:
             obstacles = self._obstacles(view, memory, q, fingers, p_WO)
             if self._obstruction(motions, Mode.PRE_GRASP, obstacles):
                 return _detour(memory)
-        if blob is None or not blob.certain:  # behind the hand
+        if certain is None:  # behind the hand
             return memory
-        X_WO_seen = self._sightings.pose(blob)
+        X_WO_seen = self._sightings.pose(certain)
         turn = lean(X_WO_seen.rotation().col(2), X_WO.rotation().col(2))
         moved = distance(X_WO_seen, X_WO) > _MOVED or turn > _TURNED
         return _detour(memory) if moved else memory
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See where the object is in the hand, and plan the rest from there."""
-        memory = _looked(memory)
-        attempt, motions = memory.attempt, memory.attempt.planned
+        motions = memory.attempt.planned
         q, grasp = memory.motion.position(time), motions.grasp
         p_WO = self._task_planner.scene.X_WG(q) @ grasp.p_GO
         # What looks like it elsewhere may be seen better than what the hand half hides.
         blob = self._sightings.nearest(view, p_WO)
-        if blob is not None and blob.certain:
-            grasp = self._in_hand(grasp, blob, q)
+        certain = blob if blob is not None and blob.certain else None
+        memory = _looked(memory, certain, time)
+        attempt = memory.attempt
+        if certain is not None:
+            grasp = self._in_hand(grasp, certain, q)
             if np.linalg.norm(grasp.p_GO - motions.grasp.p_GO) > _LOST:
                 return dc.replace(memory, attempt=dc.replace(attempt, lost=True))
         elif not view.obstacles:
@@ -248,8 +251,13 @@ class Replanner:
         return dc.replace(grasp, axis_G=axis_G)
 
 
-def _looked(memory: PlannerMemory, **noticed: Any) -> PlannerMemory:
-    """Return the memory after a look, with what the look has shown."""
+def _looked(
+    memory: PlannerMemory, used: Blob | None, time: float, **noticed: Any
+) -> PlannerMemory:
+    """Return the memory after a look: the blob used, if any, and what was noticed."""
+    if used is not None:
+        seen = dc.replace(memory.seen, latest=used, latest_at=time)
+        memory = dc.replace(memory, seen=seen)
     totals = dc.replace(memory.totals, looks=memory.totals.looks + 1)
     attempt = dc.replace(memory.attempt, looked=True, **noticed)
     return dc.replace(memory, attempt=attempt, totals=totals)

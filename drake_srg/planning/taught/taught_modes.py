@@ -177,7 +177,12 @@ class Idle(TaughtMode):
             if not blobs:
                 return memory
             p_WT = blobs[0].position
-            report = dc.replace(report, localization=blobs[0])
+            report = dc.replace(
+                report,
+                localization=blobs[0],
+                sighting=blobs[0],
+                sighted_at=now.time,
+            )
         start = wall.perf_counter()
         planned = self.planner.plan(p_WT)
         report = dc.replace(

@@ -22,7 +22,7 @@ from typing import Any
 import pyarrow as pa
 
 from drake_srg.sweeps.dataset.files import CHUNK_SIZE
-from drake_srg.sweeps.dataset.recording import Layout
+from drake_srg.sweeps.dataset.recording import SIGHTING, Layout
 from drake_srg.sweeps.dataset.statistics import STATISTICS
 from drake_srg.sweeps.dataset.video import CODEC, PIXEL_FORMAT
 
@@ -39,6 +39,10 @@ TRIAL = {
     "success": pa.bool_(),
     "failure": pa.string(),  # the planner's reason; null for a success
 }
+
+# LeRobot's name for what policies may know of the scene besides the robot's state; its
+# policies take it as a vector of its own kind (FeatureType.ENV).
+SIGHTING_KEY = "observation.environment_state"
 
 _SCALARS = {
     "next.done": "bool",
@@ -63,6 +67,8 @@ def make_features(layout: Layout, fps: int) -> dict[str, Feature]:
         "observation.state": _vector(layout.joints),
         "action": _vector(layout.commands),
     }
+    if layout.located:
+        features[SIGHTING_KEY] = _vector(SIGHTING)
     for camera, (height, width) in layout.cameras.items():
         features[video_key(camera)] = {
             "dtype": "video",

@@ -113,9 +113,7 @@ def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -
         )
     metrics = _metrics(trial)
     writer.add(
-        dc.replace(
-            signals, state=signals.state[::every], action=signals.action[::every]
-        ),
+        signals.every(every),
         {
             camera: read_images(trial / _RECORDING, camera, every)
             for camera in layout.cameras

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.recording.output import require
+from drake_srg.recording.ros_topics import OBJECT_POSE
 
 Image = npt.NDArray[np.uint8]
 
@@ -24,6 +25,10 @@ _JOINTS = "/joint_states"
 _ARM = "/arm/position_commanded"
 _CLOSURE = "/gripper/closure_commanded"
 _CAMERA = "/camera_(.+)/color/image_raw"
+
+# Where the object was last seen in world [m], and whether it has been seen: without a
+# sighting, all are 0. No rotation has a quaternion of zeros.
+SIGHTING = ("x", "y", "z", "qx", "qy", "qz", "qw", "seen")
 
 # Simulated time adds up steps, and stamps are whole nanoseconds.
 _STAMP_TOLERANCE = 1e-6  # s
@@ -38,12 +43,14 @@ class Layout:
         commands: Names of the commanded values: the arm's joints, then the gripper.
         cameras: Camera name to (height, width) of its images [pixels], sorted.
         rate: Images per simulated second.
+        located: Whether the planner locates an object: `SIGHTING` is known.
     """
 
     joints: tuple[str, ...]
     commands: tuple[str, ...]
     cameras: dict[str, tuple[int, int]]
     rate: Fraction
+    located: bool = False
 
     def __str__(self) -> str:
         """Return the layout in one line, for messages."""
@@ -51,6 +58,7 @@ class Layout:
         return (
             f"{', '.join(sizes)} at {float(self.rate):g} Hz, "
             f"{len(self.joints)} joints, {len(self.commands)} commands"
+            f"{', object pose' if self.located else ''}"
         )
 
 
@@ -64,11 +72,19 @@ class Signals:
             between the messages before and after the image.
         action: Commanded joint positions [rad or m] and closure (0 .. 1), shape
             (K, commands), from the last message up to the image.
+        sighting: `SIGHTING`, shape (K, 8), from the last message up to the image; (K,
+            0) if no object is located.
     """
 
     layout: Layout
     state: npt.NDArray[np.float32]
     action: npt.NDArray[np.float32]
+    sighting: npt.NDArray[np.float32]
+
+    def every(self, count: int) -> Signals:
+        """Return every `count`-th row, from the first."""
+        values = (self.state, self.action, self.sighting)
+        return Signals(self.layout, *(rows[::count] for rows in values))
 
 
 def read_signals(path: Path) -> Signals:
@@ -84,14 +100,19 @@ def read_signals(path: Path) -> Signals:
     """
     times: dict[str, list[float]] = {}
     values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
+    sightings = [np.zeros(len(SIGHTING))]  # nothing is seen at first
     joints: tuple[str, ...] = ()
     with _readable(path):
-        for topic, time, decode in _messages(path, "|".join([*values, _CAMERA])):
+        located = OBJECT_POSE in _topics(path)
+        wanted = "|".join([*values, OBJECT_POSE, _CAMERA])
+        for topic, time, decode in _messages(path, wanted):
             times.setdefault(topic, []).append(time)
             if topic == _JOINTS:
                 message = decode()
                 joints = tuple(message.name)
                 values[topic].append(message.position)
+            elif topic == OBJECT_POSE:
+                sightings.append(_sighting(decode().pose))
             elif topic in values:  # not an image
                 values[topic].append(np.atleast_1d(decode().data))
     for topic, rows in values.items():
@@ -115,10 +136,12 @@ def read_signals(path: Path) -> Signals:
         _held(image_times, times[_CLOSURE], np.array(values[_CLOSURE])),
     ]
     commands = (*joints[: arm.shape[1]], "gripper_closure")
+    seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(sightings))
     return Signals(
-        Layout(joints, commands, sizes, rate),
+        Layout(joints, commands, sizes, rate, located),
         np.stack(state, axis=1).astype(np.float32),
         np.hstack(action).astype(np.float32),
+        (seen if located else seen[:, :0]).astype(np.float32),
     )
 
 
@@ -140,6 +163,18 @@ def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:
             height, width = message.height, message.width
             image = message.data.reshape(height, width, 3)
             yield image[: height // 2 * 2, : width // 2 * 2]
+
+
+def _sighting(pose: Any) -> npt.NDArray[np.float64]:
+    """Return `SIGHTING` of a geometry_msgs/msg/Pose."""
+    p, q = pose.position, pose.orientation
+    return np.array([p.x, p.y, p.z, q.x, q.y, q.z, q.w, 1.0])
+
+
+def _topics(path: Path) -> set[str]:
+    """Return the topics of a recording, also those without messages."""
+    with require("rosbags.rosbag2").Reader(path) as reader:
+        return {connection.topic for connection in reader.connections}
 
 
 def _topic(camera: str) -> str:

@@ -170,6 +170,8 @@ class DatasetWriter:
             "index": self._frames + frame,
             "task_index": np.zeros(length, dtype=np.int64),
         }
+        if self._layout.located:
+            columns[fmt.SIGHTING_KEY] = _vectors(signals.sighting)
         return pa.table(columns, schema=self._data_schema)
 
     def _add_video(

@@ -29,6 +29,9 @@ def test_a_smooth_cycle_goes_through_all_modes():
     assert world.trace == CYCLE
     assert (status.failure, status.attempts, status.message) == (None, 1, "")
     assert status.localization is world.seen[0]
+    # The last look is at the object on its goal.
+    assert status.sighting is world.seen[-1]
+    assert status.sighted_at > status.localized_at
     (call,) = world.task_planner.calls
     np.testing.assert_array_equal(call[0], world.task_planner.q_home)
     np.testing.assert_array_equal(call[1].translation(), START)

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
@@ -14,7 +15,7 @@ from drake_srg.recording.ros_topics import cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
 from drake_srg.sweeps.rows import row_path, write_row
 from drake_srg.sweeps.trial import empty_row
-from drake_srg.types import Mode
+from drake_srg.types import Blob, Mode, PlannerStatus
 
 ARM, GRIPPER = ["a1", "a2"], ["left_base", "right_base"]
 SLOPE = np.array([1.0, -2.0, 0.3, 0.4])  # of the joints [rad/s]
@@ -28,6 +29,32 @@ def joint_positions(time):
 
 def closure(time):
     return np.floor(time / STEP + 1e-9) / 100
+
+
+SEEN = 0.3  # when the planner first sees the object [s]
+
+
+def seen_pose(time):
+    """Return where the planner last saw the object; it looks five times a second."""
+    looked = np.floor(time / 0.2 + 1e-9) * 0.2
+    return RigidTransform(RollPitchYaw(0.0, 0.1, looked), [0.5, 0.1 * looked, 0.05])
+
+
+class Status(LeafSystem):
+    """Outputs the status of a planner."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareAbstractOutputPort(
+            "status", lambda: AbstractValue.Make(PlannerStatus()), self.calc
+        )
+
+    def calc(self, context, output):
+        time = context.get_time()
+        if time < SEEN - 1e-9:
+            return output.set_value(PlannerStatus())
+        blob = Blob("soup_can", "ceiling", (0.0, 0.0), seen_pose(time), 1.0)
+        return output.set_value(PlannerStatus(sighting=blob, sighted_at=time))
 
 
 class Signal(LeafSystem):
@@ -67,9 +94,12 @@ class Camera(LeafSystem):
         output.set_value(made)
 
 
-def record(path, until, *, cameras, shade=0, image_period=0.125, period=0.025):
+def record(
+    path, until, *, cameras, shade=0, image_period=0.125, period=0.025, located=True
+):
     """Record a trial of `until` seconds; `cameras` maps names to (width, height)."""
-    topics = cell_topics(ARM, GRIPPER, 2, dict.fromkeys(cameras, image_period))
+    periods = dict.fromkeys(cameras, image_period)
+    topics = cell_topics(ARM, GRIPPER, 2, periods, located=located)
     q = joint_positions
     sources = {
         "arm.state_measured": Signal(lambda t: np.r_[q(t)[:2], 0.0, 0.0]),
@@ -80,6 +110,8 @@ def record(path, until, *, cameras, shade=0, image_period=0.125, period=0.025):
         "gripper.contact_force": ConstantVectorSource([0.0, 3.0]),
         "planner.mode": ConstantValueSource(AbstractValue.Make(Mode.PRE_GRASP)),
     }
+    if located:
+        sources["planner.status"] = Status()
     for name, size in cameras.items():
         sources[f"camera_{name}.color_image"] = Camera(*size, shade)
     builder = DiagramBuilder()

@@ -79,6 +79,11 @@ def test_a_recording_without_images_is_named(tmp_path):
             "000005: all recordings of a data set must",
         ),
         ({"image_period": 0.0625}, "at 16 Hz"),
+        (
+            {"located": False},
+            "expected ceiling 160x128, side 130x128 at 8 Hz, 4 joints, "
+            "3 commands, object pose",
+        ),
     ],
 )
 def test_recordings_with_different_layouts_are_rejected(tmp_path, change, what):

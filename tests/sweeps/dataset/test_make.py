@@ -21,9 +21,11 @@ from sweeps.dataset.recorded_sweep import (
     ARM,
     CAMERAS,
     GRIPPER,
+    SEEN,
     closure,
     joint_positions,
     picture,
+    seen_pose,
     write_sweep,
     write_trial,
 )
@@ -128,6 +130,29 @@ def test_states_and_actions_match_the_recording(sweep, root, frames):
         )
 
 
+def test_frames_tell_where_the_planner_last_saw_the_object(root, frames):
+    feature = lerobot.read_info(root)["features"]["observation.environment_state"]
+    assert feature["names"] == ["x", "y", "z", "qx", "qy", "qz", "qw", "seen"]
+    found = vectors(frames, "observation.environment_state")
+    times = vectors(frames, "timestamp") + 1 / FPS  # of the images
+    for (*pose, seen), time in zip(found, times, strict=True):
+        assert seen == (time >= SEEN)
+        X_WO = seen_pose(time)
+        x, y, z, w = (getattr(X_WO.rotation().ToQuaternion(), n)() for n in "xyzw")
+        expected = [*X_WO.translation(), x, y, z, w] if seen else [0.0] * 7
+        np.testing.assert_allclose(pose, expected, atol=1e-6)
+
+
+def test_frames_have_no_object_pose_where_no_object_is_located(tmp_path):
+    folder = write_sweep(tmp_path)
+    write_trial(folder, 0, 0.3, located=False, cameras={"ceiling": (16, 12)})
+    made = make_dataset(folder)
+    lerobot.check(made.path)
+    assert (
+        "observation.environment_state" not in lerobot.read_info(made.path)["features"]
+    )
+
+
 def test_images_can_be_found_by_time(root):
     for episode in lerobot.read_episodes(root):
         for camera, (width, height) in CAMERAS.items():
@@ -226,7 +251,7 @@ def test_large_data_sets_have_several_files(sweep, tmp_path):
         FPS,
         task="wait",
         robot="arm",
-        data_limit=1500,  # an episode has 64 bytes per frame, and more metadata
+        data_limit=2250,  # an episode has 96 bytes per frame, and more metadata
         video_limit=int(2.5 * len(episode)),
         episodes_at_once=3,
     ) as writer:
