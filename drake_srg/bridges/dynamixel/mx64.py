@@ -94,8 +94,8 @@ class Mx64(Servo):
     def _follow(self, step: float) -> None:
         table = self.table
         if self._positioning and self._engaged:
-            speed = table["moving_speed"] * SPEED_UNIT or math.inf
-            self._profile.approach(self._goal, speed, math.inf, step)
+            self._profile.max_velocity = table["moving_speed"] * SPEED_UNIT or math.inf
+            self._profile.approach(self._goal, step)
         else:
             self._profile.rest(self._state.angle)
             if not table["torque_enable"]:

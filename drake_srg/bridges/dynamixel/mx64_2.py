@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from drake_srg.bridges.dynamixel.encoder import TURN, to_angle, to_counts
 from drake_srg.bridges.dynamixel.motor import MotorCommand
+from drake_srg.bridges.dynamixel.profile import Profile, Shape
 from drake_srg.bridges.dynamixel.protocol import (
     BROADCAST,
     Instruction,
@@ -32,9 +33,7 @@ _WATCHDOG_UNIT = 0.02  # s
 _LEAD = 0.5
 # The manual gives no figure for being in position [counts].
 _IN_POSITION = 10
-# Bits of the moving status: in position, profile ongoing, and the profile's type.
-_ARRIVED, _ONGOING = 0x01, 0x02
-_RECTANGULAR, _TRIANGULAR, _TRAPEZOIDAL = 0x10, 0x20, 0x30
+_ARRIVED, _ONGOING = 0x01, 0x02  # bits of the moving status
 _CLEAR_TURNS = b"\x01\x44\x58\x4c\x22"
 # What a factory reset keeps, by its parameter.
 _KEPT = {0xFF: (), 0x01: ("id",), 0x02: ("id", "baud_rate")}
@@ -69,16 +68,14 @@ class Mx64P2(Servo):
 
     def _boot(self) -> None:
         """Start anew, with the values of the EEPROM."""
-        table, voltage = self.table, self.table["present_voltage"]
+        table = self.table
         table.reset(r.name for r in table.registers if r.address >= table.ram)
-        table["present_voltage"] = voltage
         self._registered = b""
         self._heard = self._time  # when the last instruction came [s]
         self._turns = 0  # counts of full turns that positions leave out
         self._in_first_turn = True  # whether to leave out all full turns
-        self._limits = math.inf, math.inf  # of the profile [rad/s, rad/s²]
-        self._profile_type = 0
-        self._profile.rest(self._state.angle)
+        self._profile = Profile(self._state.angle)
+        self._shape = Shape.STEP
         self._recover()
         self._show()
         table.reset_goals()
@@ -142,46 +139,39 @@ class Mx64P2(Servo):
         table["moving"] = int(ongoing or fast)
         way = abs(table["present_position"] - table["goal_position"])
         arrived = self._positioning and not ongoing and way <= _IN_POSITION
-        table["moving_status"] = (
-            self._profile_type | ongoing * _ONGOING | arrived * _ARRIVED
-        )
+        table["moving_status"] = self._shape | ongoing * _ONGOING | arrived * _ARRIVED
 
     @property
     def _positioning(self) -> bool:
         return bool(self.table["torque_enable"] and self.table.goal == "goal_position")
 
+    @property
+    def _goal_velocity(self) -> float:
+        """Velocity of the spool that the goal velocity asks for [rad/s]."""
+        return self.table.direction * self.table["goal_velocity"] * VELOCITY_UNIT
+
     def _follow(self, step: float) -> None:
-        table, profile = self.table, self._profile
-        velocity, acceleration = self._limits
+        table, profile, angle = self.table, self._profile, self._state.angle
         if not table["torque_enable"]:
-            table.stop()
-        if not (self._engaged and table["torque_enable"]):
-            profile.rest(self._state.angle)
-        elif table.mode is Mode.VELOCITY:
-            goal = table.direction * table["goal_velocity"] * VELOCITY_UNIT
-            profile.run(goal, acceleration, step)
-            ahead = profile.position - self._state.angle
-            profile.position = self._state.angle + min(max(ahead, -_LEAD), _LEAD)
-        elif self._positioning:
-            profile.approach(self._goal, velocity, acceleration, step)
+            table["goal_position"] = table["present_position"]
+        if self._engaged and self._positioning:
+            profile.approach(self._goal, step)
+        elif self._engaged and table["torque_enable"] and table.mode is Mode.VELOCITY:
+            profile.run(self._goal_velocity, step)
+            ahead = min(max(profile.position - angle, -_LEAD), _LEAD)
+            profile.position = angle + ahead
         else:
-            profile.rest(self._state.angle)
+            profile.rest(angle)
 
     def _plan(self) -> None:
         """Make a profile for a new goal."""
-        if self.table.mode is Mode.VELOCITY:
-            goal = self.table.direction * self.table["goal_velocity"] * VELOCITY_UNIT
-            self._limits = math.inf, self.table.ramp(goal - self._profile.velocity)
-            return
-        way = abs(self._goal - self._profile.position)
-        self._limits = velocity, acceleration = self.table.profile(way)
-        if math.isinf(velocity):
-            self._profile_type = 0
-        elif math.isinf(acceleration):
-            self._profile_type = _RECTANGULAR
-        else:
-            reached = velocity**2 / acceleration <= way
-            self._profile_type = _TRAPEZOIDAL if reached else _TRIANGULAR
+        table, profile = self.table, self._profile
+        way = self._goal - profile.position
+        profile.max_velocity, profile.max_acceleration = table.profile(way)
+        if table.mode is Mode.VELOCITY:
+            change = self._goal_velocity - profile.velocity
+            profile.max_acceleration = table.ramp(change)
+        self._shape = profile.shape(way) if self._positioning else Shape.STEP
 
     def _output_limit(self) -> float:
         table = self.table
@@ -281,11 +271,9 @@ class Mx64P2(Servo):
         if option not in _KEPT or (option == 0xFF and packet.id == BROADCAST):
             raise RefusedError(Refusal.RANGE, f"cannot reset with option {option}")
         kept = {name: table[name] for name in _KEPT[option]}
-        voltage = table["present_voltage"]
         table.reset(register.name for register in table.registers)
         for name, value in kept.items():
             table[name] = value
-        table["present_voltage"] = voltage
         self._boot()
 
     def _wrote(self, written: set[str]) -> None:

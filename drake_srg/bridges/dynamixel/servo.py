@@ -87,8 +87,6 @@ class Servo(abc.ABC):
         self._time = self._unloaded_at = 0.0
         self._state = MotorState()
         self._profile = Profile()
-        voltage = round(self._motor.supply_voltage / VOLTAGE_UNIT)
-        self.table["present_voltage"] = min(voltage, 255)
 
     # Motor.
 
@@ -107,6 +105,8 @@ class Servo(abc.ABC):
         table = self.table
         step, self._time = max(time - self._time, 0.0), time
         self._state = self._motor.sense(angle, speed, pwm, temperature)
+        voltage = round(self._motor.supply_voltage / VOLTAGE_UNIT)
+        table["present_voltage"] = min(voltage, 255)
         table["present_temperature"] = min(max(round(temperature), 0), 255)
         table["realtime_tick"] = int(time * 1000) % 32768
         self._show()
