@@ -189,6 +189,7 @@ class Mx64P2(Servo):
             table["bus_watchdog"] = -1
             table.reset(("profile_velocity", "profile_acceleration"))
             table.stop()
+            self._profile.rest(self._state.angle)
             self._plan()
 
     def _shut_down(self, faults: Fault) -> None:
