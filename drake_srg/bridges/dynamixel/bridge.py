@@ -116,10 +116,10 @@ class ServoBridge(Bridge):
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
         """Pass the motor's state to the servo; called every control period."""
-        motor, pwm, temperature = (values[name] for name in ServoBridge.ports)
+        motor, pwm, temperature = (values[name].tolist() for name in ServoBridge.ports)
         with self._lock:
             self._yield_motor()
-            self._servo.sense(time, motor[0], motor[1], pwm[0], temperature[0])
+            self._servo.sense(time, *motor, *pwm, *temperature)
             self._command(self._inbox.amend)
 
     def close(self) -> None:
