@@ -1,6 +1,8 @@
 """The bridge with Protocol 2.0."""
 
 import contextlib
+import importlib.util
+from pathlib import Path
 
 import dynamixel_sdk as sdk
 import numpy as np
@@ -16,7 +18,6 @@ from bridges.dynamixel.fake_station import (
     answers,
     connect,
 )
-from bridges.dynamixel.servo_client2 import ServoClient2
 from bridges.dynamixel.simulated_gripper import SimulatedGripper
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
@@ -137,51 +138,58 @@ def test_the_sdk_reboots_and_resets(master):
 # A driver for Protocol 2.0.
 
 
-def test_a_driver_calibrates_by_current_and_tells_contact():
+@pytest.fixture(scope="module")
+def driver():
+    """The module of the example, which is such a driver."""
+    path = Path(__file__).parents[3] / "examples" / "servo_client.py"
+    spec = importlib.util.spec_from_file_location("servo_client", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_a_driver_calibrates_by_current_and_tells_contact(driver):
     with FakeStation("pty", protocol=2) as station:
-        client = ServoClient2(station.bridge.address, station.sleep)
-        with contextlib.closing(client):
-            client.calibrate()
-            assert client.zero == OPEN - round(CLOSED / COUNT)
-            client.move_to(60, effort=30)
-            assert client.samples[-1][0] == pytest.approx(60, abs=2)
-            client.move_to(-10, effort=30)  # the fingers meet at 0
-            position, current, temperature, errors = client.sample()
+        gripper = driver.Gripper(station.bridge.address, station.sleep)
+        with contextlib.closing(gripper):
+            gripper.calibrate()
+            assert gripper.zero == OPEN - round(CLOSED / COUNT)
+            assert gripper.move(60, effort=30).position == pytest.approx(60, abs=2)
+            gripper.move(-10, effort=30)  # the fingers meet at 0
+            position, current, temperature, errors = gripper.sample()
             assert position == pytest.approx(0, abs=0.1)
             # The goal current, which the motor gives at rest.
-            assert current == pytest.approx(-306, abs=2)
+            assert current == pytest.approx(-0.3 * 4.1, abs=0.01)
             assert (temperature, errors) == (30, 0)
     assert station.warnings == []
 
 
 @pytest.mark.slow
-def test_a_driver_moves_the_simulated_gripper():
+def test_a_driver_moves_the_simulated_gripper(driver):
     needs_pty()
-    with SimulatedGripper("pty", protocol=2) as gripper:
-        client = ServoClient2(gripper.bridge.address, gripper.sleep)
-        with contextlib.closing(client):
-            client.calibrate()
-            closed = gripper.q
+    with SimulatedGripper("pty", protocol=2) as simulated:
+        gripper = driver.Gripper(simulated.bridge.address, simulated.sleep)
+        with contextlib.closing(gripper):
+            gripper.calibrate()
             # In the vendor's geometry the pads meet at 100.7 degrees.
-            assert closed[:2] == pytest.approx(np.deg2rad([100.7] * 2), abs=0.05)
-            assert client.samples[-1][1] == pytest.approx(-256, rel=0.05)
+            met = np.deg2rad([100.7] * 2)
+            assert simulated.q[:2] == pytest.approx(met, abs=0.05)
+            assert gripper.samples[-1].current == pytest.approx(-0.2 * 4.1, rel=0.05)
 
-            client.move_to(50, effort=30)
-            assert client.samples[-1][0] == pytest.approx(50, abs=2)
+            assert gripper.move(50, effort=30).position == pytest.approx(50, abs=2)
 
-            client.move_to(-10, effort=15)  # told by contact, short of the goal
-            assert -3 < client.samples[-1][0] < 3
-            gripper.sleep(0.6)
-            _, current, temperature, errors = client.sample()
-            amperes = 3.36e-3 * (1023 * 15 // 100)
-            assert current * -3.36e-3 == pytest.approx(amperes, rel=0.05)
-            # 4.1 A at 6 N m, on two wires at a radius of 7.6 mm.
-            force = amperes / 4.1 * 6.0 / (2 * 7.6e-3)
-            assert gripper.force == pytest.approx([force] * 2, rel=0.05)
+            # Told by contact, short of the goal.
+            assert gripper.move(-10, effort=15).position == pytest.approx(0, abs=3)
+            simulated.sleep(0.6)
+            _, current, temperature, errors = gripper.sample()
+            assert current == pytest.approx(-0.15 * 4.1, rel=0.05)
+            # Of 6 N m, on two wires at a radius of 7.6 mm.
+            force = 0.15 * 6.0 / (2 * 7.6e-3)
+            assert simulated.force == pytest.approx([force] * 2, rel=0.05)
             assert 25 <= temperature < 30
             assert errors == 0
 
-            client.hold(effort=10)
-            gripper.sleep(0.6)
-            assert client.sample()[1] * -3.36e-3 == pytest.approx(0.1 * 4.1, rel=0.05)
-    assert gripper.told == []
+            gripper.hold(effort=10)
+            simulated.sleep(1.0)  # the wires slacken slowly against the motor
+            assert gripper.sample().current == pytest.approx(-0.1 * 4.1, rel=0.05)
+    assert simulated.told == []
