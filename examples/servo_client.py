@@ -21,7 +21,7 @@ CURRENT_MODE, CURRENT_BASED_POSITION_MODE = 0, 5
 FULL_PWM, FULL_CURRENT = 885, 1220  # registers of 100 % effort; 1220 is 4.1 A
 TRAVEL = 2500  # counts from closed to open, SAKE's 100 %
 # Registers that are read as one block, and its ends.
-ERRORS, CURRENT, POSITION, TEMPERATURE = 70, 126, 132, 146
+ERRORS, TICK, CURRENT, POSITION, TEMPERATURE = 70, 120, 126, 132, 146
 FIRST, SIZE = ERRORS, TEMPERATURE + 1 - ERRORS
 
 
@@ -40,19 +40,19 @@ class Sample(NamedTuple):
 class Gripper:
     """An SRG at a serial port.
 
+    It takes its time from the servo's clock, so it works at any pace of a simulation.
+
     Args:
         device: The port.
-        sleep: Waits for a duration of the gripper's time [s].
 
     Attributes:
         zero: Position at which the fingers meet [counts], found by `calibrate`.
         samples: All so far.
     """
 
-    def __init__(self, device: str, sleep: Callable[[float], None] = time.sleep):
+    def __init__(self, device: str):
         self.zero = 0
         self.samples: list[Sample] = []
-        self._sleep = sleep
         self._servo = sdk.PacketHandler(2.0)
         self._port = sdk.PortHandler(device)
         self._port.openPort()
@@ -69,7 +69,7 @@ class Gripper:
         self._switch(CURRENT_MODE)
         self._write(GOAL_CURRENT, 2, -FULL_CURRENT * effort / 100)
         self._wait()
-        self._sleep(0.5)  # until nothing swings any more
+        self.sleep(0.5)  # until nothing swings any more
         self.zero += round(self.sample().position * TRAVEL / 100)
         self._switch(CURRENT_BASED_POSITION_MODE)
 
@@ -84,9 +84,15 @@ class Gripper:
         """Go on with an effort [%] that may last."""
         self._write(GOAL_PWM, 2, FULL_PWM * effort / 100)
 
+    def sleep(self, duration: float) -> None:
+        """Wait for a duration [s]."""
+        start = self._tick()
+        while (self._tick() - start) % 32768 < 1000 * duration:
+            time.sleep(0.002)
+
     def sample(self) -> Sample:
         """Read the gripper's state, in one packet."""
-        _check(self._block.txRxPacket())
+        self._refresh()
         counts = self._read(POSITION, 4) - self.zero
         sample = Sample(
             counts * 100 / TRAVEL,
@@ -99,10 +105,10 @@ class Gripper:
 
     def _wait(self) -> Sample:
         """Sample at 30 Hz until three positions are within 2 %."""
-        self._sleep(0.2)  # until it moves
+        self.sleep(0.2)  # until it moves
         recent = [math.inf]
         while len(recent) < 3 or max(recent) - min(recent) > 2.0:
-            self._sleep(1 / 30)
+            self.sleep(1 / 30)
             recent = [*recent[-2:], self.sample().position]
         return self.samples[-1]
 
@@ -111,21 +117,35 @@ class Gripper:
         self._write(OPERATING_MODE, 1, mode)
         self._write(TORQUE_ENABLE, 1, 1)
 
+    def _tick(self) -> int:
+        """Return the servo's time [ms], which goes on from 0 after 32767."""
+        self._refresh()
+        return self._read(TICK, 2)
+
+    def _refresh(self) -> None:
+        """Read the block."""
+        _exchange(lambda: (self._block.txRxPacket(), 0))
+
     def _read(self, address: int, size: int) -> int:
         value: int = self._block.getData(1, address, size)
         return value - (value >> 8 * size - 1 << 8 * size)  # two's complement
 
     def _write(self, address: int, size: int, value: float) -> None:
         data = round(value).to_bytes(size, "little", signed=value < 0)
-        _check(*self._servo.writeTxRx(self._port, 1, address, size, list(data)))
+        arguments = self._port, 1, address, size, list(data)
+        _exchange(lambda: self._servo.writeTxRx(*arguments))
 
 
-def _check(result: int, error: int = 0) -> None:
+def _exchange(send: Callable[[], tuple[int, int]], attempts: int = 10) -> None:
+    """Send a packet until it is answered: a reply after 34 ms is late for the SDK."""
     servo = sdk.PacketHandler(2.0)
-    if result != sdk.COMM_SUCCESS:
-        raise OSError(servo.getTxRxResult(result))
-    if error:
-        raise OSError(servo.getRxPacketError(error))
+    for _ in range(attempts):
+        result, error = send()
+        if error:
+            raise OSError(servo.getRxPacketError(error))
+        if result == sdk.COMM_SUCCESS:
+            return
+    raise OSError(servo.getTxRxResult(result))
 
 
 def main() -> None:
@@ -138,7 +158,7 @@ def main() -> None:
         print(f"asked for {position} %, stopped at {sample.position:.0f} %")
     gripper.hold(15)
     for _ in range(3):
-        time.sleep(0.5)
+        gripper.sleep(0.5)
         sample = gripper.sample()
         print(
             f"  {sample.current:.2f} A, {sample.temperature} degrees Celsius, "

@@ -150,7 +150,7 @@ def driver():
 
 def test_a_driver_calibrates_by_current_and_tells_contact(driver):
     with FakeStation("pty", protocol=2) as station:
-        gripper = driver.Gripper(station.bridge.address, station.sleep)
+        gripper = driver.Gripper(station.bridge.address)
         with contextlib.closing(gripper):
             gripper.calibrate()
             assert gripper.zero == OPEN - round(CLOSED / COUNT)
@@ -168,7 +168,7 @@ def test_a_driver_calibrates_by_current_and_tells_contact(driver):
 def test_a_driver_moves_the_simulated_gripper(driver):
     needs_pty()
     with SimulatedGripper("pty", protocol=2) as simulated:
-        gripper = driver.Gripper(simulated.bridge.address, simulated.sleep)
+        gripper = driver.Gripper(simulated.bridge.address)
         with contextlib.closing(gripper):
             gripper.calibrate()
             # In the vendor's geometry the pads meet at 100.7 degrees.
@@ -180,7 +180,7 @@ def test_a_driver_moves_the_simulated_gripper(driver):
 
             # Told by contact, short of the goal.
             assert gripper.move(-10, effort=15).position == pytest.approx(0, abs=3)
-            simulated.sleep(0.6)
+            gripper.sleep(0.6)
             _, current, temperature, errors = gripper.sample()
             assert current == pytest.approx(-0.15 * 4.1, rel=0.05)
             # Of 6 N m, on two wires at a radius of 7.6 mm.
@@ -190,6 +190,6 @@ def test_a_driver_moves_the_simulated_gripper(driver):
             assert errors == 0
 
             gripper.hold(effort=10)
-            simulated.sleep(1.0)  # the wires slacken slowly against the motor
+            gripper.sleep(1.0)  # the wires slacken slowly against the motor
             assert gripper.sample().current == pytest.approx(-0.1 * 4.1, rel=0.05)
     assert simulated.told == []
