@@ -104,10 +104,10 @@ class Servo(abc.ABC):
         """
         table = self.table
         step, self._time = max(time - self._time, 0.0), time
-        self._state = self._motor.sense(angle, speed, pwm, temperature)
+        self._state = state = self._motor.sense(angle, speed, pwm, temperature)
         voltage = round(self._motor.supply_voltage / VOLTAGE_UNIT)
         table["present_voltage"] = min(voltage, 255)
-        table["present_temperature"] = min(max(round(temperature), 0), 255)
+        table["present_temperature"] = min(max(round(state.temperature), 0), 255)
         table["realtime_tick"] = int(time * 1000) % 32768
         self._show()
         self._protect()
