@@ -24,6 +24,7 @@ class BridgeOptions:
         ros2: Whether to be a node of ROS 2.
         domain: ROS 2 domain; None takes it from the environment.
         servo: tcp:PORT, tcp:HOST:PORT or pty; None for no servo.
+        protocol: Dynamixel protocol of the servo, 1 or 2; None means 1.
         host: Address of this machine that peers reach.
         name: Name of the nodes.
     """
@@ -33,6 +34,7 @@ class BridgeOptions:
     ros2: bool = False
     domain: int | None = None
     servo: str | None = None
+    protocol: int | None = None
     host: str = "127.0.0.1"
     name: str = "drake_srg"
 
@@ -84,6 +86,8 @@ class BridgeOptions:
                             name=self.name,
                         )
                     )
+                if self.protocol is not None and self.servo is None:
+                    raise ValueError("--protocol: needs --servo")
                 if self.servo is not None:
                     from drake_srg.bridges.dynamixel.bridge import ServoBridge
 
@@ -94,7 +98,7 @@ class BridgeOptions:
                             "--servo: needs a gripper with a wire motor "
                             "(!SrgTendonDriver, as in kitchen_tendon)"
                         )
-                    add(ServoBridge(inbox, self.servo, motor))
+                    add(ServoBridge(inbox, self.servo, motor, self.protocol or 1))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()

@@ -32,6 +32,12 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         help="run the gripper's servo for the real driver (or tcp:HOST:PORT)",
     )
     serve.add_argument(
+        "--protocol",
+        type=int,
+        metavar="1|2",
+        help="Dynamixel protocol of the servo (default: 1)",
+    )
+    serve.add_argument(
         "--host",
         default="127.0.0.1",
         metavar="ADDRESS",
@@ -93,6 +99,7 @@ def serve(options: argparse.Namespace) -> int:
             ros2=options.ros2 or options.domain is not None,
             domain=options.domain,
             servo=options.servo,
+            protocol=options.protocol,
             host=options.host,
             name=options.name,
         )

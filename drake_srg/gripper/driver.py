@@ -42,6 +42,7 @@ class WireMotor(Protocol):
 
     drive: TendonDriveConfig
     temperature: MotorTemperatureConfig
+    servo: GripperServoConfig
 
 
 @dc.dataclass(kw_only=True)

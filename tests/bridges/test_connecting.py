@@ -40,6 +40,7 @@ def test_the_bridges_are_those_that_the_options_name():
     [
         ({"name": "my node"}, "serve: --name: must be a letter, .*, got 'my node'"),
         ({"servo": "tcp:0"}, "serve: --servo: needs a gripper with a wire motor"),
+        ({"protocol": 2}, "serve: --protocol: needs --servo"),
         ({"ros1": True, "master": "roscore"}, "serve: ROS 1 master: must be"),
         pytest.param(
             {"ros2": True, "domain": 233},

@@ -36,6 +36,9 @@ COMMAND = (sys.executable, "-m", "drake_srg", "serve")
         (["gripper_bench", "--servo", "rs485"], "got 'rs485'"),
         (["kitchen", "--ros2", "--name", "my node"], "--name: must be a letter"),
         (["gripper_bench", "--servo", "tcp:99999"], "got 'tcp:99999'"),
+        (["gripper_bench", "--servo", "pty", "--protocol", "3"], "1 or 2, got 3"),
+        (["gripper_bench", "--servo", "pty", "--protocol", "2.0"], "'2.0'"),
+        (["kitchen", "--ros2", "--protocol", "2"], "--protocol: needs --servo"),
     ],
 )
 def test_bad_input_is_reported_on_one_line(arguments, words, capsys):

@@ -21,13 +21,17 @@ import numpy as np
 
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox, PortValues, gripper_command
-from drake_srg.bridges.dynamixel.mx64 import MotorCommand, Mx64
-from drake_srg.bridges.dynamixel.protocol import PacketReader
+from drake_srg.bridges.dynamixel.motor import MotorCommand
+from drake_srg.bridges.dynamixel.mx64 import Mx64
+from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
+from drake_srg.bridges.dynamixel.protocol import Packet, PacketReader
 from drake_srg.bridges.io_thread import IoThread
 from drake_srg.gripper.driver import WireMotor
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.types import Vector
 
+# Firmware by protocol.
+_SERVOS = {1: Mx64, 2: Mx64P2}
 _CHUNK = 4096  # bytes read at once
 _PAUSE = 1.0  # before the next attempt after a client could not be accepted [s, real]
 _SOURCE = "servo"
@@ -57,12 +61,13 @@ class ServoBridge(Bridge):
         where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
             IPv6 address needs brackets, PORT 0 takes a free port.
         motor: The motor to drive; None takes that of a default `SrgTendonDriver`.
+        protocol: Dynamixel protocol, 1 or 2.
 
     Attributes:
         address: Where clients find the servo, "HOST:PORT" or a device.
 
     Raises:
-        ValueError: If `where` is invalid.
+        ValueError: If `where` or `protocol` is invalid.
         OSError: If the servo cannot listen there.
     """
 
@@ -73,11 +78,13 @@ class ServoBridge(Bridge):
         inbox: CommandInbox,
         where: str,
         motor: WireMotor | None = None,
+        protocol: int = 1,
     ):
         endpoint = _parse(where)
-        motor = motor or SrgTendonDriver()
+        if protocol not in _SERVOS:
+            raise ValueError(f"protocol: must be 1 or 2, got {protocol}")
         self._inbox = inbox
-        self._servo = Mx64(motor.drive, motor.temperature, self._warn)
+        self._servo = _SERVOS[protocol](motor or SrgTendonDriver(), self._warn)
         self._lock = threading.Lock()  # guards the servo
         self._commanded: MotorCommand | None = None
         self._tasks: set[asyncio.Task[None]] = set()
@@ -109,10 +116,10 @@ class ServoBridge(Bridge):
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
         """Pass the motor's state to the servo; called every control period."""
-        motor, pwm, temperature = (values[name] for name in ServoBridge.ports)
+        motor, pwm, temperature = (values[name].tolist() for name in ServoBridge.ports)
         with self._lock:
             self._yield_motor()
-            self._servo.sense(time, motor[0], motor[1], pwm[0], temperature[0])
+            self._servo.sense(time, *motor, *pwm, *temperature)
             self._command(self._inbox.amend)
 
     def close(self) -> None:
@@ -147,7 +154,10 @@ class ServoBridge(Bridge):
         }
         keep(gripper_command(values, values), _SOURCE)
 
-    def _answer(self, reader: PacketReader, data: bytes) -> list[bytes]:
+    def _reader(self) -> PacketReader[Packet]:
+        return PacketReader(self._servo.packets)
+
+    def _answer(self, reader: PacketReader[Packet], data: bytes) -> list[bytes]:
         """Take bytes from a client and return the packets for it."""
         dropped, servo = reader.dropped, self._servo
         now = asyncio.get_running_loop().time()
@@ -205,7 +215,7 @@ class ServoBridge(Bridge):
                 task.add_done_callback(functools.partial(_close, connection))
 
     async def _serve(self, connection: socket.socket) -> None:
-        loop, reader = asyncio.get_running_loop(), PacketReader()
+        loop, reader = asyncio.get_running_loop(), self._reader()
         # While a client does not read its replies, nothing more is read from it. The
         # kernel's keepalive detects clients that have vanished.
         with connection, contextlib.suppress(OSError):
@@ -225,7 +235,7 @@ class ServoBridge(Bridge):
         self._stack.callback(os.close, theirs)
         tty.setraw(theirs)
         os.set_blocking(ours, False)
-        reader, loop = PacketReader(), asyncio.get_running_loop()
+        reader, loop = self._reader(), asyncio.get_running_loop()
         tail = b""  # unsent rest of a packet
 
         def send(packet: bytes) -> bytes:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from drake_srg.bridges.dynamixel.registers import ControlTable
-
-_COUNTS = 4096 / math.tau  # encoder counts per rad
+TURN = 4096  # counts
+_COUNTS = TURN / math.tau  # per rad
 # Encoder position with the fingers open and the wires taut. Closing turns clockwise,
 # which lowers the position. SAKE's 100 % are 2500 counts or 29.1 mm of wire, about what
 # a finger needs for the full range of both joints (28.8 mm here); with this value the
@@ -17,17 +16,11 @@ _COUNTS = 4096 / math.tau  # encoder counts per rad
 _OPEN = 3298
 
 
-def encoder_position(table: ControlTable, angle: float) -> int:
-    """Return the position register for a spool angle [rad]."""
-    counts = _OPEN - angle * _COUNTS
-    if table.multi_turn:
-        return round(counts / table["resolution_divider"]) + table["multi_turn_offset"]
-    return round(counts) % 4096
+def to_counts(angle: float) -> float:
+    """Return the encoder's counts at a spool angle [rad], over all turns."""
+    return _OPEN - angle * _COUNTS
 
 
-def goal_angle(table: ControlTable) -> float:
-    """Return the spool angle [rad] of the goal position."""
-    counts = table["goal_position"]
-    if table.multi_turn:
-        counts = (counts - table["multi_turn_offset"]) * table["resolution_divider"]
+def to_angle(counts: float) -> float:
+    """Return the spool angle [rad] at counts of the encoder, over all turns."""
     return (_OPEN - counts) / _COUNTS

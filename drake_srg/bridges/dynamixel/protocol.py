@@ -1,22 +1,21 @@
-"""Dynamixel Protocol 1.0: packets.
+"""What both Dynamixel protocols have in common: instructions, packets, refusals.
 
-Source: ROBOTIS's public e-manual (emanual.robotis.com: "Protocol 1.0").
-An instruction is FF FF ID LENGTH CODE PARAMETERS CHECKSUM; a status packet has an error
-in place of the code. Words are little endian.
+Source: ROBOTIS's public e-manual (emanual.robotis.com: "Protocol 1.0", "Protocol 2.0").
 """
 
 from __future__ import annotations
 
+import abc
 import dataclasses as dc
 import enum
 from collections.abc import Iterator
+from typing import ClassVar, Generic, Self, TypeVar
 
 BROADCAST = 254
-_HEADER = b"\xff\xff"
 
 
 class Instruction(enum.IntEnum):
-    """Instruction codes."""
+    """Instruction codes. Protocol 1.0 has some of them, with the same meaning."""
 
     PING = 0x01
     READ = 0x02
@@ -24,61 +23,88 @@ class Instruction(enum.IntEnum):
     REG_WRITE = 0x04
     ACTION = 0x05
     FACTORY_RESET = 0x06
+    REBOOT = 0x08
+    CLEAR = 0x10
+    STATUS = 0x55
+    SYNC_READ = 0x82
     SYNC_WRITE = 0x83
+    FAST_SYNC_READ = 0x8A
     BULK_READ = 0x92
+    BULK_WRITE = 0x93
+    FAST_BULK_READ = 0x9A
 
 
-class Error(enum.IntFlag):
-    """Error bits of a status packet."""
+class Refusal(enum.Enum):
+    """Why a servo refuses an instruction."""
 
-    VOLTAGE = 1
-    ANGLE_LIMIT = 2
-    OVERHEATING = 4
-    RANGE = 8
-    CHECKSUM = 16
-    OVERLOAD = 32
-    INSTRUCTION = 64
+    FAILED = enum.auto()
+    INSTRUCTION = enum.auto()
+    CHECKSUM = enum.auto()
+    RANGE = enum.auto()  # a value that its register never takes
+    LENGTH = enum.auto()  # a part of a register
+    LIMIT = enum.auto()  # beyond a limit that another register sets
+    ACCESS = enum.auto()  # no such register, read only, or locked
 
 
 class RefusedError(Exception):
     """An instruction is refused.
 
     Attributes:
-        error: Error bit for the status packet.
+        kind: Why, for the status packet.
     """
 
-    def __init__(self, error: Error, reason: str):
+    def __init__(self, kind: Refusal, reason: str):
         super().__init__(reason)
-        self.error = error
+        self.kind = kind
 
 
 @dc.dataclass(frozen=True)
-class Packet:
-    """An instruction, or a status packet with its error as `code`."""
+class Packet(abc.ABC):
+    """An instruction or a status packet. Each protocol has its own subclass.
+
+    Attributes:
+        id: Of the servo.
+        code: Instruction. In a status packet of Protocol 1.0, the error.
+        parameters: Data. In a status packet of Protocol 2.0, after the error.
+        intact: Whether the checksum is right.
+    """
+
+    header: ClassVar[bytes]
 
     id: int
     code: int
     parameters: bytes = b""
-    intact: bool = True  # whether the checksum is right
+    intact: bool = True
 
+    @abc.abstractmethod
     def encode(self) -> bytes:
         """Return the bytes that go over the wire."""
-        body = bytes([self.id, len(self.parameters) + 2, self.code, *self.parameters])
-        return _HEADER + body + bytes([_checksum(body)])
+
+    @classmethod
+    @abc.abstractmethod
+    def size(cls, data: bytearray) -> int | None:
+        """Return the length of the packet that begins with `data`, a header first.
+
+        None if that takes more bytes to tell, and 0 if no packet begins like this.
+        """
+
+    @classmethod
+    @abc.abstractmethod
+    def decode(cls, data: bytes) -> Self:
+        """Return the packet with exactly these bytes."""
 
 
-def _checksum(body: bytes) -> int:
-    return ~sum(body) & 0xFF
+P = TypeVar("P", bound=Packet)
 
 
-class PacketReader:
+class PacketReader(Generic[P]):
     """Finds packets in a stream of bytes, whatever pieces and noise it arrives in.
 
     A packet that is incomplete after `patience` is dropped, so that half a packet never
-    swallows the next one. The buffer is always shorter than the longest packet, 259
-    bytes.
+    swallows the next one. The buffer is always shorter than the longest packet.
 
     Args:
+        kind: The protocol's packets.
         patience: Longest pause within a packet [s]. Masters wait 0.2 s for a reply
             before they repeat a packet.
 
@@ -86,8 +112,9 @@ class PacketReader:
         dropped: Number of bytes so far that belonged to no packet.
     """
 
-    def __init__(self, patience: float = 0.1):
+    def __init__(self, kind: type[P], patience: float = 0.1):
         self.dropped = 0
+        self._kind = kind
         self._patience = patience
         self._buffer = bytearray()
         self._last = -float("inf")
@@ -97,7 +124,7 @@ class PacketReader:
         """Number of bytes of the incomplete packet."""
         return len(self._buffer)
 
-    def feed(self, data: bytes, time: float) -> Iterator[Packet]:
+    def feed(self, data: bytes, time: float) -> Iterator[P]:
         """Yield the packets that `data`, received at a time [s], completes."""
         if time - self._last > self._patience:
             self._drop(len(self._buffer))
@@ -106,27 +133,25 @@ class PacketReader:
         while (packet := self._next()) is not None:
             yield packet
 
-    def _next(self) -> Packet | None:
-        buffer = self._buffer
+    def _next(self) -> P | None:
+        buffer, header = self._buffer, self._kind.header
         while True:
-            start = buffer.find(_HEADER)
-            if start < 0:  # the last byte may begin a header
-                start = len(buffer) - buffer.endswith(b"\xff")
+            start = buffer.find(header)
+            if start < 0:  # the last bytes may begin a header
+                parts = (header[:n] for n in range(len(header) - 1, -1, -1))
+                start = len(buffer) - len(next(p for p in parts if buffer.endswith(p)))
             self._drop(start)
-            if len(buffer) < 4:
+            size = self._kind.size(buffer)
+            if size is None or len(buffer) < size:
                 return None
-            if buffer[2] == 0xFF or buffer[3] < 2:  # invalid ID or length
+            if size == 0:
                 self._drop(1)
                 continue
-            end = 4 + buffer[3]
-            if len(buffer) < end:
-                return None
-            body, checksum = bytes(buffer[2 : end - 1]), buffer[end - 1]
-            packet = Packet(body[0], body[2], body[3:], _checksum(body) == checksum)
+            packet = self._kind.decode(bytes(buffer[:size]))
             if packet.intact:
-                del buffer[:end]
+                del buffer[:size]
             else:  # a packet may begin within the invalid one
-                self._drop(len(_HEADER))
+                self._drop(len(header))
             return packet
 
     def _drop(self, count: int) -> None:

@@ -11,24 +11,28 @@ from bridges.dynamixel.servo_client import ServoClient
 from bridges.waiting import wait_until
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
-from drake_srg.bridges.dynamixel.protocol import Instruction, Packet
+from drake_srg.bridges.dynamixel.protocol import Instruction
+from drake_srg.bridges.dynamixel.protocol1 import Packet1
+from drake_srg.bridges.dynamixel.protocol2 import Packet2
 
 COUNT = 2 * np.pi / 4096
 CLOSED = 2.8  # angle at which the fake gripper's fingers meet [rad]
-PING = Packet(1, Instruction.PING).encode()
-PONG = Packet(1, 0).encode()
+PING = Packet1(1, Instruction.PING).encode()
+PONG = Packet1(1, 0).encode()
+PING_2 = Packet2(1, Instruction.PING).encode()
+PONG_2 = Packet2(1, Instruction.STATUS, b"\x00\x37\x01\x2d").encode()
 
 
 class FakeStation(threading.Thread):
     """A bridge to a motor without inertia, ten times as fast as real time."""
 
-    def __init__(self, where):
+    def __init__(self, where, protocol=1):
         super().__init__(daemon=True)
         if where == "pty":
             needs_pty()
         self.warnings = []
         self.inbox = CommandInbox([], Warnings(self.warnings.append))
-        self.bridge = ServoBridge(self.inbox, where)
+        self.bridge = ServoBridge(self.inbox, where, protocol=protocol)
         self.time = self.angle = 0.0
         self.commands = {}
         self._done = threading.Event()
@@ -81,14 +85,14 @@ def connect(bridge):
     return socket.create_connection((host.strip("[]"), int(port)), timeout=20.0)
 
 
-def answers(connection):
+def answers(connection, ping=PING, pong=PONG):
     """Return whether a ping is eventually answered, whatever came before."""
     received = b""
     connection.settimeout(0.2)  # longer than the reader waits for the rest of a packet
     for _ in range(25):
-        connection.sendall(PING)
+        connection.sendall(ping)
         with contextlib.suppress(TimeoutError):
-            while not received.endswith(PONG):
+            while not received.endswith(pong):
                 received += connection.recv(1000)
             return True
     return False

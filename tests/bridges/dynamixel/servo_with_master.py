@@ -1,21 +1,14 @@
-"""An MX-64 whose registers tests write and read through packets."""
+"""An MX-64 of either protocol whose registers tests write and read through packets."""
 
 from drake_srg.bridges.dynamixel.mx64 import Mx64
-from drake_srg.bridges.dynamixel.protocol import (
-    Error,
-    Instruction,
-    Packet,
-    PacketReader,
-)
-from drake_srg.bridges.dynamixel.registers import REGISTERS
+from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
+from drake_srg.bridges.dynamixel.protocol import BROADCAST, Instruction, PacketReader
+from drake_srg.bridges.dynamixel.protocol1 import Error
+from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
-from drake_srg.gripper.tendon import TendonDriveConfig
-
-DRIVE = TendonDriveConfig()
-ADDRESS = {register.name: register for register in REGISTERS}
 
 
-class ServoWithMaster(Mx64):
+class WithMaster:
     """A servo whose registers can be written and read by name through packets.
 
     Attributes:
@@ -25,27 +18,57 @@ class ServoWithMaster(Mx64):
 
     def __init__(self, **heat):
         self.warned = []
-        heat = MotorTemperatureConfig(**heat)
-        super().__init__(DRIVE, heat, lambda kind, message: self.warned.append(kind))
+        motor = SrgTendonDriver(temperature=MotorTemperatureConfig(**heat))
+        super().__init__(motor, lambda kind, message: self.warned.append(kind))
         self.now = 0.0
+        self.register = {register.name: register for register in self.table.registers}
 
-    def send(self, code, parameters=b"", number=1):
-        replies = self.answer(Packet(number, code, bytes(parameters)))
-        return list(PacketReader().feed(replies, 0.0))
+    def send(self, code, parameters=b"", number=1, intact=True):
+        packet = self.packets(number, code, bytes(parameters), intact)
+        return list(PacketReader(self.packets).feed(self.answer(packet), 0.0))
+
+    def number(self, value, size=None):
+        """Return the bytes of an address, a length or a value."""
+        size = size or self.width
+        return (value & (1 << 8 * size) - 1).to_bytes(size, "little")
 
     def write(self, name, value, code=Instruction.WRITE):
-        register = ADDRESS[name]
-        value &= (1 << 8 * register.size) - 1
-        data = value.to_bytes(register.size, "little")
-        (status,) = self.send(code, [register.address, *data])
-        return Error(status.code)
+        register = self.register[name]
+        data = self.number(register.address) + self.number(value, register.size)
+        (status,) = self.send(code, data)
+        return self.error(status)
 
     def read(self, name):
-        register = ADDRESS[name]
-        (status,) = self.send(Instruction.READ, [register.address, register.size])
-        return int.from_bytes(status.parameters, "little", signed=register.signed)
+        register = self.register[name]
+        place = self.number(register.address) + self.number(register.size)
+        (status,) = self.send(Instruction.READ, place)
+        return int.from_bytes(self.data(status), "little", signed=register.signed)
 
     def move(self, angle=0.0, speed=0.0, pwm=0.0, temperature=25.0, lasting=0.005):
         for _ in range(round(lasting / 0.005)):
             self.now += 0.005
             self.sense(self.now, angle, speed, pwm, temperature)
+
+
+class ServoWithMaster(WithMaster, Mx64):
+    """With Protocol 1.0."""
+
+    def error(self, status):
+        return Error(status.code)
+
+    def data(self, status):
+        return status.parameters
+
+
+class ServoWithMaster2(WithMaster, Mx64P2):
+    """With Protocol 2.0."""
+
+    def error(self, status):
+        assert status.code == Instruction.STATUS
+        return status.parameters[0]
+
+    def data(self, status):
+        return status.parameters[1:]
+
+    def broadcast(self, code, parameters=b""):
+        return self.send(code, parameters, BROADCAST)

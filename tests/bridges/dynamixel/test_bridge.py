@@ -1,6 +1,4 @@
 import contextlib
-import threading
-from types import SimpleNamespace
 
 import dynamixel_sdk
 import numpy as np
@@ -8,11 +6,9 @@ import pytest
 
 from bridges.dynamixel.fake_station import CLOSED, COUNT, FakeStation, client_of
 from bridges.dynamixel.servo_client import ServoClient
-from bridges.waiting import wait_until
+from bridges.dynamixel.simulated_gripper import SimulatedGripper
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
-from drake_srg.bridges.serve import Serve
-from drake_srg.scenario import load_scenario
 
 # SAKE's driver.
 
@@ -170,66 +166,29 @@ def test_dynamixel_sdk_receives_errors(master):
 
 @pytest.mark.slow
 def test_sake_s_driver_moves_the_simulated_gripper():
-    # As fast as possible, with the simulation's time as the client's clock.
-    seen = SimpleNamespace(time=0.0, q=None)
-    ready, stop = threading.Event(), threading.Event()
-
-    class Watched(ServoBridge):
-        ports = (*ServoBridge.ports, "gripper.state_measured", "gripper.wire_force")
-
-        def update(self, time, values):
-            super().update(time, values)
-            seen.q = values["gripper.state_measured"][:4].copy()
-            seen.force = values["gripper.wire_force"].copy()
-            seen.time = time
-
-    def connect(inbox, topics):
-        seen.bridge = Watched(inbox, "tcp:0")
-        ready.set()
-        return [seen.bridge]
-
-    def sleep(duration):
-        end = seen.time + duration
-        assert wait_until(lambda: seen.time >= end, 60.0)
-
-    # Pointing forwards: downwards, the fingers would fall shut against their springs.
-    front = "directives.gripper::palm.add_weld.X_PC.rotation=!Rpy {deg: [0, 0, 0]}"
-    scenario = load_scenario(
-        "gripper_bench_fast", overrides=["object.present=false", front]
-    )
-    told = []
-    served = threading.Thread(
-        target=lambda: Serve(scenario, connect, rate=0.0, stop=stop, tell=told.append),
-        daemon=True,
-    )
-    served.start()
-    assert ready.wait(60.0)
-    try:
+    with SimulatedGripper("tcp:0") as gripper:
         client = ServoClient(
-            f"socket://{seen.bridge.address}", sleep, lambda: seen.time
+            f"socket://{gripper.bridge.address}", gripper.sleep, lambda: gripper.time
         )
         client.calibrate()
-        closed = seen.q
+        closed = gripper.q
         # In the vendor's geometry the pads meet at 100.7 degrees.
         assert closed[:2] == pytest.approx(np.deg2rad([100.7] * 2), abs=0.05)
 
         client.goto_position(100, 100)
         assert client.get_position() == pytest.approx(100, abs=1)
-        sleep(2.0)  # the springs open the fingers slower than the motor turns
-        assert seen.q == pytest.approx([0.0] * 4, abs=0.02)
+        gripper.sleep(2.0)  # the springs open the fingers slower than the motor turns
+        assert gripper.q == pytest.approx([0.0] * 4, abs=0.02)
 
         client.goto_position(0, 50)
         assert client.get_position() <= 1
-        assert seen.q[:2] == pytest.approx(closed[:2], abs=0.05)
-        sleep(1.0)
+        assert gripper.q[:2] == pytest.approx(closed[:2], abs=0.05)
+        gripper.sleep(1.0)
         # 13 % of 308 N per wire.
-        assert seen.force == pytest.approx([40.0, 40.0], rel=0.05)
+        assert gripper.force == pytest.approx([40.0, 40.0], rel=0.05)
 
         client.goto_position(50, 50)
         assert client.get_position() == pytest.approx(50, abs=1)
         assert 25 <= client.get_temperature() < 30
         assert client.check_overload_and_recover() == (0, 0)
-    finally:
-        stop.set()
-        served.join(60.0)
-    assert told == []
+    assert gripper.told == []

@@ -23,8 +23,9 @@ from bridges.dynamixel.fake_station import (
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel import bridge as servo_bridge
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
-from drake_srg.bridges.dynamixel.mx64 import Mx64
-from drake_srg.bridges.dynamixel.protocol import Instruction, Packet, PacketReader
+from drake_srg.bridges.dynamixel.protocol import Instruction, PacketReader
+from drake_srg.bridges.dynamixel.protocol1 import Packet1
+from drake_srg.bridges.dynamixel.servo import Servo
 
 # Where it listens.
 
@@ -149,16 +150,16 @@ def test_a_client_that_reads_no_replies_delays_nobody(line):
 @pytest.mark.slow
 @pytest.mark.parametrize("where", ["tcp:0", "pty"])
 def test_an_unexpected_error_is_reported_and_ends_no_line(where, monkeypatch):
-    answer = Mx64.answer
+    answer = Servo.answer
 
     def fail_once(self, packet):
-        monkeypatch.setattr(Mx64, "answer", answer)
+        monkeypatch.setattr(Servo, "answer", answer)
         raise RuntimeError("unforeseen")
 
     with FakeStation(where) as station:
         url = station.bridge.address if where == "pty" else None
         client = client_of(station, url)
-        monkeypatch.setattr(Mx64, "answer", fail_once)
+        monkeypatch.setattr(Servo, "answer", fail_once)
         with contextlib.suppress(serial.SerialException):  # the connection is closed
             client.read(3, 1)
         client.close()
@@ -187,7 +188,7 @@ def test_clients_are_accepted_again_after_too_many_open_files(
 
 @pytest.mark.slow
 def test_at_a_terminal_replies_are_whole_or_lost():
-    read = Packet(1, Instruction.READ, bytes([0, 74])).encode()
+    read = Packet1(1, Instruction.READ, bytes([0, 74])).encode()
     with FakeStation("pty") as station:
         line = os.open(station.bridge.address, os.O_RDWR | os.O_NOCTTY)
         os.set_blocking(line, False)
@@ -195,7 +196,7 @@ def test_at_a_terminal_replies_are_whole_or_lost():
             with contextlib.suppress(BlockingIOError):
                 os.write(line, 50 * read)
             time.sleep(0.01)
-        reader, replies, idle = PacketReader(), 0, 0
+        reader, replies, idle = PacketReader(Packet1), 0, 0
         while idle < 100:  # a second of silence
             try:
                 replies += len(list(reader.feed(os.read(line, 100), 0.0)))

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bridges.dynamixel.servo_with_master import ServoWithMaster
-from drake_srg.bridges.dynamixel.protocol import Error, Instruction
+from drake_srg.bridges.dynamixel.protocol import Instruction
+from drake_srg.bridges.dynamixel.protocol1 import Error
 
 COUNT = math.tau / 4096  # rad
 
