@@ -55,8 +55,12 @@ class ServoStand:
             self._servo.sense(rig.time, angle, speed, pwm, temperature)
             if command := self._servo.command():
                 rig.fix("gripper.motor_position_commanded", command.position)
+                # In torque control, the torque limit bounds the goal torque in the same
+                # units, not the PWM: with both at 20 %, the vendor's log shows a load
+                # of 420 of 1023.
+                limit = 1.0 if np.isfinite(command.torque) else command.limit
                 rig.fix("gripper.motor_torque_commanded", command.torque)
-                rig.fix("gripper.force_limit", command.limit)
+                rig.fix("gripper.force_limit", limit)
             rig.advance(_PERIOD)
 
     def write(self, name: str, value: int) -> None:

@@ -71,7 +71,8 @@ class MotorTemperature(LeafSystem):
 
         C T' = P_idle + I² R + I U_0 - (T - T_air) / R_thermal
 
-    U_0 is the voltage lost to the drive's dead band, if any. It is solved exactly for a current that is constant during `config.period`.
+    U_0 is the voltage lost to the drive's dead band, if any. It is solved exactly for
+    a current that is constant during `config.period`.
 
     Args:
         drive: The motor's torque and speed.

@@ -83,8 +83,12 @@ class TendonDriveConfig:
 
         With friction in the gears, the force that the motor reaches by winding.
         """
-        torque = self.friction.load(self.full_torque * self.useful_pwm(1.0))
-        return torque / (2.0 * self.spool_radius)
+        return self.wire_force_of(1.0)
+
+    def wire_force_of(self, force_limit: float) -> float:
+        """Return the force of each wire that a servo's `force_limit` allows [N]."""
+        torque = self.friction.load(self.full_torque * self.useful_pwm(force_limit))
+        return max(torque, 0.0) / (2.0 * self.spool_radius)
 
     def useful_pwm(self, pwm: Any) -> Any:
         """Return the PWM that a motor without dead band needs for the same torque.

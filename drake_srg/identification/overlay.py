@@ -43,9 +43,7 @@ def overlay(result: Identification, base: str, source: str) -> str:
         base: Name of a scenario whose gripper has wires.
         source: What was identified, for the first line.
     """
-    told = {
-        e.parameter.name: e for fit in result.fits.values() for e in fit.estimates
-    }
+    told = {e.parameter.name: e for fit in result.fits.values() for e in fit.estimates}
     drive = {name: f"{value:.4g}" for name, value in drive_values(result).items()}
     lines = [
         f"# {base} with the motor, friction and heat of {source}.",
