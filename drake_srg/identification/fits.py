@@ -136,7 +136,7 @@ def _fit(
     return motor, zero, fits
 
 
-def _current_errors(rows: Sequence[LogRow], values: dict[str, float]) -> Vector:
+def _current_errors(rows: Sequence[LogRow], values: dict[str, Vector]) -> Vector:
     motor = press.Motor(**values, most=1.0)
     load = np.array([row.load for row in rows]) / press.FULL_LOAD
     current = np.array([row.current_ma for row in rows]) / 1e3

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -36,24 +35,23 @@ def losses(current: Vector, motor: Motor) -> Vector:
 
 
 def predict_seconds(
-    rows: Sequence[LogRow], motor: Motor, values: Mapping[str, float]
+    rows: Sequence[LogRow], motor: Motor, values: Mapping[str, float | Vector]
 ) -> Vector:
     """Return the times of heating rows, shape (K,) [s]; `NEVER` at most.
 
     Args:
         rows: Of the test `heating`.
         motor: The motor.
-        values: Of `PARAMETERS` by name.
+        values: Of `PARAMETERS` by name; with p of each, shape (p, 1), the times are
+            (p, K).
     """
     current = np.array([row.current_ma for row in rows]) / 1e3
     power = losses(current, motor) + values["idle_power"]
     resistance = values["thermal_resistance"]
-    times = []
-    for row, p in zip(rows, power, strict=True):
-        left = AIR + p * resistance - row.temperature_c  # K to where it settles
-        time = NEVER
-        if left > RISE:
-            constant = resistance * values["heat_capacity"]
-            time = min(-constant * math.log(1.0 - RISE / left), NEVER)
-        times.append(time)
-    return np.array(times)
+    start = np.array([row.temperature_c for row in rows])
+    left = AIR + power * resistance - start  # K to where it settles
+    share = np.where(left > RISE, RISE / np.maximum(left, RISE), 1.0)
+    with np.errstate(divide="ignore"):  # infinite where it never gets there
+        times = -resistance * values["heat_capacity"] * np.log1p(-share)
+    result: Vector = np.minimum(times, NEVER)
+    return result

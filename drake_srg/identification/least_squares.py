@@ -69,7 +69,7 @@ class Fit:
 
 def fit(
     parameters: Sequence[Parameter],
-    residuals: Callable[[dict[str, float]], Vector],
+    residuals: Callable[[dict[str, Vector]], Vector],
     starts: Sequence[Mapping[str, float]] = ({},),
     rounds: int = 30,
 ) -> Fit:
@@ -81,8 +81,8 @@ def fit(
 
     Args:
         parameters: At least one.
-        residuals: Returns the residuals in standard deviations for values by name,
-            shape (m,), finite.
+        residuals: Returns the residuals in standard deviations, shape (p, m), finite,
+            for p values of every parameter, by name, shape (p, 1).
         starts: Where to look for a minimum: values by name, priors where they lack one.
         rounds: Most steps.
     """
@@ -90,12 +90,17 @@ def fit(
     spread = np.log([p.factor for p in parameters])
 
     def both(x: Vector) -> Vector:
-        values = {p.name: float(v) for p, v in zip(parameters, np.exp(x), strict=True)}
-        return np.concatenate([residuals(values), (x - prior) / spread])
+        """Return residuals and deviations from the priors, (p, m + n) for (p, n)."""
+        values = {
+            q.name: v[:, None] for q, v in zip(parameters, np.exp(x).T, strict=True)
+        }
+        measured = residuals(values)
+        measured = np.broadcast_to(measured, (len(x), measured.shape[-1]))
+        return np.concatenate([measured, (x - prior) / spread], axis=1)
 
-    places = [np.log([s.get(p.name, p.prior) for p in parameters]) for s in starts]
-    x, damping = min(places, key=lambda place: float(np.sum(both(place) ** 2))), 1e-2
-    r = both(x)
+    places = np.log([[s.get(p.name, p.prior) for p in parameters] for s in starts])
+    x, damping = places[np.argmin(np.sum(both(places) ** 2, axis=1))], 1e-2
+    (r,) = both(x[None])
     for _ in range(rounds):
         jacobian = _jacobian(both, x)
         gradient, square = jacobian.T @ r, jacobian.T @ jacobian
@@ -103,7 +108,7 @@ def fit(
             step = np.linalg.solve(
                 square + damping * np.diag(np.diag(square)), gradient
             )
-            trial = both(x - step)
+            (trial,) = both((x - step)[None])
             if trial @ trial < r @ r:
                 break
             damping *= 4.0
@@ -134,7 +139,7 @@ def fit(
 
 
 def _jacobian(function: Callable[[Vector], Vector], x: Vector) -> Vector:
-    """Return the derivatives of (m,) values by (n,) arguments, shape (m, n)."""
-    middle = function(x)
-    steps = _STEP * np.eye(len(x))
-    return np.array([(function(x + step) - middle) / _STEP for step in steps]).T
+    """Return the derivatives of m values by (n,) arguments, shape (m, n)."""
+    middle, *values = function(x + _STEP * np.eye(len(x) + 1, len(x), -1))
+    result: Vector = ((np.array(values) - middle) / _STEP).T
+    return result

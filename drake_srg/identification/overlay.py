@@ -19,13 +19,14 @@ _FINGER_MASS, _DAMPING_RATIO = 1.2, 0.1
 def drive_values(result: Identification) -> dict[str, float]:
     """Return the entries of `gripper.drive` that the log identifies, by name."""
     press = result.fits["press"].values
-    net = TORQUE_CONSTANT * result.motor.stall_current
+    motor = result.fits["motor"].values
+    net = TORQUE_CONSTANT * motor["stall_current"]
     # Each of the two wires sees the spool's stiffness through its radius.
     whole = press["stiffness"] / (2.0 * SPOOL_RADIUS**2)
     wire = 1.0 / max(1.0 / whole - 1.0 / FINGER_STIFFNESS, 1e-7)
     return {
         "stall_torque": net * (1.0 + press["gear_load"]) + press["gear"],
-        "dead_band": result.motor.dead_band,
+        "dead_band": motor["dead_band"],
         "torque_rise": press["torque_rise"],
         "reflected_inertia": press["inertia"],
         "wire_stiffness": wire,

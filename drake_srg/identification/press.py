@@ -61,10 +61,12 @@ class Motor:
         stall_current: Estimated current at a PWM of 1 [A].
         dead_band: PWM, 0 .. 1, below which no current shows.
         most: Largest PWM that the servo gives, 0 .. 1.
+
+    The first two may be arrays of shape (p, 1), for p motors at once.
     """
 
-    stall_current: float
-    dead_band: float
+    stall_current: float | Vector
+    dead_band: float | Vector
     most: float
 
     def current(self, pwm: Vector) -> Vector:
@@ -92,7 +94,10 @@ def polls(row: LogRow) -> int:
 
 
 def predict_stops(
-    rows: Sequence[LogRow], zero: float, motor: Motor, values: Mapping[str, float]
+    rows: Sequence[LogRow],
+    zero: float,
+    motor: Motor,
+    values: Mapping[str, float | Vector],
 ) -> Vector:
     """Return the stops of position and torque rows, shape (K,) [counts].
 
@@ -100,7 +105,8 @@ def predict_stops(
         rows: Of these two tests.
         zero: Calibrated zero [counts].
         motor: The motor.
-        values: Of `PARAMETERS` by name.
+        values: Of `PARAMETERS` by name; with p of each, shape (p, 1), the stops are
+            (p, K).
     """
     setpoint = np.array([row.setpoint_pct for row in rows]) / 100.0
     by_torque = np.array([row.test == "torque" for row in rows])
@@ -114,8 +120,8 @@ def predict_stops(
     reads = _APPROACH_TIME + _FIRST_READ + POLL * np.arange(_MOST_POLLS + 1)
     read_at = {round(t / _STEP) for t in reads}
     seen = []
-    x, w = np.full(len(rows), zero + _START), np.zeros(len(rows))
-    torque_pwm = np.zeros(len(rows))
+    w = np.zeros(np.broadcast(free, setpoint).shape)
+    x, torque_pwm = w + zero + _START, w
     for k in range(max(read_at) + 1):
         t = k * _STEP - _APPROACH_TIME
         if t < 0.0:
@@ -138,5 +144,6 @@ def predict_stops(
         if k in read_at:
             seen.append(x.copy())
     chosen = [polls(row) for row in rows]
-    result: Vector = np.array(seen)[chosen, np.arange(len(rows))]
+    columns = np.arange(len(rows))
+    result: Vector = np.array(seen)[chosen, ..., columns].T
     return result

@@ -55,7 +55,8 @@ def test_it_looks_into_several_valleys():
 
     def wells(values):
         x = np.log(values["x"])
-        return np.array([10.0 * np.sin(3.0 * x), 2.0 * (x - 2.0 * np.pi / 3.0)])
+        bottom = 2.0 * (x - 2.0 * np.pi / 3.0)
+        return np.concatenate([10.0 * np.sin(3.0 * x), bottom], axis=1)
 
     found = fit([parameter], wells, starts=[{}, {"x": 8.0}]).values["x"]
     assert np.log(found) == pytest.approx(2.0 * np.pi / 3.0, abs=0.05)
