@@ -7,7 +7,7 @@ hand. One table and one figure are what owners of the gripper need (docs/gripper
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -115,13 +115,31 @@ def run(
             Row.info(case, "wire force", rung.wire_force, "N"),
             Row.info(case, "pad force", rung.pad_force, "N"),
         ]
-    return ExperimentResult(rows, {"ladder": table}, _draw(table, widths))
+    files = {"ladder.md": markdown(table)}
+    return ExperimentResult(rows, {"ladder": table}, _draw(table, widths), files)
+
+
+def markdown(table: Mapping[str, Sequence[float]]) -> str:
+    """Return the table as in docs/gripper.md."""
+    lines = [_HEADINGS, ["---:"] * len(_HEADINGS)]
+    for values in zip(*table.values(), strict=True):
+        lines.append(
+            [f"{value:.{n}f}" for value, n in zip(values, _DIGITS, strict=True)]
+        )
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
 _COLUMNS = (
     *("width_mm", "effort_pct", "torque_limit", "closed_pct", "sake_pct", "counts"),
     *("wire_mm", "current_ma", "wire_force_n", "pad_force_n", "friction_payload_kg"),
 )
+
+_HEADINGS = [
+    *("width [mm]", "effort [%]", "torque limit", "closed [%]", "SAKE [%]", "counts"),
+    *("wire [mm]", "current [mA]", "wire force [N]", "finger force [N]"),
+    "payload by friction [kg]",
+]
+_DIGITS = (0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1)
 
 
 def _radius(scenario: str) -> float:

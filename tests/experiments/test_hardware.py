@@ -10,7 +10,7 @@ def test_a_gripper_agrees_with_itself_wherever_its_spool_sits():
     moved = [dc.replace(row, stop_counts=row.stop_counts - 1000.0) for row in REAL]
     rows = judge("specimen", REAL, moved)
     assert all(row.passed for row in rows)
-    assert len(rows) == 3 * 21 + 5
+    assert len(rows) == 3 * 9 + 2 * 12 + 5
 
 
 def test_a_deviation_beyond_the_scatter_fails():

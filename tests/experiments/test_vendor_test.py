@@ -39,7 +39,7 @@ class FakeStand:
 def test_a_press_is_read_when_the_spool_has_stopped():
     stand = FakeStand()
     test = VendorTest(stand)
-    shown = test.press(LogRow("position", 50.0))
+    shown = test.press(LogRow("position", 50.0, seconds=1.22))
     assert shown.stop_counts == 2800
     assert shown.current_ma == pytest.approx(1500.0)
     assert shown.load == 600
