@@ -24,8 +24,9 @@ MODELS = {"data sheet": "gripper_bench", "specimen": "srg_specimen"}
 # Claimed masses [kg].
 CLAIMS = {"wrap": 5.0, "pinch": 2.5}
 _DIRECTIONS = ("down", "side")
-_CREEP_FORCE = 107.0  # of each wire, around a held can [N]
-_HELD = 5.0  # s
+# A wire force as in `payload_pinch` for the creep of a held can and box, 0.35 of the
+# data-sheet model's full PWM [N].
+_CREEP_FORCE = 107.0
 _CLOSED = 0.98  # of the spool's way, open to closed
 
 
@@ -107,10 +108,12 @@ def _closing_and_creep(model: str, effort: float) -> list[Row]:
         time = closing_time(scenario, limit)
         what = f"closing time at {100 * limit:g} % effort"
         rows.append(Row.info(model, what, time, "s"))
-    limit = drive.force_limit_of(_CREEP_FORCE)
-    _, moved = creep(*things()["can"], scenario, {}, _HELD, limit)
-    what = f"creep of a can, {_CREEP_FORCE:g} N per wire"
-    rows.append(Row.info(model, what, 1e6 * float(moved[-1]) / _HELD, "um/s"))
+    for name, (thing, height) in things().items():
+        limit = drive.force_limit_of(_CREEP_FORCE)
+        _, moved = creep(thing, height, scenario, {}, force_limit=limit)
+        rate = 1e6 * moved[-1] / 10.0
+        what = f"creep, {_CREEP_FORCE:g} N per wire"
+        rows.append(Row.info(f"{model}, {name}", what, rate, "um/s"))
     return rows
 
 
