@@ -16,6 +16,8 @@ from drake_srg.bridges.served_station import MakeServedStation
 from drake_srg.cell import MakeCell
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError
+from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.gripper.torque_control import TorqueControl
 from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
@@ -183,6 +185,7 @@ def systems(tmp_path_factory):
     camera = CameraModel.from_config(kitchen.cameras["ceiling"])
     add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
+    add("TorqueControl", TorqueControl(TendonDriveConfig(), 0.005))
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:
         recorder.__exit__(None, None, None)

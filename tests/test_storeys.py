@@ -16,7 +16,7 @@ STOREYS = [
     {"station", "replay"},
     {"cell"},
     {"simulation"},
-    {"sweeps", "bridges"},
+    {"sweeps", "bridges", "identification"},
     {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from drake_srg.cli import commands
 from drake_srg.cli import experiment as cli_experiment
+from drake_srg.cli import identify as cli_identify
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
@@ -213,6 +214,15 @@ def make_parser() -> argparse.ArgumentParser:
         add_help=False,
     )
     cli_experiment.add_arguments(experiment)
+
+    identify = add(
+        "identify",
+        cli_identify.identify,
+        "fit a gripper's motor, friction and heat to what its servo showed",
+        "It tells intervals, correlations and what the log cannot tell, and writes a "
+        "scenario.",
+    )
+    cli_identify.add_arguments(identify)
 
     add(
         "doctor",

@@ -27,6 +27,9 @@ class MotorTemperatureConfig:
     # 0.9 J/(g K). The time constant, 14 min, agrees with the manual, which asks to wait
     # 20 min after an alarm.
     heat_capacity: float = dc.field(default=113.0, metadata=positive())
+    # Heat of the electronics while the motor holds [W]. It is off by default: the
+    # manual's standby current of 0.1 A would be 1.2 W.
+    idle_power: float = dc.field(default=0.0, metadata={"ge": 0.0})
     period: float = dc.field(default=0.1, metadata=positive())  # s
 
     @property
@@ -38,12 +41,15 @@ class MotorTemperatureConfig:
 def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
     """Return the motor's torque over its stall torque; the same holds for its current.
 
+    It is the current that the servo's own register shows. An MX-64 has no sensor for
+    it, but estimates it (docs/gripper.md).
+
     Args:
         drive: The motor.
         pwm: Fraction of full scale, -1 .. 1.
         speed: Of the spool [rad/s].
     """
-    return drive.full_scale * pwm - speed / drive.no_load_speed
+    return drive.full_scale * drive.useful_pwm(pwm) - speed / drive.no_load_speed
 
 
 class MotorTemperature(LeafSystem):
@@ -63,9 +69,10 @@ class MotorTemperature(LeafSystem):
     of first order, with the current I that gives the torque and the resistance R of the
     windings:
 
-        C T' = I² R - (T - T_air) / R_thermal
+        C T' = P_idle + I² R + I U_0 - (T - T_air) / R_thermal
 
-    It is solved exactly for a current that is constant during `config.period`.
+    U_0 is the voltage lost to the drive's dead band, if any. It is solved exactly for
+    a current that is constant during `config.period`.
 
     Args:
         drive: The motor's torque and speed.
@@ -100,8 +107,11 @@ class MotorTemperature(LeafSystem):
         config = self.config
         speed = self._motor.Eval(context)[1]
         load = motor_load(self._drive, self._pwm.Eval(context)[0], speed)
-        # I² R with R = U / I_stall and I = load I_stall
-        loss = load**2 * config.stall_current * config.supply_voltage
+        # I² R + I U_0 with R = (U - U_0) / I_stall and I = load I_stall
+        band = self._drive.dead_band
+        loss = load**2 * config.stall_current * config.supply_voltage * (1.0 - band)
+        loss += abs(load) * config.stall_current * config.supply_voltage * band
+        loss += config.idle_power
         final = config.ambient + loss * config.thermal_resistance
         decay = math.exp(-config.period / config.time_constant)
         temperature = context.get_discrete_state(0)[0]

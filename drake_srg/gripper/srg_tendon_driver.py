@@ -21,6 +21,7 @@ from drake_srg.gripper.motor_temperature import (
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.spool_command import SpoolCommand, SpoolCommandConfig
 from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
+from drake_srg.gripper.torque_control import TorqueControl
 
 
 def _default_motor_servo() -> GripperServoConfig:
@@ -119,6 +120,11 @@ class SrgTendonDriver(GripperDriver):
         angle, torque = (
             command.GetOutputPort(name) for name in ("angle_desired", "torque_desired")
         )
+        if self.drive.dead_band or self.drive.torque_rise:
+            control = TorqueControl(self.drive, self.servo.period)
+            inner.AddNamedSystem("torque_control", control)
+            inner.Connect(torque, control.get_input_port())
+            torque = control.get_output_port()
         pwm = servo.get_output_port()
         motor_state = drive.GetOutputPort("motor_state")
         for source, target in (

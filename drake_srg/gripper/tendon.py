@@ -8,6 +8,7 @@ from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.gripper.friction import DriveFrictionConfig, passed_on, slid, slowed
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,
     tip_moment_arm,
@@ -36,6 +37,13 @@ class TendonDriveConfig:
     no_load_speed: float = dc.field(default=6.6, metadata=positive())
     # Share of these at full PWM: SAKE's driver libezgripper uses 800 of 1023.
     full_scale: float = dc.field(default=800 / 1023, metadata=positive(le=1.0))
+    # Share of the PWM that bridge and brushes keep: below it the motor gives no torque,
+    # from there the torque at rest grows linearly, to `stall_torque` at a PWM of 1. No
+    # data sheet states it.
+    dead_band: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.5})
+    # Time in which the servo's own torque control changes the PWM by as much as its
+    # torque is off, a share of the full one [s]; 0 for at once. See `TorqueControl`.
+    torque_rise: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Inertia at the spool [kg m²]: 200² times the rotor's, which is not published. A
     # coreless motor of that size (21 mm) has about 2.5e-7 kg m².
     reflected_inertia: float = dc.field(default=0.01, metadata=positive())
@@ -46,6 +54,7 @@ class TendonDriveConfig:
     # from the wire).
     wire_stiffness: float = dc.field(default=2.5e4, metadata=positive())
     wire_damping: float = dc.field(default=35.0, metadata={"ge": 0.0})
+    friction: DriveFrictionConfig = dc.field(default_factory=DriveFrictionConfig)
     # SAKE's public MuJoCo model of 2026, "from actual spring specs": stiffness, and
     # preload from a reference of -2.09 rad, where open is -pi/2 (base) and 0 (tip).
     base_spring: TorsionSpringConfig = dc.field(
@@ -70,8 +79,31 @@ class TendonDriveConfig:
 
     @property
     def full_wire_force(self) -> float:
-        """Force of each wire when both balance the motor, at rest at full PWM [N]."""
-        return self.full_torque / (2.0 * self.spool_radius)
+        """Force of each wire when both balance the motor, at rest at full PWM [N].
+
+        With friction in the gears, the force that the motor reaches by winding.
+        """
+        return self.wire_force_of(1.0)
+
+    def wire_force_of(self, force_limit: float) -> float:
+        """Return the force of each wire that a servo's `force_limit` allows [N]."""
+        torque = self.friction.load(self.full_torque * self.useful_pwm(force_limit))
+        return max(torque, 0.0) / (2.0 * self.spool_radius)
+
+    def useful_pwm(self, pwm: Any) -> Any:
+        """Return the PWM that a motor without dead band needs for the same torque.
+
+        Args:
+            pwm: Fraction of full scale, -1 .. 1.
+        """
+        if self.dead_band == 0.0:
+            return pwm
+        band = self.dead_band / self.full_scale
+        return slowed(pwm, band) / (1.0 - self.dead_band)
+
+    def pwm_of(self, useful: float) -> float:
+        """Return the PWM that `useful_pwm` maps to a value above 0."""
+        return useful * (1.0 - self.dead_band) + self.dead_band / self.full_scale
 
     def force_limit_of(self, wire_force: float) -> float:
         """Return the servo's `force_limit` that pulls each wire with this force [N].
@@ -84,7 +116,10 @@ class TendonDriveConfig:
                 f"wire force {wire_force:g} N: the servo gives 0 .. "
                 f"{self.full_wire_force:.0f} N at each wire"
             )
-        return wire_force / self.full_wire_force
+        torque = self.friction.motor_torque(2.0 * self.spool_radius * wire_force)
+        if self.dead_band == 0.0 and torque == 2.0 * self.spool_radius * wire_force:
+            return wire_force / self.full_wire_force
+        return min(self.pwm_of(torque / self.full_torque), 1.0)
 
 
 @TemplateSystem.define("TendonDrive_")
@@ -122,6 +157,11 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         Each joint gets F times its moment arm, less its spring's torque. Nothing here
         decides which joint of a finger moves first: springs, arms and contact do.
 
+        With `dead_band` or `friction` (off by default), the motor loses part of its PWM
+        (see `useful_pwm`), friction of the gears slows the spool or holds it, and the
+        joints get less than F while the wire winds in and more while it pays out (see
+        `DriveFrictionConfig`). `wire_force` remains that at the spool.
+
         The motor's state is updated every `period` [s] (the plant's step). The update
         is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
         is 11 ms.
@@ -138,11 +178,14 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             self.config = config
             self._period = period
             state = self.DeclareDiscreteState(2)  # spool angle and speed
+            if config.friction.wire:
+                self.DeclareDiscreteState(2)  # friction of the wires, -1 .. 1
             self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
             self._fingers = self.DeclareVectorInputPort(name="state_measured", size=8)
             motor, fingers = self.discrete_state_ticket(state), self._fingers.ticket()
+            moving = {self.xd_ticket(), fingers}
             for name, size, calc, prerequisites in (
-                ("joint_torque", 4, self._calc_joint_torque, {motor, fingers}),
+                ("joint_torque", 4, self._calc_joint_torque, moving),
                 ("motor_state", 2, self._calc_motor_state, {motor}),
                 ("wire_force", 2, self._calc_wire_force, {motor, fingers}),
             ):
@@ -187,8 +230,15 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             config = self.config
             state = self._fingers.Eval(context).tolist()
             torques: list[Any] = [0.0] * 4
+            wires = self._wires(context, state)
+            if config.friction.wire:
+                stuck = context.get_discrete_state(1).CopyToVector()
+                wires = [
+                    (force * passed_on(s, config.friction.wire), *arms)
+                    for s, (force, *arms) in zip(stuck, wires, strict=True)
+                ]
             for (base, tip), (force, base_arm, tip_arm) in zip(
-                FINGERS, self._wires(context, state), strict=True
+                FINGERS, wires, strict=True
             ):
                 for joint, arm, spring in (
                     (base, base_arm, config.base_spring),
@@ -210,10 +260,29 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
             state = self._fingers.Eval(context).tolist()
             load = config.spool_radius * sum(self._wire_forces(context, state))
-            drive = config.full_torque * self._pwm.Eval(context)[0]
+            drive = config.full_torque * config.useful_pwm(self._pwm.Eval(context)[0])
             inertia, damping = config.reflected_inertia, config.motor_damping
+            friction = config.friction
+            damping += friction.gear_damping
             speed = (inertia * speed + dt * (drive - load)) / (inertia + dt * damping)
-            discrete_state.set_value([angle + dt * speed, speed])
+            if friction.gear or friction.gear_load:
+                most = dt * friction.of_gears(load) / (inertia + dt * damping)
+                speed = slowed(speed, most)
+            discrete_state.set_value(0, [angle + dt * speed, speed])
+            if friction.wire:
+                stuck = context.get_discrete_state(1).CopyToVector()
+                discrete_state.set_value(1, self._slide(stuck, state))
+
+        def _slide(self, stuck: Any, state: list[Any]) -> list[Any]:
+            """Return the friction state of each wire after a step."""
+            config = self.config.friction
+            result = []
+            for s, (base, tip) in zip(stuck, FINGERS, strict=True):
+                rate = base_moment_arm(state[base]) * state[4 + base]
+                rate += tip_moment_arm(state[tip]) * state[4 + tip]
+                travel = self._period * rate
+                result.append(slid(s, travel, config.wire_presliding))
+            return result
 
     return Impl
 

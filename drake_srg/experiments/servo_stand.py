@@ -1,0 +1,100 @@
+"""A simulated gripper and its servo's registers, used as a driver on a serial line."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+import numpy as np
+
+from drake_srg.bridges.dynamixel.mx64 import Mx64
+from drake_srg.bridges.dynamixel.protocol import Instruction, Packet
+from drake_srg.bridges.dynamixel.registers import CURRENT_UNIT, FULL_TORQUE, REGISTERS
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.rig import Rig
+
+# Each packet and its answer take 16 ms: the latency of the common USB adapters, and
+# what the time stamps of the vendor's log show.
+TRANSACTION = 0.016  # s
+_PERIOD = 0.004  # between exchanges of servo and motor [s]
+_BY_NAME = {register.name: register for register in REGISTERS}
+_ZEROS_LOAD, _ZERO_CURRENT = FULL_TORQUE + 1, 2048
+
+
+class ServoStand:
+    """A gripper on the bench whose servo a script drives by its registers.
+
+    Reading and writing take their time, as on a serial line.
+
+    Args:
+        scenario: A bench whose gripper has wires.
+        name: Of the experiment, for error messages.
+
+    Raises:
+        ScenarioError: If the gripper has no wires.
+    """
+
+    def __init__(self, scenario: Scenario, name: str) -> None:
+        motor = None if scenario.gripper is None else scenario.gripper.wire_motor
+        if motor is None:
+            raise ScenarioError(f"{name}: gripper: needs !SrgTendonDriver")
+        self.rig = Rig(scenario, name=name)
+        self._servo = Mx64(motor.drive, motor.temperature, self._refuse)
+        self._name = name
+
+    def _refuse(self, kind: str, message: str) -> None:
+        raise ScenarioError(f"{self._name}: {message}")
+
+    def sleep(self, duration: float) -> None:
+        """Simulate for a while, with the servo in command of its motor."""
+        rig = self.rig
+        for _ in range(round(duration / _PERIOD)):
+            angle, speed = rig.measured("gripper.motor_state")
+            (pwm,) = rig.measured("gripper.pwm")
+            (temperature,) = rig.measured("gripper.motor_temperature")
+            self._servo.sense(rig.time, angle, speed, pwm, temperature)
+            if command := self._servo.command():
+                rig.fix("gripper.motor_position_commanded", command.position)
+                # In torque control, the torque limit bounds the goal torque in the same
+                # units, not the PWM: with both at 20 %, the vendor's log shows a load
+                # of 420 of 1023.
+                limit = 1.0 if np.isfinite(command.torque) else command.limit
+                rig.fix("gripper.motor_torque_commanded", command.torque)
+                rig.fix("gripper.force_limit", limit)
+            rig.advance(_PERIOD)
+
+    def write(self, name: str, value: int) -> None:
+        """Write a register by its name in the manual."""
+        register = _BY_NAME[name]
+        data = value.to_bytes(register.size, "little", signed=value < 0)
+        packet = Packet(1, Instruction.WRITE, bytes([register.address]) + data)
+        self._servo.answer(packet)
+        self.sleep(TRANSACTION)
+
+    def read(self, name: str) -> int:
+        """Read a register by its name in the manual."""
+        self.sleep(TRANSACTION)
+        return self._servo.table[name]
+
+    def read_current(self) -> float:
+        """Return the servo's estimate of its current [A], positive to wind."""
+        return (_ZERO_CURRENT - self.read("current")) * CURRENT_UNIT
+
+    def read_load(self) -> int:
+        """Return the size of the PWM, of 1023."""
+        return self.read("present_load") % _ZEROS_LOAD
+
+    def wire_force(self) -> float:
+        """Return the mean force of the wires [N], which no register shows."""
+        return float(np.mean(self.rig.measured("gripper.wire_force")))
+
+    def __enter__(self) -> ServoStand:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.rig.__exit__(kind, error, traceback)

@@ -1,0 +1,1 @@
+"""Identifies a gripper's motor, friction and heat from its servo's own registers."""

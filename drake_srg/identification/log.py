@@ -1,0 +1,142 @@
+"""The log that `drake-srg identify` reads: one row per press or heating test."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses as dc
+import math
+from importlib import resources
+from pathlib import Path
+
+from drake_srg.common.exceptions import ScenarioError
+
+VENDOR = "ezgripper.csv"
+TESTS = ("position", "torque", "heating")
+COLUMNS = (
+    *("test", "setpoint_pct", "load", "stop_counts"),
+    *("current_ma", "seconds", "temperature_c"),
+)
+# Smallest and largest plausible value by column: values outside have another unit.
+_RANGES = {
+    "setpoint_pct": (1.0, 100.0),
+    "load": (1.0, 1023.0),
+    "stop_counts": (-28672.0, 28672.0),
+    "current_ma": (10.0, 20000.0),
+    "seconds": (0.01, 36000.0),
+    "temperature_c": (-20.0, 100.0),
+}
+# Columns that a test needs besides the set point, and the fewest of its rows.
+_NEEDED = {
+    "position": (("load", "stop_counts", "current_ma"), 4),
+    "torque": (("load", "stop_counts", "current_ma"), 4),
+    "heating": (("current_ma", "seconds", "temperature_c"), 2),
+}
+
+
+@dc.dataclass(frozen=True)
+class LogRow:
+    """What the registers showed in one test; NaN where not measured.
+
+    Attributes:
+        test: `position`: the tips press on each other by position control, `torque`: by
+            torque control, `heating`: they go on pressing.
+        setpoint_pct: Limit of the PWM, goal torque or goal current, percent.
+        load: PWM, of 1023.
+        stop_counts: Position at which the spool stopped; smaller is more closed.
+        current_ma: The servo's estimate.
+        seconds: Heating: time to warm by 5 degrees. Else: until the stop was noticed.
+        temperature_c: At the start of heating.
+    """
+
+    test: str
+    setpoint_pct: float
+    load: float = math.nan
+    stop_counts: float = math.nan
+    current_ma: float = math.nan
+    seconds: float = math.nan
+    temperature_c: float = math.nan
+
+    @property
+    def label(self) -> str:
+        """The test and its set point."""
+        return f"{self.test} {self.setpoint_pct:g} %"
+
+
+def vendor_log() -> list[LogRow]:
+    """Return the vendor's rows, which ship with the package."""
+    text = resources.files(__package__).joinpath(VENDOR).read_text(encoding="utf-8")
+    return parse_log(text, VENDOR)
+
+
+def read_log(path: Path) -> list[LogRow]:
+    """Return the rows of a CSV file; lines that start with # are comments.
+
+    Raises:
+        ScenarioError: If it cannot be read or is not a complete log.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "must be a CSV file in UTF-8"
+        raise ScenarioError(f"{path}: {reason}") from None
+    return parse_log(text, str(path))
+
+
+def parse_log(text: str, name: str) -> list[LogRow]:
+    """Return the rows of a log.
+
+    Raises:
+        ScenarioError: If a column is missing, or a value is none, or its unit cannot be
+            right, or a test has too few rows.
+    """
+    lines = [x for x in text.splitlines() if x.strip() and not x.startswith("#")]
+    table = csv.reader(lines)
+    header = [x.strip() for x in next(table, [])]
+    missing = [column for column in COLUMNS if column not in header]
+    unknown = [column for column in header if column not in COLUMNS]
+    if missing or unknown:
+        problem = f"missing column {missing[0]}" if missing else f"column {unknown[0]}"
+        raise ScenarioError(f"{name}: {problem} (columns: {', '.join(COLUMNS)})")
+    rows = []
+    for number, cells in enumerate(table, 1):
+        where = f"{name}: row {number}"
+        if len(cells) != len(header):
+            raise ScenarioError(
+                f"{where}: needs {len(header)} entries, got {len(cells)}"
+            )
+        entries = dict(zip(header, (x.strip() for x in cells), strict=True))
+        rows.append(_row(entries, where))
+    for test, (_, fewest) in _NEEDED.items():
+        found = sum(row.test == test for row in rows)
+        if found < fewest:
+            raise ScenarioError(
+                f"{name}: test {test}: needs at least {fewest} rows, got {found}"
+            )
+    return rows
+
+
+def _row(entries: dict[str, str], where: str) -> LogRow:
+    test = entries["test"]
+    if test not in TESTS:
+        raise ScenarioError(
+            f"{where}: test: must be one of {', '.join(TESTS)}; got {test!r}"
+        )
+    numbers = {}
+    for column, (low, high) in _RANGES.items():
+        text = entries[column]
+        if not text:
+            if column == "setpoint_pct" or column in _NEEDED[test][0]:
+                raise ScenarioError(f"{where}: {column}: must not be empty for {test}")
+            continue
+        try:
+            value = float(text)
+        except ValueError:
+            raise ScenarioError(
+                f"{where}: {column}: must be a number without a unit, got {text!r}"
+            ) from None
+        if not low <= value <= high:  # also NaN
+            raise ScenarioError(
+                f"{where}: {column}: must be {low:g} .. {high:g}, got {text}"
+            )
+        numbers[column] = value
+    return LogRow(test, **numbers)

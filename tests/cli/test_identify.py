@@ -1,0 +1,78 @@
+import json
+
+import numpy as np
+import pytest
+
+from drake_srg.cli.main import main
+from drake_srg.identification import fits
+from drake_srg.identification.heat import PARAMETERS as HEAT
+from drake_srg.identification.least_squares import fit
+from drake_srg.identification.press import PARAMETERS, Motor, predict_stops
+from drake_srg.scenario import load_scenario
+
+MOTOR = Motor(stall_current=3.0, dead_band=0.1, most=0.96)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Instead of a fit, the priors."""
+
+    def identify(rows):
+        row = rows[0]
+        made = {
+            name: fit(parameters, lambda values: np.zeros((1, 1)))
+            for name, parameters in (
+                ("motor", fits._MOTOR),
+                ("press", PARAMETERS),
+                ("heat", HEAT),
+            )
+        }
+        stop = predict_stops([row], 2811.0, MOTOR, made["press"].values)[0]
+        error = fits.Error(row.label, "stop", "counts", 2834.0, stop, stop, 6.0)
+        errors = [
+            error,
+            fits.Error(row.label, "current", "mA", 273.0, 270.0, 260.0, 27.0),
+            fits.Error("heating 15 %", "heating", "s", 335.0, 330.0, 300.0, 33.5),
+        ]
+        return fits.Identification(MOTOR, 2811.0, made, errors)
+
+    monkeypatch.setattr(fits, "identify", identify)
+
+
+def test_it_writes_a_scenario_that_runs(quick, tmp_path, capsys):
+    out = tmp_path / "mine.yaml"
+    assert main(["identify", "vendor", "-o", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "stall_current" in printed
+    assert "cannot tell" in printed
+    drive = load_scenario(out).gripper.drive
+    assert drive.dead_band == pytest.approx(0.1)
+    assert drive.friction.gear_load == pytest.approx(0.4, rel=0.01)
+
+
+def test_json_has_parameters_with_intervals(quick, tmp_path, capsys):
+    out = tmp_path / "mine.yaml"
+    assert main(["identify", "vendor", "-o", str(out), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    low, high = answer["parameters"]["stiffness"]["interval"]
+    assert low < answer["parameters"]["stiffness"]["value"] < high
+    assert not answer["parameters"]["stiffness"]["told"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["none.csv"], "none.csv: No such file or directory"),
+        (["bad.csv"], "bad.csv: missing column load"),
+        (["vendor", "--base", "kitchen"], "gripper: needs !SrgTendonDriver"),
+        (["vendor", "--base", "nowhere"], "nowhere"),
+    ],
+)
+def test_bad_input_gets_one_line(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.csv").write_text("test,setpoint_pct\nposition,20\n")
+    assert main(["identify", *arguments]) == 2
+    complaint = capsys.readouterr().err
+    assert message in complaint
+    assert complaint.count("\n") == 1
+    assert not (tmp_path / "srg_specimen.yaml").exists()

@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+from helpers import fix, read, update
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.autodiffutils import AutoDiffXd
+from pydrake.symbolic import Expression
+
+from drake_srg.gripper.friction import DriveFrictionConfig, passed_on, slid, slowed
+from drake_srg.gripper.tendon import TendonDrive, TendonDrive_, TendonDriveConfig
+
+PERIOD = 0.002
+SPEED = st.floats(-10.0, 10.0)
+SHARE = st.floats(0.0, 1.0)
+
+
+@given(SPEED, st.floats(0.0, 10.0))
+def test_friction_slows_down_but_never_turns(speed, most):
+    after = slowed(speed, most)
+    assert after * speed >= 0.0
+    assert abs(after) == pytest.approx(max(abs(speed) - most, 0.0))
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-0.01, 0.01))
+def test_friction_of_a_wire_saturates_both_ways(state, travel):
+    after = slid(state, travel, 1e-4)
+    assert -1.0 <= after <= 1.0
+    assert (after - state) * travel >= 0.0
+
+
+@given(SHARE, SHARE)
+def test_what_a_wire_loses_one_way_it_gains_the_other(state, friction):
+    assert passed_on(state, friction) <= 1.0
+    product = passed_on(state, friction) * passed_on(-state, friction)
+    assert product == pytest.approx(1.0)
+
+
+@given(st.floats(0.0, 0.5), SHARE, SHARE, st.floats(0.0, 1.0))
+def test_a_force_limit_gives_its_wire_force(band, gear, gear_load, share):
+    friction = DriveFrictionConfig(gear=gear, gear_load=gear_load)
+    drive = TendonDriveConfig(dead_band=band, friction=friction)
+    force = share * drive.full_wire_force
+    limit = drive.force_limit_of(force)
+    assert 0.0 <= limit <= 1.0
+    assert drive.wire_force_of(limit) == pytest.approx(force, abs=1e-6)
+
+
+def make(friction, *, angle=0.5, pwm=0.0, v=(0, 0, 0, 0), **changes):
+    """A drive whose fingers do not move."""
+    config = TendonDriveConfig(friction=friction, **changes)
+    drive = TendonDrive(config, PERIOD)
+    context = drive.CreateDefaultContext()
+    context.SetDiscreteState(0, [angle, 0.0])
+    fix(drive, context, pwm=pwm, state_measured=[0, 0, 0, 0, *v])
+    return drive, context
+
+
+def settle(drive, context, duration=3.0):
+    for _ in range(round(duration / PERIOD)):
+        update(drive, context)
+    return read(drive, context, "wire_force")[0]
+
+
+def test_gears_that_cannot_be_driven_back_keep_the_grip():
+    drive, context = make(DriveFrictionConfig(gear_load=1.0))
+    before = read(drive, context, "wire_force")[0]
+    assert before > 50.0
+    assert settle(drive, context) == pytest.approx(before)
+    assert settle(*make(DriveFrictionConfig())) == pytest.approx(0.0, abs=0.1)
+
+
+def test_the_gears_share_of_a_load_helps_to_hold_and_hinders_winding():
+    pwm = 0.2
+    friction = DriveFrictionConfig(gear=0.1, gear_load=0.5)
+    torque = TendonDriveConfig().full_torque * pwm
+    radius = TendonDriveConfig().spool_radius
+    for angle, ends in ((0.0, (torque - 0.1) / 1.5), (0.9, (torque + 0.1) / 0.5)):
+        drive, context = make(friction, angle=angle, pwm=pwm)
+        force = settle(drive, context, 4.0)
+        assert 2.0 * radius * force == pytest.approx(ends, rel=0.02, abs=0.01)
+
+
+def test_the_fingers_get_less_while_the_wire_winds_in_and_more_while_it_pays_out():
+    torques = []
+    for speed in (1.0, 0.0, -1.0):
+        friction = DriveFrictionConfig(wire=0.2)
+        drive, context = make(friction, v=(speed,) * 4, wire_damping=0.0)
+        for _ in range(50):  # 0.6 mm of travel
+            update(drive, context)
+        context.SetDiscreteState(0, [0.5, 0.0])
+        torques.append(read(drive, context, "joint_torque")[0])
+    spring = TendonDriveConfig().base_spring.preload
+    ratios = (np.array(torques) + spring) / (torques[1] + spring)
+    assert ratios == pytest.approx([np.exp(-0.2), 1.0, np.exp(0.2)])
+
+
+@pytest.mark.parametrize("scalar", [AutoDiffXd, Expression])
+def test_a_drive_with_friction_converts_to_other_scalars(scalar):
+    friction = DriveFrictionConfig(gear=0.1, gear_load=0.5, wire=0.1)
+    drive = TendonDrive(TendonDriveConfig(friction=friction, dead_band=0.1), PERIOD)
+    other = drive.ToScalarType[scalar]()
+    assert isinstance(other, TendonDrive_[scalar])
+    context = other.CreateDefaultContext()
+    fix(other, context, pwm=[scalar(0.5)], state_measured=[scalar(0.0)] * 8)
+    update(other, context)
+    assert other.GetOutputPort("motor_state").Eval(context)[1] is not None
+
+
+def test_a_motor_gives_no_torque_in_its_dead_band():
+    drive = TendonDriveConfig(dead_band=0.1)
+    band = 0.1 / drive.full_scale
+    assert drive.useful_pwm(0.99 * band) == 0.0
+    assert drive.useful_pwm(-0.99 * band) == 0.0
+    assert drive.useful_pwm(1.0 / drive.full_scale) == pytest.approx(
+        1.0 / drive.full_scale
+    )
+    assert drive.useful_pwm(drive.pwm_of(0.3)) == pytest.approx(0.3)
