@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from drake_srg.cli import commands
 from drake_srg.cli import experiment as cli_experiment
+from drake_srg.cli import export as cli_export
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
@@ -176,6 +177,15 @@ def make_parser() -> argparse.ArgumentParser:
         "input.",
     )
     cli_objects.add_import_arguments(import_)
+
+    export = add(
+        "export",
+        cli_export.export,
+        "write a scenario's models as URDF, MJCF or SDF",
+        "One file per model, and `scene` with all of them in their places.",
+    )
+    _add_scenario(export)
+    cli_export.add_arguments(export)
 
     diagram = add("diagram", commands.diagram, "draw a scenario's block diagram")
     _add_scenario(diagram)

@@ -1,0 +1,32 @@
+"""Scenarios exported once for all tests, and the plants that they come from."""
+
+import functools
+import tempfile
+from pathlib import Path
+
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.export import export_scenario
+from drake_srg.scenario import load_scenario
+
+_FOLDER = tempfile.TemporaryDirectory(prefix="drake_srg_export_")  # goes with the tests
+# Wires; mimic joints; loops.
+SCENARIOS = ("kitchen_tendon", "assistive_arm_fast", "assistive_arm")
+
+
+@functools.cache
+def exported(name, kind):
+    """Return the exported models of a scenario by their names."""
+    out = Path(_FOLDER.name) / f"{name}_{kind}"
+    files = export_scenario(load_scenario(name), kind, out)
+    return {each.model.name: each for each in files}
+
+
+def parsed(path):
+    """Return the plant that Drake makes of a URDF or SDF file, finalized."""
+    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), 0.001)
+    Parser(plant).AddModels(str(path))
+    plant.Finalize()
+    return plant
