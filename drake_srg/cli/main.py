@@ -9,14 +9,17 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from drake_srg.cli import commands
+from drake_srg.cli import completion as cli_completion
 from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import export as cli_export
+from drake_srg.cli import new as cli_new
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
 from drake_srg.cli.output import Output, add_output_arguments
 from drake_srg.cli.process import BAD_INPUT, SUCCESS
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.installing import advised
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         output.complain(str(error))
         return BAD_INPUT
     except ImportError as error:
-        output.complain(f"{error}. `drake-srg doctor` lists everything missing.")
+        output.complain(advised(str(error)))
         return BAD_INPUT
     except KeyboardInterrupt:
         output.complain("stopped")
@@ -178,15 +181,6 @@ def make_parser() -> argparse.ArgumentParser:
     )
     cli_objects.add_import_arguments(import_)
 
-    export = add(
-        "export",
-        cli_export.export,
-        "write a scenario's models as URDF, MJCF or SDF",
-        "One file per model, and `scene` with all of them in their places.",
-    )
-    _add_scenario(export)
-    cli_export.add_arguments(export)
-
     diagram = add("diagram", commands.diagram, "draw a scenario's block diagram")
     _add_scenario(diagram)
     diagram.add_argument(
@@ -219,6 +213,7 @@ def make_parser() -> argparse.ArgumentParser:
     )
     cli_experiment.add_arguments(experiment)
 
+    _add_offers(add)
     add(
         "doctor",
         commands.doctor,
@@ -226,6 +221,32 @@ def make_parser() -> argparse.ArgumentParser:
         "Exit code: 0 everything required works, 1 something required is missing.",
     )
     return parser
+
+
+def _add_offers(add: Callable[..., Any]) -> None:
+    """Add the commands that serve other programs, projects and shells."""
+    export = add(
+        "export",
+        cli_export.export,
+        "write a scenario's models as URDF, MJCF or SDF",
+        "One file per model, and `scene` with all of them in their places.",
+    )
+    _add_scenario(export)
+    cli_export.add_arguments(export)
+
+    new = add(
+        "new", cli_new.new, "start a project: scenario, localizer, test, notebook"
+    )
+    new.add_argument("name", metavar="NAME", help="of the project and its folder")
+
+    completion = add(
+        "completion",
+        cli_completion.completion,
+        "print a script that completes commands in a shell",
+        cli_completion.USE,
+    )
+    completion.add_argument("shell", choices=cli_completion.SHELLS, help="which one")
+    completion.set_defaults(make_parser=make_parser)
 
 
 class _Parser(argparse.ArgumentParser):
