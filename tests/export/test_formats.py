@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from .exported import SCENARIOS, exported, parsed
 
-CASES = [(name, model) for name in SCENARIOS for model in ("arm", "gripper", "scene")]
+CASES = [("kitchen_tendon", "gripper"), *((name, "scene") for name in SCENARIOS)]
 
 
 def links(model):

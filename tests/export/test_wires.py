@@ -35,7 +35,7 @@ def test_moment_arms_are_within_three_in_a_thousand(name):
 
 
 def test_grippers_without_wires_have_no_tendons():
-    assert exported("assistive_arm", "mjcf")["gripper"].wires is None
+    assert exported("loops", "mjcf")["gripper"].wires is None
 
 
 @given(
