@@ -10,8 +10,11 @@ RUN apt-get update && \
 
 WORKDIR /src
 COPY . .
+# Without isolation, the build too takes what is pinned.
 RUN python3 -m venv /opt/drake_srg && \
-    /opt/drake_srg/bin/pip install --no-cache-dir -c requirements.lock .
+    /opt/drake_srg/bin/pip install --no-cache-dir -c requirements.lock hatchling && \
+    /opt/drake_srg/bin/pip install --no-cache-dir -c requirements.lock \
+        --no-build-isolation .
 
 ENV PATH=/opt/drake_srg/bin:$PATH
 RUN drake-srg doctor
