@@ -6,7 +6,7 @@ BIN := .venv/bin
 # Three workers keep two cores busy: some tests wait for sockets and other processes.
 PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile
 
-.PHONY: demo test test-fast coverage lint types models experiments lock clean
+.PHONY: demo test test-fast coverage lint types models experiments package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and name its replay
 	$(BIN)/drake-srg demo
@@ -30,6 +30,9 @@ types: .venv/ready
 models: .venv/ready  ## regenerate models/
 	$(BIN)/python tools/build_models.py
 
+package: .venv/ready  ## build sdist and wheel in dist/, and try the wheel
+	sh tools/try_package.sh
+
 # Without ONLY, EXCEPT or QUICK, this takes hours; it resumes where it was cut off.
 experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a b", EXCEPT="c", QUICK=1, ACCEPT=1)
 	PYTHONPATH=tools $(BIN)/python -m reproduce \
@@ -51,4 +54,4 @@ lock: .venv/ready  ## pin the packages of pyproject.toml for every supported Pyt
 	touch $@
 
 clean:
-	rm -rf .venv out
+	rm -rf .venv out dist

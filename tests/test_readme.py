@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drake_srg.cli.main import make_parser
+from drake_srg.cli.parser import make_parser
 from drake_srg.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]

@@ -14,7 +14,7 @@ STOREYS = [
     {"arm", "gripper", "vision", "planning", "objects", "recording"},
     {"scenario"},
     {"station", "replay"},
-    {"cell"},
+    {"cell", "export"},
     {"simulation"},
     {"sweeps", "bridges", "identification"},
     {"experiments"},

@@ -18,12 +18,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from drake_srg.common.installing import pip_install, this_package
+from drake_srg.common.installing import (
+    LIBRARIES,
+    apt_install,
+    library_fix,
+    pip_install,
+    this_package,
+)
 
-# Debian and Ubuntu packages of the libraries that Drake's wheel needs but does not
-# contain; tools/install_system_libraries.sh has the same list.
-IMPORT_PACKAGES = ("libglib2.0-0",)
-RENDERING_PACKAGES = ("libegl1", "libgl1")
 OLDEST_PYTHON = "3.11"
 OLDEST_DRAKE = "1.51.1"
 
@@ -39,7 +41,6 @@ _SWEEPS = {"joblib": "joblib", "pyarrow": "pyarrow"}
 _IMPORT = {"coacd": "coacd", "scipy": "scipy", "trimesh": "trimesh"}
 _ROS2 = {"cyclonedds.domain": "cyclonedds"}
 
-_APT = "sudo apt-get update && sudo apt-get install -y --no-install-recommends "
 _PATIENCE = 120.0  # s
 
 
@@ -78,19 +79,19 @@ def examine_machine() -> list[Check]:
         plots, solvers and models, and optional ones for sweeps, Ray, ROS 2,
         meshes and Graphviz.
     """
-    recording = pip_install(*this_package("recording"))
+    base = pip_install(*this_package())
     required: list[tuple[str, Callable[[], str], str]] = [
         ("python", _python, f"install Python {OLDEST_PYTHON} or newer"),
         ("drake", _drake, pip_install(f"drake>={OLDEST_DRAKE}")),
-        ("packages", partial(_versions, _PACKAGES), pip_install(*this_package())),
+        ("packages", partial(_versions, _PACKAGES), base),
         (
             "rendering",
             partial(run_elsewhere, _RENDER),
-            _APT + " ".join(RENDERING_PACKAGES),
+            apt_install(*LIBRARIES.values()),
         ),
-        ("video", _video, recording),
-        ("rosbags", partial(_versions, _ROSBAGS), recording),
-        ("plots", partial(_versions, _PLOTS), recording),
+        ("video", _video, base),
+        ("rosbags", partial(_versions, _ROSBAGS), base),
+        ("plots", partial(_versions, _PLOTS), base),
         (
             "solvers",
             partial(run_elsewhere, _SOLVE),
@@ -107,7 +108,7 @@ def examine_machine() -> list[Check]:
         ("ray", _ray, pip_install(*this_package("ray"))),
         ("ros2", partial(_versions, _ROS2), pip_install(*this_package("ros2"))),
         ("import", partial(_versions, _IMPORT), pip_install(*this_package("import"))),
-        ("graphviz", _graphviz, _APT + "graphviz"),
+        ("graphviz", _graphviz, apt_install("graphviz")),
     ]
     return [
         *(check(*examination) for examination in required),
@@ -127,9 +128,7 @@ def check(name: str, examine: Callable[[], str], fix: str) -> Check:
         return Check(name, ok=True, detail=examine())
     except Exception as error:
         detail = " ".join(str(error).split()) or type(error).__name__
-        if "libglib-2.0" in detail:  # nothing of Drake works without it
-            fix = _APT + " ".join(IMPORT_PACKAGES)
-        return Check(name, ok=False, detail=detail, fix=fix)
+        return Check(name, ok=False, detail=detail, fix=library_fix(detail) or fix)
 
 
 def _python() -> str:

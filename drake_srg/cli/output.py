@@ -16,6 +16,7 @@ COMMAND_PAGES = {
     "report": "docs/sweeps.md",
     "dataset": "docs/dataset.md",
     "experiment": "docs/experiments.md",
+    "export": "docs/export.md",
     "import": "docs/objects.md",
     "replay": "docs/replay.md",
 }

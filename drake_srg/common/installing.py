@@ -1,18 +1,29 @@
-"""Optional packages, and the commands that install missing ones."""
+"""Optional packages, system libraries, and the commands that install missing ones."""
 
+import ctypes
 import importlib
+import os
 import shlex
 import sys
 from pathlib import Path
 from types import ModuleType
 
+# Libraries that Drake's wheel needs but does not contain, with the packages of Debian
+# and Ubuntu that have them; tools/install_system_libraries.sh has the same list.
+# Importing Drake needs the first, rendering the others.
+LIBRARIES = {
+    "libglib-2.0.so.0": "libglib2.0-0",
+    "libEGL.so.1": "libegl1",
+    "libGL.so.1": "libgl1",
+}
+
 
 def require(module: str, extra: str, who: str) -> ModuleType:
-    """Import a module that belongs to one of this package's extras.
+    """Import a module that this package, or one of its extras, depends on.
 
     Args:
         module: Name of the module.
-        extra: Name of the extra.
+        extra: Name of the extra; empty: the package itself needs the module.
         who: Start of the message, with a verb: `Recording needs`.
 
     Raises:
@@ -28,6 +39,40 @@ def require(module: str, extra: str, who: str) -> ModuleType:
         ) from error
 
 
+def require_rendering() -> None:
+    """Check that the libraries exist without which Drake's renderers crash.
+
+    Raises:
+        ImportError: If one is missing; the message says how to install it.
+    """
+    if not sys.platform.startswith("linux"):
+        return
+    for library in LIBRARIES:
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            raise ImportError(
+                f"Rendering needs {library}, which is not installed. "
+                f"Run: {apt_install(*LIBRARIES.values())}"
+            ) from None
+
+
+def apt_install(*packages: str) -> str:
+    """Return the command that installs packages of Debian or Ubuntu."""
+    sudo = "" if os.geteuid() == 0 else "sudo "
+    return (
+        f"{sudo}apt-get update && "
+        f"{sudo}apt-get install -y --no-install-recommends {' '.join(packages)}"
+    )
+
+
+def library_fix(message: str) -> str:
+    """Return what installs the library that an error is about, or an empty string."""
+    if any(library.split(".so")[0] in message for library in LIBRARIES):
+        return apt_install(*LIBRARIES.values())
+    return ""
+
+
 def pip_install(*arguments: str) -> str:
     """Return the command that installs packages for the running interpreter."""
     return shlex.join([sys.executable, "-m", "pip", "install", *arguments])
@@ -40,3 +85,11 @@ def this_package(extra: str = "") -> list[str]:
     if (checkout / "pyproject.toml").is_file():
         return ["-e", f"{checkout}{suffix}"]
     return [f"drake_srg{suffix}"]
+
+
+def advised(message: str) -> str:
+    """Return the message of an ImportError with what installs the missing thing."""
+    fix = library_fix(message)
+    if fix and fix not in message:
+        message = f"{message}. Run: {fix}"
+    return f"{message}. `drake-srg doctor` lists everything missing."

@@ -16,12 +16,12 @@ _Self = TypeVar("_Self", bound="Recorder")
 
 
 def require(module: str) -> ModuleType:
-    """Import a module of the `recording` extra.
+    """Import a module that recording needs.
 
     Raises:
         ImportError: If it is missing; the message says how to install it.
     """
-    return installing.require(module, "recording", "Recording needs")
+    return installing.require(module, "", "Recording needs")
 
 
 @contextlib.contextmanager

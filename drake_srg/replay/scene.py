@@ -55,7 +55,7 @@ class SceneRecorder:
         self._parts = {
             frame: parts
             for frame in sorted(inspector.GetAllFrameIds(), key=_number)
-            if (parts := _frame_parts(inspector, frame))
+            if (parts := frame_parts(inspector, frame))
         }
         # A camera may be on a frame without anything visible.
         frames = {sensor.default_parent_frame_id() for sensor in self._sensors}
@@ -186,7 +186,7 @@ def _color(inspector: SceneGraphInspector, geometry: GeometryId) -> Rgba | None:
     return None
 
 
-def _frame_parts(inspector: SceneGraphInspector, frame: FrameId) -> list[Part]:
+def frame_parts(inspector: SceneGraphInspector, frame: FrameId) -> list[Part]:
     """Return what a frame carries, one part per colour."""
     surfaces: dict[tuple[float, float, float, float], list[Triangles]] = {}
     for geometry in sorted(inspector.GetGeometries(frame), key=_number):

@@ -17,6 +17,7 @@ from drake_srg.recording.timeline import draw_timeline
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.replay import ReplayRecorder
 from drake_srg.scenario import Scenario
+from drake_srg.simulation.scene_topics import scene_topics
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.station.video_process import RemoteVideoRecorder, VideoProcess
 from drake_srg.types import Vector
@@ -97,10 +98,11 @@ def AddRosbagRecorder(
     Returns:
         The recorder. It is a context manager; close it after the simulation.
     """
+    topics = recorded_topics(cell, scenario)
+    if scenario.recording.bag_scene:
+        topics += scene_topics(cell, scenario)
     bag = RosbagRecorder(
-        out / FILES["recording"],
-        recorded_topics(cell, scenario),
-        period=scenario.recording.period,
+        out / FILES["recording"], topics, period=scenario.recording.period
     )
     builder.AddNamedSystem("rosbag_recorder", bag)
     ports = output_ports(cell)

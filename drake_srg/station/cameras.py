@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
+from drake_srg.common.installing import require_rendering
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import AddDirectives, AddObjects
 from drake_srg.vision.camera_errors import CameraErrors
@@ -85,6 +86,8 @@ def _AddSensors(
     scenario: Scenario,
 ) -> dict[str, OutputPort]:
     ports: dict[str, OutputPort] = {}
+    if scenario.cameras:
+        require_rendering()
     for name, camera_config in scenario.cameras.items():
         config = copy.copy(camera_config)
         config.name = name

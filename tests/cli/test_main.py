@@ -1,3 +1,4 @@
+import ctypes
 import errno
 import importlib.metadata
 import json
@@ -16,6 +17,7 @@ from drake_srg.recording.log import read_log
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
 COMMANDS = ("run", "serve", "sweep", "report", "dataset", "list", "diagram", "bench")
 COMMANDS += ("experiment", "doctor", "import", "replay", "demo")
+COMMANDS += ("export", "new", "completion")
 
 
 @pytest.mark.parametrize(
@@ -127,6 +129,22 @@ def test_a_failed_task_exits_with_1_and_says_why(tmp_path, capsys):
         "metrics.json",
     ]
     assert set(read_log(tmp_path / "log.npz")) >= {"time", "mode"}
+
+
+def test_a_demo_without_a_library_names_the_line_that_installs_it(
+    tmp_path, capsys, monkeypatch
+):
+    def load(name):
+        if name == "libEGL.so.1":
+            raise OSError(f"{name}: cannot open shared object file")
+
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(ctypes, "CDLL", load)
+    assert main(["demo", "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "libEGL.so.1" in line
+    assert "apt-get install -y --no-install-recommends" in line
+    assert not (tmp_path / "out").exists()
 
 
 def test_list_names_and_describes_the_scenarios(capsys):

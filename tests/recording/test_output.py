@@ -73,9 +73,7 @@ def test_an_unwritable_folder_fails_before_anything_runs(tmp_path):
 
 def test_a_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(
-        ImportError, match=r"'rosbags'.* -m pip install .*\[recording\]"
-    ):
+    with pytest.raises(ImportError, match=r"'rosbags'.* -m pip install "):
         require("rosbags.rosbag2")
 
 

@@ -1,0 +1,190 @@
+"""A model between two formats: links, joints, geometries and constraints."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from pydrake.geometry import Shape
+from pydrake.math import RigidTransform
+
+from drake_srg.types import Vector
+
+WORLD = "world"
+
+
+@dc.dataclass(frozen=True)
+class Geometry:
+    """A shape on a link.
+
+    Attributes:
+        name: Unique among the link's visuals, or among its collisions.
+        shape: Drake's shape.
+        X_LG: Its pose on the link.
+        color: Red, green, blue, opacity, 0 .. 1; None: it collides and is not drawn.
+        friction: Coefficient of friction; None: it is drawn and does not collide.
+    """
+
+    name: str
+    shape: Shape
+    X_LG: RigidTransform
+    color: tuple[float, ...] | None = None
+    friction: float | None = None
+
+
+@dc.dataclass(frozen=True)
+class Link:
+    """A rigid body.
+
+    Attributes:
+        name: Its name.
+        mass: [kg].
+        p_LC: Centre of mass on the link [m], shape (3,).
+        I_C: Inertia about the centre of mass, in the link's axes [kg m²], (3, 3).
+        X_WL: Its pose in world at the start.
+        geometries: What is seen of it, and what collides.
+        free: Whether it floats.
+    """
+
+    name: str
+    mass: float
+    p_LC: Vector
+    I_C: Vector
+    X_WL: RigidTransform
+    geometries: tuple[Geometry, ...] = ()
+    free: bool = False
+
+
+@dc.dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: q = multiplier q_other + offset."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dc.dataclass(frozen=True)
+class Joint:
+    """A joint; the frames of parent and child meet at its zero position.
+
+    Limits are infinite where there are none. Units are m or rad, N or N m.
+
+    Attributes:
+        name: Its name.
+        kind: "revolute", "prismatic" or "fixed".
+        parent: A link, or WORLD.
+        child: A link.
+        X_PJ: Pose of the joint's frame on the parent.
+        X_CJ: Pose of the joint's frame on the child.
+        axis: Unit vector in the joint's frame, shape (3,).
+        lower: Least position.
+        upper: Greatest position.
+        velocity: Greatest speed.
+        acceleration: Greatest acceleration.
+        effort: Greatest force or torque of its actuator; 0: it has no actuator.
+        damping: Viscous damping.
+        rotor_inertia: Inertia of its motor's rotor [kg m²].
+        gear_ratio: Of its motor.
+        gains: Stiffness and damping of its position controller, if it has one.
+        start: Position at the start.
+        mimic: The joint that it follows.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    X_PJ: RigidTransform
+    X_CJ: RigidTransform
+    axis: Vector = dc.field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    lower: float = -math.inf
+    upper: float = math.inf
+    velocity: float = math.inf
+    acceleration: float = math.inf
+    effort: float = 0.0
+    damping: float = 0.0
+    rotor_inertia: float = 0.0
+    gear_ratio: float = 1.0
+    gains: tuple[float, float] | None = None
+    start: float = 0.0
+    mimic: Mimic | None = None
+
+    @property
+    def X_PC(self) -> RigidTransform:
+        """Pose of the child on the parent at the zero position."""
+        return self.X_PJ @ self.X_CJ.inverse()
+
+    @property
+    def armature(self) -> float:
+        """Inertia of the rotor as the joint feels it [kg m² or kg]."""
+        return self.rotor_inertia * self.gear_ratio**2
+
+
+@dc.dataclass(frozen=True)
+class Loop:
+    """A pin that holds a point of a link to a point of another one.
+
+    Attributes:
+        name: Its name.
+        links: Names of the links.
+        points: The points, each in its link's frame [m].
+    """
+
+    name: str
+    links: tuple[str, str]
+    points: tuple[Vector, Vector]
+
+
+@dc.dataclass(frozen=True)
+class Model:
+    """Links and joints that one file holds.
+
+    Attributes:
+        name: Its name.
+        links: Its links.
+        joints: Their joints; parents come before their children.
+        loops: What closes their loops.
+        apart: Pairs of links that never collide, beyond links that share a joint.
+    """
+
+    name: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    loops: tuple[Loop, ...] = ()
+    apart: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def roots(self) -> tuple[Link, ...]:
+        """The links that no joint holds."""
+        held = {joint.child for joint in self.joints}
+        return tuple(link for link in self.links if link.name not in held)
+
+    def joint(self, name: str) -> Joint:
+        """Return a joint by its name."""
+        return next(joint for joint in self.joints if joint.name == name)
+
+
+def add(parent: ET.Element, tag: str, **attributes: object) -> ET.Element:
+    """Append an element; numbers become text, and attributes of None are left out."""
+    written = {k: numbers(v) for k, v in attributes.items() if v is not None}
+    return ET.SubElement(parent, tag, {k.rstrip("_"): v for k, v in written.items()})
+
+
+def numbers(value: object) -> str:
+    """Return a number or numbers as text that reads back to 12 digits."""
+    if isinstance(value, str):
+        return value
+    return " ".join(_digits(x) for x in np.ravel(np.asarray(value, float)))
+
+
+def _digits(x: float) -> str:
+    return "0" if abs(x) < 1e-15 else f"{x:.12g}"
+
+
+def to_text(root: ET.Element) -> str:
+    """Return an XML document."""
+    ET.indent(root)
+    return f'<?xml version="1.0"?>\n{ET.tostring(root, "unicode")}\n'
