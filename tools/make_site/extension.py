@@ -1,0 +1,107 @@
+"""What Sphinx does for our docstrings besides autodoc.
+
+* `pydrake_system` blocks become port pictures.
+* A field of a dataclass and a constant of a module are described by their comments.
+* Names in backquotes become links to what they name, if only one thing has that name.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.util.docutils import SphinxDirective
+
+from make_site.field_comments import class_comments, module_comments
+from make_site.systems import parse_block
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register everything with Sphinx."""
+    app.add_directive("pydrake_system", PydrakeSystem)
+    app.connect("autodoc-process-docstring", describe_field)
+    app.connect("missing-reference", find_by_last_name)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+class PydrakeSystem(SphinxDirective):
+    """Draws a system: inputs on the left, its name, outputs on the right."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the picture."""
+        content = "\n".join(f" {line}" for line in self.content)
+        block = parse_block(content)
+        picture = nodes.container(classes=["system"])
+        picture += _ports(block["input_ports"], "inputs")
+        name = nodes.paragraph(classes=["system-name"])
+        name += nodes.strong(text=block["name"])
+        picture += name
+        picture += _ports(block["output_ports"], "outputs")
+        return [picture]
+
+
+def _ports(ports: Iterable[str], side: str) -> nodes.Node:
+    """Return the names of ports, each with what is said about it in brackets."""
+    found = nodes.bullet_list(classes=[f"system-{side}"])
+    for text in ports:
+        name, _, remark = text.partition("(")
+        line = nodes.paragraph()
+        if name.strip():
+            line += nodes.literal(text=name.strip())
+        if remark:
+            line += nodes.inline(
+                text=f" {remark.rstrip().removesuffix(')')}", classes=["port-remark"]
+            )
+        item = nodes.list_item()
+        item += line
+        found += item
+    return found
+
+
+def describe_field(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Describe a field of a dataclass or a constant by its comment in the source."""
+    path, _, last = name.rpartition(".")
+    if what == "data" and path in sys.modules:
+        comment = module_comments(path).get(last, "")
+        lines[:] = [comment]  # the docstring is that of the constant's type
+    elif what == "attribute" and not any(line.strip() for line in lines):
+        module, _, owner = path.rpartition(".")
+        kind = getattr(sys.modules.get(module), owner, None)
+        if isinstance(kind, type) and (comment := class_comments(kind).get(last)):
+            lines[:] = [comment]
+
+
+def find_by_last_name(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node
+) -> nodes.Node | None:
+    """Link a name to the only class or function of ours that has it."""
+    target = node.get("reftarget", "").removesuffix("()")
+    if node.get("refdomain") != "py" or not target.isidentifier():
+        return None
+    places = _by_last_name(env).get(target, [])
+    if len(places) != 1:
+        return None
+    ((docname, anchor),) = places
+    address = app.builder.get_relative_uri(node["refdoc"], docname)
+    link = nodes.reference("", "", internal=True, refuri=f"{address}#{anchor}")
+    link += content
+    return link
+
+
+def _by_last_name(env: BuildEnvironment) -> dict[str, list[tuple[str, str]]]:
+    """Return page and anchor of each class and function, by the end of its name."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for name, entry in env.domains["py"].objects.items():  # type: ignore[attr-defined]
+        if entry.objtype in ("class", "function", "exception"):
+            place = (entry.docname, entry.node_id)
+            found.setdefault(name.rpartition(".")[2], []).append(place)
+    return found
