@@ -12,7 +12,7 @@ from sphinx.cmd.build import build_main
 
 from make_site.check import problems
 from make_site.gallery import record_replays
-from make_site.stage import stage
+from make_site.stage import stage, update
 from make_site.systems import ROOT
 
 
@@ -24,12 +24,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="make_site", description="Build the site.")
     parser.add_argument("--out", type=Path, default=ROOT / "out/site", metavar="DIR")
     parser.add_argument("--jobs", default="auto", metavar="J", help="Sphinx's processes")
-    out: Path = parser.parse_args(arguments).out
+    chosen = parser.parse_args(arguments)
+    out, jobs = chosen.out, str(chosen.jobs)
     html, source = out / "html", out / "source"
-    stage(source)
-    record_replays(out / "runs", source / "extra/replays")
+    stage(out / "staged")
+    update(source, out / "staged")
+    record_replays(out / "runs", out / "extra/replays")
     shutil.rmtree(html, ignore_errors=True)
-    options = ["--fail-on-warning", "--keep-going", "--quiet", "-b", "html"]
+    options = ["--fail-on-warning", "--keep-going", "--quiet", "-b", "html", "-j", jobs]
     options += ["-d", str(out / "doctrees")]
     if build_main([*options, str(source), str(html)]) != 0:
         return 1

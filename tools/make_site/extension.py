@@ -7,6 +7,8 @@
 
 from __future__ import annotations
 
+import builtins
+import functools
 import sys
 from collections.abc import Iterable
 from typing import Any
@@ -25,6 +27,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Register everything with Sphinx."""
     app.add_directive("pydrake_system", PydrakeSystem)
     app.connect("autodoc-process-docstring", describe_field)
+    app.connect("doctree-read", read_types_exactly)
     app.connect("missing-reference", find_by_last_name)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
@@ -73,11 +76,26 @@ def describe_field(
     if what == "data" and path in sys.modules:
         comment = module_comments(path).get(last, "")
         lines[:] = [comment]  # the docstring is that of the constant's type
-    elif what == "attribute" and not any(line.strip() for line in lines):
+    elif what in ("attribute", "method") and not _is_documented(obj, lines):
         module, _, owner = path.rpartition(".")
         kind = getattr(sys.modules.get(module), owner, None)
         if isinstance(kind, type) and (comment := class_comments(kind).get(last)):
             lines[:] = [comment]
+
+
+def _is_documented(obj: Any, lines: list[str]) -> bool:
+    """Whether a docstring is about a member, not about the default of a field."""
+    home = getattr(obj, "__module__", None) or "drake_srg"
+    return any(line.strip() for line in lines) and home.startswith("drake_srg")
+
+
+def read_types_exactly(app: Sphinx, document: nodes.document) -> None:
+    """Keep types in signatures from leading to whatever ends in the same name."""
+    for node in list(document.findall(pending_xref)):
+        if hasattr(builtins, node.get("reftarget", "")):
+            node.replace_self(node.children)
+        elif node.get("refdomain") == "py":
+            node["refspecific"] = False
 
 
 def find_by_last_name(
@@ -97,6 +115,7 @@ def find_by_last_name(
     return link
 
 
+@functools.lru_cache(maxsize=1)  # asked only after all pages have been read
 def _by_last_name(env: BuildEnvironment) -> dict[str, list[tuple[str, str]]]:
     """Return page and anchor of each class and function, by the end of its name."""
     found: dict[str, list[tuple[str, str]]] = {}

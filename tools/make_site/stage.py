@@ -37,8 +37,9 @@ def stage(folder: Path) -> None:
         KeyError: If a page asks for something unknown.
     """
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(ROOT / "docs", folder)
-    shutil.copytree(ROOT / "examples", folder / "examples")
+    skipped = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "docs", folder, ignore=skipped)
+    shutil.copytree(ROOT / "examples", folder / "examples", ignore=skipped)
     write(folder / "reference/systems", system_pages(), ".md")
     write(folder / "reference/python", python_pages(), ".rst")
     for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
@@ -50,6 +51,23 @@ def stage(folder: Path) -> None:
         text = _MARKER.sub(lambda m: GENERATED[m[1]](), page.read_text("utf-8"))
         page.write_text(relink(text, depth), "utf-8")
     _list_the_rest(folder)
+
+
+def update(folder: Path, staged: Path) -> None:
+    """Move what has changed to a folder, so that Sphinx reads only that again."""
+    new = {path.relative_to(staged) for path in staged.rglob("*") if path.is_file()}
+    for path in [path for path in folder.rglob("*") if path.is_file()]:
+        if path.relative_to(folder) not in new:
+            path.unlink()
+    for name in new:
+        if not _same(staged / name, folder / name):
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (staged / name).replace(folder / name)
+    shutil.rmtree(staged)
+
+
+def _same(one: Path, other: Path) -> bool:
+    return other.is_file() and one.read_bytes() == other.read_bytes()
 
 
 def write(folder: Path, pages: Mapping[str, str], suffix: str) -> None:
