@@ -5,7 +5,7 @@ BIN := .venv/bin
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test test-fast coverage lint types models experiments lock clean
+.PHONY: demo test test-fast coverage lint types docs models experiments lock clean
 
 demo: .venv/ready  ## run the main job, record it, and name its replay
 	$(BIN)/drake-srg demo
@@ -25,6 +25,9 @@ lint: .venv/ready
 
 types: .venv/ready
 	$(BIN)/mypy
+
+docs: .venv/ready  ## build the site out/site/html/index.html, and check it
+	PYTHONPATH=tools $(BIN)/python -m make_site
 
 models: .venv/ready  ## regenerate models/
 	$(BIN)/python tools/build_models.py

@@ -41,7 +41,6 @@ autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 napoleon_use_rtype = False
 napoleon_use_ivar = True  # the fields of a dataclass are described by themselves
-python_use_unqualified_type_names = True
 python_display_short_literal_types = True
 python_maximum_signature_line_length = 88
 # Thousands of names in every page's navigation would take most of the time.

@@ -23,7 +23,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     parser = argparse.ArgumentParser(prog="make_site", description="Build the site.")
     parser.add_argument("--out", type=Path, default=ROOT / "out/site", metavar="DIR")
-    parser.add_argument("--jobs", default="auto", metavar="J", help="Sphinx's processes")
+    parser.add_argument(
+        "--jobs", default="auto", metavar="J", help="Sphinx's processes"
+    )
     chosen = parser.parse_args(arguments)
     out, jobs = chosen.out, str(chosen.jobs)
     html, source = out / "html", out / "source"

@@ -1,4 +1,4 @@
-"""Checks a site that has been built: links, offline use, and that nothing is missing."""
+"""Checks a finished site: links, offline use, and that nothing is missing."""
 
 from __future__ import annotations
 
@@ -53,7 +53,9 @@ def problems(site: Path) -> list[str]:
         if f">{path}<" not in re.sub(r"<span class=\"pre\">|</span>", "", keys)
     ]
     commands = pages[site / "reference/commands.html"].anchors
-    found += [f"no command {name}" for name in command_parsers() if name not in commands]
+    found += [
+        f"no command {name}" for name in command_parsers() if name not in commands
+    ]
     found += [
         f"no port picture of {block.name}"
         for block in find_blocks()
@@ -83,11 +85,10 @@ def link_problems(site: Path, pages: Mapping[Path, Page]) -> Iterator[str]:
                 target /= "index.html"
             if not target.is_file():
                 yield f"{where}: {link}: no such file"
-            elif parts.fragment and target.suffix == ".html":
-                known = pages.get(target)
-                if known is not None and unquote(parts.fragment) not in known.anchors:
-                    if "t=" not in parts.fragment:  # a time in a replay
-                        yield f"{where}: {link}: no such anchor"
+                continue
+            anchors = pages[target].anchors if target in pages else {parts.fragment}
+            if parts.fragment and unquote(parts.fragment) not in anchors:
+                yield f"{where}: {link}: no such anchor"
 
 
 def inventory(data: bytes) -> set[str]:
@@ -101,6 +102,8 @@ def inventory(data: bytes) -> set[str]:
 def missing_names(documented: Iterable[str]) -> list[str]:
     """Return the public names of the package that are not documented."""
     known = set(documented)
-    names = [f"{module}.{name}" for module in modules() for name in public_names(module)]
+    names = [
+        f"{module}.{name}" for module in modules() for name in public_names(module)
+    ]
     names += [f"{block.module}.{block.target}" for block in find_blocks()]
     return sorted({*names} - known)

@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-import builtins
 import functools
 import sys
 from collections.abc import Iterable
@@ -22,13 +21,15 @@ from sphinx.util.docutils import SphinxDirective
 from make_site.field_comments import class_comments, module_comments
 from make_site.systems import parse_block
 
+_OURS = "name of ours"  # a reference that `find_name` resolves
+
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register everything with Sphinx."""
     app.add_directive("pydrake_system", PydrakeSystem)
     app.connect("autodoc-process-docstring", describe_field)
-    app.connect("doctree-read", read_types_exactly)
-    app.connect("missing-reference", find_by_last_name)
+    app.connect("doctree-read", mark_names)
+    app.connect("missing-reference", find_name)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -76,11 +77,12 @@ def describe_field(
     if what == "data" and path in sys.modules:
         comment = module_comments(path).get(last, "")
         lines[:] = [comment]  # the docstring is that of the constant's type
-    elif what in ("attribute", "method") and not _is_documented(obj, lines):
+        return
+    if what in ("attribute", "method") and not _is_documented(obj, lines):
         module, _, owner = path.rpartition(".")
         kind = getattr(sys.modules.get(module), owner, None)
-        if isinstance(kind, type) and (comment := class_comments(kind).get(last)):
-            lines[:] = [comment]
+        if isinstance(kind, type) and (known := class_comments(kind).get(last)):
+            lines[:] = [known]
 
 
 def _is_documented(obj: Any, lines: list[str]) -> bool:
@@ -89,38 +91,45 @@ def _is_documented(obj: Any, lines: list[str]) -> bool:
     return any(line.strip() for line in lines) and home.startswith("drake_srg")
 
 
-def read_types_exactly(app: Sphinx, document: nodes.document) -> None:
-    """Keep types in signatures from leading to whatever ends in the same name."""
-    for node in list(document.findall(pending_xref)):
-        if hasattr(builtins, node.get("reftarget", "")):
-            node.replace_self(node.children)
-        elif node.get("refdomain") == "py":
-            node["refspecific"] = False
+def mark_names(app: Sphinx, document: nodes.document) -> None:
+    """Leave references to Python names to `find_name`.
+
+    Sphinx would lead `period` to any of twenty fields of that name, or warn.
+    """
+    for node in document.findall(pending_xref):
+        if node.get("refdomain") == "py":
+            node["refdomain"], node["reftype"] = "", _OURS
 
 
-def find_by_last_name(
+def find_name(
     app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node
 ) -> nodes.Node | None:
-    """Link a name to the only class or function of ours that has it."""
-    target = node.get("reftarget", "").removesuffix("()")
-    if node.get("refdomain") != "py" or not target.isidentifier():
+    """Link a name to what has it: in full, in its module, or alone in the package."""
+    if node.get("reftype") != _OURS:
         return None
-    places = _by_last_name(env).get(target, [])
-    if len(places) != 1:
-        return None
-    ((docname, anchor),) = places
-    address = app.builder.get_relative_uri(node["refdoc"], docname)
-    link = nodes.reference("", "", internal=True, refuri=f"{address}#{anchor}")
-    link += content
-    return link
+    target = node["reftarget"].removesuffix("()")
+    known = _names(env)
+    for name in (target, f"{node.get('py:module')}.{target}", f"*.{target}"):
+        if len(places := known.get(name, ())) == 1:
+            docname, anchor = next(iter(places))
+            address = app.builder.get_relative_uri(node["refdoc"], docname)
+            link = nodes.reference("", "", internal=True, refuri=f"{address}#{anchor}")
+            link += content
+            return link
+    return None
 
 
 @functools.lru_cache(maxsize=1)  # asked only after all pages have been read
-def _by_last_name(env: BuildEnvironment) -> dict[str, list[tuple[str, str]]]:
-    """Return page and anchor of each class and function, by the end of its name."""
-    found: dict[str, list[tuple[str, str]]] = {}
-    for name, entry in env.domains["py"].objects.items():  # type: ignore[attr-defined]
-        if entry.objtype in ("class", "function", "exception"):
-            place = (entry.docname, entry.node_id)
-            found.setdefault(name.rpartition(".")[2], []).append(place)
+def _names(env: BuildEnvironment) -> dict[str, set[tuple[str, str]]]:
+    """Return page and anchor by full name; as `*.NAME` those of classes and functions.
+
+    More than one thing may be called NAME.
+    """
+    found: dict[str, set[tuple[str, str]]] = {}
+    domain = env.domains["py"]
+    for name, _, kind, docname, anchor, _ in domain.get_objects():
+        found.setdefault(name, set()).add((docname, anchor))
+        if kind in ("class", "function", "exception"):
+            last = name.rpartition(".")[2]
+            found.setdefault(f"*.{last}", set()).add((docname, anchor))
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses as dc
 import functools
 import inspect
 import io
@@ -30,7 +31,7 @@ def class_comments(kind: type) -> dict[str, str]:
     """
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
-        if base.__module__.startswith("drake_srg"):
+        if dc.is_dataclass(base):
             found.update(_own_comments(base))
     return found
 

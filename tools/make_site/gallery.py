@@ -1,4 +1,4 @@
-"""The gallery: replays of runs that are simulated for it, and figures of experiments."""
+"""The gallery: replays of runs made for it, and the figures of experiments."""
 
 from __future__ import annotations
 

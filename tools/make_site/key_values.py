@@ -23,7 +23,6 @@ _SCALARS = {
 }
 # Any number may be one of these, so no key says so.
 _DISTRIBUTIONS = ("Deterministic", "Gaussian", "Uniform", "UniformDiscrete")
-_ROTATION = "pydrake.common.schema"
 
 
 def is_schema(kind: Any) -> bool:
@@ -64,7 +63,9 @@ def type_words(hint: Any) -> str:
         return f"NAME: {type_words(arguments[1])}"
     if options := _options(hint):
         tagged = sum(map(is_schema, options)) > 1
-        words = [code(f"!{schema_name(o)}") if tagged else type_words(o) for o in options]
+        words = [type_words(option) for option in options]
+        if tagged:
+            words = [code(f"!{schema_name(option)}") for option in options]
         null = ["null"] if types.NoneType in arguments else []
         return ", ".join([*words, *null])
     if hint is Transform:

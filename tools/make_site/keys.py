@@ -166,7 +166,7 @@ def field_comments(kind: Any) -> Mapping[str, str]:
     if not dc.is_dataclass(kind):
         stated = COMMENTS.get(schema_name(kind), {})
         return {name: stated.get(name, _summary(kind)) for name in names}
-    stated = class_comments(kind)
+    stated = class_comments(typing.cast(type[Any], kind))
     summary = {
         field.name: "" if is_schema(field.type) else _summary(kind)
         for field in dc.fields(kind)

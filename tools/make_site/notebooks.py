@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import nbformat
 
 
 def notebook_page(path: Path, images: Path) -> str:
@@ -18,25 +18,31 @@ def notebook_page(path: Path, images: Path) -> str:
         images: Folder for the pictures, beside the page.
     """
     parts: list[str] = []
-    for cell in nbformat.read(path, as_version=4).cells:
-        if cell.cell_type == "markdown":
-            parts.append(cell.source)
+    for cell in json.loads(path.read_text("utf-8"))["cells"]:
+        if cell["cell_type"] == "markdown":
+            parts.append(_text(cell["source"]))
             continue
-        parts.append(f"```python\n{cell.source}\n```")
-        for output in cell.get("outputs", []):
+        parts.append(f"```python\n{_text(cell['source'])}\n```")
+        for output in cell["outputs"]:
             stem = f"{path.stem}_{len(parts)}"
             parts.append(_output(output.get("data", output), images, stem))
     return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def _output(data: Any, images: Path, stem: str) -> str:
+def _output(data: Mapping[str, Any], images: Path, stem: str) -> str:
     """Return an output of a cell as Markdown."""
     if "image/png" in data:
         images.mkdir(parents=True, exist_ok=True)
         picture = images / f"{stem}.png"
-        picture.write_bytes(base64.b64decode(data["image/png"]))
+        picture.write_bytes(base64.b64decode(_text(data["image/png"])))
         return f"![]({images.name}/{picture.name})"
     if "text/html" in data:
-        return re.sub(r"\n\s*\n", "\n", str(data["text/html"]))  # one block of HTML
-    text = data.get("text/plain", data.get("text", ""))
-    return f"```text\n{text.rstrip()}\n```" if text.strip() else ""
+        # A blank line would end the block of HTML.
+        return re.sub(r"\n\s*\n", "\n", _text(data["text/html"]))
+    text = _text(data.get("text/plain", data.get("text", ""))).rstrip()
+    return f"```text\n{text}\n```" if text else ""
+
+
+def _text(value: str | list[str]) -> str:
+    """Return a notebook's text, which may be saved as its lines."""
+    return value if isinstance(value, str) else "".join(value)

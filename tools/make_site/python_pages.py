@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -23,6 +24,7 @@ def modules() -> Iterator[str]:
             yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
+@functools.cache
 def public_names(module: str) -> list[str]:
     """Return the functions, classes and constants that a module defines for others.
 

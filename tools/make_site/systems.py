@@ -1,9 +1,10 @@
-"""Every system of the package, found by the `pydrake_system` block that documents it."""
+"""Every system of the package, found by its `pydrake_system` block."""
 
 from __future__ import annotations
 
 import ast
 import dataclasses as dc
+import functools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -40,20 +41,26 @@ class Block:
         return self.name if self.owner == "Impl" else self.owner
 
 
-def find_blocks() -> Iterator[Block]:
-    """Yield the block of each documented system, in the order of modules."""
+@functools.cache
+def find_blocks() -> tuple[Block, ...]:
+    """Return the block of each documented system, in the order of modules."""
+    return tuple(_find_blocks())
+
+
+def _find_blocks() -> Iterator[Block]:
     for path in sorted(PACKAGE.rglob("*.py")):
+        text = path.read_text(encoding="utf-8")
+        if DIRECTIVE not in text:
+            continue
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(ast.parse(text)):
             if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
-                text = ast.get_docstring(node) or ""
-                if DIRECTIVE in text:
-                    summary = " ".join(text.split("\n\n")[0].split())
+                document = ast.get_docstring(node) or ""
+                if DIRECTIVE in document:
+                    summary = " ".join(document.split("\n\n")[0].split())
                     is_class = isinstance(node, ast.ClassDef)
-                    content = parse_block(text.split(DIRECTIVE, 1)[1])
-                    yield Block(
-                        module, node.name, is_class, summary=summary, **content
-                    )
+                    content = parse_block(document.split(DIRECTIVE, 1)[1])
+                    yield Block(module, node.name, is_class, summary=summary, **content)
 
 
 def parse_block(text: str) -> dict[str, Any]:
@@ -70,7 +77,7 @@ def room_of(module: str) -> str:
 
 def system_pages() -> dict[str, str]:
     """Return the page of each system by its name, and of all as `index`."""
-    blocks = list(find_blocks())
+    blocks = find_blocks()
     pages = {block.name: _page(block) for block in blocks}
     rooms = dict.fromkeys(room_of(block.module) for block in blocks)
     index = [

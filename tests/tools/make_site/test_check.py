@@ -3,6 +3,7 @@
 import zlib
 
 import pytest
+
 from make_site.check import Page, inventory, link_problems, missing_names
 
 GOOD = '<h1 id="top"><a href="b.html#there">b</a><a href="https://x.org/">x</a></h1>'
@@ -29,7 +30,10 @@ def test_good_links_are_no_problem(tmp_path):
             '<script src="https://cdn.org/x.js">',
             "a.html: fetches https://cdn.org/x.js",
         ),
-        ('<link rel="stylesheet" href="//x.org/y.css">', "a.html: fetches //x.org/y.css"),
+        (
+            '<link rel="stylesheet" href="//x.org/y.css">',
+            "a.html: fetches //x.org/y.css",
+        ),
     ],
 )
 def test_a_bad_link_is_found(tmp_path, text, problem):

@@ -1,6 +1,7 @@
 import dataclasses as dc
 
 import pytest
+
 from make_site.field_comments import class_comments, unit_of
 
 
@@ -24,8 +25,7 @@ class Derived(Example):
 
 
 @pytest.fixture(params=[Example, Derived])
-def comments(request, monkeypatch):
-    monkeypatch.setattr(Example, "__module__", "drake_srg.example")
+def comments(request):
     return class_comments(request.param)
 
 

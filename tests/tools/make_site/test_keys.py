@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from make_site.keys import keys_page, scenario_keys
 
 from drake_srg.scenario.schema import Scenario
+from make_site.keys import keys_page, scenario_keys
 
 SCENARIOS = Path(__file__).parents[3] / "drake_srg/scenarios"
 KEYS = scenario_keys()
@@ -27,8 +27,9 @@ def dataclasses_in(hint):
 def reachable(kind, found):
     if kind not in found:
         found.add(kind)
-        for hint in typing.get_type_hints(kind).values():
-            for inner in dataclasses_in(hint):
+        hints = typing.get_type_hints(kind)
+        for field in dc.fields(kind):  # a ClassVar is no key
+            for inner in dataclasses_in(hints[field.name]):
                 reachable(inner, found)
     return found
 
@@ -95,7 +96,7 @@ def test_the_page_shows_every_key():
 @pytest.mark.parametrize(
     ("path", "default", "unit", "bounds"),
     [
-        ("gripper.proximity.trigger_distance", "`0.003`", "m", "> 0"),
+        ("gripper.proximity.range", "`0.02`", "m", "> 0"),
         ("task.place.position", "`[0, 0]`", "m", "2 entries"),
         ("recording.period", "`0.02`", "s", "≥ 0.001, ≤ 0.05"),
         ("plant_config.stiction_tolerance", "`0.0001`", "m/s", ""),

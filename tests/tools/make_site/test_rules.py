@@ -1,6 +1,6 @@
 from make_site.rules import rules, rules_page
 
-CHECKS = '''
+CHECKS = """
 _SCHEME = "cenic"
 
 def _step_problems(scenario):
@@ -14,7 +14,7 @@ def _step_problems(scenario):
 
 def _other(scenario):
     yield "x", "y"
-'''
+"""
 
 
 def test_rules_are_read_from_the_code():

@@ -2,6 +2,7 @@
 
 import nbformat
 import pytest
+
 from make_site import stage
 from make_site.notebooks import notebook_page
 
@@ -33,7 +34,11 @@ def test_links_to_files_lead_to_pages(text, depth, new):
 
 def test_only_what_has_changed_is_updated(tmp_path):
     staged, folder = tmp_path / "staged", tmp_path / "source"
-    for name, old, new in (("same", "1", "1"), ("changed", "1", "2"), ("gone", "1", "")):
+    for name, old, new in (
+        ("same", "1", "1"),
+        ("changed", "1", "2"),
+        ("gone", "1", ""),
+    ):
         for place, text in ((folder, old), (staged, new)):
             if text:
                 (place / "sub").mkdir(parents=True, exist_ok=True)
