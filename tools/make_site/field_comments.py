@@ -91,7 +91,9 @@ def _comments_of(body: Sequence[ast.stmt], source: str) -> dict[str, str]:
 def assigned_names(node: ast.AnnAssign | ast.Assign) -> list[str]:
     """Return the names to which a statement assigns."""
     targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-    parts = [name for target in targets for name in ast.walk(target)]
+    parts = [
+        part for t in targets for part in (t.elts if isinstance(t, ast.Tuple) else [t])
+    ]
     return [part.id for part in parts if isinstance(part, ast.Name)]
 
 

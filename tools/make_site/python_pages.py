@@ -24,22 +24,36 @@ def modules() -> Iterator[str]:
             yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-@functools.cache
 def public_names(module: str) -> list[str]:
     """Return the functions, classes and constants that a module defines for others.
 
     Names that its `__all__` hands on are documented where they are defined.
     """
+    return [name for names in _defined(module) for name in names]
+
+
+@functools.cache
+def _defined(module: str) -> tuple[list[str], list[str]]:
+    """Return the functions and classes of a module, and its other public names."""
     path = PACKAGE.parent.joinpath(*module.split("."))
     source = path.with_suffix(".py") if not path.is_dir() else path / "__init__.py"
-    names: list[str] = []
+    classes: list[str] = []
+    others: list[str] = []
     for node in ast.parse(source.read_text(encoding="utf-8")).body:
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
-            names.append(node.name)
+            classes.append(node.name)
         elif isinstance(node, (ast.Assign, ast.AnnAssign)):
-            names += assigned_names(node)
-    # A template of Drake's, `GripperServo_`, is documented as its class for floats.
-    return [n for n in names if not n.startswith("_") and not n.endswith("_")]
+            others += assigned_names(node)
+    # A template of Drake's, `GripperServo_`, is documented as its class for floats,
+    # to which an assignment gives its name.
+    made = [name.removesuffix("_") for name in classes if name.endswith("_")]
+    classes = [name for name in classes if name not in others] + made
+    others = [name for name in others if name not in made]
+    return _public(classes), _public(others)
+
+
+def _public(names: list[str]) -> list[str]:
+    return [n for n in dict.fromkeys(names) if n[0] != "_" and n[-1] != "_"]
 
 
 def page_of(module: str) -> str:
@@ -74,11 +88,12 @@ def _page(name: str, group: list[str]) -> str:
     title = group[0] if name in ("drake_srg", group[0].split(".")[-1]) else name
     parts = [_heading(title, "=")]
     for module in group:
-        names = public_names(module)
         if module != title:
             parts.append(_heading(module.removeprefix("drake_srg."), "-"))
-        members = f"   :members: {', '.join(names)}\n" if names else ""
+        defined, constants = _defined(module)
+        members = f"   :members: {', '.join(defined)}\n" if defined else ""
         parts.append(f".. automodule:: {module}\n{members}")
+        parts += [f".. autodata:: {module}.{n}\n   :no-value:\n" for n in constants]
         # Names that a package hands on are documented in their own modules.
         if handed := _handed_on(module):
             parts.append(f"Names: {handed}.\n")

@@ -96,7 +96,7 @@ def test_the_page_shows_every_key():
 @pytest.mark.parametrize(
     ("path", "default", "unit", "bounds"),
     [
-        ("gripper.proximity.range", "`0.02`", "m", "> 0"),
+        ("sleeping.margin", "`0.005`", "m", "> 0"),
         ("task.place.position", "`[0, 0]`", "m", "2 entries"),
         ("recording.period", "`0.02`", "s", "≥ 0.001, ≤ 0.05"),
         ("plant_config.stiction_tolerance", "`0.0001`", "m/s", ""),
