@@ -6,7 +6,7 @@ BIN := .venv/bin
 # Three workers keep two cores busy: some tests wait for sockets and other processes.
 PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile
 
-.PHONY: demo test test-fast coverage lint types models experiments package lock clean
+.PHONY: demo test test-fast coverage lint types docs models experiments package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and name its replay
 	$(BIN)/drake-srg demo
@@ -26,6 +26,9 @@ lint: .venv/ready
 
 types: .venv/ready
 	$(BIN)/mypy
+
+docs: .venv/ready  ## build the site out/site/html/index.html, and check it
+	PYTHONPATH=tools $(BIN)/python -m make_site
 
 models: .venv/ready  ## regenerate models/
 	$(BIN)/python tools/build_models.py

@@ -1,13 +1,19 @@
 """Settings and fixtures shared by all tests."""
 
 import gc
+import sys
 import weakref
+from pathlib import Path
 
 import pytest
 from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
 from hypothesis import settings
 
 from drake_srg.lifetime import LeafSystem
+
+# Makes the packages in tools/ importable, such as `make_site`. At the end, so that
+# `models` stays tests/models.
+sys.path.append(str(Path(__file__).parents[1] / "tools"))
 
 # No deadline, because the machine may be busy. The same examples every time, so that a
 # change that passes here passes elsewhere; half of Hypothesis's default number, which

@@ -1,15 +1,12 @@
 """Every `pydrake_system` block is held against the ports of real systems."""
 
-import ast
 import dataclasses as dc
 import importlib
 import re
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import yaml
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.bridges.served_station import MakeServedStation
@@ -27,10 +24,10 @@ from drake_srg.station.video_process import RemoteVideoRecorder
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
+from make_site.systems import find_blocks
 
 pytestmark = pytest.mark.slow
 
-PACKAGE = Path(__file__).parents[1] / "drake_srg"
 # Together, these have at least one instance of every documented system.
 CELLS = {
     "kitchen": ["disturbances=[!Push {}]", "sleeping={}"],
@@ -49,38 +46,7 @@ SPONGE = (
 )
 SOFT = ["plant_config.discrete_contact_approximation=sap", "task.pick=sponge", SPONGE]
 
-
-@dc.dataclass
-class Block:
-    """A `pydrake_system` block, and the class or function that it documents."""
-
-    module: str
-    owner: str
-    is_class: bool
-    name: str
-    input_ports: list[str]
-    output_ports: list[str]
-
-
-def find_blocks():
-    for path in sorted(PACKAGE.rglob("*.py")):
-        module = ".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, (ast.ClassDef, ast.FunctionDef)):
-                text = ast.get_docstring(node) or ""
-                if ".. pydrake_system::" in text:
-                    is_class = isinstance(node, ast.ClassDef)
-                    yield Block(module, node.name, is_class, **parse(text))
-
-
-def parse(docstring):
-    """The content of a docstring's block."""
-    text = docstring.split(".. pydrake_system::\n", 1)[1].lstrip("\n")
-    body = re.match(r"(?: +[^\n]*\n?)+", text)
-    return {"input_ports": [], "output_ports": [], **yaml.safe_load(body[0])}
-
-
-BLOCKS = list(find_blocks())
+BLOCKS = find_blocks()
 
 
 @dc.dataclass

@@ -60,7 +60,7 @@ class CommandErrors(LeafSystem):
 
     `commanded` (n) is sampled every `period`; u is the sample of `latency` ago.
     `delayed` (n) is y, the same on the joints' side of the gears. With backlash b, y
-    follows u only as far as |u - y| <= b / 2 demands: the play operator of G. Tao and
+    follows u only as far as `|u - y| <= b / 2` demands: the play operator of G. Tao and
     P. Kokotovic, Adaptive Control of Systems with Actuator and Sensor Nonlinearities,
     1996, for a load held by friction. `play` (n) is u - y.
 

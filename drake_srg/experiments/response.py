@@ -37,7 +37,7 @@ def overshoot(q: Vector, start: float, end: float) -> float:
 
 
 def settling_time(time: Vector, error: Vector, band: float) -> float:
-    """Return when |error| enters the band for good [s]; NaN if it ends outside."""
+    """Return when `|error|` enters the band for good [s]; NaN if it ends outside."""
     outside = np.flatnonzero(np.abs(error) > band)
     if not len(outside):
         return float(time[0])

@@ -105,7 +105,7 @@ def hold_drift(
 def smoothness(time: Vector, mode: Vector, arm: Vector | None) -> float | None:
     """Return the log dimensionless jerk of the arm from first motion to last.
 
-    -ln(T³ / v_peak² integral |d²v/dt²|² dt) (S. Balasubramanian et al., J. NeuroEng.
+    `-ln(T³ / v_peak² integral |d²v/dt²|² dt)` (S. Balasubramanian et al., J. NeuroEng.
     Rehabil. 12:112, 2015), where v is the vector of joint velocities.
 
     Args:

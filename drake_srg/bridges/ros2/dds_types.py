@@ -32,7 +32,7 @@ _PRIMITIVES: dict[str, Any] = {
 def type_name(message: str) -> str:
     """Return a message type's name on the wire.
 
-    For "std_msgs/msg/Int32" it is "std_msgs::msg::dds_::Int32_".
+    For `std_msgs/msg/Int32` it is `std_msgs::msg::dds_::Int32_`.
     """
     package, _, name = message.split("/")
     return f"{package}::msg::dds_::{name}_"

@@ -97,7 +97,7 @@ def lowest(points: Vector, offsets: Vector, floor: float) -> Vector:
     """Return how far down points of a hand reach at each offset.
 
     Args:
-        points: Of one finger, densely, |y| and x in the palm, shape (n, 2) [m].
+        points: Of one finger, densely, `|y|` and x in the palm, shape (n, 2) [m].
         offsets: Shape (S,), in equal steps [m].
         floor: Value where there is no point [m].
     """

@@ -1,16 +1,15 @@
 """The LeRobotDataset format, version 3.0: its features, tables and info.json.
 
 It is described in https://huggingface.co/docs/lerobot/lerobot-dataset-v3 and by
-LeRobot's own reader and writer (https://github.com/huggingface/lerobot, 0.4 and later):
+LeRobot's own reader and writer (https://github.com/huggingface/lerobot, 0.4 and
+later). Its files, and what is in them::
 
-| file | |
-|---|---|
-| `meta/info.json` | version, features, frames per second, where files are |
-| `meta/stats.json` | statistics of all features, over all frames |
-| `meta/tasks.parquet` | the tasks in words, by number |
-| `meta/episodes/chunk-000/file-000.parquet` | one row per episode: its frames' place |
-| `data/chunk-000/file-000.parquet` | one row per frame: all features except images |
-| `videos/CAMERA/chunk-000/file-000.mp4` | images, many episodes per file |
+    meta/info.json                            version, features, frame rate, paths
+    meta/stats.json                           statistics over all frames
+    meta/tasks.parquet                        the tasks in words, by number
+    meta/episodes/chunk-000/file-000.parquet  one row per episode: its frames' place
+    data/chunk-000/file-000.parquet           one row per frame, except images
+    videos/CAMERA/chunk-000/file-000.mp4      images, many episodes per file
 """
 
 from __future__ import annotations

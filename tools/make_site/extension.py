@@ -1,0 +1,150 @@
+"""What Sphinx does for our docstrings besides autodoc.
+
+* `pydrake_system` blocks become port pictures.
+* A field of a dataclass and a constant of a module are described by their comments.
+* Names in backquotes become links to what they name, if only one thing has that name.
+"""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import sys
+from collections.abc import Iterable
+from typing import Any
+
+from docutils import nodes
+from sphinx.addnodes import pending_xref
+from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.util.docutils import SphinxDirective
+
+from make_site.field_comments import class_comments, module_comments
+from make_site.systems import find_blocks, parse_block
+
+_OURS = "name of ours"  # a reference that `find_name` resolves
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Register everything with Sphinx."""
+    app.add_directive("pydrake_system", PydrakeSystem)
+    app.connect("builder-inited", name_templates)
+    app.connect("autodoc-process-docstring", describe_field)
+    app.connect("doctree-read", mark_names)
+    app.connect("missing-reference", find_name)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
+
+
+class PydrakeSystem(SphinxDirective):
+    """Draws a system: inputs on the left, its name, outputs on the right."""
+
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        """Return the picture."""
+        content = "\n".join(f" {line}" for line in self.content)
+        block = parse_block(content)
+        picture = nodes.container(classes=["system"])
+        picture += _ports(block["input_ports"], "inputs")
+        name = nodes.paragraph(classes=["system-name"])
+        name += nodes.strong(text=block["name"])
+        picture += name
+        picture += _ports(block["output_ports"], "outputs")
+        return [picture]
+
+
+def _ports(ports: Iterable[str], side: str) -> nodes.Node:
+    """Return the names of ports, each with what is said about it in brackets."""
+    found = nodes.bullet_list(classes=[f"system-{side}"])
+    for text in ports:
+        name, _, remark = text.partition("(")
+        line = nodes.paragraph()
+        if name.strip():
+            line += nodes.literal(text=name.strip())
+        if remark:
+            line += nodes.inline(
+                text=f" {remark.rstrip().removesuffix(')')}", classes=["port-remark"]
+            )
+        item = nodes.list_item()
+        item += line
+        found += item
+    return found
+
+
+def name_templates(app: Sphinx) -> None:
+    """Give classes that Drake's templates make the names by which one imports them.
+
+    Autodoc would take `GripperServo`, whose own name is `GripperServo_𝓣float𝓤`, for an
+    alias, and leave its documentation out.
+    """
+    for block in find_blocks():
+        if block.owner == "Impl":
+            kind = getattr(importlib.import_module(block.module), block.name)
+            kind.__name__ = kind.__qualname__ = block.name
+            kind.__module__ = block.module
+
+
+def describe_field(
+    app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]
+) -> None:
+    """Describe a field of a dataclass or a constant by its comment in the source."""
+    path, _, last = name.rpartition(".")
+    if what == "data" and path in sys.modules:
+        comment = module_comments(path).get(last, "")
+        lines[:] = [comment]  # the docstring is that of the constant's type
+        return
+    if what in ("attribute", "method") and not _is_documented(obj, lines):
+        module, _, owner = path.rpartition(".")
+        kind = getattr(sys.modules.get(module), owner, None)
+        if isinstance(kind, type) and (known := class_comments(kind).get(last)):
+            lines[:] = [known]
+
+
+def _is_documented(obj: Any, lines: list[str]) -> bool:
+    """Whether a docstring is about a member, not about the default of a field."""
+    home = getattr(obj, "__module__", None) or "drake_srg"
+    return any(line.strip() for line in lines) and home.startswith("drake_srg")
+
+
+def mark_names(app: Sphinx, document: nodes.document) -> None:
+    """Leave references to Python names to `find_name`.
+
+    Sphinx would lead `period` to any of twenty fields of that name, or warn.
+    """
+    for node in document.findall(pending_xref):
+        if node.get("refdomain") == "py":
+            node["refdomain"], node["reftype"] = "", _OURS
+
+
+def find_name(
+    app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Node
+) -> nodes.Node | None:
+    """Link a name to what has it: in full, in its module, or alone in the package."""
+    if node.get("reftype") != _OURS:
+        return None
+    target = node["reftarget"].removesuffix("()")
+    known = _names(env)
+    for name in (target, f"{node.get('py:module')}.{target}", f"*.{target}"):
+        if len(places := known.get(name, ())) == 1:
+            docname, anchor = next(iter(places))
+            address = app.builder.get_relative_uri(node["refdoc"], docname)
+            link = nodes.reference("", "", internal=True, refuri=f"{address}#{anchor}")
+            link += content
+            return link
+    return None
+
+
+@functools.lru_cache(maxsize=1)  # asked only after all pages have been read
+def _names(env: BuildEnvironment) -> dict[str, set[tuple[str, str]]]:
+    """Return page and anchor by full name; as `*.NAME` those of classes and functions.
+
+    More than one thing may be called NAME.
+    """
+    found: dict[str, set[tuple[str, str]]] = {}
+    domain = env.domains["py"]
+    for name, _, kind, docname, anchor, _ in domain.get_objects():
+        found.setdefault(name, set()).add((docname, anchor))
+        if kind in ("class", "function", "exception"):
+            last = name.rpartition(".")[2]
+            found.setdefault(f"*.{last}", set()).add((docname, anchor))
+    return found

@@ -1,0 +1,50 @@
+"""The gallery: replays of runs made for it, and the figures of experiments."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from drake_srg.experiments.registry import list_experiments, list_measurements
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation import Simulate
+from drake_srg.sweeps.sources import sources_hash
+from make_site.systems import ROOT
+
+# The runs whose replays the gallery shows. The notebook of the arm shows its, too.
+RUNS = ("kitchen", "assistive_arm")
+
+
+def figures() -> str:
+    """Return the figure of every experiment, with a link to what it shows."""
+    cards = [
+        f"[![{description}](experiments/{name}.png)](experiments.md#{name})\n\n"
+        f"[{name}](experiments.md#{name}): {description}"
+        for name, description in {**list_experiments(), **list_measurements()}.items()
+        if (ROOT / f"docs/experiments/{name}.png").is_file()
+    ]
+    boxes = "\n".join(f"```{{container}}\n{card}\n```\n" for card in cards)
+    return f"````{{container}} gallery\n{boxes}````"
+
+
+def record_replays(folder: Path, target: Path) -> None:
+    """Simulate the runs of the gallery, and copy their replays to `target`.
+
+    A run of the same code and scenario is not repeated.
+
+    Args:
+        folder: For the runs.
+        target: For the pages NAME.html.
+
+    Raises:
+        RuntimeError: If a run does not succeed.
+    """
+    target.mkdir(parents=True, exist_ok=True)
+    for name in RUNS:
+        out = folder / sources_hash() / name
+        page = out / "replay.html"
+        if not page.is_file():
+            result = Simulate(load_scenario(name), name=name, out=out)
+            if not result.metrics.success:
+                raise RuntimeError(f"gallery: {name}: {result.metrics.failure}")
+        shutil.copyfile(page, target / f"{name}.html")
