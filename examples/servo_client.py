@@ -137,7 +137,7 @@ class Gripper:
 
 
 def _exchange(send: Callable[[], tuple[int, int]], attempts: int = 10) -> None:
-    """Send a packet until it is answered: a reply after 34 ms is late for the SDK."""
+    """Send a packet until it is answered in time, which is 34 ms for the SDK."""
     servo = sdk.PacketHandler(2.0)
     for _ in range(attempts):
         result, error = send()
@@ -145,6 +145,7 @@ def _exchange(send: Callable[[], tuple[int, int]], attempts: int = 10) -> None:
             raise OSError(servo.getRxPacketError(error))
         if result == sdk.COMM_SUCCESS:
             return
+        time.sleep(0.1)  # for a late reply, which the next attempt discards
     raise OSError(servo.getTxRxResult(result))
 
 

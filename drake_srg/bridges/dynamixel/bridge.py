@@ -160,11 +160,12 @@ class ServoBridge(Bridge):
     def _answer(self, reader: PacketReader[Packet], data: bytes) -> list[bytes]:
         """Take bytes from a client and return the packets for it."""
         dropped, servo = reader.dropped, self._servo
-        now = asyncio.get_running_loop().time()
+        # Before the lock: the simulation waits for it, and noise takes time.
+        packets = list(reader.feed(data, asyncio.get_running_loop().time()))
         with self._lock:
             self._yield_motor()
             written = servo.writes
-            replies = [servo.answer(packet) for packet in reader.feed(data, now)]
+            replies = [servo.answer(packet) for packet in packets]
             self._command(self._inbox.put)
             self._inbox.count(servo.writes - written)
         if reader.dropped > dropped:

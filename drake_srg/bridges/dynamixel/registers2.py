@@ -170,7 +170,11 @@ class ControlTable2(ControlTable):
         self[self.goal] = here
 
     def reset_goals(self) -> None:
-        """Set goals and profile as after a change of the operating mode."""
+        """Set goals and profile as after a change of the operating mode.
+
+        The manual sets goal PWM and goal current to their limits in all modes. Here the
+        goal that moves the motor does not: it would move with all its force.
+        """
         for what in ("pwm", "current"):
             self[f"goal_{what}"] = self[f"{what}_limit"]
         self.reset(("goal_velocity", "profile_velocity", "profile_acceleration"))

@@ -91,7 +91,8 @@ def test_the_sdk_registers_and_executes_a_write(master):
     assert handler.read1ByteTxRx(port, 1, LED) == (0, 0, 0)
     assert handler.action(port, 1) == sdk.COMM_SUCCESS
     # Its `action` waits for no reply, which is still to come.
-    handler.rxPacket(port, False)
+    port.setPacketTimeout(11)
+    assert handler.rxPacket(port, False)[1] == sdk.COMM_SUCCESS
     assert handler.read1ByteTxRx(port, 1, LED) == (1, 0, 0)
 
 
