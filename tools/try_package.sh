@@ -11,21 +11,19 @@ bin=${BIN:-$project/.venv/bin}
 trial=$(mktemp -d)
 trap 'rm -rf "$trial"' EXIT INT TERM
 
-build() { # ARGUMENTS of `uv build`
-    "$bin/uv" build --quiet --no-build-isolation --python "$bin/python" "$@"
-}
 rm -rf dist
-build --out-dir dist # the wheel is built from the sdist
-build --out-dir "$trial/direct" --wheel
-cmp dist/*.whl "$trial"/direct/*.whl
+"$bin/hatchling" build -d dist >/dev/null
+tar -xzf dist/*.tar.gz -C "$trial"
+(cd "$trial"/drake_srg-* && "$bin/hatchling" build -t wheel -d "$trial/again" >/dev/null)
+cmp dist/*.whl "$trial"/again/*.whl
 
-"$bin/uv" venv --quiet --python "$bin/python" "$trial/venv"
-VIRTUAL_ENV=$trial/venv "$bin/uv" pip install --quiet \
+"$bin/python" -m venv "$trial/venv"
+"$trial/venv/bin/python" -m pip install --quiet --disable-pip-version-check \
     --constraint requirements.lock dist/*.whl
 cd "$trial"
 unset PYTHONPATH
 venv/bin/drake-srg --version
-venv/bin/drake-srg new trial
+venv/bin/drake-srg new trial --quiet
 venv/bin/drake-srg export kitchen_tendon --mjcf models --quiet
 venv/bin/drake-srg demo --quiet --out demo
 test -s demo/replay.html

@@ -69,6 +69,8 @@ def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedMo
     builder = DiagramBuilder()
     plant, graph = AddPlant(builder, scenario)
     reader = PlantReader(plant, graph, read_constraints(scenario))
+    if _SCENE in reader.instances:
+        raise ScenarioError(f"directives: {_SCENE}: the name of the file of all models")
     diagram = builder.Build()  # keeps plant and graph alive
     models = [reader.one(instance) for instance in reader.instances]
     models.append(reader.all(_SCENE))
