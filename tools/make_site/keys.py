@@ -76,19 +76,22 @@ def _section(name: str, keys: list[Key]) -> Iterator[str]:
 
 
 def _table(keys: list[Key]) -> str:
-    heads = ("key", "type", "default", "unit", "allowed", "meaning")
     rows = [
         (
             code(key.path),
-            key.type,
+            _value_words(key),
             key.default,
-            key.unit,
-            key.bounds,
             "" if key.comment == key.unit else key.comment,
         )
         for key in keys
     ]
-    return table(heads, rows)
+    return table(("key", "value", "default", "meaning"), rows)
+
+
+def _value_words(key: Key) -> str:
+    """Return what a key takes: its type, unit and bounds."""
+    unit = f" [{key.unit}]" if key.unit else ""
+    return ", ".join(filter(None, [f"{key.type}{unit}", key.bounds]))
 
 
 class _Walk:
