@@ -67,7 +67,7 @@ def _section(name: str, keys: list[Key]) -> Iterator[str]:
     else:
         head, *keys = keys
         default = f" Default: {head.default}." if head.default else ""
-        yield f"{head.comment} ({head.type}.{default})\n"
+        yield f"{head.comment}{default}\n"
     tags = list(dict.fromkeys(key.tag for key in keys))
     for tag in tags:
         if tag:
