@@ -30,6 +30,8 @@ myst_heading_anchors = 4
 # Backquotes in docstrings: a link where Sphinx knows the name, else code.
 default_role = "py:obj"
 smartquotes = False
+# Blocks without a language are diagrams and formulas.
+highlight_language = "none"
 
 autodoc_default_options = {
     "undoc-members": True,

@@ -7,8 +7,13 @@ from types import TracebackType
 import numpy as np
 
 from drake_srg.bridges.dynamixel.mx64 import Mx64
-from drake_srg.bridges.dynamixel.protocol import Instruction, Packet
-from drake_srg.bridges.dynamixel.registers import CURRENT_UNIT, FULL_TORQUE, REGISTERS
+from drake_srg.bridges.dynamixel.protocol import Instruction
+from drake_srg.bridges.dynamixel.protocol1 import Packet1
+from drake_srg.bridges.dynamixel.registers1 import (
+    CURRENT_UNIT,
+    FULL_TORQUE,
+    ControlTable1,
+)
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig
@@ -17,7 +22,7 @@ from drake_srg.simulation.rig import Rig
 # what the time stamps of the vendor's log show.
 TRANSACTION = 0.016  # s
 _PERIOD = 0.004  # between exchanges of servo and motor [s]
-_BY_NAME = {register.name: register for register in REGISTERS}
+_BY_NAME = {register.name: register for register in ControlTable1.registers}
 _ZEROS_LOAD, _ZERO_CURRENT = FULL_TORQUE + 1, 2048
 
 
@@ -39,7 +44,7 @@ class ServoStand:
         if motor is None:
             raise ScenarioError(f"{name}: gripper: needs !SrgTendonDriver")
         self.rig = Rig(scenario, name=name)
-        self._servo = Mx64(motor.drive, motor.temperature, self._refuse)
+        self._servo = Mx64(motor, self._refuse)
         self._name = name
 
     def _refuse(self, kind: str, message: str) -> None:
@@ -67,7 +72,7 @@ class ServoStand:
         """Write a register by its name in the manual."""
         register = _BY_NAME[name]
         data = value.to_bytes(register.size, "little", signed=value < 0)
-        packet = Packet(1, Instruction.WRITE, bytes([register.address]) + data)
+        packet = Packet1(1, Instruction.WRITE, bytes([register.address]) + data)
         self._servo.answer(packet)
         self.sleep(TRANSACTION)
 

@@ -10,7 +10,9 @@ from __future__ import annotations
 import functools
 import importlib
 import sys
+import zlib
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -25,14 +27,21 @@ from make_site.systems import find_blocks, parse_block
 _OURS = "name of ours"  # a reference that `find_name` resolves
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: Sphinx) -> dict[str, bool | int]:
     """Register everything with Sphinx."""
     app.add_directive("pydrake_system", PydrakeSystem)
     app.connect("builder-inited", name_templates)
     app.connect("autodoc-process-docstring", describe_field)
     app.connect("doctree-read", mark_names)
     app.connect("missing-reference", find_name)
-    return {"parallel_read_safe": True, "parallel_write_safe": True}
+    # Sphinx reads every page again after a change to the code that makes pages.
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    version = zlib.crc32(b"".join(path.read_bytes() for path in sources))
+    return {
+        "parallel_read_safe": True,
+        "parallel_write_safe": True,
+        "env_version": version or 1,
+    }
 
 
 class PydrakeSystem(SphinxDirective):
@@ -62,9 +71,7 @@ def _ports(ports: Iterable[str], side: str) -> nodes.Node:
         if name.strip():
             line += nodes.literal(text=name.strip())
         if remark:
-            line += nodes.inline(
-                text=f" {remark.rstrip().removesuffix(')')}", classes=["port-remark"]
-            )
+            line += nodes.inline(text=f" ({remark.rstrip()}", classes=["port-remark"])
         item = nodes.list_item()
         item += line
         found += item

@@ -67,7 +67,7 @@ def _section(name: str, keys: list[Key]) -> Iterator[str]:
     else:
         head, *keys = keys
         default = f" Default: {head.default}." if head.default else ""
-        yield f"{head.comment} ({head.type}.{default})\n"
+        yield f"{head.comment}{default}\n"
     tags = list(dict.fromkeys(key.tag for key in keys))
     for tag in tags:
         if tag:
@@ -76,19 +76,22 @@ def _section(name: str, keys: list[Key]) -> Iterator[str]:
 
 
 def _table(keys: list[Key]) -> str:
-    heads = ("key", "type", "default", "unit", "allowed", "meaning")
     rows = [
         (
             code(key.path),
-            key.type,
+            _value_words(key),
             key.default,
-            key.unit,
-            key.bounds,
             "" if key.comment == key.unit else key.comment,
         )
         for key in keys
     ]
-    return table(heads, rows)
+    return table(("key", "value", "default", "meaning"), rows)
+
+
+def _value_words(key: Key) -> str:
+    """Return what a key takes: its type, unit and bounds."""
+    unit = f" [{key.unit}]" if key.unit else ""
+    return ", ".join(filter(None, [f"{key.type}{unit}", key.bounds]))
 
 
 class _Walk:

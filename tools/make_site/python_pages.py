@@ -53,7 +53,7 @@ def _defined(module: str) -> tuple[list[str], list[str]]:
 
 
 def _public(names: list[str]) -> list[str]:
-    return [n for n in dict.fromkeys(names) if n[0] != "_" and n[-1] != "_"]
+    return [n for n in dict.fromkeys(names) if n and "_" not in (n[0], n[-1])]
 
 
 def page_of(module: str) -> str:

@@ -95,7 +95,8 @@ class Motor:
 
         Torque control adds duty against the back-EMF, which is taken off here.
         """
-        return duty / self.full_duty - self._added(speed)
+        useful = self._motor.drive.useful_pwm(duty / self.full_duty)
+        return useful - self._added(speed)
 
     def limit_of_current(self, current: float, speed: float) -> float:
         """Return the force limit of a current [A] at a speed [rad/s].
@@ -103,7 +104,8 @@ class Motor:
         At rest it gives the torque of that current. Towards the goal (a positive speed)
         back-EMF takes none of it, as in torque control.
         """
-        return min(max(self.torque(abs(current)) + self._added(speed), 0.0), 1.0)
+        useful = self.torque(abs(current)) + self._added(speed)
+        return min(max(self._motor.drive.pwm_of(useful), 0.0), 1.0)
 
     def _added(self, speed: float) -> float:
         drive, share = self._motor.drive, self._motor.servo.current_control
