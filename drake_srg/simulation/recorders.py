@@ -1,7 +1,7 @@
 """Recordings of a run: video, rosbag, log, timeline and replay."""
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from pydrake.multibody.tree import Joint, PrismaticJoint
@@ -63,7 +63,8 @@ def AddRecorders(
             builder.Connect(
                 cell.GetOutputPort("planner.mode"), video.GetInputPort("caption")
             )
-        recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out)
+        scene = scene_topics(cell, scenario) if scenario.recording.bag_scene else []
+        recorders["recording"] = AddRosbagRecorder(builder, cell, scenario, out, scene)
         stack.pop_all()
     return recorders
 
@@ -91,16 +92,25 @@ def _AddVideoRecorder(
 
 
 def AddRosbagRecorder(
-    builder: DiagramBuilder, cell: Diagram, scenario: Scenario, out: Path
+    builder: DiagramBuilder,
+    cell: Diagram,
+    scenario: Scenario,
+    out: Path,
+    more: Sequence[Topic] = (),
 ) -> RosbagRecorder:
     """Add the recorder of recording.mcap, connected to a cell or a station.
+
+    Args:
+        builder: The root's.
+        cell: A cell with the ports of `MakeCell`'s, or a station.
+        scenario: Its scenario.
+        out: Folder of the recording.
+        more: Topics beside those of `recorded_topics`.
 
     Returns:
         The recorder. It is a context manager; close it after the simulation.
     """
-    topics = recorded_topics(cell, scenario)
-    if scenario.recording.bag_scene:
-        topics += scene_topics(cell, scenario)
+    topics = [*recorded_topics(cell, scenario), *more]
     bag = RosbagRecorder(
         out / FILES["recording"], topics, period=scenario.recording.period
     )

@@ -83,6 +83,7 @@ def test_the_bag_holds_commands_measurements_and_images(run, messages):
         "/gripper/contact_force",
         "/planner/mode",
         "/camera_ceiling/color/image_raw",
+        *("/tf", "/scene"),
     }
     states = messages["/joint_states"]
     assert len(states[0][1].name) == len(states[0][1].position) == 11
@@ -155,13 +156,13 @@ def test_a_run_that_cannot_start_leaves_nothing(tmp_path, override):
 
 def test_a_cell_of_your_own_is_recorded_as_far_as_it_has_ports(tmp_path):
     missing = ("gripper.proximity", "gripper.closure_commanded")
-    overrides = ["object.present=false", "recording.video_camera=''"]
-    scenario = load_scenario("kitchen", overrides=overrides)
+    recording = "recording={video_camera: '', bag_scene: false}"
+    scenario = load_scenario("kitchen", overrides=["object.present=false", recording])
     result = Simulate(scenario, out=tmp_path, make_cell=cell_with(leave_out=missing))
     assert not set(missing) & result.log.keys()
     with Reader(tmp_path / "recording.mcap") as reader:
         assert "/joint_states" in reader.topics
-        assert "/gripper/proximity" not in reader.topics
+        assert not {"/gripper/proximity", "/tf", "/scene"} & set(reader.topics)
     assert (tmp_path / "timeline.png").is_file()
 
 

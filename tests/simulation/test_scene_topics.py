@@ -22,7 +22,8 @@ def record(scenario, out):
     """Record 0.1 s of a station, and return its plant and the plant's last state."""
     builder = DiagramBuilder()
     station = builder.AddNamedSystem("station", MakeStation(scenario))
-    with AddRosbagRecorder(builder, station, scenario, out):
+    topics = scene_topics(station, scenario)
+    with AddRosbagRecorder(builder, station, scenario, out, topics):
         simulator = Simulator(builder.Build())
         context = station.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         for name in ("arm.position_commanded", "gripper.closure_commanded"):
@@ -104,15 +105,6 @@ def test_markers_are_as_large_as_their_bodies(recorded):
     pads = [m for m in found["/scene"][0].markers if m.ns == "gripper/left_tip_link"]
     points = np.array([[p.x, p.y, p.z] for m in pads for p in m.points])
     assert np.ptp(points, axis=0).max() == pytest.approx(0.0588 + 0.007, abs=0.02)
-
-
-def test_the_scene_can_be_left_out(tmp_path):
-    scenario = load_scenario("gripper_bench", overrides=["recording.bag_scene=false"])
-    record(scenario, tmp_path)
-    with Reader(tmp_path / "recording.mcap") as reader:
-        topics = {connection.topic for connection in reader.connections}
-    assert "/joint_states" in topics
-    assert not topics & {"/tf", "/scene"}
 
 
 def test_a_station_without_the_state_of_the_scenario_has_no_scene():
