@@ -1,7 +1,7 @@
-"""Make the pictures of README.md: docs/cells.jpg and docs/varied.jpg.
+"""Make the pictures of README.md and docs: docs/cells.webp and docs/varied.jpg.
 
-Run `python tools/make_picture.py [RUN RUN]`. docs/cells.jpg shows frames from the
-videos of two recorded runs, one per cell: those in the given folders, or else new ones.
+Run `python tools/make_picture.py [RUN RUN]`. docs/cells.webp plays the videos of two
+recorded runs, one per cell: those in the given folders, or else new ones.
 """
 
 import sys
@@ -13,35 +13,45 @@ import av
 import numpy as np
 from PIL import Image
 
-from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.station import MakeStation
-from drake_srg.types import Mode
 
 DOCS = Path(__file__).parents[1] / "docs"
 CELLS = ("kitchen", "assistive_arm")
-SHOWN = (Mode.CLOSE, Mode.RELEASE)
-SIZE = (640, 360)
-# Twice as many pixels as shown, against the traces of video compression.
+SIZE, RATE, PAUSE = (448, 252), 8, 1500  # pixels, frames per second, ms at the end
+# More pixels than shown, against the traces of video compression.
 SHARP = ("cameras.overview.width=1280", "cameras.overview.height=720")
 VIEW, SEEDS = (320, 240), 4
 
 
-def make_picture(runs: Sequence[Path]) -> None:
-    """Join the frames at the end of the shown modes, one column per recorded run."""
-    picture = Image.new("RGB", (len(runs) * SIZE[0], len(SHOWN) * SIZE[1]))
-    for column, run in enumerate(runs):
-        with av.open(str(run / "video.mp4")) as container:
-            frames = [frame.to_image() for frame in container.decode(video=0)]
-            rate = float(container.streams.video[0].average_rate)
-        log = read_log(run / "log.npz")
-        for row, mode in enumerate(SHOWN):
-            rows = np.flatnonzero(log["mode"] == list(Mode).index(mode))
-            frame = frames[int(log["time"][rows[-1]] * rate) - 1]
-            frame = frame.resize(SIZE, Image.Resampling.LANCZOS)
-            picture.paste(frame, (column * SIZE[0], row * SIZE[1]))
-    picture.save(DOCS / "cells.jpg", quality=88)
+def make_moving_picture(runs: Sequence[Path]) -> None:
+    """Show the videos of recorded runs side by side, for as long as the longest."""
+    videos = [_frames(run / "video.mp4") for run in runs]
+    pictures = []
+    for i in range(max(map(len, videos))):
+        picture = Image.new("RGB", (len(videos) * SIZE[0], SIZE[1]))
+        for column, frames in enumerate(videos):
+            picture.paste(frames[min(i, len(frames) - 1)], (column * SIZE[0], 0))
+        pictures.append(picture)
+    pictures[0].save(
+        DOCS / "cells.webp",
+        save_all=True,
+        append_images=pictures[1:],
+        duration=[*[1000 // RATE] * (len(pictures) - 1), PAUSE],
+        loop=0,
+        quality=60,
+        method=6,
+    )
+
+
+def _frames(video: Path) -> list[Image.Image]:
+    """Return the frames of a video, `RATE` per second."""
+    with av.open(str(video)) as container:
+        frames = [frame.to_image() for frame in container.decode(video=0)]
+        rate = float(container.streams.video[0].average_rate)
+    rows = np.arange(0.0, len(frames), rate / RATE).astype(int)
+    return [frames[row].resize(SIZE, Image.Resampling.LANCZOS) for row in rows]
 
 
 def make_varied_picture() -> None:
@@ -60,10 +70,10 @@ def make_varied_picture() -> None:
 if __name__ == "__main__":
     make_varied_picture()
     if len(sys.argv) > 1:
-        make_picture([Path(folder) for folder in sys.argv[1:]])
+        make_moving_picture([Path(folder) for folder in sys.argv[1:]])
     else:
         with tempfile.TemporaryDirectory() as folder:
             for cell in CELLS:
                 scenario = load_scenario(cell, overrides=SHARP)
                 Simulate(scenario, name=cell, out=Path(folder) / cell)
-            make_picture([Path(folder) / cell for cell in CELLS])
+            make_moving_picture([Path(folder) / cell for cell in CELLS])
