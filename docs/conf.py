@@ -20,10 +20,9 @@ exclude_patterns = ["conf.py"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
+# Browsers let no page from a disk fetch another one, as summaries of results need.
+html_show_search_summary = False
 html_theme_options = {"navigation_with_keys": True}
-# Nothing is loaded from elsewhere, so the site works offline.
-html_permalinks = True
-html_use_index = True
 
 # Headings have the anchors that Git hosts give them.
 myst_heading_anchors = 4
