@@ -17,6 +17,7 @@ PAGES = {str(p.relative_to(ROOT)): p.read_text("utf-8") for p in DOCS}
 PAGES["README.md"] = (ROOT / "README.md").read_text("utf-8")
 # Other tests run the Python of these pages, or say here why none does.
 ELSEWHERE = {
+    "docs/export.md": "tests/export/test_wires.py",
     "docs/extending.md": "tests/test_extending.py",
     "docs/grasps.md": "tests/planning/grasps/test_surface_grasps.py",
     "docs/state_machine.md": "tests/planning/test_state_machine_ports.py",

@@ -1,3 +1,6 @@
+import re
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from drake_srg.scenario import load_scenario
 
 from .exported import exported
 
+PAGE = Path(__file__).parents[2] / "docs" / "export.md"
 DRIVER = load_scenario("kitchen_tendon").gripper
 ANGLE = st.floats(0.0, 1.94)
 SPEED = st.floats(-2.0, 2.0)
@@ -88,3 +92,14 @@ def test_an_empty_hand_closes_in_mujoco_as_in_drake(hand):
     assert force.mean() == pytest.approx(102.8, rel=0.02)
     assert data.qpos[dofs(model)][:2].mean() == pytest.approx(1.769, abs=0.02)
     np.testing.assert_allclose(data.qpos[dofs(model)][2:], 0.0, atol=0.02)
+
+
+def test_the_example_of_the_page_closes_the_hand(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = exported("kitchen_tendon", "mjcf")["gripper"].path.parent
+    Path("models").symlink_to(folder)
+    (code,) = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.M)
+    variables: dict = {}
+    exec(compile(code, PAGE, "exec"), variables)
+    closed = variables["data"].qpos[dofs(variables["model"])]
+    assert closed[:2].mean() == pytest.approx(1.769, abs=0.02)
