@@ -46,7 +46,7 @@ def test_it_writes_a_scenario_that_runs(quick, tmp_path, capsys):
     assert "stall_current" in printed
     assert "cannot tell" in printed
     drive = load_scenario(out).gripper.drive
-    assert drive.dead_band == pytest.approx(0.1)
+    assert drive.dead_band == pytest.approx(0.05)
     assert drive.friction.gear_load == pytest.approx(0.4, rel=0.01)
 
 
