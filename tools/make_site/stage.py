@@ -50,7 +50,6 @@ def stage(folder: Path) -> None:
         depth = len(page.relative_to(folder).parts) - 1
         text = _MARKER.sub(lambda m: GENERATED[m[1]](), page.read_text("utf-8"))
         page.write_text(relink(text, depth), "utf-8")
-    _list_the_rest(folder)
 
 
 def update(folder: Path, staged: Path) -> None:
@@ -103,16 +102,3 @@ def relink(text: str, depth: int) -> str:
         return f"{{py:mod}}`{match[1].strip('`')} <{name}>`"
 
     return re.sub(r"\[([^\]]+)\]\((?:\.\./)*(drake_srg/[\w/]+\.py)\)", module, text)
-
-
-def _list_the_rest(folder: Path) -> None:
-    """Add pages of docs that no table of contents names to the how-to pages."""
-    listed = set()
-    for page in folder.rglob("*.md"):
-        for tree in re.findall(r"```\{toctree\}(.*?)```", page.read_text(), re.DOTALL):
-            listed |= {line.strip().rpartition("/")[2] for line in tree.splitlines()}
-    rest = [p.stem for p in folder.glob("*.md") if p.stem not in {*listed, "index"}]
-    if rest:
-        lines = "\n".join(f"../{name}" for name in sorted(rest))
-        with (folder / "how_to/index.md").open("a", encoding="utf-8") as index:
-            index.write(f"\n```{{toctree}}\n:maxdepth: 1\n\n{lines}\n```\n")
