@@ -90,9 +90,7 @@ def judge(
         stop = ours.stop_counts - offset
         add(real.label, "stop", real.stop_counts, stop, "counts", _COUNTS)
         time = real.seconds
-        if (
-            real.test == "position"
-        ):  # by torque, the test's three waits are all there is
+        if real.test == "position":  # by torque, it is the test's own waiting alone
             allowed = _SHARE * time
             add(real.label, "time until noticed", time, ours.seconds, "s", allowed)
     return rows

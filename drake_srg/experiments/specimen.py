@@ -27,7 +27,7 @@ _DIRECTIONS = ("down", "side")
 # A wire force as in `payload_pinch` for the creep of a held can and box, 0.35 of the
 # data-sheet model's full PWM [N].
 _CREEP_FORCE = 107.0
-_CLOSED = 0.98  # of the spool's way, open to closed
+_CLOSED = 0.98  # of the sum of the joint angles at which the hand ends
 
 
 def drive_of(model: str) -> TendonDriveConfig:

@@ -27,7 +27,7 @@ class MotorTemperatureConfig:
     # 0.9 J/(g K). The time constant, 14 min, agrees with the manual, which asks to wait
     # 20 min after an alarm.
     heat_capacity: float = dc.field(default=113.0, metadata=positive())
-    # Heat of the electronics while the motor holds [W]. It is off by default: the
+    # Heat of the electronics, at any load [W]. It is off by default: the
     # manual's standby current of 0.1 A would be 1.2 W.
     idle_power: float = dc.field(default=0.0, metadata={"ge": 0.0})
     period: float = dc.field(default=0.1, metadata=positive())  # s

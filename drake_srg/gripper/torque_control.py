@@ -59,5 +59,7 @@ class TorqueControl(LeafSystem):
         else:
             pwm = before if np.isfinite(before) else 0.0
             error = torque - drive.useful_pwm(pwm)
-            pwm += self._period * error / drive.torque_rise
+            # A longer step would overshoot, and never settle if it were twice as long.
+            gain = min(self._period / drive.torque_rise, 1.0 - drive.dead_band)
+            pwm += gain * error
         discrete_state.set_value([float(np.clip(pwm, -1.0, 1.0))])

@@ -75,7 +75,7 @@ def read_log(path: Path) -> list[LogRow]:
         ScenarioError: If it cannot be read or is not a complete log.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # spreadsheets write the mark
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "must be a CSV file in UTF-8"
         raise ScenarioError(f"{path}: {reason}") from None
@@ -86,16 +86,21 @@ def parse_log(text: str, name: str) -> list[LogRow]:
     """Return the rows of a log.
 
     Raises:
-        ScenarioError: If a column is missing, or a value is none, or its unit cannot be
-            right, or a test has too few rows.
+        ScenarioError: If a column is missing or not known, a value is missing or out of
+            range, or a test has too few rows.
     """
     lines = [x for x in text.splitlines() if x.strip() and not x.startswith("#")]
-    table = csv.reader(lines)
-    header = [x.strip() for x in next(table, [])]
+    try:
+        header, *table = csv.reader(lines) if lines else [[]]
+    except csv.Error as error:
+        raise ScenarioError(f"{name}: not a CSV file: {error}") from None
+    header = [x.strip() for x in header]
     missing = [column for column in COLUMNS if column not in header]
-    unknown = [column for column in header if column not in COLUMNS]
-    if missing or unknown:
-        problem = f"missing column {missing[0]}" if missing else f"column {unknown[0]}"
+    extra = [*header]
+    for column in {*COLUMNS} & {*header}:
+        extra.remove(column)
+    if missing or extra:
+        problem = f"missing column {missing[0]}" if missing else f"column {extra[0]}"
         raise ScenarioError(f"{name}: {problem} (columns: {', '.join(COLUMNS)})")
     rows = []
     for number, cells in enumerate(table, 1):

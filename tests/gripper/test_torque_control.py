@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from helpers import fix, port_table, read, update
@@ -28,7 +30,8 @@ def test_ports():
 @pytest.mark.parametrize("torque", [-0.8, -0.1, 0.3, 0.8])
 def test_it_finds_the_pwm_that_gives_the_torque(torque):
     drive = TendonDriveConfig(dead_band=0.1)
-    for model, updates in ((drive, 1), (SLOW, 300)):
+    fast = dc.replace(drive, torque_rise=0.1 * PERIOD)
+    for model, updates in ((drive, 1), (fast, 30), (SLOW, 300)):
         pwm = control(model, torque, updates)[2]
         assert model.useful_pwm(pwm) == pytest.approx(torque, abs=1e-3)
 

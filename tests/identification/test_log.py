@@ -33,6 +33,8 @@ def test_columns_may_stand_in_any_order():
     [
         (lambda s: s.replace("stop_counts", "stop"), "missing column stop_counts"),
         (lambda s: s.replace("test,", "test,note,", 1), "column note"),
+        (lambda s: s.replace("test,", "test,load,", 1), "column load"),
+        (lambda s: s + "\n" + "9" * 200_000, "not a CSV file: field larger"),
         (lambda s: s.replace("558.0", "nan"), "row 2: current_ma: must be 10 .. 20000"),
         (lambda s: s.replace("558.0", "0.558"), "row 2: current_ma: must be 10"),
         (
@@ -51,6 +53,12 @@ def test_a_bad_log_gets_one_clear_line(change, message):
         parse_log(change(text()), "log.csv")
     assert str(caught.value).startswith("log.csv: ")
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_may_start_with_a_byte_order_mark(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(f"# mine\n{text()}", encoding="utf-8-sig")
+    assert text(read_log(path)) == text()
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path):
