@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses as dc
+import os
 from pathlib import Path
 
 from drake_srg.cli.process import SUCCESS, writing
@@ -49,12 +50,18 @@ def identify(options: argparse.Namespace) -> int:
     gripper = load_scenario(options.base).gripper
     if gripper is None or gripper.wire_motor is None:
         raise ScenarioError(f"--base {options.base}: gripper: needs !SrgTendonDriver")
+    base = options.base
+    if base.endswith(".yaml"):
+        if Path(base).resolve() == options.output.resolve():
+            raise ScenarioError(f"-o {options.output}: must not be the file of --base")
+        # A scenario names its base relative to its own folder.
+        base = os.path.relpath(base, options.output.parent)
     own = options.log != VENDOR
     rows = read_log(Path(options.log)) if own else vendor_log()
     result = fit_log(rows)
     source = Path(options.log).stem if own else "an EZGripper measured by its vendor"
     with writing("-o", options.output):
-        options.output.write_text(overlay(result, options.base, source), "utf-8")
+        options.output.write_text(overlay(result, base, source), "utf-8")
     options.console.say(*report(result), "", options.output)
     options.console.answer(
         {

@@ -12,13 +12,16 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.grasp_width_cases import HEIGHT, box
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.gripper.driver import WireMotor
 from drake_srg.gripper.motor_temperature import motor_load
 from drake_srg.gripper.spool_command import SpoolCommandConfig, spool_angle
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.scenario import Scenario
 from drake_srg.simulation.rig import Rig, bench_scenario
 
 _COUNTS = 4096 / (2.0 * np.pi)  # per rad
@@ -58,8 +61,7 @@ def grip(width: float, effort: float, scenario: str) -> Rung:
     thing = box(width)
     height = thing.z if width > _WIDE else 0.7 * HEIGHT + SRG.grasp_center_x
     bench = bench_scenario(thing.config, home=[0.0, 0.0, height], scenario=scenario)
-    assert bench.gripper is not None and bench.gripper.wire_motor is not None
-    motor = bench.gripper.wire_motor
+    motor = wire_motor(bench)
     with Rig(bench, name="grip_ladder") as rig:
         rig.advance(_SETTLE, closure=1.0, force_limit=effort)
         angle, speed = rig.measured("gripper.motor_state")
@@ -67,6 +69,18 @@ def grip(width: float, effort: float, scenario: str) -> Rung:
         wires = float(np.mean(rig.measured("gripper.wire_force")))
         pads = 0.5 * float(np.sum(rig.measured("gripper.contact_force")))
     return Rung(float(angle), load * motor.temperature.stall_current, wires, pads)
+
+
+def wire_motor(bench: Scenario) -> WireMotor:
+    """Return the motor of a bench's gripper.
+
+    Raises:
+        ScenarioError: If the gripper has no wires.
+    """
+    motor = None if bench.gripper is None else bench.gripper.wire_motor
+    if motor is None:
+        raise ScenarioError("scenario: gripper: needs !SrgTendonDriver")
+    return motor
 
 
 def closure_of(angle: float, radius: float) -> float:
@@ -88,14 +102,14 @@ def run(
 
     Args:
         track: Shows progress.
-        scenario: A bench.
+        scenario: A bench whose gripper has wires.
         widths: Of the boxes [m].
         efforts: Shares of the range of SAKE's driver, 0 .. 1.
     """
     table: dict[str, list[Any]] = {name: [] for name in _COLUMNS}
     cases = [(width, effort) for width in widths for effort in efforts]
     rows = []
-    radius = _radius(scenario)
+    radius = wire_motor(bench_scenario(scenario=scenario)).drive.spool_radius
     for width, effort in track(
         cases, label=lambda c: f"{1e3 * c[0]:.0f} mm, {100 * c[1]:.0f} %"
     ):
@@ -140,12 +154,6 @@ _HEADINGS = [
     "payload by friction [kg]",
 ]
 _DIGITS = (0, 0, 0, 0, 0, 0, 1, 0, 0, 1, 1)
-
-
-def _radius(scenario: str) -> float:
-    bench = bench_scenario(scenario=scenario)
-    assert bench.gripper is not None and bench.gripper.wire_motor is not None
-    return bench.gripper.wire_motor.drive.spool_radius
 
 
 def _draw(table: dict[str, list[Any]], widths: Sequence[float]) -> Any:

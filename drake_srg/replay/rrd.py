@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.installing import require
 from drake_srg.recording.output import OutputFile
 from drake_srg.recording.timeline import timeline_panels
@@ -166,8 +166,11 @@ class _Writer:
 
     def _write_video(self, path: Path, start: float) -> None:
         rr, video = self._rr, self._rr.AssetVideo(path=path)
+        try:
+            shown = video.read_frame_timestamps_nanos()
+        except RuntimeError as error:
+            raise ScenarioError(f"{path}: not a video: {one_line(error)}") from error
         self._stream.log(_VIDEO, video, static=True)
-        shown = video.read_frame_timestamps_nanos()
         columns = rr.VideoFrameReference.columns_nanos(shown)
         times = self._times(start + 1e-9 * np.asarray(shown))
         self._stream.send_columns(_VIDEO, [times], columns)

@@ -50,6 +50,18 @@ def test_it_writes_a_scenario_that_runs(quick, tmp_path, capsys):
     assert drive.friction.gear_load == pytest.approx(0.4, rel=0.01)
 
 
+def test_the_base_may_be_a_file_in_another_folder(quick, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    base = tmp_path / "bench.yaml"
+    base.write_text("base: gripper_bench\nrandom_seed: 7\n")
+    (tmp_path / "made").mkdir()
+    words = ["identify", "vendor", "--base", "bench.yaml", "-o"]
+    assert main([*words, "made/mine.yaml"]) == 0
+    assert load_scenario("made/mine.yaml").random_seed == 7
+    assert main([*words, "./bench.yaml"]) == 2
+    assert "identify" not in base.read_text()
+
+
 def test_json_has_parameters_with_intervals(quick, tmp_path, capsys):
     out = tmp_path / "mine.yaml"
     assert main(["identify", "vendor", "-o", str(out), "--json"]) == 0

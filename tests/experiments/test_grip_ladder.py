@@ -1,6 +1,8 @@
 import pytest
 
-from drake_srg.experiments.grip_ladder import closure_of, markdown
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.experiments.grip_ladder import closure_of, markdown, run
+from drake_srg.experiments.registry import quiet
 from drake_srg.gripper.spool_command import SpoolCommandConfig, spool_angle
 
 
@@ -14,3 +16,8 @@ def test_the_table_of_the_docs_has_a_line_per_grip():
     text = markdown({str(i): [float(i), 2.0] for i in range(11)})
     assert len(text.splitlines()) == 4
     assert all(line.count("|") == 12 for line in text.splitlines())
+
+
+def test_a_gripper_without_wires_is_refused():
+    with pytest.raises(ScenarioError, match="gripper: needs !SrgTendonDriver"):
+        run(quiet, scenario="kitchen")

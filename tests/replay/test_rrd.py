@@ -123,3 +123,12 @@ def test_a_scene_of_another_program_is_named(tmp_path):
     with pytest.raises(ScenarioError, match=r"replay\.glb: not the scene"):
         write_rrd(tmp_path)
     assert not list(tmp_path.glob("*.rrd"))
+
+
+def test_a_video_that_cannot_be_read_is_named(tmp_path):
+    pytest.importorskip("rerun", reason=WHY)
+    record(tmp_path)
+    (tmp_path / "video.mp4").write_bytes(b"no video")
+    with pytest.raises(ScenarioError, match=r"video\.mp4: not a video: "):
+        write_rrd(tmp_path)
+    assert not list(tmp_path.glob("*.rrd"))
