@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import TracebackType
-
 import numpy as np
 
 from drake_srg.bridges.dynamixel.mx64 import Mx64
@@ -88,18 +86,3 @@ class ServoStand:
     def read_load(self) -> int:
         """Return the size of the PWM, of 1023."""
         return self.read("present_load") % _ZEROS_LOAD
-
-    def wire_force(self) -> float:
-        """Return the mean force of the wires [N], which no register shows."""
-        return float(np.mean(self.rig.measured("gripper.wire_force")))
-
-    def __enter__(self) -> ServoStand:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.rig.__exit__(kind, error, traceback)
