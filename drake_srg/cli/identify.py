@@ -41,11 +41,15 @@ def identify(options: argparse.Namespace) -> int:
     Raises:
         ScenarioError: If the log or the base is invalid, or writing fails.
     """
+    from drake_srg.gripper.drivers import SrgTendonDriver
     from drake_srg.identification.fits import identify as fit_log
     from drake_srg.identification.log import read_log, vendor_log
     from drake_srg.identification.overlay import overlay
     from drake_srg.identification.report import report
     from drake_srg.scenario import load_scenario
+    from drake_srg.scenario.yaml_tree import parse_yaml
+    from drake_srg.scenario.yaml_typed import check_tree
+    from drake_srg.sweeps.files import write_file
 
     gripper = load_scenario(options.base).gripper
     if gripper is None or gripper.wire_motor is None:
@@ -60,8 +64,12 @@ def identify(options: argparse.Namespace) -> int:
     rows = read_log(Path(options.log)) if own else vendor_log()
     result = fit_log(rows)
     source = Path(options.log).stem if own else "an EZGripper measured by its vendor"
+    text = overlay(result, base, source)
+    # A log of something else may give values that no scenario takes.
+    tree = parse_yaml(text, options.log)["gripper"]
+    check_tree(tree, SrgTendonDriver | None, options.log, "gripper")
     with writing("-o", options.output):
-        options.output.write_text(overlay(result, base, source), "utf-8")
+        write_file(options.output, text.encode("utf-8"))
     options.console.say(*report(result), "", options.output)
     options.console.answer(
         {

@@ -1,3 +1,4 @@
+import dataclasses as dc
 import json
 
 import numpy as np
@@ -60,6 +61,17 @@ def test_the_base_may_be_a_file_in_another_folder(quick, tmp_path, monkeypatch):
     assert load_scenario("made/mine.yaml").random_seed == 7
     assert main([*words, "./bench.yaml"]) == 2
     assert "identify" not in base.read_text()
+
+
+def test_values_that_no_scenario_takes_are_not_written(
+    quick, tmp_path, capsys, monkeypatch
+):
+    out = tmp_path / "mine.yaml"
+    monkeypatch.setattr(fits, "_MOTOR", [dc.replace(p, prior=0.6) for p in fits._MOTOR])
+    assert main(["identify", "vendor", "-o", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert "vendor: gripper.drive.dead_band: must be" in error
+    assert not list(tmp_path.iterdir())
 
 
 def test_json_has_parameters_with_intervals(quick, tmp_path, capsys):
