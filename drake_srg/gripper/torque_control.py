@@ -59,7 +59,7 @@ class TorqueControl(LeafSystem):
         else:
             pwm = before if np.isfinite(before) else 0.0
             error = torque - drive.useful_pwm(pwm)
-            # A longer step would overshoot, and never settle if it were twice as long.
-            gain = min(self._period / drive.torque_rise, 1.0 - drive.dead_band)
-            pwm += gain * error
+            # With a shorter rise, an update would overshoot, and then never settle.
+            rise = max(drive.torque_rise, self._period / (1.0 - drive.dead_band))
+            pwm += self._period * error / rise
         discrete_state.set_value([float(np.clip(pwm, -1.0, 1.0))])
