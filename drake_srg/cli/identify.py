@@ -2,6 +2,7 @@
 
 import argparse
 import dataclasses as dc
+import os
 from pathlib import Path
 
 from drake_srg.cli.process import SUCCESS, writing
@@ -46,6 +47,12 @@ def identify(options: argparse.Namespace) -> int:
     from drake_srg.identification.report import report
     from drake_srg.scenario import load_scenario
 
+    base, output = options.base, options.output
+    if base.endswith(".yaml"):
+        if Path(base).resolve() == output.resolve():
+            raise ScenarioError(f"-o {output}: must differ from --base")
+        if not Path(base).is_absolute():  # from where the output will look for it
+            base = os.path.relpath(base, output.parent)
     gripper = load_scenario(options.base).gripper
     if gripper is None or gripper.wire_motor is None:
         raise ScenarioError(f"--base {options.base}: gripper: needs !SrgTendonDriver")
@@ -53,9 +60,9 @@ def identify(options: argparse.Namespace) -> int:
     rows = read_log(Path(options.log)) if own else vendor_log()
     result = fit_log(rows)
     source = Path(options.log).stem if own else "an EZGripper measured by its vendor"
-    with writing("-o", options.output):
-        options.output.write_text(overlay(result, options.base, source), "utf-8")
-    options.console.say(*report(result), "", options.output)
+    with writing("-o", output):
+        output.write_text(overlay(result, base, source), "utf-8")
+    options.console.say(*report(result), "", output)
     options.console.answer(
         {
             "parameters": {
@@ -69,7 +76,7 @@ def identify(options: argparse.Namespace) -> int:
                 for e in fit.estimates
             },
             "errors": [dc.asdict(error) for error in result.errors],
-            "scenario": options.output,
+            "scenario": output,
         }
     )
     return SUCCESS

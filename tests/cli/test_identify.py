@@ -1,4 +1,5 @@
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -48,6 +49,24 @@ def test_it_writes_a_scenario_that_runs(quick, tmp_path, capsys):
     drive = load_scenario(out).gripper.drive
     assert drive.dead_band == pytest.approx(0.05)
     assert drive.friction.gear_load == pytest.approx(0.4, rel=0.01)
+
+
+def test_a_base_that_is_a_file_is_found_from_the_output(quick, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.yaml").write_text("base: gripper_bench\nrandom_seed: 7\n")
+    (tmp_path / "results").mkdir()
+    out = Path("results", "mine.yaml")
+    assert main(["identify", "vendor", "--base", "own.yaml", "-o", str(out)]) == 0
+    assert load_scenario(out).random_seed == 7
+
+
+def test_the_base_is_not_overwritten(quick, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = "base: gripper_bench\n"
+    Path("own.yaml").write_text(text)
+    assert main(["identify", "vendor", "--base", "own.yaml", "-o", "./own.yaml"]) == 2
+    assert "-o own.yaml: must differ from --base" in capsys.readouterr().err
+    assert Path("own.yaml").read_text() == text
 
 
 def test_json_has_parameters_with_intervals(quick, tmp_path, capsys):
