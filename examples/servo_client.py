@@ -8,6 +8,7 @@ The servo has ID 1. Percent are SAKE's: 100 open, 0 closed.
 """
 
 import math
+import os
 import sys
 import time
 from collections.abc import Callable
@@ -151,7 +152,12 @@ def _exchange(send: Callable[[], tuple[int, int]], attempts: int = 10) -> None:
 
 def main() -> None:
     """Calibrate, open half, close until contact and hold."""
-    gripper = Gripper(sys.argv[1])
+    if len(sys.argv) != 2:
+        sys.exit("usage: servo_client.py DEVICE")
+    try:
+        gripper = Gripper(sys.argv[1])
+    except OSError as error:
+        sys.exit(f"{sys.argv[1]}: {os.strerror(error.errno or 0)}")
     gripper.calibrate()
     print(f"the fingers meet at {gripper.zero} counts")
     for position, effort in ((50, 30), (-10, 20)):

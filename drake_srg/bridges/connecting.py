@@ -98,7 +98,8 @@ class BridgeOptions:
                             "--servo: needs a gripper with a wire motor "
                             "(!SrgTendonDriver, as in kitchen_tendon)"
                         )
-                    add(ServoBridge(inbox, self.servo, motor, self.protocol or 1))
+                    protocol = 1 if self.protocol is None else self.protocol
+                    add(ServoBridge(inbox, self.servo, motor, protocol))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()

@@ -57,7 +57,7 @@ def identify(options: argparse.Namespace) -> int:
     base = options.base
     if base.endswith(".yaml"):
         if Path(base).resolve() == options.output.resolve():
-            raise ScenarioError(f"-o {options.output}: must not be the file of --base")
+            raise ScenarioError(f"-o {options.output}: must differ from --base")
         # A scenario names its base relative to its own folder.
         base = os.path.relpath(base, options.output.parent)
     own = options.log != VENDOR

@@ -17,6 +17,7 @@ COMMAND_PAGES = {
     "dataset": "docs/dataset.md",
     "experiment": "docs/experiments.md",
     "export": "docs/export.md",
+    "identify": "docs/gripper.md",
     "import": "docs/objects.md",
     "replay": "docs/replay.md",
 }

@@ -191,7 +191,7 @@ def make_parser() -> argparse.ArgumentParser:
         "identify",
         cli_identify.identify,
         "fit a gripper's motor, friction and heat to what its servo showed",
-        "It tells intervals, correlations and what the log cannot tell, and writes a "
+        "It prints intervals, correlations and what the log leaves open, and writes a "
         "scenario.",
     )
     cli_identify.add_arguments(identify)

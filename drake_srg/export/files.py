@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import errno
+import os
 import re
-import shutil
 import tempfile
 from pathlib import Path
 
@@ -108,6 +109,9 @@ def _write(files: dict[str, str], out: Path) -> None:
             path = Path(folder) / name
             path.parent.mkdir(exist_ok=True)
             path.write_text(text, encoding="utf-8")
-        (out / FOLDER).mkdir(exist_ok=True)
+        if any((taken := out / name).is_dir() for name in files):
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(taken))
+        for path in {(out / name).parent for name in files}:
+            path.mkdir(exist_ok=True)
         for name in files:
-            shutil.move(Path(folder) / name, out / name)
+            (Path(folder) / name).replace(out / name)

@@ -13,6 +13,9 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.export.meshes import Meshes
 from drake_srg.export.model import WORLD, Geometry, Joint, Link, Model, add, to_text
 
+# URDF requires limits of effort and velocity, and reads a missing position limit as 0.
+_NO_LIMIT = 1e9
+
 
 def to_urdf(model: Model, meshes: Meshes) -> str:
     """Return a model as URDF, with Drake's elements where URDF has none.
@@ -124,16 +127,14 @@ def _add_joint(root: ET.Element, joint: Joint) -> None:
     if joint.kind == "fixed":
         return
     add(element, "axis", xyz=X_CJ.rotation() @ joint.axis)
-    limits = {
-        "lower": joint.lower,
-        "upper": joint.upper,
-        "effort": joint.effort,
-        "velocity": joint.velocity,
-        "drake:acceleration": joint.acceleration,
-    }
-    finite = {k: v for k, v in limits.items() if math.isfinite(v)}
+    limits = {"effort": joint.effort, "velocity": joint.velocity}
+    if kind != "continuous":
+        limits = {"lower": joint.lower, "upper": joint.upper, **limits}
+    limits = {k: float(np.clip(v, -_NO_LIMIT, _NO_LIMIT)) for k, v in limits.items()}
+    if math.isfinite(joint.acceleration):
+        limits["drake:acceleration"] = joint.acceleration
     if kind != "continuous" or joint.effort > 0.0:
-        add(element, "limit", **finite)
+        add(element, "limit", **limits)
     add(element, "dynamics", damping=joint.damping)
     if joint.mimic is not None:
         mimic = joint.mimic

@@ -41,7 +41,7 @@ def overlay(result: Identification, base: str, source: str) -> str:
 
     Args:
         result: Of `identify`.
-        base: Name of a scenario whose gripper has wires.
+        base: A scenario whose gripper has wires: its name, or its path from the file.
         source: What was identified, for the first line.
     """
     told = {e.parameter.name: e for fit in result.fits.values() for e in fit.estimates}

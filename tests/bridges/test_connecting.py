@@ -41,6 +41,10 @@ def test_the_bridges_are_those_that_the_options_name():
         ({"name": "my node"}, "serve: --name: must be a letter, .*, got 'my node'"),
         ({"servo": "tcp:0"}, "serve: --servo: needs a gripper with a wire motor"),
         ({"protocol": 2}, "serve: --protocol: needs --servo"),
+        (
+            {"scenario": TENDON, "servo": "tcp:0", "protocol": 0},
+            "serve: protocol: must be 1 or 2, got 0",
+        ),
         ({"ros1": True, "master": "roscore"}, "serve: ROS 1 master: must be"),
         pytest.param(
             {"ros2": True, "domain": 233},

@@ -46,6 +46,15 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+def test_a_folder_in_the_way_of_a_file_stops_all_files(tmp_path, capsys):
+    (tmp_path / "gripper.urdf").mkdir()
+    assert main([*BENCH, "--urdf", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert f"--urdf {tmp_path}: cannot be written: Is a directory" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["gripper.urdf"]
+    assert not list((tmp_path / "gripper.urdf").iterdir())
+
+
 @pytest.mark.parametrize("formats", [[], ["--urdf", "a", "--sdf", "b"]])
 def test_exactly_one_format_is_asked_for(formats, capsys):
     with pytest.raises(SystemExit) as stopped:

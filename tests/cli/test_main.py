@@ -17,7 +17,7 @@ from drake_srg.recording.log import read_log
 ABSENT = ["run", "kitchen", "--set", "object.present=false", "--no-record"]
 COMMANDS = ("run", "serve", "sweep", "report", "dataset", "list", "diagram", "bench")
 COMMANDS += ("experiment", "doctor", "import", "replay", "demo")
-COMMANDS += ("export", "new", "completion")
+COMMANDS += ("export", "new", "completion", "identify")
 
 
 @pytest.mark.parametrize(

@@ -139,7 +139,7 @@ def test_mujoco_places_the_links_of_a_scene_alike(name):
 def test_a_reader_of_urdf_finds_the_same(name, part):
     file = exported(name, "urdf")[part]
     robot = yourdfpy.URDF.load(str(file.path), load_collision_meshes=True)
-    assert robot.validate() or all("velocity" in str(e) for e in robot.errors)
+    assert robot.validate(), robot.errors
     for link in links(file.model):
         inertial = robot.link_map[link.name].inertial
         assert inertial.mass == pytest.approx(link.mass)

@@ -1,5 +1,9 @@
+import io
+import math
+
 import numpy as np
 import pytest
+import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
@@ -38,6 +42,26 @@ def test_joints_of_parents_come_first(order):
 def test_links_that_hold_each_other_are_refused():
     with pytest.raises(ScenarioError, match="joint ab: cannot be exported"):
         list(_from_roots([joint("ab", "a", "b"), joint("ba", "b", "a")]))
+
+
+@given(
+    st.lists(st.sampled_from([1.0, math.inf]), min_size=4, max_size=4),
+    st.sampled_from(["revolute", "prismatic"]),
+)
+def test_urdf_has_every_limit_that_its_readers_require(limits, kind):
+    lower, upper, velocity, effort = limits
+    limited = Joint(
+        *("ab", kind, "a", "b", IDENTITY, IDENTITY),
+        **{"lower": -lower, "upper": upper, "velocity": velocity, "effort": effort},
+    )
+    text = to_urdf(Model("m", (link("a"), link("b")), (limited,)), Meshes())
+    robot = yourdfpy.URDF.load(io.StringIO(text))
+    assert robot.validate(), robot.errors
+    limit = robot.joint_map["ab"].limit
+    assert math.isfinite(limit.effort + limit.velocity)
+    if robot.joint_map["ab"].type != "continuous":  # a missing one would mean 0
+        assert limit.lower == -min(lower, 1e9)
+        assert limit.upper == min(upper, 1e9)
 
 
 def test_urdf_refuses_an_axis_beside_the_link_and_sdf_takes_it():

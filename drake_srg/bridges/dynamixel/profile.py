@@ -58,9 +58,8 @@ class Profile:
                 # time: v² + a step v = 2 a way.
                 half = self.max_acceleration * step / 2
                 square = 2 * self.max_acceleration * abs(way)
-                velocity = min(
-                    velocity, square / (half + math.hypot(half, square**0.5))
-                )
+                divisor = half + math.hypot(half, square**0.5)  # 0: cannot accelerate
+                velocity = min(velocity, square / divisor) if divisor else 0.0
             self._change(math.copysign(velocity, way), step)
             if abs(way) <= self.velocity * step * math.copysign(1.0, way):
                 self.rest(goal)

@@ -111,7 +111,7 @@ class ControlTable(abc.ABC):
             RefusedError: If a register is missing or read only, or a value is invalid.
         """
         where = f"cannot write {data.hex(' ')} at {address}"
-        if address + len(data) > self.size:
+        if not data or address + len(data) > self.size:
             raise RefusedError(Refusal.ACCESS, f"{where}: no register there")
         places = self._places(address, len(data))
         touched = {

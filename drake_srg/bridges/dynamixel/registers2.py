@@ -189,7 +189,7 @@ class ControlTable2(ControlTable):
     def profile(self, way: float) -> tuple[float, float]:
         """Return the velocity and acceleration for a way, in rad, rad/s and rad/s²."""
         velocity, ramp = self["profile_velocity"], self["profile_acceleration"]
-        if velocity == 0:  # no profile
+        if velocity == 0 or way == 0.0:  # no profile, or no motion
             return math.inf, math.inf
         if self["drive_mode"] & DriveMode.TIME_BASED:
             duration = velocity * 1e-3

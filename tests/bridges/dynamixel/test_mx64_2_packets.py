@@ -133,9 +133,15 @@ def test_a_broadcast_resets_no_ids(servo):
         (Instruction.WRITE, b"\x74\x00\x00\x00", Error.DATA_LENGTH),
         (Instruction.WRITE, b"\x74\x00\x00\x10\x00\x00", Error.DATA_LIMIT),
         (Instruction.WRITE, b"\x40\x00\x02", Error.DATA_RANGE),
+        (Instruction.SYNC_WRITE, b"\x40\x00\x00\x00\x01", Error.ACCESS),
+        (Instruction.BULK_WRITE, b"\x01\x40\x00\x00\x00", Error.ACCESS),
     ],
 )
-def test_an_invalid_instruction_is_answered_by_an_error(servo, code, parameters, error):
+@pytest.mark.parametrize("torque", [0, 1])
+def test_an_invalid_instruction_is_answered_by_an_error(
+    servo, code, parameters, error, torque
+):
+    servo.write("torque_enable", torque)  # which locks the EEPROM
     (status,) = servo.send(code, parameters)
     assert (servo.error(status), servo.data(status)) == (error, b"")
     assert len(servo.warned) == 1

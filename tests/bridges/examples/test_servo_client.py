@@ -9,6 +9,18 @@ from bridges.dynamixel.fake_station import FakeStation
 EXAMPLE = Path(__file__).parents[3] / "examples" / "servo_client.py"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [([], "usage: servo_client.py DEVICE"), (["none"], "none: No such file or dir")],
+)
+def test_a_missing_device_is_one_line(arguments, message):
+    command = [sys.executable, str(EXAMPLE), *arguments]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    (line,) = ended.stderr.splitlines()
+    assert line.startswith(message)
+
+
 @pytest.mark.slow
 def test_the_example_finds_the_fingers_meeting():
     with FakeStation("pty", protocol=2) as station:
