@@ -67,7 +67,7 @@ class Trial:
 Trials = Mapping[str, list[Trial]]
 
 
-def run(track: Track, *, trials: int = 200, seed: int = 0) -> ExperimentResult:
+def run(track: Track, *, trials: int = 300, seed: int = 0) -> ExperimentResult:
     """Simulate each trial awake and asleep.
 
     Args:
