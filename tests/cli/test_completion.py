@@ -33,7 +33,7 @@ printf '%s\\n' "${COMPREPLY[@]}"
     ("words", "found"),
     [
         (["exp"], {"experiment", "export"}),
-        (["run", "kitchen_t"], {"kitchen_tendon"}),
+        (["run", "thesis_kitchen_t"], {"thesis_kitchen_tendon"}),
         (["export", "kitchen", "--m"], {"--mjcf"}),
         (["replay", "re"], {"recorded"}),
         (["completion", "f"], {"fish"}),
