@@ -117,7 +117,8 @@ def with_drake(plant, directives):
     ProcessModelDirectives(ModelDirectives(directives=directives.directives), parser)
 
 
-# Finer pads are the same text with other numbers, and take seconds to load.
+# Without those that take seconds to load (finer pads are the same text with other
+# numbers) and YCB's objects, which `AddObject` reads as text anyway.
 MODELS = sorted(
     path.stem
     for path in (parsing.models_path() / "sdf").glob("*.sdf")

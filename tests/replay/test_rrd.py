@@ -116,19 +116,17 @@ def test_a_soft_body_changes_its_shape(tmp_path):
         np.testing.assert_allclose(shape, size * ball.points, atol=1e-6)
 
 
-def test_a_scene_of_another_program_is_named(tmp_path):
+@pytest.mark.parametrize(
+    ("file", "content", "problem"),
+    [
+        ("replay.glb", b"glTF", r"replay\.glb: not the scene"),
+        ("video.mp4", b"no video", r"video\.mp4: not a video: "),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_named(tmp_path, file, content, problem):
     pytest.importorskip("rerun", reason=WHY)
     record(tmp_path)
-    (tmp_path / "replay.glb").write_bytes(b"glTF")
-    with pytest.raises(ScenarioError, match=r"replay\.glb: not the scene"):
-        write_rrd(tmp_path)
-    assert not list(tmp_path.glob("*.rrd"))
-
-
-def test_a_video_that_cannot_be_read_is_named(tmp_path):
-    pytest.importorskip("rerun", reason=WHY)
-    record(tmp_path)
-    (tmp_path / "video.mp4").write_bytes(b"no video")
-    with pytest.raises(ScenarioError, match=r"video\.mp4: not a video: "):
+    (tmp_path / file).write_bytes(content)
+    with pytest.raises(ScenarioError, match=problem):
         write_rrd(tmp_path)
     assert not list(tmp_path.glob("*.rrd"))
