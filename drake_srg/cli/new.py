@@ -18,9 +18,11 @@ _PLACE = "@NAME@"
 
 def new(options: argparse.Namespace) -> int:
     """Write a project into a new folder, and print what to do with it."""
-    folder = make_project(options.name, Path.cwd())
+    with writing("NAME", Path(options.name)):
+        here = Path.cwd()  # which may have been deleted
+    folder = make_project(options.name, here)
     files = sorted(folder.iterdir())
-    options.console.say(*(path.relative_to(Path.cwd()) for path in files))
+    options.console.say(*(path.relative_to(here) for path in files))
     options.console.say("", f"Next: cd {options.name} && python -m pytest")
     options.console.answer({"project": folder, "files": [path.name for path in files]})
     return SUCCESS

@@ -74,10 +74,12 @@ class SleepMonitor(LeafSystem):
             and plant.GetCollisionGeometriesForBody(plant.get_body(index))
         ]
         self._bodies = [int(index) for index in (*objects.values(), *others)]
+        # An object that nothing can touch counts as its origin.
         corners = [
             body_corners(plant, inspector, plant.get_body(BodyIndex(i)))
             for i in self._bodies
         ]
+        corners = [points if len(points) else np.zeros((1, 3)) for points in corners]
         low, high = (
             np.array([function(p, axis=0) for p in corners]).reshape(-1, 3)
             for function in (np.min, np.max)

@@ -77,3 +77,12 @@ def test_an_existing_folder_stays_as_it_is(tmp_path, monkeypatch, capsys):
     (line,) = capsys.readouterr().err.splitlines()
     assert "already exists" in line
     assert not list((tmp_path / "mine").iterdir())
+
+
+def test_a_folder_that_is_gone_is_told(tmp_path, monkeypatch, capsys):
+    gone = tmp_path / "gone"
+    gone.mkdir()
+    monkeypatch.chdir(gone)
+    gone.rmdir()
+    assert main(["new", "my_cell"]) == 2
+    assert "NAME my_cell: cannot be written: No such file" in capsys.readouterr().err

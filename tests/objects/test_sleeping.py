@@ -4,8 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.geometry import Box, GeometryInstance, ProximityProperties, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import SpatialInertia
 
-from drake_srg.objects.sleeping import box_gaps
+from drake_srg.objects.config import SleepingConfig
+from drake_srg.objects.sleeping import SleepMonitor, box_gaps
 
 angles = st.floats(-np.pi, np.pi)
 sizes = st.lists(st.floats(0.01, 0.2), min_size=3, max_size=3)
@@ -44,3 +47,21 @@ def test_the_gap_between_parallel_faces_is_their_distance():
     gaps = box_gaps(p, np.array([np.eye(3)] * 2), np.full((2, 3), 0.1), 1)
     assert gaps.shape == (1, 2)
     assert gaps[0, 1] == pytest.approx(0.1)
+
+
+def test_an_object_that_nothing_can_touch_is_a_point():
+    plant, scene_graph = MultibodyPlant(0.01), SceneGraph()
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    ghost = plant.AddRigidBody("ghost", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+    plant.Finalize()
+    objects = {"ghost": ghost.index()}
+    config = SleepingConfig()
+    monitor = SleepMonitor(plant, scene_graph.model_inspector(), objects, config)
+    context = monitor.CreateDefaultContext()
+    context.SetTime(2 * config.after)
+    still = plant.get_body_spatial_velocities_output_port()
+    poses = plant.get_body_poses_output_port()
+    of_plant = plant.CreateDefaultContext()
+    for name, port in (("body_poses", poses), ("body_spatial_velocities", still)):
+        monitor.GetInputPort(name).FixValue(context, port.Eval(of_plant))
+    assert monitor.GetOutputPort("objects_asleep").Eval(context) == {"ghost"}
