@@ -19,6 +19,7 @@ from pydrake.systems.primitives import (
 )
 
 from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
+from drake_srg.common.fusing import FusingBuilder
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import positive
@@ -54,6 +55,8 @@ class ArmPositionDriver:
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
+    # As `gripper.fused`: whether the stages of the errors run as one system.
+    fused: bool = False
 
 
 class GravityCompensation(LeafSystem):
@@ -167,7 +170,7 @@ def AddArmPositionDriver(
         seed: Of the errors.
     """
     config = config or ArmPositionDriver()
-    inner = DiagramBuilder()
+    inner = FusingBuilder() if config.fused else DiagramBuilder()
     n = plant.num_positions(arm)
     interpolator = inner.AddNamedSystem(
         "interpolator",
@@ -184,10 +187,8 @@ def AddArmPositionDriver(
             control_plant, [plant.GetModelInstanceName(i) for i in instances.values()]
         ),
     )
-    inputs = [
+    for i, name in enumerate(instances):
         inner.ExportInput(gravity.get_input_port(i), f"{name}_state")
-        for i, name in enumerate(instances)
-    ]
     errors = config.errors
     if errors.encoder_noise or errors.backlash:
         measured = inner.AddNamedSystem(
@@ -206,7 +207,7 @@ def AddArmPositionDriver(
             inner.Connect(command.GetOutputPort("play"), measured.GetInputPort("play"))
     else:
         inner.ExportInput(interpolator.get_input_port(), "position_commanded")
-    inner.ConnectInput(inputs[0], measured.get_input_port(0))
+    inner.ConnectInput("arm_state", measured.get_input_port(0))
     inner.ExportOutput(measured.get_output_port(), "state_measured")
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(config.period, n))
     inner.Connect(gravity.get_output_port(), hold.get_input_port())

@@ -4,6 +4,8 @@ Each takes the parsed command line, returns the exit code and raises a ScenarioE
 bad input. Imports that take time are inside, so that `drake-srg --help` comes at once.
 """
 
+from __future__ import annotations
+
 import argparse
 import dataclasses as dc
 import json
@@ -11,12 +13,16 @@ import shutil
 import subprocess
 import webbrowser
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drake_srg.cli import doctor as machine
 from drake_srg.cli.objects import list_objects
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
+
+if TYPE_CHECKING:
+    from drake_srg.scenario import Scenario
 
 
 def run(options: argparse.Namespace) -> int:
@@ -115,7 +121,7 @@ def diagram(options: argparse.Namespace) -> int:
         raise ScenarioError(f"-o {output}: must end in one of {', '.join(kinds)}")
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     with scenario_errors(Path(options.scenario).stem):
-        cell = MakeCell(scenario)
+        cell = MakeCell(_unfused(scenario))
     dot = cell.GetGraphvizString()
     with writing("-o", output):
         if output.suffix == ".dot":
@@ -125,6 +131,16 @@ def diagram(options: argparse.Namespace) -> int:
     options.console.say(output)
     options.console.answer({"diagram": output})
     return SUCCESS
+
+
+def _unfused(scenario: Scenario) -> Scenario:
+    """Return the scenario with drivers whose stages are systems of their own."""
+    arm, gripper = scenario.arm, scenario.gripper
+    return dc.replace(
+        scenario,
+        arm=arm and dc.replace(arm, fused=False),
+        gripper=gripper and dc.replace(gripper, fused=False),
+    )
 
 
 def _draw(dot: str, output: Path) -> None:

@@ -5,17 +5,9 @@ import math
 import zlib
 
 import numpy as np
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiagramBuilder,
-    DiscreteValues,
-    EventStatus,
-    InputPort,
-    OutputPort,
-)
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
-from drake_srg.lifetime import LeafSystem
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.types import Vector, positive
 
 
@@ -46,7 +38,7 @@ class ArmErrorsConfig(JointErrorsConfig):
     torque_noise: float = dc.field(default=0.0, metadata={"ge": 0.0})
 
 
-class CommandErrors(LeafSystem):
+class CommandErrors(StageSystem):
     """Delays n joint commands and models the backlash of their gears.
 
     .. pydrake_system::
@@ -79,96 +71,58 @@ class CommandErrors(LeafSystem):
         # An excess of up to a millionth of a period is a rounding error.
         steps = math.ceil(latency / period - 1e-6)
         # Rows of n: commands from `steps` periods ago to now, then y.
-        state = self.DeclareDiscreteState(size * (steps + 2))
-        self._commanded = self.DeclareVectorInputPort(name="commanded", size=size)
-        prerequisites = {self.discrete_state_ticket(state)}
-        self.DeclareVectorOutputPort(
-            name="delayed",
-            size=size,
-            calc=self._calc_delayed,
-            prerequisites_of_calc=prerequisites,
-        )
-        self.DeclareVectorOutputPort(
-            name="play",
-            size=size,
-            calc=self._calc_play,
-            prerequisites_of_calc=prerequisites,
-        )
-        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
+        self.DeclareStage(
+            inputs={"commanded": size},
+            outputs={
+                "delayed": StageOutput(size, self._delayed),
+                "play": StageOutput(size, self._play),
+            },
+            state=[0.0] * (size * (steps + 2)),
+            period=period,
         )
 
-    def _rows(self, context: Context) -> Vector:
-        values: Vector = context.get_discrete_state(0).CopyToVector()
-        return values.reshape(-1, self._n)
+    def start(self, time: float, state: Vector, commanded: Vector) -> Vector:
+        """See `Stage`."""
+        return np.tile(commanded, len(state) // self._n)
 
-    def _calc_delayed(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._rows(context)[-1])
+    def update(self, time: float, state: Vector, commanded: Vector) -> Vector:
+        """See `Stage`."""
+        n = self._n
+        commands = np.concatenate([state[n:-n], commanded])
+        u = commands[:n]
+        y = np.clip(state[-n:], u - self._half, u + self._half)
+        return np.concatenate([commands, y])
 
-    def _calc_play(self, context: Context, output: BasicVector) -> None:
-        rows = self._rows(context)
-        output.SetFromVector(rows[0] - rows[-1])
+    def _delayed(self, time: float, state: Vector) -> Vector:
+        return state[-self._n :]
 
-    def _initialize(
-        self, context: Context, discrete_state: DiscreteValues
-    ) -> EventStatus:
-        u = self._commanded.Eval(context)
-        rows = np.tile(u, len(self._rows(context)))
-        discrete_state.set_value(rows)
-        return EventStatus.Succeeded()
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        rows = self._rows(context)
-        commands = np.vstack([rows[1:-1], self._commanded.Eval(context)])
-        u = commands[0]
-        y = np.clip(rows[-1], u - self._half, u + self._half)
-        discrete_state.set_value(np.concatenate([commands.ravel(), y]))
+    def _play(self, time: float, state: Vector) -> Vector:
+        return state[: self._n] - state[-self._n :]
 
 
-class _NoisySensor(LeafSystem):
-    """Adds a constant offset, and noise drawn every `period`, to sensed values."""
+class _Noise:
+    """Draws of normal noise with an offset, one per period.
+
+    The generator depends on the time alone, so that the context holds all state.
+    """
 
     def __init__(
-        self,
-        ports: tuple[str, str],
-        offset: Vector,
-        sigma: Vector,
-        period: float,
-        stream: tuple[int, str],
+        self, offset: Vector, sigma: Vector, period: float, stream: tuple[int, str]
     ) -> None:
-        super().__init__()
         self._offset, self._sigma, self._period = offset, sigma, period
         seed, name = stream
         self._stream = [seed, zlib.crc32(name.encode())]
-        state = self.DeclareDiscreteState(offset)
-        self._sensed = self.DeclareVectorInputPort(name=ports[0], size=len(sigma))
-        self.DeclareVectorOutputPort(
-            name=ports[1],
-            size=len(sigma),
-            calc=self._calc_measured,
-            prerequisites_of_calc={
-                self.all_input_ports_ticket(),
-                self.discrete_state_ticket(state),
-            },
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=period, offset_sec=0.0, update=self._update
-        )
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # The generator depends on the time alone, so that the context holds all state.
-        step = round(context.get_time() / self._period)
+    def draw(self, time: float) -> Vector:
+        """Return the errors from a time on."""
+        step = round(time / self._period)
         generator = np.random.default_rng([*self._stream, step])
         noise = self._sigma * generator.standard_normal(len(self._sigma))
-        discrete_state.set_value(self._offset + noise)
-
-    def _calc_measured(self, context: Context, output: BasicVector) -> None:
-        errors = context.get_discrete_state(0).value()
-        output.SetFromVector(self._sensed.Eval(context) + errors)
+        errors: Vector = self._offset + noise
+        return errors
 
 
-class EncoderErrors(_NoisySensor):
+class EncoderErrors(StageSystem):
     """Turns true joint states into readings of encoders on the motors' side.
 
     .. pydrake_system::
@@ -194,25 +148,40 @@ class EncoderErrors(_NoisySensor):
     def __init__(
         self, size: int, config: JointErrorsConfig, period: float, seed: int, name: str
     ) -> None:
+        super().__init__()
         sigma = config.encoder_noise
         speed_sigma = math.sqrt(2.0) * sigma / config.velocity_window
-        super().__init__(
-            ("state", "state_measured"),
-            np.zeros(2 * size),
-            np.repeat([sigma, speed_sigma], size),
-            period,
-            (seed, name),
+        sigmas = np.repeat([sigma, speed_sigma], size)
+        offset = np.zeros(2 * size)
+        self._n, self._noise = size, _Noise(offset, sigmas, period, (seed, name))
+        self.DeclareStage(
+            inputs={"state": 2 * size},
+            optional={"play": size},
+            outputs={
+                "state_measured": StageOutput(
+                    2 * size, self._measured, reads=("state", "play")
+                )
+            },
+            state=offset,
+            period=period,
         )
-        self._play = self.DeclareVectorInputPort(name="play", size=size)
 
-    def _calc_measured(self, context: Context, output: BasicVector) -> None:
-        super()._calc_measured(context, output)
-        if self._play.HasValue(context):
-            play = self._play.Eval(context)
-            output.get_mutable_value()[: len(play)] += play
+    def update(
+        self, time: float, state: Vector, sensed: Vector, play: Vector | None
+    ) -> Vector:
+        """See `Stage`."""
+        return self._noise.draw(time)
+
+    def _measured(
+        self, time: float, state: Vector, sensed: Vector, play: Vector | None
+    ) -> Vector:
+        measured: Vector = sensed + state
+        if play is not None:
+            measured[: self._n] += play
+        return measured
 
 
-class TorqueErrors(_NoisySensor):
+class TorqueErrors(StageSystem):
     """Turns true joint torques into readings of imperfect torque sensors.
 
     .. pydrake_system::
@@ -235,13 +204,24 @@ class TorqueErrors(_NoisySensor):
     def __init__(
         self, full_scale: Vector, config: ArmErrorsConfig, period: float, seed: int
     ) -> None:
-        super().__init__(
-            ("torque", "torque_measured"),
-            config.torque_offset * full_scale,
-            config.torque_noise * full_scale,
-            period,
-            (seed, "torque"),
+        super().__init__()
+        offset = config.torque_offset * full_scale
+        sigma = config.torque_noise * full_scale
+        self._noise = _Noise(offset, sigma, period, (seed, "torque"))
+        self.DeclareStage(
+            inputs={"torque": len(offset)},
+            outputs={
+                "torque_measured": StageOutput(
+                    len(offset), lambda time, state, torque: torque + state, ("torque",)
+                )
+            },
+            state=offset,
+            period=period,
         )
+
+    def update(self, time: float, state: Vector, torque: Vector) -> Vector:
+        """See `Stage`."""
+        return self._noise.draw(time)
 
 
 def AddLatency(

@@ -3,10 +3,10 @@
 import dataclasses as dc
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
+from pydrake.systems.framework import Context
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.lifetime import LeafSystem
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.types import Vector, positive
 
 # Columns of the discrete state, which has one row per joint.
@@ -64,7 +64,7 @@ def minimum_jerk_coefficients(
     )
 
 
-class MinimumJerkReference(LeafSystem):
+class MinimumJerkReference(StageSystem):
     """Moves n joints to their newest targets with minimum jerk.
 
     .. pydrake_system::
@@ -98,21 +98,12 @@ class MinimumJerkReference(LeafSystem):
         rows[:, _DURATION] = self.config.min_duration
         rows[:, _TARGET] = initial_position
         rows[:, 3] = initial_position
-        state = self.DeclareDiscreteState(rows.flatten())
-        self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
-        self.DeclareVectorOutputPort(
-            name="reference",
-            size=3 * n,
-            calc=self._calc_reference,
-            prerequisites_of_calc={
-                self.time_ticket(),
-                self.discrete_state_ticket(state),
-            },
+        self.DeclareStage(
+            inputs={"position_desired": n},
+            outputs={"reference": StageOutput(3 * n, self._reference, timed=True)},
+            state=rows.flatten(),
+            period=self.config.period,
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=self.config.period, offset_sec=0.0, update=self._update
-        )
-        self.DeclareInitializationDiscreteUpdateEvent(self._initialize)
 
     def SetPosition(self, context: Context, position: Vector) -> None:
         """Put the reference at rest.
@@ -121,39 +112,27 @@ class MinimumJerkReference(LeafSystem):
             context: This system's.
             position: Of the joints, shape (n,) [rad].
         """
-        rows = self._rows(context).copy()
+        rows = self._rows(context.get_discrete_state(0).CopyToVector())
         rows[:, _TARGET] = position
         rows[:, _COEFFICIENTS] = 0.0
         rows[:, 3] = position
         context.SetDiscreteState(rows.flatten())
 
-    def _rows(self, context: Context) -> Vector:
-        value: Vector = context.get_discrete_state(0).value()
-        return value.reshape(self._n, 9)
+    def start(self, time: float, state: Vector, position_desired: Vector) -> Vector:
+        """See `Stage`. A simulation need not start at time zero."""
+        rows = self._rows(state.copy())
+        rows[:, _START] = time
+        return rows.flatten()
 
-    def _initialize(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # A simulation need not start at time zero.
-        rows = self._rows(context).copy()
-        rows[:, _START] = context.get_time()
-        discrete_state.set_value(rows.flatten())
-
-    def _evaluate(self, rows: Vector, time: float) -> Vector:
-        """Return q, v, a, shape (3, n)."""
-        # Joint by joint: for so few joints, floats are faster than arrays.
-        return np.array([_evaluate_joint(row, time) for row in rows.tolist()]).T
-
-    def _calc_reference(self, context: Context, output: BasicVector) -> None:
-        reference = self._evaluate(self._rows(context), context.get_time())
-        output.SetFromVector(reference.flatten())
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        rows = self._rows(context)
-        desired = self._desired.Eval(context)
+    def update(
+        self, time: float, state: Vector, position_desired: Vector
+    ) -> Vector | None:
+        """See `Stage`."""
+        rows, desired = self._rows(state), position_desired
         changed = desired != rows[:, _TARGET]
         if not changed.any():
-            return
-        time = context.get_time()
-        q, v, a = self._evaluate(rows, time)
+            return None
+        q, v, a = _evaluate(rows, time)
         duration = np.maximum(
             self.config.min_duration,
             _PEAK_TO_MEAN_SPEED * np.abs(desired - q) / self.config.max_velocity,
@@ -166,7 +145,19 @@ class MinimumJerkReference(LeafSystem):
                 minimum_jerk_coefficients(q, v, a, desired, duration),
             ]
         )
-        discrete_state.set_value(np.where(changed[:, None], new, rows).flatten())
+        return np.where(changed[:, None], new, rows).flatten()
+
+    def _reference(self, time: float, state: Vector) -> Vector:
+        return _evaluate(self._rows(state), time).flatten()
+
+    def _rows(self, state: Vector) -> Vector:
+        return state.reshape(self._n, 9)
+
+
+def _evaluate(rows: Vector, time: float) -> Vector:
+    """Return q, v, a, shape (3, n)."""
+    # Joint by joint: for so few joints, floats are faster than arrays.
+    return np.array([_evaluate_joint(row, time) for row in rows.tolist()]).T
 
 
 def _evaluate_joint(row: list[float], time: float) -> tuple[float, float, float]:

@@ -3,11 +3,9 @@
 import dataclasses as dc
 import math
 
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
-
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.tendon import TendonDriveConfig
-from drake_srg.lifetime import LeafSystem
-from drake_srg.types import positive
+from drake_srg.types import Vector, positive
 
 
 @dc.dataclass(kw_only=True)
@@ -52,7 +50,7 @@ def motor_load(drive: TendonDriveConfig, pwm: float, speed: float) -> float:
     return drive.full_scale * drive.useful_pwm(pwm) - speed / drive.no_load_speed
 
 
-class MotorTemperature(LeafSystem):
+class MotorTemperature(StageSystem):
     """Computes the motor's temperature: copper loss warms it, air cools it.
 
     .. pydrake_system::
@@ -87,26 +85,19 @@ class MotorTemperature(LeafSystem):
         super().__init__()
         self.config = config or MotorTemperatureConfig()
         self._drive = drive or TendonDriveConfig()
-        state = self.DeclareDiscreteState([self.config.ambient])
-        self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
-        self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
-        self.DeclareVectorOutputPort(
-            name="motor_temperature",
-            size=1,
-            calc=self._calc_temperature,
-            prerequisites_of_calc={self.discrete_state_ticket(state)},
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        self.DeclareStage(
+            inputs={"pwm": 1, "motor_state": 2},
+            outputs={"motor_temperature": StageOutput(1, lambda time, state: state)},
+            state=[self.config.ambient],
+            period=self.config.period,
         )
 
-    def _calc_temperature(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value())
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def update(
+        self, time: float, state: Vector, pwm: Vector, motor_state: Vector
+    ) -> list[float]:
+        """See `Stage`."""
         config = self.config
-        speed = self._motor.Eval(context)[1]
-        load = motor_load(self._drive, self._pwm.Eval(context)[0], speed)
+        load = motor_load(self._drive, pwm[0], motor_state[1])
         # I² R + I U_0 with R = (U - U_0) / I_stall and I = load I_stall
         band = self._drive.dead_band
         loss = load**2 * config.stall_current * config.supply_voltage * (1.0 - band)
@@ -114,5 +105,4 @@ class MotorTemperature(LeafSystem):
         loss += config.idle_power
         final = config.ambient + loss * config.thermal_resistance
         decay = math.exp(-config.period / config.time_constant)
-        temperature = context.get_discrete_state(0)[0]
-        discrete_state.set_value([final + (temperature - final) * decay])
+        return [final + (state[0] - final) * decay]

@@ -2,22 +2,16 @@
 
 import dataclasses as dc
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId, QueryObject
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiagramBuilder,
-    DiscreteValues,
-)
+from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
-from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 
@@ -53,7 +47,7 @@ class ProximityConfig(FingerSensorConfig):
         return AddProximitySensors(builder, plant, gripper, layout, self)
 
 
-class ProximitySensors(LeafSystem):
+class ProximitySensors(StageSystem):
     """Measures signed distances from finger links to whatever is near them.
 
     .. pydrake_system::
@@ -102,26 +96,21 @@ class ProximitySensors(LeafSystem):
         self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
         # Rounding must not narrow the field of view.
         self._least_cosine = math.cos(self.config.half_angle) - 1e-9
-        self.DeclareAbstractInputPort(
-            name="query_object", model_value=AbstractValue.Make(QueryObject())
-        )
-        state = self.DeclareDiscreteState([self.config.range] * len(sensors))
-        for name, calc in (
-            ("proximity", self._calc_proximity),
-            ("triggered", self._calc_triggered),
-        ):
-            self.DeclareVectorOutputPort(
-                name=name,
-                size=len(sensors),
-                calc=calc,
-                prerequisites_of_calc={self.discrete_state_ticket(state)},
-            )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        self.DeclareStage(
+            inputs={"query_object": QueryObject()},
+            outputs={
+                "proximity": StageOutput(len(sensors), lambda time, state: state),
+                "triggered": StageOutput(len(sensors), self._fired),
+            },
+            state=[self.config.range] * len(sensors),
+            period=self.config.period,
         )
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        query: QueryObject = self.get_input_port(0).Eval(context)
+    def update(
+        self, time: float, state: Vector, query_object: Callable[[], QueryObject]
+    ) -> list[float]:
+        """See `Stage`."""
+        query = query_object()
         distances = [self.config.range] * len(self.sensor_names)
         normals: dict[int, Vector] = {}  # of the sensors with something near, in world
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
@@ -140,15 +129,11 @@ class ProximitySensors(LeafSystem):
                 # A touch in a single point can lack a direction (NaN): it counts.
                 if not sign * (normals[i] @ pair.nhat_BA_W) < self._least_cosine:
                     distances[i] = pair.distance
-        discrete_state.set_value(distances)
+        return distances
 
-    def _calc_proximity(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value())
-
-    def _calc_triggered(self, context: Context, output: BasicVector) -> None:
-        distances = context.get_discrete_state(0).value().tolist()
+    def _fired(self, time: float, state: Vector) -> list[float]:
         trigger = self.config.trigger_distance
-        output.SetFromVector([float(distance < trigger) for distance in distances])
+        return [float(distance < trigger) for distance in state.tolist()]
 
 
 def AddProximitySensors(

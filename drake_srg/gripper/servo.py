@@ -20,7 +20,8 @@ from pydrake.math import min as min_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
-from drake_srg.lifetime import collectable, weak
+from drake_srg.common.stages import Stage, StageOutput
+from drake_srg.lifetime import collectable
 from drake_srg.types import positive
 
 LAWS = ("pid", "printed", "literal")
@@ -62,7 +63,7 @@ class GripperServoConfig:
 
 @TemplateSystem.define("GripperServo_")
 def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
-    class Impl(LeafSystem_[T]):
+    class Impl(Stage, LeafSystem_[T]):
         """Controls n positions by PWM, for float, AutoDiffXd and Expression.
 
         .. pydrake_system::
@@ -147,42 +148,43 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             self.config = config
             self._gains = tuple(np.asarray(gain, dtype=float) for gain in gains)
             self._n = n = len(config.kp)
-            # [integral term of the PWM; PWM held]
-            state = self.DeclareDiscreteState(2 * n)
-            self._reference = self.DeclareVectorInputPort(name="reference", size=3 * n)
-            self._measured = self.DeclareVectorInputPort(
-                name="state_measured", size=2 * n
-            )
-            self._target = self.DeclareVectorInputPort(name="position_desired", size=n)
-            self._force_limit = self.DeclareVectorInputPort(name="force_limit", size=1)
-            self._torque = self.DeclareVectorInputPort(name="torque_commanded", size=n)
-            self.DeclareVectorOutputPort(
-                name="pwm",
-                size=n,
-                calc=weak(self._calc_pwm),
-                prerequisites_of_calc={self.discrete_state_ticket(state)},
-            )
-            self.DeclarePeriodicDiscreteUpdateEvent(
-                period_sec=config.period, offset_sec=0.0, update=self._update
+            self.DeclareStage(
+                inputs={
+                    "reference": 3 * n,
+                    "state_measured": 2 * n,
+                    **({"position_desired": n} if config.law == "literal" else {}),
+                },
+                optional={
+                    **({"position_desired": n} if config.law != "literal" else {}),
+                    "force_limit": 1,
+                    "torque_commanded": n,
+                },
+                # [integral term of the PWM; PWM held]
+                outputs={"pwm": StageOutput(n, lambda time, state: state[n:])},
+                state=np.zeros(2 * n),
+                period=config.period,
             )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.config, converter=converter)
 
-        def _calc_pwm(self, context: Any, output: Any) -> None:
-            output.SetFromVector(
-                context.get_discrete_state(0).CopyToVector()[self._n :]
-            )
-
-        def _update(self, context: Any, discrete_state: Any) -> None:
+        def update(
+            self,
+            time: Any,
+            state: Any,
+            reference: Any,
+            state_measured: Any,
+            position_desired: Any,
+            force_limit: Any,
+            torque_commanded: Any,
+        ) -> Any:
+            """See `Stage`."""
             n, config = self._n, self.config
             kp, ki, kd, kff1, kff2 = self._gains
-            reference = self._reference.Eval(context)
             q, v, a = reference[:n], reference[n : 2 * n], reference[2 * n :]
-            measured = self._measured.Eval(context)
-            integral = context.get_discrete_state(0).CopyToVector()[:n]
+            measured, integral = state_measured, state[:n]
             if config.law == "literal":
-                error = self._target.Eval(context) - q
+                error = position_desired - q
             else:
                 error = q - measured[:n]
             pwm = kff1 * v + kff2 * a + kp * error
@@ -191,12 +193,12 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             else:
                 guard = config.printed_law_min_speed**2
                 pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
-            limit = kappa = self._kappa(context)
+            limit = kappa = self._kappa(force_limit)
             saturated = self._clip(pwm, kappa)
             rate = ki * error + (saturated - pwm) / config.tracking_time
             new_integral = integral + config.period * rate * (ki > 0)
-            if self._torque.HasValue(context):
-                torque = self._torque.Eval(context)
+            if torque_commanded is not None:
+                torque = torque_commanded
                 commanded = np.isfinite(torque) if T is float else True
                 compensated = config.current_control * kff1 * measured[n:]
                 current = self._clip(self._clip(torque, kappa) + compensated, 1.0)
@@ -204,7 +206,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 limit = np.where(commanded, 1.0, kappa)
                 new_integral = np.where(commanded, integral, new_integral)
             held = self._in_steps(saturated, limit) if config.pwm_steps else saturated
-            discrete_state.set_value(np.concatenate([new_integral, held]))
+            return np.concatenate([new_integral, held])
 
         def _in_steps(self, pwm: Any, limit: Any) -> Any:
             """Round down to whole steps, and the limit (n or scalar) towards zero."""
@@ -222,13 +224,10 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 return np.minimum(np.maximum(values, -limit), limit)
             return np.array([min_(max_(value, -limit), limit) for value in values])
 
-        def _kappa(self, context: Any) -> Any:
-            if not self._force_limit.HasValue(context):
+        def _kappa(self, force_limit: Any) -> Any:
+            if force_limit is None or (T is float and np.isnan(force_limit[0])):
                 return self.config.force_limit
-            limit = self._force_limit.Eval(context)[0]
-            if T is float and np.isnan(limit):
-                return self.config.force_limit
-            return min_(max_(limit, 0.0), 1.0)
+            return min_(max_(force_limit[0], 0.0), 1.0)
 
     return Impl
 

@@ -1,14 +1,14 @@
 """The target of the spool, from closure or from commands to the motor itself."""
 
 import dataclasses as dc
+import math
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues
 
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.moment_arms import wire_travel
-from drake_srg.lifetime import LeafSystem
-from drake_srg.types import positive
+from drake_srg.types import Vector, positive
 
 
 @dc.dataclass(kw_only=True)
@@ -41,7 +41,7 @@ def spool_angle(
     return float(wire_travel(base, total - base)) / spool_radius
 
 
-class SpoolCommand(LeafSystem):
+class SpoolCommand(StageSystem):
     """Turns closure, or commands to the motor, into a target of the spool.
 
     .. pydrake_system::
@@ -82,56 +82,50 @@ class SpoolCommand(LeafSystem):
         super().__init__()
         self.config = config or SpoolCommandConfig()
         self._spool_radius = spool_radius
-        # Target [rad], holding, torque.
-        state = self.DeclareDiscreteState([0.0, 0.0, np.nan])
-        self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
-        self._motor = self.DeclareVectorInputPort(name="motor_state", size=2)
-        self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
-        self._hold = self.DeclareVectorInputPort(name="hold", size=1)
-        self._position = self.DeclareVectorInputPort(
-            name="motor_position_commanded", size=1
-        )
-        self._torque = self.DeclareVectorInputPort(
-            name="motor_torque_commanded", size=1
-        )
-        for name, calc in (
-            ("angle_desired", self._calc_angle_desired),
-            ("torque_desired", self._calc_torque_desired),
-        ):
-            self.DeclareVectorOutputPort(
-                name=name,
-                size=1,
-                calc=calc,
-                prerequisites_of_calc={self.discrete_state_ticket(state)},
-            )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        self.DeclareStage(
+            inputs={"closure_commanded": 1, "motor_state": 2, "triggered": 4},
+            optional={
+                "hold": 1,
+                "motor_position_commanded": 1,
+                "motor_torque_commanded": 1,
+            },
+            outputs={
+                "angle_desired": StageOutput(1, lambda time, state: state[:1]),
+                "torque_desired": StageOutput(1, lambda time, state: state[2:]),
+            },
+            # Target [rad], holding, torque.
+            state=[0.0, 0.0, np.nan],
+            period=self.config.period,
         )
 
-    def _calc_angle_desired(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(0)[0]
-
-    def _calc_torque_desired(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(0)[2]
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        target, was_holding, torque = context.get_discrete_state(0).value()
-        holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
-        closure = self._closure.Eval(context)[0]
+    def update(
+        self,
+        time: float,
+        state: Vector,
+        closure_commanded: Vector,
+        motor_state: Vector,
+        triggered: Vector,
+        hold: Vector | None,
+        motor_position_commanded: Vector | None,
+        motor_torque_commanded: Vector | None,
+    ) -> list[float]:
+        """See `Stage`."""
+        target, was_holding, torque = state.tolist()
+        holding = hold is not None and hold[0] != 0.0
+        closure, angle = float(closure_commanded[0]), float(motor_state[0])
         position, torque_commanded = (
-            port.Eval(context)[0] if port.HasValue(context) else np.nan
-            for port in (self._position, self._torque)
+            math.nan if command is None else float(command[0])
+            for command in (motor_position_commanded, motor_torque_commanded)
         )
-        angle = self._motor.Eval(context)[0]
-        gripping = self._triggered.Eval(context).any() and not torque <= 0.0
+        gripping = triggered.any() and not torque <= 0.0
         if not holding:
             torque = torque_commanded
-            if np.isfinite(position):
+            if math.isfinite(position):
                 target = position
-            elif np.isfinite(closure):
+            elif math.isfinite(closure):
                 target = spool_angle(closure, self._spool_radius, self.config)
         elif not was_holding and not gripping:
-            target, torque = angle, np.nan
-        if np.isfinite(torque):
+            target, torque = angle, math.nan
+        if math.isfinite(torque):
             target = angle
-        discrete_state.set_value([target, float(holding), torque])
+        return [target, float(holding), torque]

@@ -3,11 +3,13 @@
 import dataclasses as dc
 from typing import Any
 
+import numpy as np
 from pydrake.math import max as max_
 from pydrake.systems.framework import LeafSystem_
 from pydrake.systems.scalar_conversion import TemplateSystem
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.stages import Stage, StageOutput
 from drake_srg.gripper.friction import DriveFrictionConfig, passed_on, slid, slowed
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,
@@ -15,7 +17,7 @@ from drake_srg.gripper.moment_arms import (
     wire_travel,
 )
 from drake_srg.gripper.underactuation import FINGERS
-from drake_srg.lifetime import collectable, weak
+from drake_srg.lifetime import collectable
 from drake_srg.types import positive
 
 
@@ -124,7 +126,7 @@ class TendonDriveConfig:
 
 @TemplateSystem.define("TendonDrive_")
 def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
-    class Impl(LeafSystem_[T]):
+    class Impl(Stage, LeafSystem_[T]):
         """Turns PWM into four joint torques by motor, spool, wires and springs.
 
         .. pydrake_system::
@@ -177,35 +179,34 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             collectable(self)
             self.config = config
             self._period = period
-            state = self.DeclareDiscreteState(2)  # spool angle and speed
-            if config.friction.wire:
-                self.DeclareDiscreteState(2)  # friction of the wires, -1 .. 1
-            self._pwm = self.DeclareVectorInputPort(name="pwm", size=1)
-            self._fingers = self.DeclareVectorInputPort(name="state_measured", size=8)
-            motor, fingers = self.discrete_state_ticket(state), self._fingers.ticket()
-            moving = {self.xd_ticket(), fingers}
-            for name, size, calc, prerequisites in (
-                ("joint_torque", 4, self._calc_joint_torque, moving),
-                ("motor_state", 2, self._calc_motor_state, {motor}),
-                ("wire_force", 2, self._calc_wire_force, {motor, fingers}),
-            ):
-                self.DeclareVectorOutputPort(
-                    name=name,
-                    size=size,
-                    calc=weak(calc),
-                    prerequisites_of_calc=prerequisites,
-                )
-            self.DeclarePeriodicDiscreteUpdateEvent(
-                period_sec=period, offset_sec=0.0, update=self._update
+            slides = bool(config.friction.wire)
+            moving = ("state_measured",)
+            self.DeclareStage(
+                inputs={"pwm": 1, "state_measured": 8},
+                outputs={
+                    "joint_torque": StageOutput(4, self._joint_torque, moving),
+                    "motor_state": StageOutput(2, lambda time, state: state[:2]),
+                    "wire_force": StageOutput(2, self._wire_force, moving),
+                },
+                # Spool angle and speed, and the friction of each wire, -1 .. 1.
+                state=np.zeros(4 if slides else 2),
+                period=period,
             )
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             Impl._construct(self, other.config, other._period, converter=converter)
 
-        def _wires(self, context: Any, state: list[Any]) -> list[tuple[Any, Any, Any]]:
-            """Return the force of each wire, and its moment arms at base and tip."""
+        def _wires(
+            self, angle: Any, speed: Any, state: list[Any]
+        ) -> list[tuple[Any, Any, Any]]:
+            """Return the force of each wire, and its moment arms at base and tip.
+
+            Args:
+                angle: Of the spool [rad].
+                speed: Of the spool [rad/s].
+                state: Of the joints, [q; v].
+            """
             config = self.config
-            angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
             wires = []
             for base, tip in FINGERS:
                 base_arm = base_moment_arm(state[base])
@@ -223,16 +224,12 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                 wires.append((force, base_arm, tip_arm))
             return wires
 
-        def _wire_forces(self, context: Any, state: list[Any]) -> list[Any]:
-            return [force for force, *_ in self._wires(context, state)]
-
-        def _calc_joint_torque(self, context: Any, output: Any) -> None:
-            config = self.config
-            state = self._fingers.Eval(context).tolist()
+        def _joint_torque(self, time: Any, drive: Any, state_measured: Any) -> Any:
+            config, state = self.config, state_measured.tolist()
             torques: list[Any] = [0.0] * 4
-            wires = self._wires(context, state)
-            if config.friction.wire:
-                stuck = context.get_discrete_state(1).CopyToVector()
+            angle, speed, *stuck = drive.tolist()
+            wires = self._wires(angle, speed, state)
+            if stuck:
                 wires = [
                     (force * passed_on(s, config.friction.wire), *arms)
                     for s, (force, *arms) in zip(stuck, wires, strict=True)
@@ -246,38 +243,34 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                 ):
                     back = spring.preload + spring.stiffness * state[joint]
                     torques[joint] = force * arm - back
-            output.SetFromVector(torques)
+            return torques
 
-        def _calc_motor_state(self, context: Any, output: Any) -> None:
-            output.SetFromVector(context.get_discrete_state(0).CopyToVector())
+        def _wire_force(self, time: Any, drive: Any, state_measured: Any) -> Any:
+            wires = self._wires(drive[0], drive[1], state_measured.tolist())
+            return [force for force, *_ in wires]
 
-        def _calc_wire_force(self, context: Any, output: Any) -> None:
-            state = self._fingers.Eval(context).tolist()
-            output.SetFromVector(self._wire_forces(context, state))
-
-        def _update(self, context: Any, discrete_state: Any) -> None:
+        def update(self, time: Any, drive: Any, pwm: Any, state_measured: Any) -> Any:
+            """See `Stage`."""
             config, dt = self.config, self._period
-            angle, speed = context.get_discrete_state(0).CopyToVector().tolist()
-            state = self._fingers.Eval(context).tolist()
-            load = config.spool_radius * sum(self._wire_forces(context, state))
-            drive = config.full_torque * config.useful_pwm(self._pwm.Eval(context)[0])
+            state = state_measured.tolist()
+            angle, speed, *stuck = drive.tolist()
+            wires = self._wires(angle, speed, state)
+            load = config.spool_radius * sum(force for force, *_ in wires)
+            torque = config.full_torque * config.useful_pwm(pwm[0])
             inertia, damping = config.reflected_inertia, config.motor_damping
             friction = config.friction
             damping += friction.gear_damping
-            speed = (inertia * speed + dt * (drive - load)) / (inertia + dt * damping)
+            speed = (inertia * speed + dt * (torque - load)) / (inertia + dt * damping)
             if friction.gear or friction.gear_load:
                 most = dt * friction.of_gears(load) / (inertia + dt * damping)
                 speed = slowed(speed, most)
-            discrete_state.set_value(0, [angle + dt * speed, speed])
-            if friction.wire:
-                stuck = context.get_discrete_state(1).CopyToVector()
-                discrete_state.set_value(1, self._slide(stuck, state))
+            return [angle + dt * speed, speed, *self._slide(stuck, state)]
 
         def _slide(self, stuck: Any, state: list[Any]) -> list[Any]:
             """Return the friction state of each wire after a step."""
             config = self.config.friction
             result = []
-            for s, (base, tip) in zip(stuck, FINGERS, strict=True):
+            for s, (base, tip) in zip(stuck, FINGERS, strict=False):
                 rate = base_moment_arm(state[base]) * state[4 + base]
                 rate += tip_moment_arm(state[tip]) * state[4 + tip]
                 travel = self._period * rate

@@ -1,20 +1,20 @@
 """Force sensors in the finger links, which read the plant's contacts."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from pydrake.common.value import AbstractValue
 from pydrake.geometry import GeometryId
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.contacts import each_contact
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
-from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
 
@@ -37,7 +37,7 @@ class TouchConfig(FingerSensorConfig):
         return AddContactForceSensors(builder, plant, gripper, layout, self)
 
 
-class ContactForceSensors(LeafSystem):
+class ContactForceSensors(StageSystem):
     """Measures the contact forces on each finger link.
 
     .. pydrake_system::
@@ -80,30 +80,29 @@ class ContactForceSensors(LeafSystem):
         self._sensor_of_geometry = {
             g.get_value(): i for i, (_, gs) in enumerate(links.values()) for g in gs
         }
-        self._contacts = self.DeclareAbstractInputPort(
-            name="contact_results", model_value=AbstractValue.Make(ContactResults())
+        inputs = {"contact_results": ContactResults(), "body_poses": [RigidTransform()]}
+        reads = tuple(inputs)
+        self.DeclareStage(
+            inputs=inputs,
+            outputs={
+                name: StageOutput(size * len(links), calc, reads)
+                for name, size, calc in (
+                    ("contact_force", 1, self._forces),
+                    ("contact_wrench", 6, self._flat_wrenches),
+                    ("triggered", 1, self._fired),
+                )
+            },
         )
-        self._poses = self.DeclareAbstractInputPort(
-            name="body_poses", model_value=AbstractValue.Make([RigidTransform()])
-        )
-        for name, size, calc in (
-            ("contact_force", 1, self._calc_contact_force),
-            ("contact_wrench", 6, self._calc_contact_wrench),
-            ("triggered", 1, self._calc_triggered),
-        ):
-            self.DeclareVectorOutputPort(
-                name=name,
-                size=size * len(links),
-                calc=calc,
-                prerequisites_of_calc={self._contacts.ticket(), self._poses.ticket()},
-            )
 
-    def _wrenches(self, context: Context) -> Vector:
+    def _wrenches(
+        self,
+        contact_results: Callable[[], ContactResults],
+        body_poses: Callable[[], list[RigidTransform]],
+    ) -> Vector:
         """Return [torque; force] on each link at its origin, in its frame, (m, 6)."""
-        contacts: ContactResults = self._contacts.Eval(context)
         wrenches = np.zeros((len(self._bodies), 6))
         applied: list[tuple[int, Vector, Vector, Vector]] = []
-        for contact in each_contact(contacts):
+        for contact in each_contact(contact_results()):
             sides = [
                 (self._sensor_of_geometry.get(contact.id_A), 1.0),
                 (self._sensor_of_geometry.get(contact.id_B), -1.0),
@@ -118,7 +117,7 @@ class ContactForceSensors(LeafSystem):
                         (sensor, contact.p_WC(), sign * torque, sign * force)
                     )
         if applied:
-            poses = self._poses.Eval(context)
+            poses = body_poses()
             for sensor, p_WC, torque, force in applied:
                 X_WL = poses[self._bodies[sensor]]
                 R_LW = X_WL.rotation().matrix().T
@@ -126,19 +125,16 @@ class ContactForceSensors(LeafSystem):
                 wrenches[sensor] += np.concatenate([R_LW @ moment, R_LW @ force])
         return wrenches
 
-    def _forces(self, context: Context) -> Vector:
+    def _forces(self, time: float, state: Vector, *seen: Any) -> Vector:
         # Pressure on the closing side pushes outwards.
-        return np.maximum(-self._wrenches(context)[:, 3:] @ INWARD, 0.0)
+        return np.maximum(-self._wrenches(*seen)[:, 3:] @ INWARD, 0.0)
 
-    def _calc_contact_force(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._forces(context))
+    def _flat_wrenches(self, time: float, state: Vector, *seen: Any) -> Vector:
+        return self._wrenches(*seen).flatten()
 
-    def _calc_contact_wrench(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._wrenches(context).flatten())
-
-    def _calc_triggered(self, context: Context, output: BasicVector) -> None:
-        fired = self._forces(context) >= self.config.trigger_force
-        output.SetFromVector(fired.astype(float))
+    def _fired(self, time: float, state: Vector, *seen: Any) -> Vector:
+        fired = self._forces(time, state, *seen) >= self.config.trigger_force
+        return fired.astype(float)
 
 
 def AddContactForceSensors(

@@ -4,15 +4,9 @@ import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.systems.framework import (
-    BasicVector,
-    Context,
-    DiscreteValues,
-    InputPort,
-)
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.lifetime import LeafSystem
+from drake_srg.common.stages import StageOutput, StageSystem
 from drake_srg.types import Vector, positive
 
 # Order of the SRG's joints and sensors, here and at every port. A finger is a pair of
@@ -87,7 +81,7 @@ def finger_targets(
     return base + share, tip + share
 
 
-class UnderactuationLogic(LeafSystem):
+class UnderactuationLogic(StageSystem):
     """Turns one closure command into the targets of the four finger joints.
 
     .. pydrake_system::
@@ -128,44 +122,42 @@ class UnderactuationLogic(LeafSystem):
         self._limits = np.array(
             2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
         )
-        # [Algorithm 1's targets (4), desired (4), last closure, opening, holding,
-        # whether the bases' sensors fired (2), number of messages evaluated]
-        state = self.DeclareDiscreteState(14)
-        self._closure = self.DeclareVectorInputPort(name="closure_commanded", size=1)
-        self._measured = self.DeclareVectorInputPort(name="state_measured", size=8)
-        self._triggered = self.DeclareVectorInputPort(name="triggered", size=4)
-        self._override = self.DeclareVectorInputPort(
-            name="joint_position_commanded", size=4
-        )
-        self._hold = self.DeclareVectorInputPort(name="hold", size=1)
-        self._messages: InputPort | None = None
-        if self.config.evaluate == "per_message":
-            self._messages = self.DeclareVectorInputPort(
-                name="closure_messages", size=1
-            )
-        self.DeclareVectorOutputPort(
-            name="position_desired",
-            size=4,
-            calc=self._calc_position_desired,
-            prerequisites_of_calc={self.discrete_state_ticket(state)},
-        )
-        self.DeclarePeriodicDiscreteUpdateEvent(
-            period_sec=self.config.period, offset_sec=0.0, update=self._update
+        counted = self.config.evaluate == "per_message"
+        self.DeclareStage(
+            inputs={"closure_commanded": 1, "state_measured": 8, "triggered": 4},
+            optional={
+                "joint_position_commanded": 4,
+                "hold": 1,
+                **({"closure_messages": 1} if counted else {}),
+            },
+            outputs={
+                "position_desired": StageOutput(4, lambda time, state: state[4:8])
+            },
+            # [Algorithm 1's targets (4), desired (4), last closure, opening, holding,
+            # whether the bases' sensors fired (2), number of messages evaluated]
+            state=[0.0] * 14,
+            period=self.config.period,
         )
 
-    def _calc_position_desired(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(0).value()[4:8])
-
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        state = context.get_discrete_state(0).value()
+    def update(
+        self,
+        time: float,
+        state: Vector,
+        closure_commanded: Vector,
+        state_measured: Vector,
+        triggered: Vector,
+        joint_position_commanded: Vector | None,
+        hold: Vector | None,
+        closure_messages: Vector | None = None,
+    ) -> Vector:
+        """See `Stage`."""
         targets, desired = state[:4], state[4:8]
         last_closure, opening, was_holding = state[8], bool(state[9]), bool(state[10])
         fired_before, evaluated = state[11:13] != 0.0, state[13]
-        messages = self._num_messages(context)
-        q = self._measured.Eval(context)[:4]
-        fired = self._triggered.Eval(context) != 0.0
-        holding = self._hold.HasValue(context) and self._hold.Eval(context)[0] != 0.0
-        closure = self._closure.Eval(context)[0]
+        messages = self._num_messages(closure_messages)
+        q, fired = state_measured[:4], triggered != 0.0
+        holding = hold is not None and hold[0] != 0.0
+        closure = closure_commanded[0]
         if np.isfinite(closure):
             closure = min(max(closure, 0.0), 1.0)
             if closure != last_closure:
@@ -176,29 +168,29 @@ class UnderactuationLogic(LeafSystem):
             if not was_holding:
                 desired = _hold_targets(desired, q, fired)
         else:
-            if self._messages is None or messages != evaluated:
+            if messages is None or messages != evaluated:
                 if self.config.base == "freeze" and not opening:
                     targets = self._frozen(targets, q, fired[:2], fired_before)
-                fired_before, evaluated = fired[:2], messages
+                fired_before, evaluated = fired[:2], messages or 0.0
                 targets = self._algorithm(closure, opening, q, fired, targets)
-            desired = targets
-            if self._override.HasValue(context):
-                override = self._override.Eval(context)
+            desired, override = targets, joint_position_commanded
+            if override is not None:
                 desired = np.where(np.isfinite(override), override, targets)
             desired = np.minimum(desired, self._limits)
         flags = [closure, float(opening), float(holding), *fired_before, evaluated]
-        discrete_state.set_value(np.concatenate([targets, desired, flags]))
+        return np.concatenate([targets, desired, flags])
 
-    def _num_messages(self, context: Context) -> float:
-        if self._messages is None:
-            return 0.0
-        if not self._messages.HasValue(context):
+    def _num_messages(self, messages: Vector | None) -> float | None:
+        """Return the number of messages; None if their number does not matter."""
+        if self.config.evaluate != "per_message":
+            return None
+        if messages is None:
             raise RuntimeError(
                 "gripper.underactuation.evaluate: per_message needs a count of "
                 "messages at the input port closure_messages (allowed without it: "
                 "periodic)"
             )
-        return float(self._messages.Eval(context)[0])
+        return float(messages[0])
 
     def _frozen(
         self, targets: Vector, q: Vector, fired: Vector, fired_before: Vector

@@ -156,12 +156,14 @@ def test_list_names_and_describes_the_scenarios(capsys):
 
 
 @pytest.mark.slow
-def test_diagram_writes_graphviz(tmp_path, capsys):
-    path = tmp_path / "kitchen.dot"
-    assert main(["diagram", "kitchen", "-o", str(path)]) == 0
+@pytest.mark.parametrize("scenario", ["kitchen", "kitchen_fast"])
+def test_diagram_writes_graphviz(scenario, tmp_path, capsys):
+    path = tmp_path / "cell.dot"
+    assert main(["diagram", scenario, "-o", str(path)]) == 0
     text = path.read_text()
     assert text.startswith("digraph")
-    for system in ("planner", "localizer", "gripper_driver"):
+    # A fused driver shows its stages.
+    for system in ("planner", "localizer", "gripper_driver", "underactuation_logic"):
         assert system in text
 
 

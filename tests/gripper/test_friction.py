@@ -50,9 +50,15 @@ def make(friction, *, angle=0.5, pwm=0.0, v=(0, 0, 0, 0), **changes):
     config = TendonDriveConfig(friction=friction, **changes)
     drive = TendonDrive(config, PERIOD)
     context = drive.CreateDefaultContext()
-    context.SetDiscreteState(0, [angle, 0.0])
+    place(context, angle)
     fix(drive, context, pwm=pwm, state_measured=[0, 0, 0, 0, *v])
     return drive, context
+
+
+def place(context, angle):
+    """Put the spool at rest, and leave the friction of the wires."""
+    state = context.get_discrete_state_vector().CopyToVector()
+    context.SetDiscreteState([angle, 0.0, *state[2:]])
 
 
 def settle(drive, context, duration=3.0):
@@ -87,7 +93,7 @@ def test_the_fingers_get_less_while_the_wire_winds_in_and_more_while_it_pays_out
         drive, context = make(friction, v=(speed,) * 4, wire_damping=0.0)
         for _ in range(50):  # 0.6 mm of travel
             update(drive, context)
-        context.SetDiscreteState(0, [0.5, 0.0])
+        place(context, 0.5)
         torques.append(read(drive, context, "joint_torque")[0])
     spring = TendonDriveConfig().base_spring.preload
     ratios = (np.array(torques) + spring) / (torques[1] + spring)
