@@ -18,7 +18,6 @@ from pydrake.common.schema import (
     UniformDiscrete,
     UniformVectorX,
 )
-from pydrake.common.yaml import yaml_dump, yaml_load_typed
 
 from drake_srg.scenario.yaml_tree import fail, join, names
 from drake_srg.scenario.yaml_typed import check_tree
@@ -95,14 +94,16 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
     try:
         if set(given) != fields:
             raise ValueError
-        for value in given.values():
-            check_tree(value, float if not isinstance(value, list) else list[float], "")
-            if not np.all(np.isfinite(np.array(value, dtype=float))):
+        drawn = cls()
+        for field, value in given.items():
+            kind = list[float] if isinstance(value, list) else float
+            number = check_tree(value, kind, "")
+            if not np.all(np.isfinite(number)):
                 raise ValueError
-        drawn = yaml_load_typed(schema=cls, data=yaml_dump(given))
-        if "min" in given and np.any(np.array(given["min"]) > np.array(given["max"])):
-            raise ValueError
-        if "stddev" in given and np.any(np.array(given["stddev"], dtype=float) < 0.0):
+            if field == "stddev" and np.min(number) < 0.0:
+                raise ValueError
+            setattr(drawn, field, number)
+        if "min" in given and np.any(drawn.min > drawn.max):
             raise ValueError
         return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
     except Exception:

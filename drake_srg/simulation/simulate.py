@@ -112,7 +112,7 @@ def Simulate(
         if out is not None:
             _remove_earlier(out)
             page.folder = out
-        _warm_up(simulator, cell)
+        _warm_up(simulator, cell, built)
         replayed = recorded or kept is not None
         samples = Samples(name, scenario, diagram, cell, replayed)
         with _written_on_error(lambda: samples.write(out)):
@@ -203,12 +203,14 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     return dc.replace(scenario, cameras=seen)
 
 
-def _warm_up(simulator: Simulator, cell: Diagram) -> None:
-    """Let cameras and localizer set themselves up, so that no run includes the time."""
+def _warm_up(simulator: Simulator, cell: Diagram, scenario: Scenario) -> None:
+    """Let the cameras set themselves up, so that no run includes the time."""
     root = simulator.get_mutable_context()
-    for name in ("localizer.blobs", "height_mapper.height_map"):
-        if cell.HasOutputPort(name):
-            cell.GetOutputPort(name).Eval(my_context(cell, root))
+    for camera in scenario.localizer.cameras:
+        for image in ("color_image", "depth_image"):
+            name = f"camera_{camera}.{image}"
+            if cell.HasOutputPort(name):
+                cell.GetOutputPort(name).Eval(my_context(cell, root))
     root.SetTime(root.get_time())  # so that the first image of the run is rendered anew
 
 

@@ -19,7 +19,6 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.contact import AddContact, facet_length
 from drake_srg.objects.meshes.cache import cached_folder
 from drake_srg.objects.meshes.contents import Contents, Geometry, MeshFile
-from drake_srg.objects.meshes.convert import MODEL, convert, read_report
 from drake_srg.objects.meshes.xml_file import read_link, read_xml
 from drake_srg.objects.sdf import DRAKE
 from drake_srg.parsing import resolve_url
@@ -82,6 +81,9 @@ def import_model(path: Path, scale: float, pieces: int, *, quiet: bool = False) 
         ScenarioError: If the file cannot be read or is broken.
         ImportError: If packages of the extra `import` are missing.
     """
+    # Here, because SciPy takes long to import and few scenarios have such models.
+    from drake_srg.objects.meshes.convert import convert, read_report
+
     if path.suffix.lower() in _XML:
         if scale != 1.0:
             raise ScenarioError(f"{path}: scale: must be 1, got {scale} (only meshes)")
@@ -109,6 +111,8 @@ def _tree(path: Path, _changed: int, scale: float, pieces: int) -> ET.Element:
         if scale == 1.0 and _is_convex(root):
             return _completed(root, path.parent)
     folder = import_model(path, scale, pieces)
+    from drake_srg.objects.meshes.convert import MODEL  # see `import_model`
+
     return _completed(read_xml(folder / MODEL, []), folder)
 
 
