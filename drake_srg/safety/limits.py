@@ -10,11 +10,11 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
+from drake_srg.common.safety_states import StopReason
 from drake_srg.safety.config import SafetyConfig
-from drake_srg.safety.states import StopReason
 from drake_srg.types import Vector
 
-# Planned motions use all of a joint's speed. This much more is a rounding error.
+# Planned motions use all of a limit. This much more is a rounding error.
 _TOLERANCE = 1e-3
 # Measured speeds overshoot commanded ones.
 _MEASURED_SPEED = 1.2
@@ -98,8 +98,8 @@ class JointLimits:
             lower,
             upper,
             (1.0 + _TOLERANCE) * period * speed,
-            period**2 * acceleration,
-            period**2 * stop,
+            (1.0 + _TOLERANCE) * period**2 * acceleration,
+            (1.0 + _TOLERANCE) * period**2 * stop,
         )
 
     def fault(

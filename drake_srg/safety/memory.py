@@ -7,9 +7,14 @@ import math
 
 import numpy as np
 
+from drake_srg.common.safety_states import (
+    SafetyState,
+    StopReason,
+    safety_state,
+    state_indices,
+)
 from drake_srg.safety.limits import Command
 from drake_srg.safety.path import Path
-from drake_srg.safety.states import REASONS, STATES, SafetyState, StopReason
 from drake_srg.types import Vector
 
 
@@ -49,7 +54,7 @@ class Memory:
     @property
     def indices(self) -> list[float]:
         """The indices of state and reason."""
-        return [float(STATES.index(self.state)), float(REASONS.index(self.reason))]
+        return state_indices(self.state, self.reason)
 
     def flat(self) -> Vector:
         """Return everything but `path.ahead` as one vector."""
@@ -90,8 +95,7 @@ class Memory:
         return cls(
             Path(q, step, ahead[: rows * n].reshape(rows, n).copy(), head[7], tangent),
             Command(commanded, command_step, flat[9 + 5 * n :]),
-            STATES[int(head[0])],
-            REASONS[int(head[1])],
+            *safety_state(flat),
             head[2],
             head[3],
             head[4],

@@ -15,17 +15,13 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
+from drake_srg.common.safety_states import SafetyState, StopReason
 from drake_srg.lifetime import LeafSystem, weak
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.safety.limits import Command, JointLimits, ToolLimits, check_command
 from drake_srg.safety.memory import Memory
 from drake_srg.safety.path import Path
-from drake_srg.safety.states import (
-    Observation,
-    SafetyState,
-    StopReason,
-    transition,
-)
+from drake_srg.safety.states import Observation, transition
 from drake_srg.safety.touch import TouchLimits
 from drake_srg.types import Vector
 
@@ -111,7 +107,7 @@ class SafetyMonitor(LeafSystem):
         self._override = declare("speed_override", 1)
         self._heartbeat = declare("heartbeat", 1)
         # Computed once for the driver, which reads the output, and for the update.
-        self._next = self.DeclareCacheEntry(
+        entry = self.DeclareCacheEntry(
             description="next",
             value_producer=ValueProducer(
                 allocate=lambda: AbstractValue.Make(object()),
@@ -123,6 +119,8 @@ class SafetyMonitor(LeafSystem):
                 self.time_ticket(),
             },
         )
+        # Its index, because a wrapper of the entry would keep the system alive forever.
+        self._next = entry.cache_index()
         for name, size, calc in (
             ("position_allowed", n, self._calc_position),
             ("state", 2, self._calc_state),
@@ -132,7 +130,7 @@ class SafetyMonitor(LeafSystem):
                 name=name,
                 size=size,
                 calc=calc,
-                prerequisites_of_calc={self._next.ticket()},
+                prerequisites_of_calc={entry.ticket()},
             )
         self.DeclarePeriodicDiscreteUpdateEvent(
             period_sec=period, offset_sec=0.0, update=self._update
@@ -157,7 +155,8 @@ class SafetyMonitor(LeafSystem):
         discrete_state.get_mutable_value(int(self._ahead))[: len(ahead)] = ahead
 
     def _known(self, context: Context) -> Memory:
-        memory: Memory = self._next.EvalAbstract(context).get_value()
+        entry = self.get_cache_entry(self._next)
+        memory: Memory = entry.EvalAbstract(context).get_value()
         return memory
 
     def _memory(self, context: Context) -> Memory:

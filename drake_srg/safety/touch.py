@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 
+from drake_srg.common.safety_states import StopReason
 from drake_srg.safety.config import SafetyConfig
-from drake_srg.safety.states import StopReason
 from drake_srg.safety.tool import Tool
 from drake_srg.types import Vector
 
