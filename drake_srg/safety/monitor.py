@@ -25,6 +25,8 @@ from drake_srg.safety.states import Observation, transition
 from drake_srg.safety.touch import TouchLimits
 from drake_srg.types import Vector
 
+_STOPS = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
+
 
 class SafetyMonitor(LeafSystem):
     """Passes commands on as long as they and the arm stay within limits.
@@ -42,6 +44,7 @@ class SafetyMonitor(LeafSystem):
         - heartbeat (optional)
         output_ports:
         - position_allowed
+        - position_held
         - state
         - speed_scale
 
@@ -52,9 +55,10 @@ class SafetyMonitor(LeafSystem):
     configuration's; `heartbeat` (1), the time at which the newest message arrived [s],
     NaN before the first.
 
-    Outputs: `position_allowed` (N) [rad or m], for the arm's driver; `state` (2), the
-    indices into `STATES` and `REASONS`; `speed_scale` (1), the speed along the path as
-    a share of the commanded one, 0 .. 1.
+    Outputs: `position_allowed` (N) [rad or m], for the arm's driver; `position_held`
+    (N), the same while the arm rests in a stop, otherwise NaN; `state` (2), the indices
+    into `STATES` and `REASONS`; `speed_scale` (1), the speed along the path as a share
+    of the commanded one, 0 .. 1.
 
     While nothing is wrong, each command passes at once and unchanged. Any violation
     brakes the arm along the path of the commands, as hard as the limits allow
@@ -123,6 +127,7 @@ class SafetyMonitor(LeafSystem):
         self._next = entry.cache_index()
         for name, size, calc in (
             ("position_allowed", n, self._calc_position),
+            ("position_held", n, self._calc_held),
             ("state", 2, self._calc_state),
             ("speed_scale", 1, self._calc_speed_scale),
         ):
@@ -141,6 +146,11 @@ class SafetyMonitor(LeafSystem):
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._known(context).path.q)
+
+    def _calc_held(self, context: Context, output: BasicVector) -> None:
+        memory = self._known(context)
+        stopped = memory.state in _STOPS
+        output.SetFromVector(memory.path.q if stopped else np.full(self._n, np.nan))
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._known(context).indices)

@@ -57,6 +57,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - arm.torque_measured (with an arm)
         - arm.external_torque (with limits of it in planner or safety)
         - arm.position_allowed (with safety)
+        - arm.position_held (with safety)
         - safety.state (with safety)
         - safety.speed_scale (with safety)
         - gripper.state_measured (with a gripper)
@@ -213,6 +214,8 @@ def _AddSafety(
     builder.ExportOutput(allowed, "arm.position_allowed")
     for name in _SAFETY_INPUTS:
         builder.ExportInput(monitor.GetInputPort(name), f"safety.{name}")
+    held = monitor.GetOutputPort("position_held")
+    builder.ExportOutput(held, "arm.position_held")
     for name in ("state", "speed_scale"):
         builder.ExportOutput(monitor.GetOutputPort(name), f"safety.{name}")
     return monitor

@@ -50,7 +50,7 @@ def test_ports():
             "speed_override": 1,
             "heartbeat": 1,
         },
-        {"position_allowed": 2, "state": 2, "speed_scale": 1},
+        {"position_allowed": 2, "position_held": 2, "state": 2, "speed_scale": 1},
     )
 
 
@@ -82,7 +82,7 @@ CONDITIONS = {
         StopReason.MEASURED_NOT_FINITE,
     ),
     "not there": (
-        {"state_measured": MEASURED + np.array([0.2, 0.0, 0.0, 0.0])},
+        {"state_measured": MEASURED + np.array([0.3, 0.0, 0.0, 0.0])},
         StopReason.FOLLOWING_ERROR,
     ),
     "too fast": (
