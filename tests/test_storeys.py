@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "drake_srg"
 STOREYS = [
     {"types", "lifetime", "parsing"},
     {"common"},
-    {"arm", "gripper", "vision", "planning", "objects", "recording"},
+    {"arm", "gripper", "vision", "planning", "objects", "recording", "safety"},
     {"scenario"},
     {"station", "replay"},
     {"cell", "export"},

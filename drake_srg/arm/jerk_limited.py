@@ -45,15 +45,18 @@ class JerkLimitedReference(LeafSystem):
         name: JerkLimitedReference
         input_ports:
         - position_desired (optional)
+        - position_held (optional)
         output_ports:
         - position_commanded
 
     Every `period`, the system reads the targets from `position_desired` (N) [rad or m],
     which may change at any time. An entry that is not finite leaves its joint's target
-    unchanged. Each joint moves on its own, from its present position, velocity and
-    acceleration to rest at its target, in the least time that the limits allow (Ruckig:
-    Berscheid and Kröger, RSS 2021). `position_commanded` (N) is updated every `period`:
-    from the targets at a time follows the position one period later.
+    unchanged. While the first entry of `position_held` (N) is finite, the joints rest
+    there and targets are ignored. Otherwise, each joint moves on its own, from its
+    present position, velocity and acceleration to rest at its target, in the least time
+    that the limits allow (Ruckig: Berscheid and Kröger, RSS 2021). `position_commanded`
+    (N) is updated every `period`: from the targets at a time follows the position one
+    period later.
 
     Args:
         home: Where the joints are, and stay without targets, shape (N,) [rad or m].
@@ -80,6 +83,7 @@ class JerkLimitedReference(LeafSystem):
         rows[[_POSITION, _TARGET]] = home
         state = self.DeclareDiscreteState(rows.flatten())
         self._desired = self.DeclareVectorInputPort(name="position_desired", size=n)
+        self._held = self.DeclareVectorInputPort(name="position_held", size=n)
         self.DeclareVectorOutputPort(
             name="position_commanded",
             size=n,
@@ -100,6 +104,12 @@ class JerkLimitedReference(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         rows = self._rows(context)
         position, velocity, acceleration, target = rows
+        if self._held.HasValue(context):
+            held = self._held.Eval(context)
+            if np.isfinite(held[0]):
+                nothing = np.zeros(self._n)
+                discrete_state.set_value(np.concatenate([held, nothing, nothing, held]))
+                return
         moving = rows[[_VELOCITY, _ACCELERATION]].any()
         if self._desired.HasValue(context):
             desired = self._desired.Eval(context)

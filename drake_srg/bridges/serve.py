@@ -20,6 +20,7 @@ from drake_srg.bridges.commands import CommandInbox, Warnings, station_topics
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
+from drake_srg.bridges.safety_commands import SafetyGate, safety_topics
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
@@ -111,9 +112,9 @@ def Serve(
                 recording = stack.enter_context(bag).path
             joints = () if scenario.gripper is None else scenario.gripper.joint_names
             plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
-            inbox = CommandInbox(
-                station_topics(plant, input_ports(station), joints), warnings
-            )
+            inputs = input_ports(station)
+            commands = station_topics(plant, inputs, joints) + safety_topics(inputs)
+            inbox = CommandInbox(commands, warnings)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
             simulator = Simulator(root)
@@ -201,6 +202,7 @@ class _Loop:
         self._station = station
         self._context = my_context(station, self._root)
         self._ports = output_ports(station)
+        self._gate = SafetyGate(station, inbox.warnings)
         # The integrator of a continuous plant chooses its own steps: there, a control
         # period counts as one.
         self._plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
@@ -214,7 +216,7 @@ class _Loop:
         the commands. The remaining steps of the control period take real time, for
         which clients would otherwise wait.
         """
-        for name, value in self.inbox.take().items():
+        for name, value in self._gate.admit(self.inbox.take(), self._context).items():
             self._station.GetInputPort(name).FixValue(self._context, value)
         time = min(self._root.get_time() + self._plant_step, until)
         self._advance_to(time)

@@ -9,7 +9,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
 from drake_srg.arm.drivers import AddJerkLimits
-from drake_srg.common.ports import export_outputs, input_ports
+from drake_srg.common.ports import export_outputs, input_ports, output_ports
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation
 
@@ -29,7 +29,8 @@ def MakeServedStation(scenario: Scenario) -> Diagram:
         - gripper.closure_commanded
 
     `arm.position_desired` (N) [rad or m] reaches the arm through a
-    `JerkLimitedReference` that starts at the arm's home position. The subsystem
+    `JerkLimitedReference` that starts at the arm's home position, and again wherever a
+    safety monitor has stopped the arm. The subsystem
     `station` is the station without cameras; `MakeRemoteCameras` renders its plant's
     state in another process.
 
@@ -61,7 +62,14 @@ def AddServedStation(
         commanded = inputs.pop("arm.position_commanded")
         reference = AddJerkLimits(builder, scenario.arm)
         builder.Connect(reference.get_output_port(), commanded)
-        builder.ExportInput(reference.get_input_port(), "arm.position_desired")
+        if "arm.position_held" in output_ports(station):
+            builder.Connect(
+                station.GetOutputPort("arm.position_held"),
+                reference.GetInputPort("position_held"),
+            )
+        builder.ExportInput(
+            reference.GetInputPort("position_desired"), "arm.position_desired"
+        )
         builder.ExportOutput(reference.get_output_port(), "arm.position_commanded")
     if scenario.gripper is not None:
         closure = inputs.pop("gripper.closure_commanded")

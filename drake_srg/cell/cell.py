@@ -9,7 +9,7 @@ from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.ports import export_outputs
+from drake_srg.common.ports import export_outputs, input_ports
 from drake_srg.objects.disturbance_forces import Target
 from drake_srg.objects.disturber import Disturber
 from drake_srg.objects.models import object_body, simple_shape
@@ -34,6 +34,11 @@ def MakeCell(
     .. pydrake_system::
 
         name: Cell
+        input_ports:
+        - safety.estop (optional; with safety)
+        - safety.release (optional; with safety)
+        - safety.speed_override (optional; with safety)
+        - safety.heartbeat (optional; with safety)
         output_ports:
         - (all of the station's)
         - localizer.blobs (with a picked object, without a script)
@@ -87,6 +92,9 @@ def AddCell(
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
     station = builder.AddNamedSystem("station", make_station(scenario))
     export_outputs(builder, station)
+    for name, port in input_ports(station).items():
+        if name.startswith("safety."):
+            builder.ExportInput(port, name)
     planner: System
     if scenario.script:
         planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))

@@ -59,7 +59,9 @@ def MakeScriptedPlanner(scenario: Scenario) -> System:
     )
     reference = AddJerkLimits(builder, scenario.arm)
     position = "position_commanded"
-    builder.Connect(messages.GetOutputPort(position), reference.get_input_port())
+    builder.Connect(
+        messages.GetOutputPort(position), reference.GetInputPort("position_desired")
+    )
     builder.ExportOutput(reference.get_output_port(), position)
     for name, port in output_ports(messages).items():
         if name != position:

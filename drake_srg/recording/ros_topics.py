@@ -17,6 +17,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import ImageRgba8U
 
+from drake_srg.common.safety_states import describe_safety
 from drake_srg.types import PlannerStatus
 
 # Makes a message: (type name such as "std_msgs/msg/String", fields) -> message. Fields
@@ -102,6 +103,19 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
         return make(kind, data=str(text))
 
     return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
+
+
+def safety_state(name: str, port: str) -> Topic:
+    """Return a topic of a safety monitor's state, as std_msgs/msg/String.
+
+    "running", or the state and the reason, such as "protective_stop: stale".
+    """
+    kind = "std_msgs/msg/String"
+
+    def convert(make: MakeMessage, time: float, value: Any) -> Any:
+        return make(kind, data=describe_safety(value))
+
+    return Topic(name, kind, {port: 2}, convert)
 
 
 def pose_message(make: MakeMessage, time: float, X_WO: RigidTransform) -> Any:
@@ -239,6 +253,8 @@ def cell_topics(
         float64_array("/gripper/proximity", "gripper.proximity", sensors),
         float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
         string("/planner/mode", "planner.mode"),
+        safety_state("/safety/state", "safety.state"),
+        float64("/safety/speed_scale", "safety.speed_scale"),
         *([object_pose(OBJECT_POSE, "planner.status")] if located else []),
         *(
             image(

@@ -24,6 +24,7 @@ from drake_srg.planning.script.messages import MessagesConfig
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.config import TaughtConfig
+from drake_srg.safety.config import SafetyConfig
 from drake_srg.types import positive
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.config import LocalizerThresholds
@@ -160,6 +161,8 @@ class Scenario:
     directives: list[ModelDirective] = dc.field(default_factory=list)
     arm: ArmPositionDriver | None = None
     gripper: _Driver | None = None
+    # Limits of the arm's motion that hold whatever commands it; null: none.
+    safety: SafetyConfig | None = None
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # Imperfections of cameras by name; a camera without an entry is ideal.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES
@@ -23,6 +24,23 @@ _LIFTED = 0.015
 def arm_states(log: Mapping[str, Vector]) -> Vector | None:
     """Return the arm's true states [q; v], or the measured ones if there are none."""
     return log.get("arm.state_cheat", log.get("arm.state_measured"))
+
+
+def safety_stops(log: Mapping[str, Vector]) -> list[dict[str, float | str]] | None:
+    """Return when a safety monitor stopped the arm, and why; None without a monitor.
+
+    Each stop has a `time_s`, that of the first sample in which the arm is stopped, and
+    a `reason`, the value of a `StopReason`.
+    """
+    if "safety.state" not in log:
+        return None
+    states = [safety_state(row) for row in log["safety.state"]]
+    running = [state is SafetyState.RUNNING for state, _ in states]
+    return [
+        {"time_s": float(log["time"][i]), "reason": states[i][1].value}
+        for i in range(len(states))
+        if not running[i] and (i == 0 or running[i - 1])
+    ]
 
 
 def final_speed(time: Vector, poses: Vector) -> float:

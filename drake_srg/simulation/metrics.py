@@ -78,6 +78,9 @@ class Metrics:
     picks_held: int | None = None
     picks_per_hour: float | None = None
     objects: dict[str, dict[str, bool | str | int]] | None = None
+    # Only with a safety monitor: when the arm was stopped, and why; see
+    # `measures.safety_stops`.
+    safety_stops: list[dict[str, float | str]] | None = None
 
     def table(self) -> str:
         """Return the most important metrics as text."""
@@ -108,6 +111,10 @@ class Metrics:
             ("drift in the hand", show(self.hold_drift_m_per_s, 1e6, "um/s")),
             ("largest grip force", show(self.peak_contact_force_n, 1.0, "N")),
             ("other objects moved", show(self.others_moved_m, 1e3, "mm")),
+            *(
+                ("safety stop", f"{stop['reason']} at {stop['time_s']:.2f} s")
+                for stop in self.safety_stops or ()
+            ),
             ("planning", show(self.planning_wall_s, 1.0, "s of wall clock")),
             ("speed", f"{self.real_time_factor:.2f} x real time"),
         ]
@@ -137,6 +144,8 @@ class Metrics:
         fields = dc.asdict(self)
         if self.objects is None:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
+        if self.safety_stops is None:
+            del fields["safety_stops"]
         text = json.dumps(fields)
         values = json.loads(text, parse_constant=lambda name: None)
         output = OutputFile(path)
@@ -246,6 +255,7 @@ def calc_metrics(
         wall_time_s=times.wall,
         real_time_factor=times.simulated / times.wall,
         artifacts=artifacts,
+        safety_stops=measures.safety_stops(log),
         **({} if cleared is None else cleared.metrics()),
     )
 

@@ -20,6 +20,8 @@ _LOGGED = (
     "gripper.pwm",
     "gripper.proximity",
     "gripper.grasped",
+    "safety.state",
+    "safety.speed_scale",
 )
 # Other vector ports of a gripper, such as those of your own finger sensors, are logged
 # too, except these, which only a rig logs.

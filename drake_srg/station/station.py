@@ -17,12 +17,18 @@ from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.objects.sleeping import SleepMonitor
+from drake_srg.safety.adding import AddSafetyMonitor
+from drake_srg.safety.config import SafetyConfig
+from drake_srg.safety.monitor import SafetyMonitor
 from drake_srg.scenario.schema import Scenario
 from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant
 
 # Ports of a gripper driver that connect to the plant and are not exported.
 _INTERNAL = {*PLANT_INPUTS, "actuation"}
+
+# Those inputs of the safety monitor that are exported as `safety.NAME`.
+_SAFETY_INPUTS = ("estop", "release", "speed_override", "heartbeat")
 
 
 @scenario_errors()
@@ -41,11 +47,19 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.closure_messages (SrgPositionDriver with per_message)
         - gripper.motor_position_commanded (optional; SrgTendonDriver)
         - gripper.motor_torque_commanded (optional; SrgTendonDriver)
+        - safety.estop (optional; with safety)
+        - safety.release (optional; with safety)
+        - safety.speed_override (optional; with safety)
+        - safety.heartbeat (optional; with safety)
         - object_forces_cheat (optional)
         output_ports:
         - arm.state_measured (with an arm)
         - arm.torque_measured (with an arm)
-        - arm.external_torque (with planner.max_external_torque)
+        - arm.external_torque (with limits of it in planner or safety)
+        - arm.position_allowed (with safety)
+        - arm.position_held (with safety)
+        - safety.state (with safety)
+        - safety.speed_scale (with safety)
         - gripper.state_measured (with a gripper)
         - gripper.pwm (with a gripper)
         - gripper.proximity (with a gripper)
@@ -68,9 +82,12 @@ def MakeStation(scenario: Scenario) -> Diagram:
     `AddArmPositionDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
     `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
     or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
-    through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). The subsystems
+    through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). With `safety`,
+    a `SafetyMonitor` stands between `arm.position_commanded` and the arm's driver,
+    which gets `arm.position_allowed`. The subsystems
     are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
-    `rgbd_sensor_NAME`, `object_poses` and, with sleeping, `sleep_monitor`. Objects
+    `rgbd_sensor_NAME`, `object_poses`, with safety `safety_monitor` and, with sleeping,
+    `sleep_monitor`. Objects
     sleep where the caller advances with `simulation.sleeping.MakeAdvance`, as
     `Simulate`, `Rig` and `Serve` do.
 
@@ -141,16 +158,21 @@ def _AddArm(
     driver = AddArmPositionDriver(
         builder, plant, arm, gripper, models_plant, config, scenario.random_seed
     )
-    builder.ExportInput(
-        driver.GetInputPort("position_commanded"), "arm.position_commanded"
-    )
+    monitor = None
+    if scenario.safety is None:
+        builder.ExportInput(
+            driver.GetInputPort("position_commanded"), "arm.position_commanded"
+        )
+    else:
+        monitor = _AddSafety(builder, driver, models_plant, config, scenario.safety)
     for name, output in (
         ("arm.state_measured", driver.GetOutputPort("state_measured")),
         ("arm.state_cheat", plant.get_state_output_port(arm)),
         ("arm.torque_measured", plant.get_net_actuation_output_port(arm)),
     ):
         builder.ExportOutput(output, name)
-    if scenario.planner.max_external_torque is None:
+    safety_feels = scenario.safety is not None and scenario.safety.feels
+    if scenario.planner.max_external_torque is None and not safety_feels:
         return
     # A continuous plant computes its contacts anew for every sample. It does so anyway
     # whenever the planner or a touch sensor reads its input.
@@ -166,6 +188,37 @@ def _AddArm(
         scenario.random_seed,
     )
     builder.ExportOutput(torque, "arm.external_torque")
+    if monitor is not None:
+        builder.Connect(torque, monitor.GetInputPort("external_torque"))
+
+
+def _AddSafety(
+    builder: DiagramBuilder,
+    driver: Diagram,
+    models_plant: MultibodyPlant,
+    config: ArmPositionDriver,
+    safety: SafetyConfig,
+) -> SafetyMonitor:
+    """Add the system that stands between the commands and the arm's driver."""
+    monitor = AddSafetyMonitor(
+        builder, models_plant, config.home, safety, config.period
+    )
+    allowed = monitor.GetOutputPort("position_allowed")
+    builder.Connect(allowed, driver.GetInputPort("position_commanded"))
+    builder.Connect(
+        driver.GetOutputPort("state_measured"), monitor.GetInputPort("state_measured")
+    )
+    builder.ExportInput(
+        monitor.GetInputPort("position_commanded"), "arm.position_commanded"
+    )
+    builder.ExportOutput(allowed, "arm.position_allowed")
+    for name in _SAFETY_INPUTS:
+        builder.ExportInput(monitor.GetInputPort(name), f"safety.{name}")
+    held = monitor.GetOutputPort("position_held")
+    builder.ExportOutput(held, "arm.position_held")
+    for name in ("state", "speed_scale"):
+        builder.ExportOutput(monitor.GetOutputPort(name), f"safety.{name}")
+    return monitor
 
 
 def _AddObjectPoses(

@@ -57,7 +57,7 @@ def rest_to_rest_time(distance):
 
 def test_ports():
     assert port_table(JerkLimitedReference(HOME, JerkLimits(), PERIOD)) == (
-        {"position_desired": 2},
+        {"position_desired": 2, "position_held": 2},
         {"position_commanded": 2},
     )
 
@@ -173,6 +173,17 @@ def test_the_same_context_gives_the_same_motion():
     np.testing.assert_array_equal(
         motion.go([0.0, 1.0], 50)[-1], other.go([0.0, 1.0], 50)[-1]
     )
+
+
+def test_held_joints_rest_until_a_target_after_that_moves_them():
+    motion = Motion()
+    motion.go([1.0, 0.0], 100)
+    held = np.array([0.5, -0.5])
+    fix(motion.system, motion.context, position_held=held)
+    np.testing.assert_array_equal(motion.go([0.9, 0.1], 10)[-1], held)
+    fix(motion.system, motion.context, position_held=[np.nan, np.nan])
+    np.testing.assert_array_equal(motion.go([np.nan, np.nan], 10)[-1], held)
+    np.testing.assert_array_equal(motion.go([1.0, 1.0], 1000)[-1], [1.0, 1.0])
 
 
 def test_the_reference_of_a_driver_starts_at_its_home():

@@ -5,6 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 
+from drake_srg.common.safety_states import SafetyState, StopReason, state_indices
 from drake_srg.simulation import measures
 from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.station.plant import AddDirectives
@@ -133,3 +134,20 @@ def test_the_time_to_placement_ends_where_the_hand_opens_at_the_goal():
     for other in (make_log(), None):  # never placed; placed twice
         twice = dc.replace(status, cycles=2 if other is None else 1)
         assert judge(other or log, twice).time_to_placement_s is None
+
+
+def test_each_safety_stop_is_told_once():
+    running = state_indices(SafetyState.RUNNING, StopReason.NONE)
+    braking = state_indices(SafetyState.BRAKING, StopReason.STALE)
+    stopped = state_indices(SafetyState.PROTECTIVE_STOP, StopReason.STALE)
+    log = {
+        "time": np.arange(6.0),
+        "safety.state": np.array(
+            [running, braking, stopped, running, running, braking]
+        ),
+    }
+    assert measures.safety_stops(log) == [
+        {"time_s": 1.0, "reason": "stale"},
+        {"time_s": 5.0, "reason": "stale"},
+    ]
+    assert measures.safety_stops({"time": np.arange(6.0)}) is None

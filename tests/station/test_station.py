@@ -5,9 +5,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.safety_states import describe_safety
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station import MakeStation
 
+PROFILE = "{profile: {hand: {transient: 90, quasi_static: 40}}, regions: [hand]}"
 HOME = [0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0]
 
 
@@ -178,6 +180,8 @@ def test_an_absent_object_has_no_pose():
         ),
         ("object.model=package://drake_srg/sdf/srg.sdf", "must have one link, got 5"),
         ("object.model=package://drake_srg/sdf/no.sdf", "objects.soup_can.model: "),
+        ("safety={speed: [1, 2]}", "safety.speed: needs 1 entry or one per joint"),
+        ("safety={tool: palm, tool_speed: 1}", "safety.tool: must be a frame"),
     ],
 )
 def test_unsuitable_models_are_reported_with_their_key(override, message):
@@ -185,6 +189,42 @@ def test_unsuitable_models_are_reported_with_their_key(override, message):
         make(override)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_safety_monitor_adds_its_ports(station):
+    inputs, outputs = port_table(make("safety={force: " + PROFILE + "}"))
+    names = ("estop", "release", "speed_override", "heartbeat")
+    own = {f"safety.{name}": 1 for name in names}
+    assert inputs == {**port_table(station)[0], **own}
+    assert outputs == {
+        **port_table(station)[1],
+        "arm.position_allowed": 7,
+        "arm.position_held": 7,
+        "arm.external_torque": 7,
+        "safety.state": 2,
+        "safety.speed_scale": 1,
+    }
+
+
+def test_a_command_that_jumps_does_not_reach_the_driver():
+    station = make("safety={}", "object.present=false")
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    fix(
+        station,
+        context,
+        **{
+            "arm.position_commanded": np.add(HOME, 0.1),
+            "gripper.closure_commanded": 0.0,
+        },
+    )
+    simulator.AdvanceTo(0.05)
+    measured = station.GetOutputPort("arm.state_measured").Eval(context)
+    np.testing.assert_allclose(measured[:7], HOME, atol=1e-3)
+    allowed = station.GetOutputPort("arm.position_allowed").Eval(context)
+    np.testing.assert_array_equal(allowed, HOME)
+    state = station.GetOutputPort("safety.state").Eval(context)
+    assert describe_safety(state) == "protective_stop: speed"
 
 
 @pytest.mark.slow

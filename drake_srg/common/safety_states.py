@@ -1,0 +1,55 @@
+"""The states of a safety monitor, and the reasons for its stops."""
+
+import enum
+
+from drake_srg.types import Vector
+
+
+class SafetyState(enum.Enum):
+    """What the monitor does."""
+
+    RUNNING = "running"  # the arm follows the commands
+    BRAKING = "braking"  # it comes to rest along its path
+    PROTECTIVE_STOP = "protective_stop"  # it rests until released
+    EMERGENCY_STOP = "emergency_stop"  # it rests; its path is forgotten
+
+
+class StopReason(enum.Enum):
+    """Why the arm is stopped."""
+
+    NONE = "none"
+    # Conditions that must be over before a release.
+    FOLLOWING_ERROR = "following_error"  # the joints are not where they should be
+    MEASURED_SPEED = "measured_speed"  # a joint moves too fast
+    MEASURED_NOT_FINITE = "measured_not_finite"  # a measurement is NaN or infinite
+    EXTERNAL_TORQUE = "external_torque"  # a joint feels too much from outside
+    FORCE = "force"  # the tool presses too hard
+    STALE = "stale"  # no message for too long
+    EMERGENCY_STOP = "emergency_stop"  # somebody pressed the button
+    # Faults of the commands, which are no longer followed.
+    NOT_FINITE = "not_finite"  # NaN or infinite
+    POSITION = "position"  # beyond a joint's limit, or unable to stop before it
+    SPEED = "speed"  # too far from the command before
+    ACCELERATION = "acceleration"  # too sudden a change
+    TOOL_SPEED = "tool_speed"
+    WORKSPACE = "workspace"  # the tool would leave its box
+    LAG = "lag"  # too far ahead of a slowed arm, or the arm has left their path
+
+
+STATES, REASONS = list(SafetyState), list(StopReason)
+
+
+def state_indices(state: SafetyState, reason: StopReason) -> list[float]:
+    """Return the indices of a state and a reason, as in the port `state`."""
+    return [float(STATES.index(state)), float(REASONS.index(reason))]
+
+
+def safety_state(indices: Vector) -> tuple[SafetyState, StopReason]:
+    """Return the state and the reason of a value of the port `state`, shape (2,)."""
+    return STATES[int(indices[0])], REASONS[int(indices[1])]
+
+
+def describe_safety(indices: Vector) -> str:
+    """Return such a value as text: the state, and the reason if there is one."""
+    state, reason = safety_state(indices)
+    return ": ".join(x.value for x in (state, reason) if x is not StopReason.NONE)

@@ -1,0 +1,288 @@
+"""The safety monitor: a system between the commands and the arm's driver."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiscreteValues,
+    InputPort,
+    ValueProducer,
+)
+
+from drake_srg.common.safety_states import SafetyState, StopReason
+from drake_srg.lifetime import LeafSystem, weak
+from drake_srg.safety.config import SafetyConfig
+from drake_srg.safety.limits import Command, JointLimits, ToolLimits, check_command
+from drake_srg.safety.memory import Memory
+from drake_srg.safety.path import Path
+from drake_srg.safety.states import Observation, transition
+from drake_srg.safety.touch import TouchLimits
+from drake_srg.types import Vector
+
+_STOPS = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
+
+
+class SafetyMonitor(LeafSystem):
+    """Passes commands on as long as they and the arm stay within limits.
+
+    .. pydrake_system::
+
+        name: SafetyMonitor
+        input_ports:
+        - position_commanded
+        - state_measured (optional)
+        - external_torque (optional)
+        - estop (optional)
+        - release (optional)
+        - speed_override (optional)
+        - heartbeat (optional)
+        output_ports:
+        - position_allowed
+        - position_held
+        - state
+        - speed_scale
+
+    Inputs: `position_commanded` (N) [rad or m], a new command every `period`;
+    `state_measured` (2N), [q; v] of the arm; `external_torque` (N) [N m]; `estop` (1),
+    nonzero or NaN while the button is pressed; `release` (1), which acknowledges a stop
+    when it becomes nonzero; `speed_override` (1), 0 .. 1, in place of the
+    configuration's; `heartbeat` (1), the time at which the newest message arrived [s],
+    NaN before the first.
+
+    Outputs: `position_allowed` (N) [rad or m], for the arm's driver; `position_held`
+    (N), the same while the arm rests in a stop, otherwise NaN; `state` (2), the indices
+    into `STATES` and `REASONS`; `speed_scale` (1), the speed along the path as a share
+    of the commanded one, 0 .. 1.
+
+    While nothing is wrong, each command passes at once and unchanged. Any violation
+    brakes the arm along the path of the commands, as hard as the limits allow
+    (a category 1 stop, IEC 60204-1), and it rests until the cause is over and the stop
+    is acknowledged. Commands that go on meanwhile are remembered: after a protective
+    stop, the arm goes on along them. After an emergency stop, or after a command that
+    broke a limit, the arm waits for commands that begin where it rests.
+
+    `states.TRANSITIONS` is the table of the states, `limits.check_command` says what is
+    wrong with a command. All state is discrete.
+
+    Args:
+        home: Where the commands begin, shape (N,) [rad or m].
+        limits: Of the joints.
+        config: Whatever the other arguments do not tell.
+        period: The control period [s].
+        tool: Of the tool, if there are any.
+        touch: Of what the arm feels, if there are any.
+    """
+
+    def __init__(
+        self,
+        home: Vector,
+        limits: JointLimits,
+        config: SafetyConfig,
+        period: float,
+        tool: ToolLimits | None = None,
+        touch: TouchLimits | None = None,
+    ) -> None:
+        super().__init__()
+        self._limits, self._config, self._period = limits, config, period
+        self._n = n = len(home)
+        self._tool, self._touch = tool, touch
+        error = config.following_error
+        self._following_error = math.inf if error is None else error
+        capacity = math.ceil(config.path_memory / period)
+        self._start = Memory.at_rest(home, self._command_at(home))
+        self._flat = self.DeclareDiscreteState(self._start.flat())
+        self._ahead = self.DeclareDiscreteState(np.zeros(capacity * n))
+        self._capacity = capacity
+
+        def declare(name: str, size: int) -> InputPort:
+            return self.DeclareVectorInputPort(name=name, size=size)
+
+        self._commanded = declare("position_commanded", n)
+        self._measured = declare("state_measured", 2 * n)
+        self._torque = declare("external_torque", n)
+        self._estop = declare("estop", 1)
+        self._release = declare("release", 1)
+        self._override = declare("speed_override", 1)
+        self._heartbeat = declare("heartbeat", 1)
+        # Computed once for the driver, which reads the output, and for the update.
+        entry = self.DeclareCacheEntry(
+            description="next",
+            value_producer=ValueProducer(
+                allocate=lambda: AbstractValue.Make(object()),
+                calc=weak(self._calc_next),
+            ),
+            prerequisites_of_calc={
+                self.all_input_ports_ticket(),
+                self.xd_ticket(),
+                self.time_ticket(),
+            },
+        )
+        # Its index, because a wrapper of the entry would keep the system alive forever.
+        self._next = entry.cache_index()
+        for name, size, calc in (
+            ("position_allowed", n, self._calc_position),
+            ("position_held", n, self._calc_held),
+            ("state", 2, self._calc_state),
+            ("speed_scale", 1, self._calc_speed_scale),
+        ):
+            self.DeclareVectorOutputPort(
+                name=name,
+                size=size,
+                calc=calc,
+                prerequisites_of_calc={entry.ticket()},
+            )
+        self.DeclarePeriodicDiscreteUpdateEvent(
+            period_sec=period, offset_sec=0.0, update=self._update
+        )
+
+    # The outputs hold from one update to the next. At the time of an update, what it
+    # will store is known already: commands pass without delay.
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._known(context).path.q)
+
+    def _calc_held(self, context: Context, output: BasicVector) -> None:
+        memory = self._known(context)
+        stopped = memory.state in _STOPS
+        output.SetFromVector(memory.path.q if stopped else np.full(self._n, np.nan))
+
+    def _calc_state(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._known(context).indices)
+
+    def _calc_speed_scale(self, context: Context, output: BasicVector) -> None:
+        output[0] = self._known(context).rate
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        memory = self._known(context)
+        discrete_state.set_value(int(self._flat), memory.flat())
+        ahead = memory.path.ahead.ravel()
+        discrete_state.get_mutable_value(int(self._ahead))[: len(ahead)] = ahead
+
+    def _known(self, context: Context) -> Memory:
+        entry = self.get_cache_entry(self._next)
+        memory: Memory = entry.EvalAbstract(context).get_value()
+        return memory
+
+    def _memory(self, context: Context) -> Memory:
+        flat = context.get_discrete_state(int(self._flat)).value()
+        ahead = context.get_discrete_state(int(self._ahead)).value()
+        return Memory.of(flat, ahead, self._n)
+
+    def _calc_next(self, context: Context, output: AbstractValue) -> None:
+        memory, time = self._memory(context), context.get_time()
+        if time >= memory.updated_at + 0.5 * self._period:
+            memory = self._advanced(memory, context, time)
+        output.set_value(memory)
+
+    def _advanced(self, memory: Memory, context: Context, time: float) -> Memory:
+        """Return the memory one control period later."""
+        memory = dc.replace(memory, updated_at=time)
+        reason, memory = self._condition(memory, context, time)
+        if not memory.cut:
+            fault, memory = self._received(memory, self._commanded.Eval(context))
+            reason = fault if reason is StopReason.NONE else reason
+        if reason is not StopReason.NONE and (
+            memory.reason is StopReason.NONE or reason is StopReason.EMERGENCY_STOP
+        ):
+            memory = dc.replace(memory, reason=reason)
+        pressed = _value(self._release, context) > 0.5
+        before = memory.state
+        moving = bool(memory.path.step.any())
+        observation = Observation(
+            reason=reason,
+            braked_for=memory.reason,
+            standstill=not moving,
+            released=pressed and not memory.release_pressed,
+        )
+        state = transition(before, observation)
+        memory = dc.replace(memory, state=state, release_pressed=pressed)
+        if state is SafetyState.RUNNING:
+            if before is not SafetyState.RUNNING:
+                memory = dc.replace(memory, reason=StopReason.NONE, cut=False)
+            return self._moved(memory, context)
+        return self._braked(memory)
+
+    def _condition(
+        self, memory: Memory, context: Context, time: float
+    ) -> tuple[StopReason, Memory]:
+        """Return the first reason to stop besides the commands, if any holds now."""
+        if not -0.5 <= _value(self._estop, context) <= 0.5:
+            return StopReason.EMERGENCY_STOP, memory
+        if self._heartbeat.HasValue(context):
+            age = time - self._heartbeat.Eval(context)[0]
+            if not age <= self._config.watchdog:
+                return StopReason.STALE, memory
+        q, reason = memory.path.q, StopReason.NONE
+        if self._measured.HasValue(context):
+            measured = self._measured.Eval(context)
+            reason = self._limits.measured_fault(
+                measured, q, self._following_error, self._period
+            )
+            q = measured[: self._n]
+        felt = self._torque.HasValue(context)
+        if reason is not StopReason.NONE or self._touch is None or not felt:
+            return reason, memory
+        torque = self._torque.Eval(context)
+        reason, since = self._touch.fault(q, torque, memory.pressed_since, time)
+        return reason, dc.replace(memory, pressed_since=since)
+
+    def _received(self, memory: Memory, q: Vector) -> tuple[StopReason, Memory]:
+        """Return what is wrong with a command, and add it to the path if nothing is."""
+        fault, command = check_command(q, memory.command, self._limits, self._tool)
+        path = memory.path
+        if fault is StopReason.NONE:
+            # After a stop for another reason, the arm may be off the commands' path.
+            behind = np.array_equal(path.end, memory.command.q)
+            if behind and len(path.ahead) < self._capacity:
+                path = path.extended(command.q)
+                return fault, dc.replace(memory, command=command, path=path)
+            fault = StopReason.LAG
+        return fault, dc.replace(memory, cut=True)
+
+    def _moved(self, memory: Memory, context: Context) -> Memory:
+        """Return the memory after a step along the path at the speed allowed."""
+        path, rate = memory.path, self._config.speed_override
+        if self._override.HasValue(context):
+            rate = float(self._override.Eval(context)[0])
+            rate = min(max(rate, 0.0), 1.0) if math.isfinite(rate) else 0.0
+        moved = path.taken(self._limits.bend) if rate == 1.0 else None
+        if moved is None and (len(path.ahead) or path.step.any()):
+            moved = path.advanced(rate, self._limits.bend)
+        if moved is None:  # it rests at the end of its path
+            return dc.replace(memory, rate=rate)
+        return dc.replace(memory, path=moved, rate=moved.rate)
+
+    def _braked(self, memory: Memory) -> Memory:
+        """Return the memory after a step that slows the arm down, or at rest."""
+        path = memory.path
+        if path.step.any():
+            path = path.advanced(0.0, self._limits.brake)
+        memory = dc.replace(memory, path=path, rate=path.rate)
+        rests = not memory.path.step.any()
+        emergency = memory.reason is StopReason.EMERGENCY_STOP
+        if rests and (memory.cut or emergency):
+            q = memory.path.q
+            memory = dc.replace(
+                memory,
+                path=Path.at_rest(q),
+                command=self._command_at(q),
+                cut=True,
+            )
+        return memory
+
+    def _command_at(self, q: Vector) -> Command:
+        """Return the command to rest at joint positions (N,)."""
+        limits = self._tool
+        tool = np.full(3, np.nan) if limits is None else limits.position(q)
+        return Command(q, np.zeros(len(q)), tool)
+
+
+def _value(port: InputPort, context: Context) -> float:
+    """Return the number at a port, 0 if it is not connected."""
+    return float(port.Eval(context)[0]) if port.HasValue(context) else 0.0
