@@ -3,7 +3,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
+# Three workers keep two cores busy: some tests wait for sockets and other processes.
+PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile
 
 .PHONY: demo test test-fast coverage lint types models experiments lock clean
 

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -20,7 +19,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.underactuation import JOINT_NAMES
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 from drake_srg.types import Vector
 
 STEP = 0.001  # of the plant, the log and the tabulated references [s]
@@ -83,9 +82,7 @@ def simulate(config: GripperServoConfig, motion: Motion) -> tuple[Response, Join
         MultibodyPlantConfig(time_step=STEP, discrete_contact_approximation="lagged"),
         builder,
     )
-    parser = Parser(plant)
-    configure_parser(parser)
-    (gripper,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+    gripper = AddModel(plant, "package://drake_srg/sdf/srg.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm", gripper))
     plant.Finalize()
 

@@ -19,14 +19,12 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     GetScopedFrameByName,
     LoadModelDirectivesFromString,
-    ModelDirective,
-    ModelDirectives,
     Parser,
-    ProcessModelDirectives,
 )
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg import parsing
 from drake_srg.arm.drivers import SetArmGains
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.objects.models import (
@@ -35,7 +33,6 @@ from drake_srg.objects.models import (
     X_FO_start,
     simple_shape,
 )
-from drake_srg.parsing import configure_parser
 from drake_srg.scenario import Scenario
 from drake_srg.station.drops import Drops
 from drake_srg.station.occlusion import AddCard
@@ -107,11 +104,8 @@ def AddDirectives(plant: MultibodyPlant, scenario: Scenario) -> None:
     Raises:
         ScenarioError: If a directive cannot be processed.
     """
-    parser = Parser(plant)
-    configure_parser(parser)
-    directives: list[ModelDirective] = scenario.directives
     try:
-        ProcessModelDirectives(ModelDirectives(directives=directives), parser)
+        parsing.AddDirectives(plant, scenario.directives)
     except RuntimeError as error:
         reason = " ".join(str(error).split())[:300]
         raise ScenarioError(f"directives: {reason}") from None
@@ -132,7 +126,7 @@ class Models:
             ScenarioError: If a file of directives cannot be read.
         """
         parser = Parser(MultibodyPlant(time_step=0.0))
-        configure_parser(parser)
+        parsing.configure_parser(parser)
         with scenario_errors("directives"):
             directives = yaml_dump_typed(flat_directives(scenario, parser))
             changed = (path.stat().st_mtime_ns for _, path in model_files(scenario))
@@ -145,9 +139,8 @@ class Models:
         Raises:
             ScenarioError: If a directive cannot be processed.
         """
-        parser = Parser(plant)
-        configure_parser(parser)
-        ProcessModelDirectives(LoadModelDirectivesFromString(self.directives), parser)
+        directives = LoadModelDirectivesFromString(self.directives).directives
+        parsing.AddDirectives(plant, directives)
 
 
 def MakeModelsPlant(scenario: Scenario) -> MultibodyPlant:
@@ -220,11 +213,7 @@ def AddFixture(
     plant: MultibodyPlant, name: str, url: str, p_WF: Sequence[float]
 ) -> None:
     """Weld the model at `url` to the world as instance `name`, its origin at p_WF."""
-    parser = Parser(plant)
-    configure_parser(parser)
-    parser.SetAutoRenaming(True)
-    (model,) = parser.AddModels(url=url)
-    plant.RenameModelInstance(model, name)
+    model = parsing.AddModel(plant, url, name)
     body = plant.get_body(plant.GetBodyIndices(model)[0])
     X_WF = RigidTransform(np.asarray(p_WF))
     plant.WeldFrames(plant.world_frame(), body.body_frame(), X_WF)

@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.gripper.drivers import AddGripperDriver, LinkageDriver
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import AddObject, SetDefaultObjectPose
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 from drake_srg.types import Cylinder
 
 PALM_TO_TIP = 0.095
@@ -47,8 +47,7 @@ class Hand:
         )
         self.plant, scene_graph = AddMultibodyPlant(plant_config, builder)
         parser = Parser(self.plant)
-        configure_parser(parser)
-        (self.model,) = parser.AddModels(url=f"package://drake_srg/sdf/{model}.sdf")
+        self.model = AddModel(self.plant, f"package://drake_srg/sdf/{model}.sdf")
         palm = self.plant.GetFrameByName("palm", self.model)
         self.plant.WeldFrames(self.plant.world_frame(), palm)
         (table,) = parser.AddModelsFromString(TABLE, "sdf")

@@ -8,7 +8,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.gripper.drivers import AddGripperDriver, SrgPositionDriver
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 
 # A cylinder across the hand, as far from the palm as in a wrapped grasp.
 RADIUS = 0.033
@@ -30,8 +30,7 @@ class Hand:
         )
         self.plant, scene_graph = AddMultibodyPlant(plant_config, builder)
         parser = Parser(self.plant)
-        configure_parser(parser)
-        (self.model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+        self.model = AddModel(self.plant, "package://drake_srg/sdf/srg.sdf")
         world, palm = self.plant.world_frame(), self.plant.GetFrameByName("palm")
         self.plant.WeldFrames(world, palm)
         if post:

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
@@ -11,7 +10,7 @@ from drake_srg.gripper.drivers import (
     SrgPositionDriver,
     SrgTendonDriver,
 )
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 from gripper import linkage_hand, srg_hand
 
 
@@ -27,9 +26,7 @@ from gripper import linkage_hand, srg_hand
 def test_a_driver_of_another_gripper_is_refused(model, config, allowed):
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, 0.005)
-    parser = Parser(plant)
-    configure_parser(parser)
-    (gripper,) = parser.AddModels(url=f"package://drake_srg/sdf/{model}.sdf")
+    gripper = AddModel(plant, f"package://drake_srg/sdf/{model}.sdf")
     plant.Finalize()
     with pytest.raises(ScenarioError) as error:
         AddGripperDriver(builder, plant, gripper, config)

@@ -24,7 +24,7 @@ from drake_srg.gripper.touch import (
 )
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.objects.models import AddObject, object_body
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 from drake_srg.types import Box
 
 MASS, G = 0.1, 9.81
@@ -56,8 +56,7 @@ def rest_on_a_pad(thing, side):
     )
     plant, _ = AddMultibodyPlant(config, builder)
     parser = Parser(plant)
-    configure_parser(parser)
-    (model,) = parser.AddModels(url="package://drake_srg/sdf/srg.sdf")
+    model = AddModel(plant, "package://drake_srg/sdf/srg.sdf")
     if thing == "soft":
         cube = AddObject(plant, "cube", CUBE)
     else:

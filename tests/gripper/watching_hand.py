@@ -4,13 +4,12 @@ import numpy as np
 from helpers import read, update
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.gripper.proximity import AddProximitySensors, ProximityConfig
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 
 RADIUS = 0.01  # of the ball [m]
 
@@ -30,9 +29,7 @@ class Hand:
             "ball",
             CoulombFriction(1.0, 1.0),
         )
-        parser = Parser(self.plant)
-        configure_parser(parser)
-        (model,) = parser.AddModels(url=f"package://drake_srg/sdf/{file}.sdf")
+        model = AddModel(self.plant, f"package://drake_srg/sdf/{file}.sdf")
         palm = self.plant.GetFrameByName("palm")
         self.plant.WeldFrames(self.plant.world_frame(), palm)
         self.plant.Finalize()

@@ -4,12 +4,11 @@ import numpy as np
 from pydrake.geometry import Cylinder as DrakeCylinder
 from pydrake.geometry import Sphere as DrakeSphere
 from pydrake.math import RigidTransform
-from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.parsing import configure_parser
+from drake_srg.parsing import AddModel
 from drake_srg.types import Sphere
 
 
@@ -24,9 +23,7 @@ def link_distances(model, shape, grasp, fingers):
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, 1e-3)
-    parser = Parser(plant)
-    configure_parser(parser)
-    (gripper,) = parser.AddModels(url=f"package://drake_srg/sdf/{model}.sdf")
+    gripper = AddModel(plant, f"package://drake_srg/sdf/{model}.sdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("palm"))
     body = plant.AddRigidBody(
         "object",
