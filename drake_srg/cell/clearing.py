@@ -59,9 +59,8 @@ def AddHeightMapper(
     bin_place = Surface((least[0], least[1]), (most[0], most[1]), scenario.table.height)
     # The planner looks with the arm out of the way.
     config = HeightMapConfig(over_edge=True)
-    mapper = builder.AddNamedSystem(
-        "height_mapper", HeightMapper(cameras, surface, ignored=[bin_place], config=config)
-    )
+    mapper = HeightMapper(cameras, surface, ignored=[bin_place], config=config)
+    builder.AddNamedSystem("height_mapper", mapper)
     for name in cameras:
         for port in ("depth_image", "body_pose_in_world"):
             source = station.GetOutputPort(f"camera_{name}.{port}")
