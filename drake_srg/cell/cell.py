@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
+from drake_srg.cell.choosing import AddThingLabeler, chooses
 from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
@@ -100,7 +101,10 @@ def AddCell(
         mapper = AddHeightMapper(builder, scenario, station)
         planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
         seen = mapper.GetOutputPort("height_map")
-        builder.Connect(seen, planner.GetInputPort("height_map"))
+        labeled = seen
+        if chooses(scenario):
+            labeled = AddThingLabeler(builder, scenario, station, seen)
+        builder.Connect(labeled, planner.GetInputPort("height_map"))
         ConnectSensors(builder, station, planner)
         ConnectCommands(builder, station, planner)
         builder.ExportOutput(seen, "height_mapper.height_map")

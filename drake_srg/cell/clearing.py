@@ -1,4 +1,4 @@
-"""The parts of a cell that clears its table: height mapper, bin and planner."""
+"""The parts of a cell that clears its table: height mapper, bins and planner."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.cell.choosing import chooses, labels
 from drake_srg.cell.hands import MakeHand
 from drake_srg.cell.perception import camera_models
 from drake_srg.cell.planners import own_scene
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.corners import body_corners
+from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
@@ -54,12 +56,14 @@ def AddHeightMapper(
     low, high = clear.region.min, clear.region.max
     surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
     cameras = camera_models(scenario)
-    box = bin_box(scenario)
-    least, most = box[0] - _AROUND_BIN, box[1] + _AROUND_BIN
-    bin_place = Surface((least[0], least[1]), (most[0], most[1]), scenario.table.height)
+    ignored = []
+    for box in bin_boxes(scenario).values():
+        least, most = box[0] - _AROUND_BIN, box[1] + _AROUND_BIN
+        place = Surface((least[0], least[1]), (most[0], most[1]), surface.height)
+        ignored.append(place)
     # The planner looks with the arm out of the way.
     config = HeightMapConfig(over_edge=True)
-    mapper = HeightMapper(cameras, surface, ignored=[bin_place], config=config)
+    mapper = HeightMapper(cameras, surface, ignored=ignored, config=config)
     builder.AddNamedSystem("height_mapper", mapper)
     for name in cameras:
         for port in ("depth_image", "body_pose_in_world"):
@@ -69,13 +73,12 @@ def AddHeightMapper(
 
 
 def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
-    """Make the planner that clears a scenario's table into its bin.
+    """Make the planner that clears a scenario's table into its bins.
 
     Raises:
-        ScenarioError: If the gripper is not the SRG, the arm does not reach over the
-            bin, or the bin has no collision geometry.
+        ScenarioError: If the gripper is not the SRG, the arm does not reach over a
+            bin, or a bin has no collision geometry.
     """
-    assert scenario.arm is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
     hand = MakeHand(scenario, scene.plant)
@@ -84,26 +87,62 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             "gripper: must be the SRG with task.pick all (allowed: !SrgPositionDriver, "
             "!SrgTendonDriver)"
         )
-    low, high = bin_box(scenario)
-    q_home = np.array(scenario.arm.home)
-    p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
-    q_over = _posture_over(scene, q_home, p_WO)
     base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
     x, y = base.translation()[:2]
-    grasps = HeightMapGrasps(
-        SrgFingers(config.squeeze, hand.full_scale), table, reach=Reach((x, y), *_REACH)
-    )
-    motions = ClearingMotions(
+    motions = {
+        name: _motions_to(name, box, scene, hand, scenario)
+        for name, box in bin_boxes(scenario).items()
+    }
+    choosing = chooses(scenario)
+    kind = ChosenGrasps if choosing else HeightMapGrasps
+    fingers = SrgFingers(config.squeeze, hand.full_scale)
+    grasps = kind(fingers, table, reach=Reach((x, y), *_REACH))
+    if choosing:
+        found = labels(scenario)
+        planner: PickPlanner = ChoosingPlanner(
+            grasps,
+            [motions[label.bin] for label in found],
+            [label.name for label in found],
+            [label.named for label in found],
+            table,
+            config,
+        )
+    else:
+        (into,) = motions.values()
+        planner = PickPlanner(grasps, into, config)
+    return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
+
+
+def _motions_to(
+    name: str,
+    box: tuple[Vector, Vector],
+    scene: PlanningScene,
+    hand: SrgHand,
+    scenario: Scenario,
+) -> ClearingMotions:
+    """Return the motions into a bin between two corners of `box` [m].
+
+    Raises:
+        ScenarioError: If the arm does not reach over the bin.
+    """
+    assert scenario.arm is not None
+    low, high = box
+    q_home = np.array(scenario.arm.home)
+    p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
+    try:
+        q_over = _posture_over(scene, q_home, p_WO)
+    except ScenarioError as error:
+        key = "bin" if scenario.task.place.bin else f"bins.{name}"
+        raise ScenarioError(f"task.place.{key}: {error}") from None
+    return ClearingMotions(
         scene,
-        Moves(scene, hand.p_GT, config),
+        Moves(scene, hand.p_GT, scenario.planner),
         q_home,
         q_over,
-        table=table,
+        table=scenario.table.height,
         rim=float(high[2]),
-        config=config,
+        config=scenario.planner,
     )
-    planner = PickPlanner(grasps, motions, config)
-    return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
 def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
@@ -131,16 +170,17 @@ def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
         return min(solved, key=lambda ik: ik.cost).q
     failed = [ik for ik in found if isinstance(ik, IkFailure)]
     reason = min(failed, key=lambda ik: ik.violation).message
-    raise ScenarioError(f"task.place.bin: out of reach: {reason}")
+    raise ScenarioError(f"out of reach: {reason}")
 
 
-def bin_box(scenario: Scenario) -> tuple[Vector, Vector]:
-    """Return the least and greatest corner of a scenario's bin, in world, (3,) [m].
+def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
+    """Return the least and greatest corner of each bin by name, in world, (3,) [m].
 
     Raises:
-        ScenarioError: If the model has no collision geometry.
+        ScenarioError: If a model has no collision geometry.
     """
-    return _bin_box(Models.of(scenario), scenario.task.place.bin)
+    models = Models.of(scenario)
+    return {name: _bin_box(models, name) for name in scenario.task.place.bins}
 
 
 @functools.lru_cache(maxsize=4)

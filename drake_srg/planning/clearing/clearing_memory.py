@@ -41,6 +41,7 @@ class ClearingMemory:
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
     taken: int = 0  # things that were felt in the hand and are gone from the table
+    labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0
     first_seen_at: float = np.inf  # when the first pick was planned [s]
     planning_wall: float = 0.0  # s

@@ -38,6 +38,10 @@ class PickPlanner:
         self.motions = motions
         self.config = config
 
+    def motions_with(self, grasp: TopGrasp, height_map: HeightMap) -> ClearingMotions:
+        """Return the motions to where what a grasp takes must go."""
+        return self.motions
+
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
         """Judge the pick under way by the map after it, and forget its plan."""
         pick = memory.planned
@@ -70,7 +74,8 @@ class PickPlanner:
             if planned == _MOST_GRASPS:
                 break
             planned += 1
-            motions = self.motions.plan(q_start, grasp, height_map)
+            there = self.motions_with(grasp, height_map)
+            motions = there.plan(q_start, grasp, height_map)
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue
