@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from drake_srg.common.exceptions import suggest
 from drake_srg.scenario.yaml_tree import describe, fail
+from drake_srg.vision.color_names import COLORS
 
 if TYPE_CHECKING:
     from drake_srg.scenario.schema import Scenario
@@ -96,13 +97,16 @@ def _selection(
         if not given:
             fail(origin, key, "must name at least one object")
         for i, name in enumerate(given):
-            if name not in objects:
+            if not (isinstance(name, str) and name in objects):
                 allowed = suggest(str(name), objects)
                 fail(origin, key, f"unknown object {_shown(name)} {allowed}")
             if name in given[:i]:
                 fail(origin, key, f"must name each object once, got {name!r} again")
         return {"names": given}
-    if isinstance(given, Mapping) and given.get("colour"):
+    if isinstance(given, Mapping) and (colour := given.get("colour")):
+        if colour not in COLORS:
+            known = suggest(str(colour), COLORS)
+            fail(origin, f"{key}.colour", f"unknown {_shown(colour)} {known}")
         return given
     fail(origin, key, f"must be one of: {_ALLOWED}, got {_shown(given)}")
 

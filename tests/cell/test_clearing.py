@@ -2,7 +2,7 @@
 
 import pytest
 
-from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
+from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
@@ -23,7 +23,7 @@ def test_a_bin_without_walls_is_refused(tmp_path):
     ghost = f"directives.bin.add_model.file={path.as_uri()}"
     scenario = load_scenario("clear_table", overrides=["clutter.count=1", ghost])
     with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no coll"):
-        bin_box(scenario)
+        bin_boxes(scenario)
 
 
 def test_the_hand_drops_over_the_bin():

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
+from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Mode
@@ -52,7 +52,7 @@ def test_the_middle_of_the_load_is_over_the_bin(scenario, motions, length, turne
     over_bin = motions.scene.X_WG(planned[Mode.TRANSFER].value(1e9)[:, 0])
     middle = np.array([PLACE[0] + 0.5 * length, PLACE[1], 0.0])
     p_W = over_bin @ (at_grasp.inverse() @ middle)
-    low, high = bin_box(scenario)
+    low, high = bin_boxes(scenario)["bin"]
     np.testing.assert_allclose(p_W[:2], 0.5 * (low + high)[:2], atol=0.005)
     assert p_W[2] > high[2]  # what stood on the table clears the rim
 
