@@ -39,8 +39,10 @@ from drake_srg.vision.surface import Surface
 # Distances from its base at which an iiwa 14 on the table reaches the table with the
 # hand down [m].
 _REACH = (0.40, 0.82)
+# The map leaves out the bin and as much around it, for errors of the map [m].
+_AROUND_BIN = 0.006
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
-_OVER = 0.36
+_OVER = 0.44
 
 
 def AddHeightMapper(
@@ -52,11 +54,13 @@ def AddHeightMapper(
     low, high = clear.region.min, clear.region.max
     surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
     cameras = camera_models(scenario)
+    box = bin_box(scenario)
+    least, most = box[0] - _AROUND_BIN, box[1] + _AROUND_BIN
+    bin_place = Surface((least[0], least[1]), (most[0], most[1]), scenario.table.height)
     # The planner looks with the arm out of the way.
     config = HeightMapConfig(over_edge=True)
-    mapper = builder.AddNamedSystem(
-        "height_mapper", HeightMapper(cameras, surface, config=config)
-    )
+    mapper = HeightMapper(cameras, surface, ignored=[bin_place], config=config)
+    builder.AddNamedSystem("height_mapper", mapper)
     for name in cameras:
         for port in ("depth_image", "body_pose_in_world"):
             source = station.GetOutputPort(f"camera_{name}.{port}")

@@ -33,8 +33,9 @@ _RIM = 0.03
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
 # A load that reaches further than this from the grasp may turn in the hand. Then it
-# hangs lower, but no household object by more than `_MOST_SAG` [m].
-_SAGS_BEYOND, _MOST_SAG = 0.1, 0.16
+# hangs lower, but no household object by more than `_MOST_SAG` [m]: the hammer, held by
+# its head, has a handle of 0.32 m.
+_SAGS_BEYOND, _MOST_SAG = 0.1, 0.22
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
 _ASIDE = 0.12
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
