@@ -35,7 +35,8 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
         return tree  # `load_typed` reports it
     pick, place, clear = (task.get(key) for key in ("pick", "place", "clear"))
     into, bins = (
-        place.get(key) if isinstance(place, Mapping) else None for key in ("bin", "bins")
+        place.get(key) if isinstance(place, Mapping) else None
+        for key in ("bin", "bins")
     )
     if not (into or bins):
         return _without_bin(tree, origin)

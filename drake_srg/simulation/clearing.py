@@ -18,8 +18,6 @@ from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Vector
 
-# An object in the bin that is slower than this rests [m/s].
-_AT_REST = 0.005
 # How far above the rim the origin of an object in the bin may be [m]: things pile up.
 _HEAPED = 0.1
 # How far below the bin its origin may be [m].
@@ -155,7 +153,7 @@ def _rests_inside(
     log: Mapping[str, Vector], name: str, box: tuple[Vector, Vector]
 ) -> bool:
     poses = log[_pose(name)]
-    slow = measures.final_speed(log["time"], poses) < _AT_REST
+    slow = measures.final_speed(log["time"], poses) < measures.AT_REST
     return bool(slow and _is_inside(poses[-1, :3], box))
 
 

@@ -29,7 +29,9 @@ _KERNEL = np.ones((3, 3), np.uint8)
 
 def things(height_map: HeightMap, table: float) -> Mask:
     """Return which cells show something on a table at height `table` [m]."""
-    return np.asarray(np.nan_to_num(height_map.height, nan=-np.inf) > table + _LEAST_HEIGHT)
+    return np.asarray(
+        np.nan_to_num(height_map.height, nan=-np.inf) > table + _LEAST_HEIGHT
+    )
 
 
 def color_labels(

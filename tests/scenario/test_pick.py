@@ -45,8 +45,16 @@ def test_a_list_may_name_the_one_object_to_place():
         ("clear_table", "task.pick=[[]]", "task.pick: unknown object a list"),
         ("clear_table", "task.pick=null", "{colour: COLOUR}, got null"),
         ("clear_table", "task.pick={color: red}", "{colour: COLOUR}, got a mapping"),
-        ("clear_table", "task.pick={colour: rde}", "task.pick.colour: unknown 'rde' (did you mean"),
-        ("clear_table", "task.pick=[clutter_1]", "objects.clutter_1.known: must be true"),
+        (
+            "clear_table",
+            "task.pick={colour: rde}",
+            "task.pick.colour: unknown 'rde' (did you mean",
+        ),
+        (
+            "clear_table",
+            "task.pick=[clutter_1]",
+            "objects.clutter_1.known: must be true",
+        ),
         ("sort_table", "task.pick=red_can", "must be all with task.place.bins, got"),
         ("sort_table", "task.pick=[red_ball, red_ball]", "must be all with task.place"),
         ("sort_table", "task.place.bin=red_bin", "needs either a bin or bins"),

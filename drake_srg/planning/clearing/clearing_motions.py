@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -30,6 +30,8 @@ _TIPS = 0.0
 _HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
+# Distance of a stuck hand from what it presses on: so much of an overlap is free [m].
+_PRESSED = -0.02
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
 # A load that reaches further than this from the grasp may turn in the hand. Then it
@@ -98,14 +100,36 @@ class ClearingMotions:
         except NoPathError as error:
             return error.failure
 
-    def plan_home(self, q_start: Vector) -> dict[Mode, Trajectory] | PlanningFailure:
+    def plan_home(self, q_start: Vector) -> Trajectory | PlanningFailure:
         """Plan the way back to `q_home` from over the bin, shape (N,) [rad]."""
         self.scene.SetFingers({})
         try:
             path = self._moves.joint_path(q_start, self.q_home)
-            return {Mode.HOME: self._moves.timed(path, self._moves.free)}
+            return self._moves.timed(path, self._moves.free)
         except NoPathError as error:
             return error.failure
+
+    def plan_retreat(
+        self, q_start: Vector, fingers: Mapping[str, float]
+    ) -> Trajectory | PlanningFailure:
+        """Plan up and over the bin from where something has stopped the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
+        """
+        moves = self._moves
+        self.scene.SetFingers(fingers)
+        with self.scene.reaching(_PRESSED):
+            rise = (moves.tip(self.q_over) - moves.tip(q_start))[2]
+            for share in (1.0, 0.5, 0.25, 0.0):  # the arm may not get that high there
+                try:
+                    up = moves.straight(q_start, moves.above(q_start, share * rise))
+                    across = moves.joint_path(up[-1], self.q_over)
+                    return moves.timed(np.vstack([up, across[1:]]), moves.free)
+                except NoPathError as error:
+                    failure = error.failure
+        return failure
 
     def _plan(
         self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap

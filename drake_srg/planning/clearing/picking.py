@@ -51,6 +51,17 @@ class PickPlanner:
             return dc.replace(memory, taken=memory.taken + 1)
         return dc.replace(memory, tried=(*memory.tried, pick.grasp))
 
+    def give_up(self, memory: ClearingMemory) -> ClearingMemory:
+        """Count the pick under way as failed, because something has stopped the arm."""
+        grasp = memory.planned.grasp
+        return dc.replace(
+            memory,
+            pick=None,
+            tried=(*memory.tried, grasp),
+            stopped=(*memory.stopped, grasp),
+            astray=True,
+        )
+
     def plan(
         self, memory: ClearingMemory, height_map: HeightMap, time: float
     ) -> ClearingMemory:
@@ -69,7 +80,9 @@ class PickPlanner:
         planned = 0
         for grasp in found.grasps:
             if self._given_up(memory.tried, grasp.p_WC):
-                missed.append(Left(grasp.p_WC, Failure.NO_GRASP))
+                stuck = self._given_up(memory.stopped, grasp.p_WC)
+                why = Failure.STOPPED if stuck else Failure.NO_GRASP
+                missed.append(Left(grasp.p_WC, why))
                 continue
             if planned == _MOST_GRASPS:
                 break

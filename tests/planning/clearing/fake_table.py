@@ -21,7 +21,7 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
 
-HOME = np.zeros(2)
+HOME, OVER = np.zeros(2), np.full(2, 4.0)
 RESOLUTION = 0.005
 SIDE = 0.04  # of the square things [m]
 TALL = 0.05
@@ -96,7 +96,10 @@ class Motions:
         return {mode: _line(a, b) for mode, a, b in lines}
 
     def plan_home(self, q_start):
-        return {Mode.HOME: _line(q_start, HOME)}
+        return _line(q_start, HOME)
+
+    def plan_retreat(self, q_start, fingers):
+        return _line(q_start, OVER)
 
 
 def _line(start, end):

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
+from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Mode
 from planning.clearing.fake_table import grasp_at, table
@@ -83,3 +86,20 @@ def test_far_out_a_long_load_is_lifted_less(motions):
         return end - start
 
     assert 0.1 < rise(far) < rise(PLACE) - 0.05
+
+
+@pytest.mark.parametrize(
+    "p_W", [(0.5, 0.0, 0.175), (0.3, -0.4, 0.28), (0.45, 0.3, 0.3)]
+)
+def test_retreats_over_the_bin_even_if_the_hand_presses_on_something(motions, p_W):
+    scene = motions.scene
+    fingers = grasp_at(PLACE).fingers_open
+    scene.SetFingers(fingers)
+    target = HandTarget.from_pose(palm_pose(np.array(p_W), 0.4))
+    q = solve_inverse_kinematics(
+        scene, target, q_nominal=motions.q_over, check_clearance=False
+    ).q
+    way = motions.plan_retreat(q, fingers)
+    assert not isinstance(way, PlanningFailure), way.message
+    np.testing.assert_allclose(way.value(0.0)[:, 0], q, atol=1e-6)
+    np.testing.assert_allclose(way.value(1e9)[:, 0], motions.q_over, atol=1e-6)

@@ -125,11 +125,43 @@ def test_gives_up_when_the_time_is_over():
     assert slow.status.message == "the time budget is used up"
 
 
-def test_stops_when_the_arm_does_not_get_there():
+@pytest.mark.parametrize("mode", [Mode.PRE_GRASP, Mode.LIFT, Mode.TRANSFER])
+def test_goes_back_and_on_when_something_stops_the_arm(mode):
+    stuck = run(A, B)
+    stuck.until(mode)
+    follow, stuck.follow = stuck.follow, lambda: None
+    q_stuck = stuck.planner.GetInputPort("arm_state").Eval(stuck.context)[:2]
+    stuck.until(Mode.RELEASE)
+    stuck.until(Mode.RETREAT)
+    commanded = stuck.planner.GetOutputPort("position_commanded").Eval(stuck.context)
+    assert stuck.planner.GetOutputPort("closure_commanded").Eval(stuck.context) < 0.5
+    assert np.linalg.norm(commanded - q_stuck) < 0.5
+    stuck.follow = follow
+    stuck.until(Mode.IDLE)
+    pick(stuck, after=table(B))
+    pick(stuck, after=table())
+    stuck.until(Mode.DONE)
+    assert stuck.motions.taken == [A, A, B]
+    assert stuck.status.cycles == 2
+
+
+def test_leaves_what_the_arm_is_stopped_at_too_often():
+    stuck = run(A, config=dc.replace(CONFIG, max_attempts=2))
+    for _ in range(2):
+        stuck.until(Mode.LIFT)
+        follow, stuck.follow = stuck.follow, lambda: None
+        stuck.until(Mode.RETREAT)
+        stuck.follow = follow
+    stuck.until(Mode.DONE)
+    assert [left.failure for left in stuck.status.left] == [Failure.STOPPED]
+
+
+def test_gives_up_when_the_arm_does_not_get_back():
     blocked = run(A)
     blocked.until(Mode.LIFT)
     blocked.follow = lambda: None
     blocked.until(Mode.FAILED)
+    assert blocked.modes[-2] is Mode.RETREAT
     assert blocked.status.failure is Failure.STOPPED
     assert "something is in its way" in blocked.status.message
 
