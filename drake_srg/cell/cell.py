@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Callable
 
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
 from drake_srg.cell.choosing import AddThingLabeler, chooses
 from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
@@ -104,9 +104,7 @@ def AddCell(
         labeled = seen
         if chooses(scenario):
             labeled = AddThingLabeler(builder, scenario, station, seen)
-        builder.Connect(labeled, planner.GetInputPort("height_map"))
-        ConnectSensors(builder, station, planner)
-        ConnectCommands(builder, station, planner)
+        ConnectClearingPlanner(builder, station, labeled, planner)
         builder.ExportOutput(seen, "height_mapper.height_map")
     else:
         localizer = AddLocalizer(builder, scenario, station)
@@ -174,6 +172,22 @@ def ConnectPlanner(
         planner: The planner.
     """
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    ConnectSensors(builder, station, planner)
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectClearingPlanner(
+    builder: DiagramBuilder, station: Diagram, height_map: OutputPort, planner: System
+) -> None:
+    """Connect a planner with ports of `ClearingPlanner` to the other systems.
+
+    Args:
+        builder: Builder of the diagram that contains them all.
+        station: A station with the ports of `MakeStation`'s.
+        height_map: Where the height map comes from.
+        planner: The planner.
+    """
+    builder.Connect(height_map, planner.GetInputPort("height_map"))
     ConnectSensors(builder, station, planner)
     ConnectCommands(builder, station, planner)
 

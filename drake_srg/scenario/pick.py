@@ -104,12 +104,12 @@ def _selection(
             if name in given[:i]:
                 fail(origin, key, f"must name each object once, got {name!r} again")
         return {"names": given}
-    if isinstance(given, Mapping) and (colour := given.get("colour")):
-        if colour not in COLORS:
-            known = suggest(str(colour), COLORS)
-            fail(origin, f"{key}.colour", f"unknown {_shown(colour)} {known}")
-        return given
-    fail(origin, key, f"must be one of: {_ALLOWED}, got {_shown(given)}")
+    if not (isinstance(given, Mapping) and given.get("colour")):
+        fail(origin, key, f"must be one of: {_ALLOWED}, got {_shown(given)}")
+    if (colour := given["colour"]) not in COLORS:
+        known = suggest(str(colour), COLORS)
+        fail(origin, f"{key}.colour", f"unknown {_shown(colour)} {known}")
+    return given
 
 
 def _shown(given: Any) -> str:
