@@ -43,6 +43,10 @@ _REACH = (0.40, 0.82)
 _AROUND_BIN = 0.006
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
 _OVER = 0.44
+# Distance between the bin's middle and other places to let go, a share of its length.
+_ASIDE = 0.22
+# A bin's rim is at least that high above the table [m].
+_LEAST_RIM = 0.02
 
 
 def AddHeightMapper(
@@ -73,7 +77,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
 
     Raises:
         ScenarioError: If the gripper is not the SRG, the arm does not reach over the
-            bin, or the bin has no collision geometry.
+            bin, or the bin has no collision geometry or is no bin.
     """
     assert scenario.arm is not None
     config, table = scenario.planner, scenario.table.height
@@ -85,6 +89,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             "!SrgTendonDriver)"
         )
     low, high = bin_box(scenario)
+    size = (high - low)[:2]
     q_home = np.array(scenario.arm.home)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
     q_over = _posture_over(scene, q_home, p_WO)
@@ -100,6 +105,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         q_over,
         table=table,
         rim=float(high[2]),
+        aside=_ASIDE * np.where(size == size.max(), size, 0.0),
         config=config,
     )
     planner = PickPlanner(grasps, motions, config)
@@ -138,9 +144,18 @@ def bin_box(scenario: Scenario) -> tuple[Vector, Vector]:
     """Return the least and greatest corner of a scenario's bin, in world, (3,) [m].
 
     Raises:
-        ScenarioError: If the model has no collision geometry.
+        ScenarioError: If the model has no collision geometry, or does not rise above
+            the table.
     """
-    return _bin_box(Models.of(scenario), scenario.task.place.bin)
+    name = scenario.task.place.bin
+    low, high = _bin_box(Models.of(scenario), name)
+    rise = high[2] - scenario.table.height
+    if rise < _LEAST_RIM:
+        raise ScenarioError(
+            f"task.place.bin: {name!r} is no bin: it must rise at least "
+            f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
+        )
+    return low, high
 
 
 @functools.lru_cache(maxsize=4)

@@ -26,10 +26,19 @@ def test_a_bin_without_walls_is_refused(tmp_path):
         bin_box(scenario)
 
 
+@pytest.mark.parametrize("name", ["table", "floor"])
+def test_furniture_is_no_bin(name):
+    overrides = ["clutter.count=1", f"task.place.bin={name}"]
+    scenario = load_scenario("clear_table", overrides=overrides)
+    with pytest.raises(ScenarioError, match=rf"^task\.place\.bin: '{name}' is no bin"):
+        MakeClearingPlanner(scenario)
+
+
 def test_the_hand_drops_over_the_bin():
     scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
     planner = MakeClearingPlanner(scenario)
     motions = planner.planner.motions
-    x, y, z = motions.scene.X_WG(motions.q_over).translation()
-    assert (x, y) == pytest.approx((0.3, -0.55), abs=1e-3)
-    assert z > 0.3
+    p_W = motions.scene.X_WG(motions.q_over).translation()
+    low, high = bin_box(scenario)
+    assert p_W[:2] == pytest.approx(0.5 * (low + high)[:2], abs=1e-3)
+    assert p_W[2] > high[2] + 0.2

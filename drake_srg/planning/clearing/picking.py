@@ -83,7 +83,7 @@ class PickPlanner:
             if planned == _MOST_GRASPS:
                 break
             planned += 1
-            motions = self.motions.plan(q_start, grasp, height_map)
+            motions = self.motions.plan(q_start, grasp, height_map, memory.picks)
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue

@@ -42,14 +42,14 @@ def table(*places, tall=TALL):
     return height_map
 
 
-def grasp_at(place):
+def grasp_at(place, width=SIDE):
     """Return a grasp of the thing at a place."""
     p_WC = np.array([*place, 0.5 * TALL])
     return TopGrasp(
         X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.17]), 0.0),
         fingers=SrgFingers(),
         half_gap=0.05,
-        width=SIDE,
+        width=width,
         p_WC=p_WC,
         height=TALL,
         score=1.0,
@@ -59,8 +59,9 @@ def grasp_at(place):
 class Grasps:
     """Stands in for a GraspPlanner: grasps whatever stands at known places."""
 
-    def __init__(self, places, refused=()):
+    def __init__(self, places, refused=(), width=SIDE):
         self.places = places
+        self.width = width
         self.refused = dict(refused)  # place: failure
 
     def plan(self, height_map, *, tried=(), seed=0):
@@ -73,7 +74,7 @@ class Grasps:
             for p in left
             if p in self.refused
         ]
-        grasps = [grasp_at(p) for p in left if p not in self.refused]
+        grasps = [grasp_at(p, self.width) for p in left if p not in self.refused]
         return GraspPlan(tuple(grasps), len(left), lambda: tuple(refused))
 
 
@@ -86,7 +87,7 @@ class Motions:
         self.unreachable = unreachable
         self.taken = []
 
-    def plan(self, q_start, grasp, height_map):
+    def plan(self, q_start, grasp, height_map, number=0):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")
