@@ -17,9 +17,8 @@ from drake_srg.objects.corners import body_corners
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.clearing.reach import reach_with_hand_down
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -36,9 +35,8 @@ from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 
-# Distances from its base at which an iiwa 14 on the table reaches the table with the
-# hand down [m].
-_REACH = (0.40, 0.82)
+# Height of the fingers' ends above the table where the arm's reach counts [m].
+_TIPS = 0.02
 # The map leaves out the bin and as much around it, for errors of the map [m].
 _AROUND_BIN = 0.006
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
@@ -76,28 +74,30 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     """Make the planner that clears a scenario's table into its bin.
 
     Raises:
-        ScenarioError: If the gripper is not the SRG, the arm does not reach over the
-            bin, or the bin has no collision geometry or is no bin.
+        ScenarioError: If the gripper does not pinch from above, the arm does not reach
+            over the bin, or the bin has no collision geometry or is no bin.
     """
     assert scenario.arm is not None
+    assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
     hand = MakeHand(scenario, scene.plant)
-    if not isinstance(hand, SrgHand):
+    if hand.pinch is None:
+        driver = type(scenario.gripper).__name__
         raise ScenarioError(
-            "gripper: must be the SRG with task.pick all (allowed: !SrgPositionDriver, "
-            "!SrgTendonDriver)"
+            f"gripper: must pinch from above with task.pick all, which the hand of "
+            f"!{driver} does not"
         )
     low, high = bin_box(scenario)
     size = (high - low)[:2]
     q_home = np.array(scenario.arm.home)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
     q_over = _posture_over(scene, q_home, p_WO)
-    base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
-    x, y = base.translation()[:2]
-    grasps = HeightMapGrasps(
-        SrgFingers(config.squeeze, hand.full_scale), table, reach=Reach((x, y), *_REACH)
-    )
+    region = scenario.task.clear.region
+    middle = 0.5 * (np.array(region.min) + region.max)
+    p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
+    reach = reach_with_hand_down(scene, q_over, p_WG)
+    grasps = HeightMapGrasps(hand.pinch, table, reach=reach)
     motions = ClearingMotions(
         scene,
         Moves(scene, hand.p_GT, config),

@@ -1,8 +1,12 @@
 """The planner of a cell that clears its table."""
 
+import dataclasses as dc
+
 import pytest
 
+from drake_srg.cell import clearing
 from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
+from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
@@ -24,6 +28,16 @@ def test_a_bin_without_walls_is_refused(tmp_path):
     scenario = load_scenario("clear_table", overrides=["clutter.count=1", ghost])
     with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no coll"):
         bin_box(scenario)
+
+
+def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch):
+    def without_pinch(scenario, plant):
+        return dc.replace(MakeHand(scenario, plant), pinch=None)
+
+    monkeypatch.setattr(clearing, "MakeHand", without_pinch)
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
+    with pytest.raises(ScenarioError, match=r"^gripper: must pinch from above"):
+        MakeClearingPlanner(scenario)
 
 
 @pytest.mark.parametrize("name", ["table", "floor"])
