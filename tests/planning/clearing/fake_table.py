@@ -10,6 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.top_grasp import (
     GraspPlan,
@@ -75,7 +76,10 @@ class Grasps:
             if p in self.refused
         ]
         grasps = [grasp_at(p, self.width) for p in left if p not in self.refused]
-        return GraspPlan(tuple(grasps), len(left), lambda: tuple(refused))
+        relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
+        return GraspPlan(
+            tuple(grasps), len(left), lambda: tuple(refused), relief.places
+        )
 
 
 class Motions:

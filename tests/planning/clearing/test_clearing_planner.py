@@ -111,6 +111,21 @@ def test_says_why_a_thing_stays(failure):
     assert [thing.failure for thing in wide.status.left] == [failure]
 
 
+def test_names_every_part_of_what_stays():
+    # A heap counts as one thing; another one is far away.
+    heap, far = [(x, 0.1) for x in (0.1, 0.135, 0.17, 0.205, 0.24)], (0.4, 0.3)
+    failures = {A: Failure.TOO_WIDE, far: Failure.OUT_OF_REACH}
+    stays = run(A, far, shown=table(*heap, far), refused=failures)
+    stays.until(Mode.DONE)
+    for place in heap:
+        assert any(
+            np.linalg.norm(left.p_W[:2] - place) < 0.06
+            and left.failure is Failure.TOO_WIDE
+            for left in stays.status.left
+        )
+    assert len(stays.status.left) < 6
+
+
 def test_passes_over_what_is_out_of_reach():
     far = run(A, B, unreachable=[A])
     pick(far, after=table(A))
