@@ -113,5 +113,5 @@ def AddThingLabeler(
     if known:
         localizer = AddLocalizer(builder, scenario, station)
         builder.Connect(localizer.GetOutputPort("blobs"), labeler.GetInputPort("blobs"))
-    port: OutputPort = labeler.get_output_port()
-    return port
+    labeled: OutputPort = labeler.get_output_port()
+    return labeled

@@ -19,9 +19,9 @@ from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.clearing.reach import reach_with_hand_down
+from drake_srg.planning.grasps.grasps import Hand
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -38,13 +38,16 @@ from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 
-# Distances from its base at which an iiwa 14 on the table reaches the table with the
-# hand down [m].
-_REACH = (0.40, 0.82)
+# Height of the fingers' ends above the table where the arm's reach counts [m].
+_TIPS = 0.02
 # The map leaves out the bin and as much around it, for errors of the map [m].
 _AROUND_BIN = 0.006
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
 _OVER = 0.44
+# Distance between the bin's middle and other places to let go, a share of its length.
+_ASIDE = 0.22
+# A bin's rim is at least that high above the table [m].
+_LEAST_RIM = 0.02
 
 
 def AddHeightMapper(
@@ -76,27 +79,31 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     """Make the planner that clears a scenario's table into its bins.
 
     Raises:
-        ScenarioError: If the gripper is not the SRG, the arm does not reach over a
-            bin, or a bin has no collision geometry.
+        ScenarioError: If the gripper does not pinch from above, the arm does not reach
+            over a bin, or a bin has no collision geometry or is no bin.
     """
+    assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
     hand = MakeHand(scenario, scene.plant)
-    if not isinstance(hand, SrgHand):
+    if hand.pinch is None:
+        driver = type(scenario.gripper).__name__
         raise ScenarioError(
-            "gripper: must be the SRG with task.pick all (allowed: !SrgPositionDriver, "
-            "!SrgTendonDriver)"
+            f"gripper: must pinch from above with task.pick all, which the hand of "
+            f"!{driver} does not"
         )
-    base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
-    x, y = base.translation()[:2]
     motions = {
         name: _motions_to(name, box, scene, hand, scenario)
         for name, box in bin_boxes(scenario).items()
     }
+    region = scenario.task.clear.region
+    middle = 0.5 * (np.array(region.min) + region.max)
+    p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
+    q_over = next(iter(motions.values())).q_over
+    reach = reach_with_hand_down(scene, q_over, p_WG)
     choosing = chooses(scenario)
     kind = ChosenGrasps if choosing else HeightMapGrasps
-    fingers = SrgFingers(config.squeeze, hand.full_scale)
-    grasps = kind(fingers, table, reach=Reach((x, y), *_REACH))
+    grasps = kind(hand.pinch, table, reach=reach)
     if choosing:
         found = labels(scenario)
         planner: PickPlanner = ChoosingPlanner(
@@ -117,7 +124,7 @@ def _motions_to(
     name: str,
     box: tuple[Vector, Vector],
     scene: PlanningScene,
-    hand: SrgHand,
+    hand: Hand,
     scenario: Scenario,
 ) -> ClearingMotions:
     """Return the motions into a bin between two corners of `box` [m].
@@ -127,13 +134,13 @@ def _motions_to(
     """
     assert scenario.arm is not None
     low, high = box
+    size = (high - low)[:2]
     q_home = np.array(scenario.arm.home)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
     try:
         q_over = _posture_over(scene, q_home, p_WO)
     except ScenarioError as error:
-        key = "bin" if scenario.task.place.bin else f"bins.{name}"
-        raise ScenarioError(f"task.place.{key}: {error}") from None
+        raise ScenarioError(f"{_key(scenario, name)}: {error}") from None
     return ClearingMotions(
         scene,
         Moves(scene, hand.p_GT, scenario.planner),
@@ -141,6 +148,7 @@ def _motions_to(
         q_over,
         table=scenario.table.height,
         rim=float(high[2]),
+        aside=_ASIDE * np.where(size == size.max(), size, 0.0),
         config=scenario.planner,
     )
 
@@ -177,10 +185,28 @@ def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
     """Return the least and greatest corner of each bin by name, in world, (3,) [m].
 
     Raises:
-        ScenarioError: If a model has no collision geometry.
+        ScenarioError: If a model has no collision geometry, or does not rise above the
+            table.
     """
     models = Models.of(scenario)
-    return {name: _bin_box(models, name) for name in scenario.task.place.bins}
+    boxes = {}
+    for name in scenario.task.place.bins:
+        try:
+            boxes[name] = _bin_box(models, name)
+        except ScenarioError as error:
+            raise ScenarioError(f"{_key(scenario, name)}: {error}") from None
+        rise = boxes[name][1][2] - scenario.table.height
+        if rise < _LEAST_RIM:
+            raise ScenarioError(
+                f"{_key(scenario, name)}: {name!r} is no bin: it must rise at least "
+                f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
+            )
+    return boxes
+
+
+def _key(scenario: Scenario, name: str) -> str:
+    """Return the key that names a bin, for messages."""
+    return "task.place.bin" if scenario.task.place.bin else f"task.place.bins.{name}"
 
 
 @functools.lru_cache(maxsize=4)
@@ -199,5 +225,5 @@ def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
             corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
     points = np.concatenate(corners)
     if not len(points):
-        raise ScenarioError(f"task.place.bin: {name!r} has no collision geometry")
+        raise ScenarioError(f"{name!r} has no collision geometry")
     return points.min(axis=0), points.max(axis=0)

@@ -170,12 +170,12 @@ class Transfer(ClearingMode):
         if not memory.motion.arrived(now.senses.q, now.time):
             return memory
         senses = now.senses
-        # Fingers that lose their load close further.
-        closed = np.mean(senses.fingers - pick.angles) > self.config.slip_closing
-        told = not pick.grasp.tellable or pick.grasp.holds(
-            senses.fingers, senses.proximity
-        )
-        held = bool(senses.grasped and told and not closed)
+        if pick.grasp.tellable:
+            told = pick.grasp.holds(senses.fingers, senses.proximity)
+        else:  # fingers that lose so thin a load at least close further
+            closing = np.mean(senses.fingers - pick.angles)
+            told = bool(closing < self.config.slip_closing)
+        held = senses.grasped and told
         return dc.replace(memory, pick=dc.replace(pick, held=held))
 
 

@@ -88,7 +88,7 @@ class PickPlanner:
                 break
             planned += 1
             there = self.motions_with(grasp, height_map)
-            motions = there.plan(q_start, grasp, height_map)
+            motions = there.plan(q_start, grasp, height_map, memory.picks)
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue
@@ -97,7 +97,7 @@ class PickPlanner:
         left: list[Left] = []
         if pick is None:
             refused = [Left(r.p_W, r.failure) for r in found.refused]
-            left = _distinct([*refused, *missed])
+            left = _named(found.places(_SAME_THING), _distinct([*refused, *missed]))
         return dc.replace(
             memory,
             pick=pick,
@@ -125,3 +125,16 @@ def _distinct(left: Iterable[Left]) -> list[Left]:
         if not any(_near(other.p_W, known.p_W) for known in kept):
             kept.append(other)
     return kept
+
+
+def _named(places: Iterable[Vector], left: list[Left]) -> list[Left]:
+    """Return what is left with the nearest reason for all of the given places too.
+
+    Things that touch each other count as one, and that has one reason.
+    """
+    named = list(left)
+    for p_W in places:
+        if left and not any(_near(p_W, known.p_W) for known in named):
+            nearest = min(left, key=lambda o: float(np.linalg.norm(o.p_W - p_W)))
+            named.append(Left(p_W, nearest.failure))
+    return named

@@ -52,7 +52,7 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     Mode.TRANSFER: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
     Mode.RELEASE: [
         (lambda o, t, c: o.astray and _released(o, t, c), Mode.RETREAT),
-        (lambda o, t, c: _released(o, t, c), Mode.IDLE),
+        (_released, Mode.IDLE),
     ],
     Mode.RETREAT: [(lambda o, t, c: o.arrived, Mode.IDLE)],
     Mode.HOME: [(lambda o, t, c: o.arrived, Mode.DONE)],

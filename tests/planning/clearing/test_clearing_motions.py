@@ -43,12 +43,14 @@ def moved(height_map):
 
 
 @pytest.mark.parametrize("length", [0.0, 0.1])
-@pytest.mark.parametrize("turned", [False, True])
-def test_the_middle_of_the_load_is_over_the_bin(scenario, motions, length, turned):
+@pytest.mark.parametrize(("turned", "number"), [(False, 0), (True, 1), (False, 2)])
+def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
+    scenario, motions, length, turned, number
+):
     height_map = long_thing(moved(table()), length)
     grasp = grasp_at(PLACE)
     planned = motions.plan(
-        motions.q_home, grasp.half_turn() if turned else grasp, height_map
+        motions.q_home, grasp.half_turn() if turned else grasp, height_map, number
     )
     assert not isinstance(planned, PlanningFailure), planned.message
     at_grasp = motions.scene.X_WG(planned[Mode.GRASP].value(1e9)[:, 0])
@@ -56,7 +58,9 @@ def test_the_middle_of_the_load_is_over_the_bin(scenario, motions, length, turne
     middle = np.array([PLACE[0] + 0.5 * length, PLACE[1], 0.0])
     p_W = over_bin @ (at_grasp.inverse() @ middle)
     low, high = bin_boxes(scenario)["bin"]
-    np.testing.assert_allclose(p_W[:2], 0.5 * (low + high)[:2], atol=0.005)
+    aside = (0.0, 0.13, -0.13)[number] if length == 0.0 else 0.0
+    expected = 0.5 * (low + high)[:2] + [aside, 0.0]
+    np.testing.assert_allclose(p_W[:2], expected, atol=0.005)
     assert p_W[2] > high[2]  # what stood on the table clears the rim
 
 

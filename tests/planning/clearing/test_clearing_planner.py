@@ -6,15 +6,24 @@ import numpy as np
 import pytest
 
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import CONFIG, HELD, HOME, Grasps, Motions, Run, table
+from planning.clearing.fake_table import (
+    CONFIG,
+    HELD,
+    HOME,
+    SIDE,
+    Grasps,
+    Motions,
+    Run,
+    table,
+)
 
 A, B = (0.1, 0.1), (0.3, 0.2)
 
 
-def run(*places, shown=None, config=CONFIG, unreachable=(), refused=()):
+def run(*places, shown=None, config=CONFIG, unreachable=(), refused=(), width=SIDE):
     motions = Motions(unreachable)
     seen = table(*places) if shown is None else shown
-    return Run(Grasps(places, refused), motions, seen, config)
+    return Run(Grasps(places, refused, width), motions, seen, config)
 
 
 def pick(run, *, after, felt=True):
@@ -60,15 +69,18 @@ def test_counts_only_what_is_felt_and_gone(felt, after):
     assert one.status.cycles == 0
 
 
-def test_notices_fingers_that_close_further_on_the_way():
-    one = run(A)
+@pytest.mark.parametrize(("width", "counted"), [(SIDE, 1), (0.002, 0)])
+def test_notices_fingers_that_close_further_on_the_way(width, counted):
+    # A load that turns in the hand lets them close too; but for thin ones, the angles
+    # still differ from those of an empty hand.
+    one = run(A, width=width)
     one.until(Mode.CLOSE)
     one.feel(True)
     one.until(Mode.TRANSFER)
     one.fix("gripper_state", [*(HELD[:4] + CONFIG.slip_closing + 0.01), *np.zeros(4)])
     one.show(table())
     one.until(Mode.RELEASE)
-    assert one.status.cycles == 0
+    assert one.status.cycles == counted
 
 
 def test_leaves_what_fails_too_often():
@@ -97,6 +109,21 @@ def test_says_why_a_thing_stays(failure):
     pick(wide, after=table(B))
     wide.until(Mode.DONE)
     assert [thing.failure for thing in wide.status.left] == [failure]
+
+
+def test_names_every_part_of_what_stays():
+    # A heap counts as one thing; another one is far away.
+    heap, far = [(x, 0.1) for x in (0.1, 0.135, 0.17, 0.205, 0.24)], (0.4, 0.3)
+    failures = {A: Failure.TOO_WIDE, far: Failure.OUT_OF_REACH}
+    stays = run(A, far, shown=table(*heap, far), refused=failures)
+    stays.until(Mode.DONE)
+    for place in heap:
+        assert any(
+            np.linalg.norm(left.p_W[:2] - place) < 0.06
+            and left.failure is Failure.TOO_WIDE
+            for left in stays.status.left
+        )
+    assert len(stays.status.left) < 6
 
 
 def test_passes_over_what_is_out_of_reach():
