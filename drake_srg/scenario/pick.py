@@ -33,11 +33,11 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     task, objects = tree.get("task"), tree.get("objects")
     if not (isinstance(task, Mapping) and isinstance(objects, Mapping)):
         return tree  # `load_typed` reports it
-    pick, place, clear = (task.get(key) for key in ("pick", "place", "clear"))
-    into, bins = (
-        place.get(key) if isinstance(place, Mapping) else None
-        for key in ("bin", "bins")
-    )
+    pick, clear = task.get("pick"), task.get("clear")
+    place = task.get("place")
+    if not isinstance(place, Mapping):
+        place = {}  # `load_typed` reports any other type
+    into, bins = place.get("bin"), place.get("bins")
     if not (into or bins):
         return _without_bin(tree, origin)
     if into and bins:
