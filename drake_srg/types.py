@@ -228,6 +228,15 @@ class HeightMap:
         return ix_iy[..., ::-1].astype(np.intp)
 
 
+@dc.dataclass(frozen=True, eq=False)
+class LabeledHeightMap(HeightMap):
+    """A height map that tells what its cells belong to."""
+
+    # Index into `names`, shape (ny, nx); negative where nothing of interest is.
+    label: npt.NDArray[np.int8]
+    names: tuple[str, ...]  # of objects, of colours, or `all`
+
+
 class Mode(enum.Enum):
     """Modes of the pick-and-place state machine, in the order of a cycle."""
 

@@ -3,10 +3,12 @@
 from drake_srg.cell.cell import (
     AddCell,
     AddDisturber,
+    ConnectClearingPlanner,
     ConnectCommands,
     ConnectPlanner,
     MakeCell,
 )
+from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
 from drake_srg.cell.hands import MakeHand, register_gripper
 from drake_srg.cell.planners import (
     MakePlanner,
@@ -18,9 +20,12 @@ from drake_srg.cell.planners import (
 __all__ = [
     "AddCell",
     "AddDisturber",
+    "AddHeightMapper",
+    "ConnectClearingPlanner",
     "ConnectCommands",
     "ConnectPlanner",
     "MakeCell",
+    "MakeClearingPlanner",
     "MakeHand",
     "MakePlanner",
     "MakeScriptedPlanner",

@@ -3,8 +3,9 @@
 import copy
 from collections.abc import Callable
 
-from pydrake.systems.framework import Diagram, DiagramBuilder, System
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
+from drake_srg.cell.choosing import AddThingLabeler, chooses
 from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
@@ -108,9 +109,10 @@ def AddCell(
         mapper = AddHeightMapper(builder, scenario, station)
         planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
         seen = mapper.GetOutputPort("height_map")
-        builder.Connect(seen, planner.GetInputPort("height_map"))
-        ConnectSensors(builder, station, planner)
-        ConnectCommands(builder, station, planner)
+        labeled = seen
+        if chooses(scenario):
+            labeled = AddThingLabeler(builder, scenario, station, seen)
+        ConnectClearingPlanner(builder, station, labeled, planner)
         builder.ExportOutput(seen, "height_mapper.height_map")
     else:
         localizer = AddLocalizer(builder, scenario, station)
@@ -178,6 +180,22 @@ def ConnectPlanner(
         planner: The planner.
     """
     builder.Connect(localizer.GetOutputPort("blobs"), planner.GetInputPort("blobs"))
+    ConnectSensors(builder, station, planner)
+    ConnectCommands(builder, station, planner)
+
+
+def ConnectClearingPlanner(
+    builder: DiagramBuilder, station: Diagram, height_map: OutputPort, planner: System
+) -> None:
+    """Connect a planner with ports of `ClearingPlanner` to the other systems.
+
+    Args:
+        builder: Builder of the diagram that contains them all.
+        station: A station with the ports of `MakeStation`'s.
+        height_map: Where the height map comes from.
+        planner: The planner.
+    """
+    builder.Connect(height_map, planner.GetInputPort("height_map"))
     ConnectSensors(builder, station, planner)
     ConnectCommands(builder, station, planner)
 

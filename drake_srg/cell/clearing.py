@@ -1,4 +1,4 @@
-"""The parts of a cell that clears its table: height mapper, bin and planner."""
+"""The parts of a cell that clears its table: height mapper, bins and planner."""
 
 from __future__ import annotations
 
@@ -9,17 +9,19 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.cell.choosing import chooses, labels
 from drake_srg.cell.hands import MakeHand
 from drake_srg.cell.perception import camera_models
 from drake_srg.cell.planners import own_scene
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.corners import body_corners
+from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
-from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.srg_hand import SrgHand
+from drake_srg.planning.clearing.reach import reach_with_hand_down
+from drake_srg.planning.grasps.grasps import Hand
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -36,11 +38,16 @@ from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
 
-# Distances from its base at which an iiwa 14 on the table reaches the table with the
-# hand down [m].
-_REACH = (0.40, 0.82)
+# Height of the fingers' ends above the table where the arm's reach counts [m].
+_TIPS = 0.02
+# The map leaves out the bin and as much around it, for errors of the map [m].
+_AROUND_BIN = 0.006
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
-_OVER = 0.36
+_OVER = 0.44
+# Distance between the bin's middle and other places to let go, a share of its length.
+_ASIDE = 0.22
+# A bin's rim is at least that high above the table [m].
+_LEAST_RIM = 0.02
 
 
 def AddHeightMapper(
@@ -52,11 +59,15 @@ def AddHeightMapper(
     low, high = clear.region.min, clear.region.max
     surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
     cameras = camera_models(scenario)
+    ignored = []
+    for box in bin_boxes(scenario).values():
+        least, most = box[0] - _AROUND_BIN, box[1] + _AROUND_BIN
+        place = Surface((least[0], least[1]), (most[0], most[1]), surface.height)
+        ignored.append(place)
     # The planner looks with the arm out of the way.
     config = HeightMapConfig(over_edge=True)
-    mapper = builder.AddNamedSystem(
-        "height_mapper", HeightMapper(cameras, surface, config=config)
-    )
+    mapper = HeightMapper(cameras, surface, ignored=ignored, config=config)
+    builder.AddNamedSystem("height_mapper", mapper)
     for name in cameras:
         for port in ("depth_image", "body_pose_in_world"):
             source = station.GetOutputPort(f"camera_{name}.{port}")
@@ -65,41 +76,81 @@ def AddHeightMapper(
 
 
 def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
-    """Make the planner that clears a scenario's table into its bin.
+    """Make the planner that clears a scenario's table into its bins.
 
     Raises:
-        ScenarioError: If the gripper is not the SRG, the arm does not reach over the
-            bin, or the bin has no collision geometry.
+        ScenarioError: If the gripper does not pinch from above, the arm does not reach
+            over a bin, or a bin has no collision geometry or is no bin.
     """
-    assert scenario.arm is not None
+    assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
     hand = MakeHand(scenario, scene.plant)
-    if not isinstance(hand, SrgHand):
+    if hand.pinch is None:
+        driver = type(scenario.gripper).__name__
         raise ScenarioError(
-            "gripper: must be the SRG with task.pick all (allowed: !SrgPositionDriver, "
-            "!SrgTendonDriver)"
+            f"gripper: must pinch from above with task.pick all, which the hand of "
+            f"!{driver} does not"
         )
-    low, high = bin_box(scenario)
+    motions = {
+        name: _motions_to(name, box, scene, hand, scenario)
+        for name, box in bin_boxes(scenario).items()
+    }
+    region = scenario.task.clear.region
+    middle = 0.5 * (np.array(region.min) + region.max)
+    p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
+    q_over = next(iter(motions.values())).q_over
+    reach = reach_with_hand_down(scene, q_over, p_WG)
+    choosing = chooses(scenario)
+    kind = ChosenGrasps if choosing else HeightMapGrasps
+    grasps = kind(hand.pinch, table, reach=reach)
+    if choosing:
+        found = labels(scenario)
+        planner: PickPlanner = ChoosingPlanner(
+            grasps,
+            [motions[label.bin] for label in found],
+            [label.name for label in found],
+            [label.named for label in found],
+            table,
+            config,
+        )
+    else:
+        (into,) = motions.values()
+        planner = PickPlanner(grasps, into, config)
+    return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
+
+
+def _motions_to(
+    name: str,
+    box: tuple[Vector, Vector],
+    scene: PlanningScene,
+    hand: Hand,
+    scenario: Scenario,
+) -> ClearingMotions:
+    """Return the motions into a bin between two corners of `box` [m].
+
+    Raises:
+        ScenarioError: If the arm does not reach over the bin.
+    """
+    assert scenario.arm is not None
+    low, high = box
+    size = (high - low)[:2]
     q_home = np.array(scenario.arm.home)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
-    q_over = _posture_over(scene, q_home, p_WO)
-    base = scene.plant.GetFrameByName("link_0").CalcPoseInWorld(scene.context)
-    x, y = base.translation()[:2]
-    grasps = HeightMapGrasps(
-        SrgFingers(config.squeeze, hand.full_scale), table, reach=Reach((x, y), *_REACH)
-    )
-    motions = ClearingMotions(
+    try:
+        q_over = _posture_over(scene, q_home, p_WO)
+    except ScenarioError as error:
+        raise ScenarioError(f"{_key(scenario, name)}: {error}") from None
+    return ClearingMotions(
         scene,
-        Moves(scene, hand.p_GT, config),
+        Moves(scene, hand.p_GT, scenario.planner),
         q_home,
         q_over,
-        table=table,
+        table=scenario.table.height,
         rim=float(high[2]),
-        config=config,
+        aside=_ASIDE * np.where(size == size.max(), size, 0.0),
+        config=scenario.planner,
     )
-    planner = PickPlanner(grasps, motions, config)
-    return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
 def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
@@ -127,16 +178,35 @@ def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
         return min(solved, key=lambda ik: ik.cost).q
     failed = [ik for ik in found if isinstance(ik, IkFailure)]
     reason = min(failed, key=lambda ik: ik.violation).message
-    raise ScenarioError(f"task.place.bin: out of reach: {reason}")
+    raise ScenarioError(f"out of reach: {reason}")
 
 
-def bin_box(scenario: Scenario) -> tuple[Vector, Vector]:
-    """Return the least and greatest corner of a scenario's bin, in world, (3,) [m].
+def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
+    """Return the least and greatest corner of each bin by name, in world, (3,) [m].
 
     Raises:
-        ScenarioError: If the model has no collision geometry.
+        ScenarioError: If a model has no collision geometry, or does not rise above the
+            table.
     """
-    return _bin_box(Models.of(scenario), scenario.task.place.bin)
+    models = Models.of(scenario)
+    boxes = {}
+    for name in scenario.task.place.bins:
+        try:
+            boxes[name] = _bin_box(models, name)
+        except ScenarioError as error:
+            raise ScenarioError(f"{_key(scenario, name)}: {error}") from None
+        rise = boxes[name][1][2] - scenario.table.height
+        if rise < _LEAST_RIM:
+            raise ScenarioError(
+                f"{_key(scenario, name)}: {name!r} is no bin: it must rise at least "
+                f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
+            )
+    return boxes
+
+
+def _key(scenario: Scenario, name: str) -> str:
+    """Return the key that names a bin, for messages."""
+    return "task.place.bin" if scenario.task.place.bin else f"task.place.bins.{name}"
 
 
 @functools.lru_cache(maxsize=4)
@@ -155,5 +225,5 @@ def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
             corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
     points = np.concatenate(corners)
     if not len(points):
-        raise ScenarioError(f"task.place.bin: {name!r} has no collision geometry")
+        raise ScenarioError(f"{name!r} has no collision geometry")
     return points.min(axis=0), points.max(axis=0)

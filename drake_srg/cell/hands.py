@@ -19,7 +19,9 @@ from drake_srg.gripper.drivers import (
     SrgTendonDriver,
 )
 from drake_srg.planning.grasps.grasps import Hand
+from drake_srg.planning.grasps.linkage_fingers import LinkageFingers
 from drake_srg.planning.grasps.linkage_hand import LinkageHand
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.srg_hand import SrgHand
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.scenario.schema import Scenario, accept_driver
@@ -78,7 +80,8 @@ def _srg_tendon_hand(
 
 
 def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
-    return SrgHand(config.approaches, config.tilts, config.squeeze, full_scale)
+    pinch = SrgFingers(config.squeeze, full_scale)
+    return SrgHand(config.approaches, config.tilts, config.squeeze, full_scale, pinch)
 
 
 def _linkage_hand(
@@ -99,6 +102,7 @@ def _linkage_hand(
         p_GT,
         calibrated("released", p_GT) - p_GT,
         driver.master_slave.full_scale,
+        LinkageFingers(full_scale=driver.master_slave.full_scale),
     )
 
 

@@ -101,6 +101,21 @@ def simple_shape(name: str, config: ObjectConfig) -> Shape | None:
     return None
 
 
+def body_color(name: str, config: ObjectConfig) -> list[float] | None:
+    """Return the colour of an object's first visual geometry: red, green, blue 0 .. 1.
+
+    Returns:
+        The colour; None if the model leaves it to the mesh's own materials.
+
+    Raises:
+        ScenarioError: If the model cannot be read.
+    """
+    if config.shape is not None:
+        return config.color
+    diffuse = model_tree(name, config).findtext(".//visual/material/diffuse")
+    return None if diffuse is None else [float(x) for x in diffuse.split()[:3]]
+
+
 def X_FO_start(
     config: ObjectConfig, shape: Shape | None, table_height: float
 ) -> RigidTransform:

@@ -27,6 +27,7 @@ from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.types import positive
 from drake_srg.vision.camera_errors import CameraErrorsConfig
+from drake_srg.vision.color_names import COLORS
 from drake_srg.vision.config import LocalizerThresholds
 from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
 
@@ -34,6 +35,19 @@ if typing.TYPE_CHECKING:
     _Driver = GripperDriver
 else:  # the classes that a tag selects from
     _Driver = functools.reduce(operator.or_, DRIVERS)
+
+
+@dc.dataclass(kw_only=True)
+class SelectionConfig:
+    """Which objects to take: those of some names, those of a colour, or else all.
+
+    Written as `[NAME, ...]`, as `{colour: COLOUR}`, or as `all`.
+    """
+
+    # Objects that the localizer knows: each has a `shape` or a `color_range`.
+    names: list[str] = dc.field(default_factory=list)
+    # The name of a colour that a camera sees on most of the object.
+    colour: str = dc.field(default="", metadata={"among": ("", *COLORS)})
 
 
 @dc.dataclass(kw_only=True)
@@ -53,6 +67,10 @@ class PlaceConfig:
     # Name of a model among `directives`, an open box: objects are dropped into it
     # instead of being set down. The other keys do not apply.
     bin: str = ""
+    # Bins by name, as with `bin`, and which objects each is for. Names count before
+    # colours, and colours before all; what suits none stays. Once loaded, `bin` is
+    # among them.
+    bins: dict[str, SelectionConfig] = dc.field(default_factory=dict)
 
 
 @dc.dataclass(kw_only=True)
@@ -78,7 +96,7 @@ class TableConfig(RegionConfig):
 class ClearConfig:
     """Objects to take away one after the other, whatever their shapes."""
 
-    # Their names; `task.pick: all` fills them in.
+    # Their names; `task.pick` fills them in.
     objects: list[str] = dc.field(default_factory=list)
     # Where the planner looks for them, without the bin.
     region: RegionConfig = dc.field(default_factory=RegionConfig)
@@ -88,8 +106,9 @@ class ClearConfig:
 class TaskConfig:
     """The planner's task: pick an object and place it, or clear the table of many."""
 
-    # Name of the object; empty: nothing to do. With `place.bin`, `all`: once loaded,
-    # the names are in `clear.objects`, and `pick` is empty.
+    # Name of the object; empty: nothing to do. With `place.bin`, `all`, a list of names
+    # or a colour (see SelectionConfig); with `place.bins`, `all`. Once loaded, the
+    # names are in `clear.objects`, and `pick` is empty.
     pick: str = ""
     clear: ClearConfig | None = None
     place: PlaceConfig = dc.field(default_factory=PlaceConfig)

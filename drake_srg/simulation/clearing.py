@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from drake_srg.cell.clearing import bin_box
+from drake_srg.cell.choosing import destinations
+from drake_srg.cell.clearing import bin_boxes
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.scenario import Scenario
@@ -17,8 +18,6 @@ from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Vector
 
-# An object in the bin that is slower than this rests [m/s].
-_AT_REST = 0.005
 # How far above the rim the origin of an object in the bin may be [m]: things pile up.
 _HEAPED = 0.1
 # How far below the bin its origin may be [m].
@@ -27,7 +26,7 @@ _BELOW = 0.01
 _NAMED_WITHIN = 0.05
 # Where the fingers take things, in the palm [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
-CLEARED = "cleared"
+CLEARED, WRONG_BIN = "cleared", "wrong_bin"
 
 
 @dc.dataclass(frozen=True)
@@ -35,9 +34,9 @@ class ObjectOutcome:
     """What became of one object.
 
     Attributes:
-        cleared: Whether it rests in the bin.
-        outcome: `cleared`, or why the planner has left it; `not_seen` if it does not
-            say.
+        cleared: Whether it rests in its bin.
+        outcome: `cleared`, `wrong_bin` if it rests in another, or why the planner has
+            left it; `not_seen` if it does not say.
         attempts: Grasps that were nearest to it.
     """
 
@@ -48,23 +47,40 @@ class ObjectOutcome:
 
 @dc.dataclass(frozen=True)
 class ClearingOutcome:
-    """What became of all objects."""
+    """What became of all objects.
+
+    Attributes:
+        objects: Those that belong into a bin.
+        picks: Grasps begun.
+        picks_held: Those that held by the planner's word.
+        picks_per_hour: Of those that held.
+        in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
+        others_moved: Largest distance of any object that belongs into no bin from where
+            it was when the first pick was planned, at any time [m].
+        bins: Number of bins.
+    """
 
     objects: Mapping[str, ObjectOutcome]
     picks: int
     picks_held: int
     picks_per_hour: float | None
+    in_wrong_bin: tuple[str, ...] = ()
+    others_moved: float | None = None
+    bins: int = 1
 
     @property
     def cleared(self) -> int:
-        """Number of objects in the bin."""
+        """Number of objects in their bin."""
         return sum(thing.cleared for thing in self.objects.values())
 
     def metrics(self) -> dict[str, Any]:
         """Return the entries of metrics.json."""
+        sorting = self.bins > 1
         return {
             "objects_total": len(self.objects),
             "objects_cleared": self.cleared,
+            "objects_sorted": self.cleared if sorting else None,
+            "objects_in_wrong_bin": len(self.in_wrong_bin) if sorting else None,
             "picks": self.picks,
             "picks_held": self.picks_held,
             "picks_per_hour": self.picks_per_hour,
@@ -73,12 +89,13 @@ class ClearingOutcome:
 
     @property
     def honest(self) -> bool:
-        """Whether all that is left is named, and no more was claimed than is true."""
+        """Whether all that is left is named, and nothing claimed that is not true."""
         named = all(
             thing.cleared or thing.outcome != Failure.NOT_SEEN.value
             for thing in self.objects.values()
         )
-        return named and self.picks_held <= self.cleared
+        claimed = self.picks_held <= self.cleared
+        return named and claimed and not self.in_wrong_bin
 
 
 def clearing_outcome(
@@ -92,23 +109,64 @@ def clearing_outcome(
         status: The planner's last status.
     """
     assert scenario.task.clear is not None
-    time, box = log["time"], bin_box(scenario)
-    names = [n for n in scenario.task.clear.objects if f"object_pose.{n}" in log]
+    time, boxes = log["time"], bin_boxes(scenario)
+    wanted = {n: b for n, b in destinations(scenario).items() if _pose(n) in log}
+    names = [name for name, into in wanted.items() if into is not None]
     facts = {name: object_facts(name, scenario.objects[name]) for name in names}
     attempts = _attempts(scenario, log, facts)
+    found = {
+        name: next(
+            (into for into, box in boxes.items() if _rests_inside(log, name, box)), None
+        )
+        for name in wanted
+    }
     outcomes = {}
     for name in names:
-        poses = log[f"object_pose.{name}"]
-        slow = measures.final_speed(time, poses) < _AT_REST
-        cleared = slow and _is_inside(poses[-1, :3], box)
-        outcome = CLEARED if cleared else _reason(poses[-1], facts[name], status.left)
+        cleared = found[name] == wanted[name]
+        if found[name] is None:
+            last = log[_pose(name)][-1]
+            outcome = _reason(last, facts[name], status.left)
+        else:
+            outcome = CLEARED if cleared else WRONG_BIN
         outcomes[name] = ObjectOutcome(cleared, outcome, attempts[name])
     spent = time[-1] - status.localized_at
     ended = np.isin(log["mode"], [MODES.index(m) for m in (Mode.DONE, Mode.FAILED)])
     if ended.any():
         spent = time[np.argmax(ended)] - status.localized_at
     rate = 3600.0 * status.cycles / spent if status.attempts and spent > 0.0 else None
-    return ClearingOutcome(outcomes, status.attempts, status.cycles, rate)
+    return ClearingOutcome(
+        outcomes,
+        status.attempts,
+        status.cycles,
+        rate,
+        tuple(n for n, into in found.items() if into not in (None, wanted[n])),
+        _others_moved(log, set(wanted) - set(names), status),
+        len(boxes),
+    )
+
+
+def _pose(name: str) -> str:
+    return f"object_pose.{name}"
+
+
+def _rests_inside(
+    log: Mapping[str, Vector], name: str, box: tuple[Vector, Vector]
+) -> bool:
+    poses = log[_pose(name)]
+    slow = measures.final_speed(log["time"], poses) < measures.AT_REST
+    return bool(slow and _is_inside(poses[-1, :3], box))
+
+
+def _others_moved(
+    log: Mapping[str, Vector], others: Collection[str], status: PlannerStatus
+) -> float | None:
+    """Return how far any of the others was from where it came to rest [m]."""
+    if not others:
+        return None
+    first = int(np.searchsorted(log["time"], status.localized_at - 1e-9))
+    places = [log[_pose(name)][first:, :3] for name in sorted(others)]
+    moved = [np.linalg.norm(p - p[0], axis=1).max() for p in places]
+    return float(max(moved))
 
 
 def _is_inside(p_W: Vector, box: tuple[Vector, Vector]) -> bool:

@@ -19,6 +19,8 @@ _MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
 # An object that has risen this far is off its support [m]. Toppling a 25 mm cylinder
 # raises its middle by 3 mm, the soup can's by 10 mm.
 _LIFTED = 0.015
+# A cleared object that is slower than this rests [m/s].
+AT_REST = 0.005
 
 
 def arm_states(log: Mapping[str, Vector]) -> Vector | None:

@@ -21,6 +21,7 @@ SCHEMA_VERSION = 1
 # Entries that only tasks with several objects have.
 OF_SEVERAL = (
     *("objects_total", "objects_cleared", "objects"),
+    *("objects_sorted", "objects_in_wrong_bin"),
     *("picks", "picks_held", "picks_per_hour"),
 )
 
@@ -62,7 +63,8 @@ class Metrics:
     hold_drift_m_per_s: float | None
     # Largest contact force of the gripper on the object among the log's samples [N].
     peak_contact_force_n: float | None
-    # Largest distance of any other object from its first position, at any time.
+    # Largest distance of any other object from its first position, at any time. With
+    # several objects: of any that must stay, from where it came to rest.
     others_moved_m: float | None
     sim_time_s: float
     wall_time_s: float
@@ -74,6 +76,9 @@ class Metrics:
     # became of each object (see `ObjectOutcome`).
     objects_total: int | None = None
     objects_cleared: int | None = None
+    # With several bins: how many rest in their own, and how many in another.
+    objects_sorted: int | None = None
+    objects_in_wrong_bin: int | None = None
     picks: int | None = None
     picks_held: int | None = None
     picks_per_hour: float | None = None
@@ -129,6 +134,7 @@ class Metrics:
             ("scenario", f"{self.scenario}, seed {self.seed}"),
             ("result", word),
             ("in the bin", f"{self.objects_cleared} of {self.objects_total} objects"),
+            *self._choice_rows(),
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
             *(
                 (name, f"{thing['outcome']}, {thing['attempts']} attempt(s)")
@@ -138,6 +144,15 @@ class Metrics:
             ("speed", f"{self.real_time_factor:.2f} x real time"),
         ]
         return "\n".join(f"{name:20} {value}" for name, value in rows)
+
+    def _choice_rows(self) -> list[tuple[str, str]]:
+        """Return the rows about the wrong bin and about what must stay."""
+        rows = []
+        if self.objects_in_wrong_bin is not None:
+            rows.append(("in a wrong bin", f"{self.objects_in_wrong_bin} objects"))
+        if self.others_moved_m is not None:
+            rows.append(("other objects moved", f"{1e3 * self.others_moved_m:.3g} mm"))
+        return rows
 
     def write(self, path: Path) -> None:
         """Write metrics.json, whole or not at all; infinities and NaN become null."""
@@ -220,11 +235,12 @@ def calc_metrics(
     if status.cycles == 1 and opened is not None:
         to_placement = opened - status.localized_at
     success = placed and status.mode is Mode.DONE
-    cleared = None
+    cleared, others = None, measures.others_moved(log, pick)
     if scenario.task.clear is not None:
         cleared = clearing_outcome(scenario, log, status)
         peak = float(np.max(log["contact_force"])) or None
         home = measures.is_home(scenario, log)
+        others = cleared.others_moved
         success = status.mode is Mode.DONE and home and cleared.honest
     failure = status.failure
     if status.mode is Mode.DONE and not success:
@@ -250,7 +266,7 @@ def calc_metrics(
         smoothness=measures.smoothness(time, mode, measures.arm_states(log)),
         hold_drift_m_per_s=drift,
         peak_contact_force_n=peak,
-        others_moved_m=measures.others_moved(log, pick),
+        others_moved_m=others,
         sim_time_s=times.simulated,
         wall_time_s=times.wall,
         real_time_factor=times.simulated / times.wall,

@@ -7,6 +7,7 @@ from drake_srg.common.ports import output_ports
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.simulation.measures import AT_REST, final_speed
 from drake_srg.types import Mode, Vector
 
 _LOGGED = (
@@ -99,6 +100,16 @@ class RunLog:
         if self._asleep is None or self._pick not in self._asleep.Eval(context):
             self.touching = set(forces)
         self._rows.append(row)
+
+    @property
+    def clearing_moves(self) -> bool:
+        """Whether an object that is to be cleared still moves."""
+        time = np.array([row["time"] for row in self._rows])
+        return any(
+            final_speed(time, np.array([row[name] for row in self._rows])) >= AT_REST
+            for name in (f"object_pose.{name}" for name in self._grasped)
+            if name in self._rows[-1]
+        )
 
     def arrays(self) -> dict[str, Vector]:
         """Return one array per quantity, with one row per sample."""

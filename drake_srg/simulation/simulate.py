@@ -27,8 +27,9 @@ from drake_srg.simulation.sleeping import MakeAdvance
 from drake_srg.station.video_process import VideoProcess, can_render_apart
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
-# A run continues for this time after the planner has ended, to let objects settle [s].
-_SETTLE = 0.5
+# A run continues for this time after the planner has ended, to let objects settle, and
+# up to the greatest time while objects that are to be cleared still move [s].
+_SETTLE, _MOST_SETTLE = 0.5, 5.0
 
 
 @dc.dataclass(frozen=True)
@@ -236,7 +237,7 @@ def _run(
     with failure_time(name, simulator):
         simulator.Initialize()
     samples.add(root)
-    status, step = PlannerStatus(), 0
+    status, step, latest = PlannerStatus(), 0, limit
     try:
         with StatusLine(shown=progress) as line:
             while root.get_time() < end - 1e-9:
@@ -248,6 +249,9 @@ def _run(
                 status = status_port.Eval(context)
                 if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
                     end = min(limit, time + _SETTLE)
+                    latest = time + _MOST_SETTLE
+                elif end - 1e-9 <= time < latest and samples.log.clearing_moves:
+                    end = time + scenario.recording.period
                 mode = status.mode.value.replace("_", " ")
                 line.show(f"{name}: {time:6.2f} s simulated, {mode}", last=time == end)
     except KeyboardInterrupt:

@@ -57,6 +57,7 @@ def height_map(
     *,
     resolution: float = 0.002,
     max_height: float = 0.35,
+    ignored: Iterable[Surface] = (),
     config: HeightMapConfig | None = None,
 ) -> HeightMap:
     """Return how high things reach above a surface, and the surface's own height.
@@ -71,6 +72,7 @@ def height_map(
         surface: Where to look.
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
+        ignored: Parts of it that stay unknown, such as where furniture stands.
         config: The thresholds; None for the defaults.
     """
     config = config or HeightMapConfig()
@@ -84,6 +86,8 @@ def height_map(
         height = np.fmax(height, seen)
     height[~np.isfinite(height)] = np.nan
     height = _filled(height, config.hole)
+    for part in ignored:
+        height[_covered(part, origin, resolution, height.shape)] = np.nan
     things = height > surface.height + config.thing
     seeds = height > surface.height + max_height
     if not config.over_edge:
@@ -114,6 +118,19 @@ def _offset(height: Vector, level: float, config: HeightMapConfig) -> float:
     if len(flat) < config.least_flat:
         return 0.0
     return -float(np.median(flat))
+
+
+def _covered(
+    part: Surface, origin: Vector, resolution: float, shape: tuple[int, int]
+) -> Mask:
+    """Return which cells have their middle in a part of the surface."""
+    x, y = (
+        start + resolution * np.arange(count)
+        for start, count in zip(origin, shape[::-1], strict=True)
+    )
+    inside_x = (x >= part.min[0]) & (x <= part.max[0])
+    inside_y = (y >= part.min[1]) & (y <= part.max[1])
+    return np.asarray(inside_y[:, np.newaxis] & inside_x)
 
 
 def _filled(height: Vector, hole: int) -> Vector:

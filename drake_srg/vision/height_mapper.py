@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -45,6 +45,7 @@ class HeightMapper(LeafSystem):
         surface: The table, or the part of it that is mapped.
         resolution: Width of a cell [m].
         max_height: Greatest height of a thing above the surface [m].
+        ignored: Parts of the surface that stay unknown, such as where furniture stands.
         config: The thresholds; None for the defaults.
         noise: How the noise of depth is reduced; None for the defaults.
 
@@ -59,6 +60,7 @@ class HeightMapper(LeafSystem):
         *,
         resolution: float = 0.002,
         max_height: float = 0.35,
+        ignored: Sequence[Surface] = (),
         config: HeightMapConfig | None = None,
         noise: DepthNoiseConfig | None = None,
     ) -> None:
@@ -73,6 +75,7 @@ class HeightMapper(LeafSystem):
         self._imagers = {name: model.imager("depth") for name, model in cameras.items()}
         self._surface = surface
         self._resolution, self._max_height = resolution, max_height
+        self._ignored = tuple(ignored)
         self._config = config or HeightMapConfig()
         self._noise = noise or DepthNoiseConfig()
         for camera in cameras:
@@ -105,6 +108,7 @@ class HeightMapper(LeafSystem):
                 self._surface,
                 resolution=self._resolution,
                 max_height=self._max_height,
+                ignored=self._ignored,
                 config=self._config,
             )
         )

@@ -1,8 +1,12 @@
 """The planner of a cell that clears its table."""
 
+import dataclasses as dc
+
 import pytest
 
-from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
+from drake_srg.cell import clearing
+from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
+from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
@@ -23,13 +27,32 @@ def test_a_bin_without_walls_is_refused(tmp_path):
     ghost = f"directives.bin.add_model.file={path.as_uri()}"
     scenario = load_scenario("clear_table", overrides=["clutter.count=1", ghost])
     with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no coll"):
-        bin_box(scenario)
+        bin_boxes(scenario)
+
+
+def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch):
+    def without_pinch(scenario, plant):
+        return dc.replace(MakeHand(scenario, plant), pinch=None)
+
+    monkeypatch.setattr(clearing, "MakeHand", without_pinch)
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
+    with pytest.raises(ScenarioError, match=r"^gripper: must pinch from above"):
+        MakeClearingPlanner(scenario)
+
+
+@pytest.mark.parametrize("name", ["table", "floor"])
+def test_furniture_is_no_bin(name):
+    overrides = ["clutter.count=1", f"task.place.bin={name}"]
+    scenario = load_scenario("clear_table", overrides=overrides)
+    with pytest.raises(ScenarioError, match=rf"^task\.place\.bin: '{name}' is no bin"):
+        MakeClearingPlanner(scenario)
 
 
 def test_the_hand_drops_over_the_bin():
     scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
     planner = MakeClearingPlanner(scenario)
     motions = planner.planner.motions
-    x, y, z = motions.scene.X_WG(motions.q_over).translation()
-    assert (x, y) == pytest.approx((0.3, -0.55), abs=1e-3)
-    assert z > 0.3
+    p_W = motions.scene.X_WG(motions.q_over).translation()
+    low, high = bin_boxes(scenario)["bin"]
+    assert p_W[:2] == pytest.approx(0.5 * (low + high)[:2], abs=1e-3)
+    assert p_W[2] > high[2] + 0.2

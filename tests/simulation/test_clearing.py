@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
-from drake_srg.cell.clearing import bin_box
+from drake_srg.cell.clearing import bin_boxes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.simulation.log_format import MODES, pose_to_row
@@ -43,7 +43,7 @@ def outcome(scenario, ends, **status):
 
 
 def test_bin_of_the_scenario(scenario):
-    low, high = bin_box(scenario)
+    low, high = bin_boxes(scenario)["bin"]
     np.testing.assert_allclose(low, [0.085, -0.765, 0.0], atol=1e-9)
     np.testing.assert_allclose(high, [0.515, -0.335, 0.12], atol=1e-9)
 
@@ -59,7 +59,7 @@ def test_counts_what_is_in_the_bin(scenario):
 @settings(max_examples=20)  # each measures the objects anew
 @given(st.floats(-np.pi, np.pi), st.floats(0.0, 0.2))
 def test_what_lies_beside_the_bin_is_not_in_it(scenario, direction, far):
-    low, high = bin_box(scenario)
+    low, high = bin_boxes(scenario)["bin"]
     # From the middle through its side, and a little or a lot further.
     x, y = np.cos(direction), np.sin(direction)
     half = 0.5 * (high - low)[:2]

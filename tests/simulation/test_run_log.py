@@ -1,7 +1,13 @@
+import dataclasses as dc
+
 import pytest
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 
+from drake_srg.objects.models import object_body
 from drake_srg.scenario import load_scenario
+from drake_srg.scenario.schema import ClearConfig
+from drake_srg.simulation.measures import AT_REST
 from drake_srg.simulation.run_log import RunLog
 from simulation.own_cells import RaisingPort, cell_with
 
@@ -59,3 +65,20 @@ def test_the_latest_sample_tells_what_touches_the_picked_object(scenario, cell):
     log.sample(simulator.get_context())
     assert log.touching == {"support"}
     assert log.arrays()["contact_force"] == [0.0]  # of the gripper
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.002, 0.02])
+def test_tells_whether_what_is_to_be_cleared_still_moves(scenario, cell, speed):
+    task = dc.replace(scenario.task, clear=ClearConfig(objects=["soup_can", "absent"]))
+    log = RunLog(dc.replace(scenario, task=task), cell)
+    station = cell.GetSubsystemByName("inner").GetSubsystemByName("station")
+    plant = station.GetSubsystemByName("plant")
+    context = cell.CreateDefaultContext()
+    model = plant.GetModelInstanceByName("soup_can")
+    body = plant.get_body(object_body(plant, model))
+    for time in (0.0, 0.05, 0.1, 0.15):
+        context.SetTime(time)
+        log.sample(context)
+        X_WO = RigidTransform([speed * time, 0.0, 0.0])
+        plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), body, X_WO)
+    assert log.clearing_moves == (speed > AT_REST)

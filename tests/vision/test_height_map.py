@@ -49,6 +49,19 @@ def test_what_no_camera_sees_is_unknown_but_for_narrow_holes():
     assert np.isfinite(found.height[x < 0.09]).all()
 
 
+def test_an_ignored_part_is_unknown_and_what_leans_on_it_is_not():
+    part = Surface((-0.03, 0.02), (0.01, 0.06), TABLE.height)
+    low = (0.01, 0.05, 0.02, 0.06, 0.08)
+    tall = (-0.03, 0.01, 0.02, 0.06, 0.5)
+    found = height_map([cloud(low, tall)], TABLE, ignored=[part], resolution=RESOLUTION)
+    middles = found.middles()
+    inside = part.contains(middles.reshape(-1, 2)).reshape(found.height.shape)
+    np.testing.assert_array_equal(np.isnan(found.height), inside)
+    beside = (middles[..., 0] > 0.012) & (middles[..., 0] < 0.048)
+    beside &= (middles[..., 1] > 0.022) & (middles[..., 1] < 0.058)
+    np.testing.assert_allclose(found.height[beside] - TABLE.height, 0.08)
+
+
 def test_another_camera_fills_a_shadow():
     points = cloud(BOX)
     left, right = points[points[:, 0] < 0.1], points[points[:, 0] > 0.0]

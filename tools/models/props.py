@@ -140,18 +140,18 @@ def cradle() -> Files:
 def bin_() -> Files:
     """Return an open box lined with foam; its origin is underneath its middle.
 
-    It takes the largest household object, a plate of 0.26 m, in any pose. The lining is
-    that of the table's mat, so that objects come to rest in it.
+    A stacking container of 600 x 400 x 120 mm, the Euro container's size. It takes the
+    longest household object, a hammer of 0.33 m, in any pose. The lining is that of the
+    table's mat, so that objects come to rest in it.
     """
     model = Model("bin", {"plastic": (0.25, 0.38, 0.52)}, "An open box on a table.")
-    inner, wall, floor_, height = 0.2, 0.015, 0.02, 0.12
-    outer = inner + wall
+    (x, y), wall, floor_, height = (0.3, 0.2), 0.015, 0.02, 0.12  # outside, half
     corners = {
-        "floor": ((-outer, -outer, 0), (outer, outer, floor_)),
-        "wall_front": ((inner, -outer, floor_), (outer, outer, height)),
-        "wall_rear": ((-outer, -outer, floor_), (-inner, outer, height)),
-        "wall_left": ((-inner, inner, floor_), (inner, outer, height)),
-        "wall_right": ((-inner, -outer, floor_), (inner, -inner, height)),
+        "floor": ((-x, -y, 0), (x, y, floor_)),
+        "wall_front": ((x - wall, -y, floor_), (x, y, height)),
+        "wall_rear": ((-x, -y, floor_), (wall - x, y, height)),
+        "wall_left": ((wall - x, y - wall, floor_), (x - wall, y, height)),
+        "wall_right": ((wall - x, -y, floor_), (x - wall, wall - y, height)),
     }
     pieces = [
         box_piece(f"bin_{name}", "plastic", low, high, 0.001, MAT)

@@ -38,9 +38,12 @@ class ClearingMemory:
     rested_at: float = 0.0  # when the arm came to rest to look [s]
     pick: Pick | None = None  # the one under way, or the next one
     tried: tuple[TopGrasp, ...] = ()  # grasps that failed
+    stopped: tuple[TopGrasp, ...] = ()  # those of them on whose way the arm got stuck
+    astray: bool = False  # the arm is still where it got stuck
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
     taken: int = 0  # things that were felt in the hand and are gone from the table
+    labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0
     first_seen_at: float = np.inf  # when the first pick was planned [s]
     planning_wall: float = 0.0  # s

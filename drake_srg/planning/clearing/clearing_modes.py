@@ -13,6 +13,7 @@ from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.comparing import is_still
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.planner_machine import GIVES_UP
 from drake_srg.planning.senses import HandSenses
@@ -66,7 +67,7 @@ class ClearingMode(
         if memory.motion.arrived(now.senses.q, now.time):
             return Observation(arrived=True)
         late = now.time > memory.motion.due + self.config.arrival_timeout
-        return Observation(failure=Failure.STOPPED if late else None)
+        return Observation(stuck=late)
 
 
 class Idle(ClearingMode):
@@ -128,7 +129,7 @@ class Grasp(ClearingMode):
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report the arrival; fingers that stand on something close where they are."""
         observed = super().observe_mode(memory, now)
-        return Observation(arrived=observed.arrived or observed.failure is not None)
+        return Observation(arrived=observed.arrived or observed.stuck)
 
 
 class Close(ClearingMode):
@@ -169,12 +170,12 @@ class Transfer(ClearingMode):
         if not memory.motion.arrived(now.senses.q, now.time):
             return memory
         senses = now.senses
-        # Fingers that lose their load close further.
-        closed = np.mean(senses.fingers - pick.angles) > self.config.slip_closing
-        told = not pick.grasp.tellable or pick.grasp.holds(
-            senses.fingers, senses.proximity
-        )
-        held = bool(senses.grasped and told and not closed)
+        if pick.grasp.tellable:
+            told = pick.grasp.holds(senses.fingers, senses.proximity)
+        else:  # fingers that lose so thin a load at least close further
+            closing = np.mean(senses.fingers - pick.angles)
+            told = bool(closing < self.config.slip_closing)
+        held = senses.grasped and told
         return dc.replace(memory, pick=dc.replace(pick, held=held))
 
 
@@ -184,34 +185,68 @@ class Release(ClearingMode):
     mode = Mode.RELEASE
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Let go, judge the pick by what is seen, and plan the next one."""
-        memory = dc.replace(
-            memory,
-            motion=memory.motion.ended(entry.time),
-            closure=memory.planned.grasp.closure_open,
-            looks=memory.looks + 1,
-        )
+        """Let go, judge the pick by what is seen, and plan the next one.
+
+        An arm that is stuck presses no further, and the pick has failed.
+        """
+        memory = dc.replace(memory, closure=memory.planned.grasp.closure_open)
+        if entry.observation is not None and entry.observation.stuck:
+            memory = dc.replace(memory, motion=Motion(entry.senses.q.copy()))
+            return self.planner.give_up(memory)
+        motion, looks = memory.motion.ended(entry.time), memory.looks + 1
+        memory = dc.replace(memory, motion=motion, looks=looks)
         seen = entry.senses.see()
         return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the fingers have let go."""
-        return Observation(clear=now.senses.clear)
+        """Report whether the fingers have let go, and whether the arm is stuck."""
+        return Observation(clear=now.senses.clear, astray=memory.astray)
 
 
-class Home(ClearingMode):
+class LastChance(ClearingMode):
+    """Moves after which nothing else is tried if something stops the arm."""
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report whether the arm has arrived; give up where something stops it."""
+        observed = super().observe_mode(memory, now)
+        failure = Failure.STOPPED if observed.stuck else None
+        return Observation(arrived=observed.arrived, failure=failure)
+
+    def planned(
+        self,
+        memory: ClearingMemory,
+        entry: Entry,
+        motion: Trajectory | PlanningFailure,
+        wait: float = 0.0,
+    ) -> ClearingMemory:
+        """Return the memory with a motion begun, or with why there is none."""
+        if isinstance(motion, PlanningFailure):
+            return dc.replace(memory, failure=motion.failure, message=motion.message)
+        followed = memory.motion.followed_by(motion, entry.time, wait)
+        return dc.replace(memory, motion=followed, astray=False)
+
+
+class Retreat(LastChance):
+    """Moves the open hand up and over the bin from where something stopped it."""
+
+    mode = Mode.RETREAT
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Plan the way back from where the arm is, and go."""
+        fingers = memory.tried[-1].fingers_open
+        motion = self.planner.motions.plan_retreat(memory.motion.q_rest, fingers)
+        return self.planned(memory, entry, motion)
+
+
+class Home(LastChance):
     """Moves the arm home."""
 
     mode = Mode.HOME
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Plan the way home, and go."""
-        planned = self.planner.motions.plan_home(memory.motion.destination)
-        if isinstance(planned, PlanningFailure):
-            return dc.replace(memory, failure=planned.failure, message=planned.message)
-        trajectory, wait = planned[Mode.HOME], self.config.home_wait
-        motion = memory.motion.followed_by(trajectory, entry.time, wait)
-        return dc.replace(memory, motion=motion)
+        motion = self.planner.motions.plan_home(memory.motion.destination)
+        return self.planned(memory, entry, motion, self.config.home_wait)
 
 
 class End(ClearingMode):
@@ -244,7 +279,7 @@ class Failed(End):
 
 
 _KINDS: list[type[ClearingMode]] = [Idle, PreGrasp, Grasp, Close, Lift]
-_KINDS += [Transfer, Release, Home, Done, Failed]
+_KINDS += [Transfer, Release, Retreat, Home, Done, Failed]
 
 
 def clearing_modes(planner: PickPlanner) -> dict[Mode, ClearingMode]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -30,11 +30,14 @@ _TIPS = 0.0
 _HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
+# Distance of a stuck hand from what it presses on: so much of an overlap is free [m].
+_PRESSED = -0.02
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
 # A load that reaches further than this from the grasp may turn in the hand. Then it
-# hangs lower, but no household object by more than `_MOST_SAG` [m].
-_SAGS_BEYOND, _MOST_SAG = 0.1, 0.16
+# hangs lower, but no household object by more than `_MOST_SAG` [m]: the hammer, held by
+# its head, has a handle of 0.32 m.
+_SAGS_BEYOND, _MOST_SAG = 0.1, 0.22
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
 _ASIDE = 0.12
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
@@ -48,6 +51,8 @@ class _Load:
     below: float  # how far it hangs below the grasp [m]
     sag: float  # how much further it may hang, turned in the hand [m]
     middle_G: Vector  # from the grasp to its middle, level, in the hand, (3,) [m]
+    # From the bin's middle to where it is dropped, in world, shape (3,) [m].
+    aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
 
 class ClearingMotions:
@@ -63,6 +68,8 @@ class ClearingMotions:
             posture may the arm hide the table from the cameras.
         table: Height of the table [m].
         rim: Height of the bin's rim [m].
+        aside: From the bin's middle to where every third load is dropped, and to the
+            other side for the one after it, shape (2,) [m]: things do not pile up.
         config: Distances and speeds.
     """
 
@@ -75,15 +82,17 @@ class ClearingMotions:
         *,
         table: float,
         rim: float,
+        aside: Vector,
         config: PlannerConfig,
     ) -> None:
         self.scene, self._moves, self._config = scene, moves, config
         self.q_home = np.asarray(q_home, dtype=float)
         self.q_over = np.asarray(q_over, dtype=float)
         self._table, self._rim = table, rim
+        self._aside = np.array([*aside, 0.0])
 
     def plan(
-        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
+        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap, number: int = 0
     ) -> dict[Mode, Trajectory] | PlanningFailure:
         """Plan from `q_start` to a grasp, and with what it takes over the bin.
 
@@ -91,48 +100,93 @@ class ClearingMotions:
             q_start: Where the arm is, at rest, shape (N,) [rad].
             grasp: The grasp.
             height_map: Of the table, for motions to keep clear of what is on it.
+            number: Of loads that were dropped before.
         """
         try:
-            return self._plan(np.asarray(q_start), grasp, height_map)
+            return self._plan(np.asarray(q_start), grasp, height_map, number)
         except NoPathError as error:
             return error.failure
 
-    def plan_home(self, q_start: Vector) -> dict[Mode, Trajectory] | PlanningFailure:
+    def plan_home(self, q_start: Vector) -> Trajectory | PlanningFailure:
         """Plan the way back to `q_home` from over the bin, shape (N,) [rad]."""
         self.scene.SetFingers({})
         try:
             path = self._moves.joint_path(q_start, self.q_home)
-            return {Mode.HOME: self._moves.timed(path, self._moves.free)}
+            return self._moves.timed(path, self._moves.free)
         except NoPathError as error:
             return error.failure
 
+    def plan_retreat(
+        self, q_start: Vector, fingers: Mapping[str, float]
+    ) -> Trajectory | PlanningFailure:
+        """Plan up and over the bin from where something has stopped the hand.
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
+        """
+        moves = self._moves
+        self.scene.SetFingers(fingers)
+        with self.scene.reaching(_PRESSED):
+            rise = (moves.tip(self.q_over) - moves.tip(q_start))[2]
+            for share in (1.0, 0.5, 0.25, 0.0):  # the arm may not get that high there
+                try:
+                    up = moves.straight(q_start, moves.above(q_start, share * rise))
+                    across = moves.joint_path(up[-1], self.q_over)
+                    return moves.timed(np.vstack([up, across[1:]]), moves.free)
+                except NoPathError as error:
+                    failure = error.failure
+        return failure
+
     def _plan(
-        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap
+        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap, number: int
     ) -> dict[Mode, Trajectory]:
-        scene, moves = self.scene, self._moves
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
-        approach = max(self._config.approach_distance, over - float(grasp.p_WC[2]))
-        load = self._load(scene.X_WG(q_grasp), grasp.p_WC, height_map)
-        motions: dict[Mode, Trajectory] = {}
+        near = self._config.approach_distance
+        approach = max(near, over - float(grasp.p_WC[2]))
+        load = self._load(self.scene.X_WG(q_grasp), grasp.p_WC, height_map)
+        if not load.sag:  # long things need the whole bin
+            side = (number + 1) % 3 - 1
+            load = dc.replace(load, aside_W=side * self._aside)
+        # High above the things around, the hand is out of their way. Far from its base,
+        # the arm does not get that high: then the hand passes between them, if it can,
+        # and what hangs from it rises on its way to the bin.
+        ways = {(approach, load.sag): 0, (approach, 0.0): 0, (near, 0.0): 0}
+        for approach, sag in ways:
+            try:
+                to = self._approach(q_start, q_grasp, grasp, approach, height_map)
+                return to | self._carry(
+                    q_grasp, grasp, load, approach, height_map, sag=sag
+                )
+            except NoPathError as error:
+                failed = error
+        raise failed
+
+    def _approach(
+        self,
+        q_start: Vector,
+        q_grasp: Vector,
+        grasp: TopGrasp,
+        height: float,
+        height_map: HeightMap,
+    ) -> dict[Mode, Trajectory]:
+        """Return the motions to a grasp, the last one down from `height` [m] above.
+
+        Raises:
+            NoPathError: If there are none.
+        """
+        scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_open)
         with scene.reaching(_TIPS):
-            down = moves.straight(q_grasp, moves.above(q_grasp, approach))[::-1]
-            motions[Mode.GRASP] = moves.timed(down, moves.free, straight=True)
+            down = moves.straight(q_grasp, moves.above(q_grasp, height))[::-1]
+            lowering = moves.timed(down, moves.free, straight=True)
         with self._standing(height_map):
             to = moves.joint_path(q_start, down[0])
-            motions[Mode.PRE_GRASP] = moves.timed(to, moves.free)
-        try:
-            return motions | self._carry(
-                q_grasp, grasp, load, approach, height_map, sag=load.sag
-            )
-        except NoPathError:
-            if load.sag == 0.0:
-                raise
-        # Far from its base, the arm does not lift that high, but over the bin it does.
-        return motions | self._carry(
-            q_grasp, grasp, load, approach, height_map, sag=0.0
-        )
+            return {
+                Mode.PRE_GRASP: moves.timed(to, moves.free),
+                Mode.GRASP: lowering,
+            }
 
     def _carry(
         self,
@@ -208,7 +262,7 @@ class ClearingMotions:
     def _into_bin(self, grasp: TopGrasp, load: _Load) -> Vector:
         """Return the way from `q_over` to where the load is dropped, (k, N) [rad].
 
-        The load's middle is over the bin's then, just above its rim.
+        The load's middle is over the bin's or beside that, and just above its rim.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -217,7 +271,7 @@ class ClearingMotions:
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
         least = self._rim + _RIM + load.sag + below
         lower = X_WG.translation()[2] - least
-        aside = -(X_WG.rotation() @ load.middle_G)
+        aside = load.aside_W - X_WG.rotation() @ load.middle_G
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
         path: Vector = self._moves.straight(self.q_over, place)
         return path

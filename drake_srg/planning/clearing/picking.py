@@ -38,6 +38,10 @@ class PickPlanner:
         self.motions = motions
         self.config = config
 
+    def motions_with(self, grasp: TopGrasp, height_map: HeightMap) -> ClearingMotions:
+        """Return the motions to where what a grasp takes must go."""
+        return self.motions
+
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
         """Judge the pick under way by the map after it, and forget its plan."""
         pick = memory.planned
@@ -46,6 +50,17 @@ class PickPlanner:
         if pick.held and gone:
             return dc.replace(memory, taken=memory.taken + 1)
         return dc.replace(memory, tried=(*memory.tried, pick.grasp))
+
+    def give_up(self, memory: ClearingMemory) -> ClearingMemory:
+        """Count the pick under way as failed, because something has stopped the arm."""
+        grasp = memory.planned.grasp
+        return dc.replace(
+            memory,
+            pick=None,
+            tried=(*memory.tried, grasp),
+            stopped=(*memory.stopped, grasp),
+            astray=True,
+        )
 
     def plan(
         self, memory: ClearingMemory, height_map: HeightMap, time: float
@@ -65,12 +80,15 @@ class PickPlanner:
         planned = 0
         for grasp in found.grasps:
             if self._given_up(memory.tried, grasp.p_WC):
-                missed.append(Left(grasp.p_WC, Failure.NO_GRASP))
+                stuck = self._given_up(memory.stopped, grasp.p_WC)
+                why = Failure.STOPPED if stuck else Failure.NO_GRASP
+                missed.append(Left(grasp.p_WC, why))
                 continue
             if planned == _MOST_GRASPS:
                 break
             planned += 1
-            motions = self.motions.plan(q_start, grasp, height_map)
+            there = self.motions_with(grasp, height_map)
+            motions = there.plan(q_start, grasp, height_map, memory.picks)
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue
@@ -79,7 +97,7 @@ class PickPlanner:
         left: list[Left] = []
         if pick is None:
             refused = [Left(r.p_W, r.failure) for r in found.refused]
-            left = _distinct([*refused, *missed])
+            left = _named(found.places(_SAME_THING), _distinct([*refused, *missed]))
         return dc.replace(
             memory,
             pick=pick,
@@ -107,3 +125,16 @@ def _distinct(left: Iterable[Left]) -> list[Left]:
         if not any(_near(other.p_W, known.p_W) for known in kept):
             kept.append(other)
     return kept
+
+
+def _named(places: Iterable[Vector], left: list[Left]) -> list[Left]:
+    """Return what is left with the nearest reason for all of the given places too.
+
+    Things that touch each other count as one, and that has one reason.
+    """
+    named = list(left)
+    for p_W in places:
+        if left and not any(_near(p_W, known.p_W) for known in named):
+            nearest = min(left, key=lambda o: float(np.linalg.norm(o.p_W - p_W)))
+            named.append(Left(p_W, nearest.failure))
+    return named

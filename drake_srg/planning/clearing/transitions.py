@@ -15,9 +15,16 @@ class Observation:
     ready: bool = False  # a pick is planned, and the planning latency has passed
     finished: bool = False  # no grasp takes anything that is left
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
+    stuck: bool = False  # the motion is over, but something has stopped the arm
+    astray: bool = False  # the arm is where something has stopped it
     still: bool = False  # the fingers have come to rest
     clear: bool = False  # nothing is near the fingers
     failure: Failure | None = None  # the reason to give up
+
+
+def _released(o: Observation, t: float, c: PlannerConfig) -> bool:
+    waited = t >= max(c.gripper_reaction, c.release_wait)
+    return (waited and o.clear) or t >= c.gripper_timeout
 
 
 _Condition = Callable[[Observation, float, PlannerConfig], bool]
@@ -28,20 +35,26 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
         (lambda o, t, c: o.ready, Mode.PRE_GRASP),
         (lambda o, t, c: o.finished, Mode.HOME),
     ],
-    Mode.PRE_GRASP: [(lambda o, t, c: o.arrived, Mode.GRASP)],
+    Mode.PRE_GRASP: [
+        (lambda o, t, c: o.arrived, Mode.GRASP),
+        (lambda o, t, c: o.stuck, Mode.RELEASE),
+    ],
     Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
     Mode.CLOSE: [
         (lambda o, t, c: t >= max(c.gripper_reaction, c.grip_wait) and o.still,
          Mode.LIFT),
         (lambda o, t, c: t >= c.gripper_timeout, Mode.LIFT),
     ],
-    Mode.LIFT: [(lambda o, t, c: o.arrived, Mode.TRANSFER)],
-    Mode.TRANSFER: [(lambda o, t, c: o.arrived, Mode.RELEASE)],
-    Mode.RELEASE: [
-        (lambda o, t, c: t >= max(c.gripper_reaction, c.release_wait) and o.clear,
-         Mode.IDLE),
-        (lambda o, t, c: t >= c.gripper_timeout, Mode.IDLE),
+    Mode.LIFT: [
+        (lambda o, t, c: o.arrived, Mode.TRANSFER),
+        (lambda o, t, c: o.stuck, Mode.RELEASE),
     ],
+    Mode.TRANSFER: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
+    Mode.RELEASE: [
+        (lambda o, t, c: o.astray and _released(o, t, c), Mode.RETREAT),
+        (_released, Mode.IDLE),
+    ],
+    Mode.RETREAT: [(lambda o, t, c: o.arrived, Mode.IDLE)],
     Mode.HOME: [(lambda o, t, c: o.arrived, Mode.DONE)],
     Mode.DONE: [],
     Mode.FAILED: [],

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.types import Shape, Vector
 
@@ -74,12 +75,14 @@ class Hand(abc.ABC):
         num_sensors: Number m of proximity readings.
         p_GT: The point of the hand that moves along straight lines, shape (3,) [m].
         upright_within: Lean up to which an object counts as standing upright [rad].
+        pinch: Its fingers in pinches from above; None: no such pinches are planned.
     """
 
     num_joints: int
     num_sensors: int
     p_GT: Vector
     upright_within: float
+    pinch: Fingers | None = None
 
     @abc.abstractmethod
     def grasps(

@@ -7,6 +7,7 @@ import dataclasses as dc
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.types import Cylinder, Shape, Vector
@@ -80,11 +81,13 @@ class LinkageHand(Hand):
         release_shift_G: How the object moves when it is set down and let go, shape
             (3,) [m].
         full_scale: Crank angle that closure 1 asks for; the driver's [rad].
+        pinch: See `Hand`.
     """
 
     p_GT: Vector
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
     full_scale: float = 0.69
+    pinch: Fingers | None = None
 
     num_joints = num_sensors = 2
     upright_within = np.deg2rad(3.0)

@@ -86,6 +86,27 @@ class Relief:
         above = np.where(self.labels == thing.label, self.above, np.float32(0.0))
         return dc.replace(self, above=above, things=(thing,))
 
+    def places(self, apart: float) -> list[Vector]:
+        """Return places on things, shape (3,) each [m].
+
+        Every part of a thing is within `apart` [m] of one of its places.
+        """
+        middles, found = self.map.middles(), []
+        for thing in self.things:
+            rows, columns = thing.cells.T
+            points = middles[rows, columns]
+            nearest = np.linalg.norm(points - thing.middle, axis=1)
+            at = int(np.argmin(nearest))
+            distances = np.full(len(points), np.inf)
+            while distances.max() > apart:
+                cell = tuple(thing.cells[at])
+                found.append(np.array([*points[at], self.map.height[cell]]))
+                distances = np.fmin(
+                    distances, np.linalg.norm(points - points[at], axis=1)
+                )
+                at = int(np.argmax(distances))
+        return found
+
     def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
         """Return heights above the table at points; 0 outside the map.
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
@@ -67,12 +68,14 @@ class SrgHand(Hand):
             contact, both together [rad]. Half of it is the position error of each joint
             (Algorithm 1), so it sets the force.
         full_scale: Base plus tip angle that closure 1 asks for; the driver's [rad].
+        pinch: See `Hand`.
     """
 
     approaches: Sequence[str]
     tilts: Sequence[float]
     squeeze: float
     full_scale: float = SRG.full_scale
+    pinch: Fingers | None = None
 
     num_joints = num_sensors = 4
     p_GT = np.zeros(3)

@@ -95,11 +95,14 @@ class GraspPlan:
         grasps: The best first.
         things: Number of things above the table; those that touch count as one.
         explain: Returns the things that no grasp takes; see `refused`.
+        places: Returns places on things, shape (3,) each [m]: every part of a thing is
+            within a distance [m] of one of them.
     """
 
     grasps: tuple[TopGrasp, ...] = ()
     things: int = 0
     explain: Callable[[], tuple[Refusal, ...]] = tuple
+    places: Callable[[float], Sequence[Vector]] = lambda apart: ()
 
     @functools.cached_property
     def refused(self) -> tuple[Refusal, ...]:

@@ -121,6 +121,7 @@ class TopGraspSearch(abc.ABC):
             tuple(grasps),
             len(relief.things),
             lambda: self._refusals(relief, grasps, seed),
+            relief.places,
         )
 
     def _refusals(

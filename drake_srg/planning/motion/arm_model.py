@@ -34,6 +34,7 @@ class ArmModel:
         arm_indices: Indices of the arm's joints in the plant's positions, (N,).
         lower: Lower limits of the arm's joints, (N,) [rad]; -2 pi without a limit.
         upper: Upper limits of the arm's joints, (N,) [rad]; 2 pi without a limit.
+        p_WA: The arm's first joint in world, shape (3,) [m].
         levers: Bounds on how far each joint moves anything, (N,) [m/rad]: no point of
             arm, hand or held object moves further than levers @ abs(dq).
     """
@@ -59,6 +60,8 @@ class ArmModel:
         upper = plant.GetPositionUpperLimits()[self.arm_indices]
         self.lower: Vector = np.maximum(lower, -_TWO_TURNS)
         self.upper: Vector = np.minimum(upper, _TWO_TURNS)
+        first = joints[0].frame_on_parent().CalcPoseInWorld(self.context)
+        self.p_WA: Vector = first.translation()
         # A joint's lever is the stretched chain from the joint to the fingertips.
         frames = [*(joint.frame_on_child() for joint in joints), hand_frame]
         points = [f.CalcPoseInWorld(self.context).translation() for f in frames]

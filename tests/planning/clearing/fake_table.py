@@ -10,6 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.top_grasp import (
     GraspPlan,
@@ -21,7 +22,7 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
 
-HOME = np.zeros(2)
+HOME, OVER = np.zeros(2), np.full(2, 4.0)
 RESOLUTION = 0.005
 SIDE = 0.04  # of the square things [m]
 TALL = 0.05
@@ -42,14 +43,14 @@ def table(*places, tall=TALL):
     return height_map
 
 
-def grasp_at(place):
+def grasp_at(place, width=SIDE):
     """Return a grasp of the thing at a place."""
     p_WC = np.array([*place, 0.5 * TALL])
     return TopGrasp(
         X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.17]), 0.0),
         fingers=SrgFingers(),
         half_gap=0.05,
-        width=SIDE,
+        width=width,
         p_WC=p_WC,
         height=TALL,
         score=1.0,
@@ -59,8 +60,9 @@ def grasp_at(place):
 class Grasps:
     """Stands in for a GraspPlanner: grasps whatever stands at known places."""
 
-    def __init__(self, places, refused=()):
+    def __init__(self, places, refused=(), width=SIDE):
         self.places = places
+        self.width = width
         self.refused = dict(refused)  # place: failure
 
     def plan(self, height_map, *, tried=(), seed=0):
@@ -73,8 +75,11 @@ class Grasps:
             for p in left
             if p in self.refused
         ]
-        grasps = [grasp_at(p) for p in left if p not in self.refused]
-        return GraspPlan(tuple(grasps), len(left), lambda: tuple(refused))
+        grasps = [grasp_at(p, self.width) for p in left if p not in self.refused]
+        relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
+        return GraspPlan(
+            tuple(grasps), len(left), lambda: tuple(refused), relief.places
+        )
 
 
 class Motions:
@@ -86,7 +91,7 @@ class Motions:
         self.unreachable = unreachable
         self.taken = []
 
-    def plan(self, q_start, grasp, height_map):
+    def plan(self, q_start, grasp, height_map, number=0):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")
@@ -96,7 +101,10 @@ class Motions:
         return {mode: _line(a, b) for mode, a, b in lines}
 
     def plan_home(self, q_start):
-        return {Mode.HOME: _line(q_start, HOME)}
+        return _line(q_start, HOME)
+
+    def plan_retreat(self, q_start, fingers):
+        return _line(q_start, OVER)
 
 
 def _line(start, end):

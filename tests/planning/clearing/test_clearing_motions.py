@@ -5,8 +5,11 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.cell.clearing import MakeClearingPlanner, bin_box
+from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
+from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import solve_inverse_kinematics
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Mode
 from planning.clearing.fake_table import grasp_at, table
@@ -40,20 +43,24 @@ def moved(height_map):
 
 
 @pytest.mark.parametrize("length", [0.0, 0.1])
-@pytest.mark.parametrize("turned", [False, True])
-def test_the_middle_of_the_load_is_over_the_bin(scenario, motions, length, turned):
+@pytest.mark.parametrize(("turned", "number"), [(False, 0), (True, 1), (False, 2)])
+def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
+    scenario, motions, length, turned, number
+):
     height_map = long_thing(moved(table()), length)
     grasp = grasp_at(PLACE)
     planned = motions.plan(
-        motions.q_home, grasp.half_turn() if turned else grasp, height_map
+        motions.q_home, grasp.half_turn() if turned else grasp, height_map, number
     )
     assert not isinstance(planned, PlanningFailure), planned.message
     at_grasp = motions.scene.X_WG(planned[Mode.GRASP].value(1e9)[:, 0])
     over_bin = motions.scene.X_WG(planned[Mode.TRANSFER].value(1e9)[:, 0])
     middle = np.array([PLACE[0] + 0.5 * length, PLACE[1], 0.0])
     p_W = over_bin @ (at_grasp.inverse() @ middle)
-    low, high = bin_box(scenario)
-    np.testing.assert_allclose(p_W[:2], 0.5 * (low + high)[:2], atol=0.005)
+    low, high = bin_boxes(scenario)["bin"]
+    aside = (0.0, 0.13, -0.13)[number] if length == 0.0 else 0.0
+    expected = 0.5 * (low + high)[:2] + [aside, 0.0]
+    np.testing.assert_allclose(p_W[:2], expected, atol=0.005)
     assert p_W[2] > high[2]  # what stood on the table clears the rim
 
 
@@ -83,3 +90,20 @@ def test_far_out_a_long_load_is_lifted_less(motions):
         return end - start
 
     assert 0.1 < rise(far) < rise(PLACE) - 0.05
+
+
+@pytest.mark.parametrize(
+    "p_W", [(0.5, 0.0, 0.175), (0.3, -0.4, 0.28), (0.45, 0.3, 0.3)]
+)
+def test_retreats_over_the_bin_even_if_the_hand_presses_on_something(motions, p_W):
+    scene = motions.scene
+    fingers = grasp_at(PLACE).fingers_open
+    scene.SetFingers(fingers)
+    target = HandTarget.from_pose(palm_pose(np.array(p_W), 0.4))
+    q = solve_inverse_kinematics(
+        scene, target, q_nominal=motions.q_over, check_clearance=False
+    ).q
+    way = motions.plan_retreat(q, fingers)
+    assert not isinstance(way, PlanningFailure), way.message
+    np.testing.assert_allclose(way.value(0.0)[:, 0], q, atol=1e-6)
+    np.testing.assert_allclose(way.value(1e9)[:, 0], motions.q_over, atol=1e-6)

@@ -6,15 +6,24 @@ import numpy as np
 import pytest
 
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import CONFIG, HELD, HOME, Grasps, Motions, Run, table
+from planning.clearing.fake_table import (
+    CONFIG,
+    HELD,
+    HOME,
+    SIDE,
+    Grasps,
+    Motions,
+    Run,
+    table,
+)
 
 A, B = (0.1, 0.1), (0.3, 0.2)
 
 
-def run(*places, shown=None, config=CONFIG, unreachable=(), refused=()):
+def run(*places, shown=None, config=CONFIG, unreachable=(), refused=(), width=SIDE):
     motions = Motions(unreachable)
     seen = table(*places) if shown is None else shown
-    return Run(Grasps(places, refused), motions, seen, config)
+    return Run(Grasps(places, refused, width), motions, seen, config)
 
 
 def pick(run, *, after, felt=True):
@@ -60,15 +69,18 @@ def test_counts_only_what_is_felt_and_gone(felt, after):
     assert one.status.cycles == 0
 
 
-def test_notices_fingers_that_close_further_on_the_way():
-    one = run(A)
+@pytest.mark.parametrize(("width", "counted"), [(SIDE, 1), (0.002, 0)])
+def test_notices_fingers_that_close_further_on_the_way(width, counted):
+    # A load that turns in the hand lets them close too; but for thin ones, the angles
+    # still differ from those of an empty hand.
+    one = run(A, width=width)
     one.until(Mode.CLOSE)
     one.feel(True)
     one.until(Mode.TRANSFER)
     one.fix("gripper_state", [*(HELD[:4] + CONFIG.slip_closing + 0.01), *np.zeros(4)])
     one.show(table())
     one.until(Mode.RELEASE)
-    assert one.status.cycles == 0
+    assert one.status.cycles == counted
 
 
 def test_leaves_what_fails_too_often():
@@ -99,6 +111,21 @@ def test_says_why_a_thing_stays(failure):
     assert [thing.failure for thing in wide.status.left] == [failure]
 
 
+def test_names_every_part_of_what_stays():
+    # A heap counts as one thing; another one is far away.
+    heap, far = [(x, 0.1) for x in (0.1, 0.135, 0.17, 0.205, 0.24)], (0.4, 0.3)
+    failures = {A: Failure.TOO_WIDE, far: Failure.OUT_OF_REACH}
+    stays = run(A, far, shown=table(*heap, far), refused=failures)
+    stays.until(Mode.DONE)
+    for place in heap:
+        assert any(
+            np.linalg.norm(left.p_W[:2] - place) < 0.06
+            and left.failure is Failure.TOO_WIDE
+            for left in stays.status.left
+        )
+    assert len(stays.status.left) < 6
+
+
 def test_passes_over_what_is_out_of_reach():
     far = run(A, B, unreachable=[A])
     pick(far, after=table(A))
@@ -125,11 +152,43 @@ def test_gives_up_when_the_time_is_over():
     assert slow.status.message == "the time budget is used up"
 
 
-def test_stops_when_the_arm_does_not_get_there():
+@pytest.mark.parametrize("mode", [Mode.PRE_GRASP, Mode.LIFT, Mode.TRANSFER])
+def test_goes_back_and_on_when_something_stops_the_arm(mode):
+    stuck = run(A, B)
+    stuck.until(mode)
+    follow, stuck.follow = stuck.follow, lambda: None
+    q_stuck = stuck.planner.GetInputPort("arm_state").Eval(stuck.context)[:2]
+    stuck.until(Mode.RELEASE)
+    stuck.until(Mode.RETREAT)
+    commanded = stuck.planner.GetOutputPort("position_commanded").Eval(stuck.context)
+    assert stuck.planner.GetOutputPort("closure_commanded").Eval(stuck.context) < 0.5
+    assert np.linalg.norm(commanded - q_stuck) < 0.5
+    stuck.follow = follow
+    stuck.until(Mode.IDLE)
+    pick(stuck, after=table(B))
+    pick(stuck, after=table())
+    stuck.until(Mode.DONE)
+    assert stuck.motions.taken == [A, A, B]
+    assert stuck.status.cycles == 2
+
+
+def test_leaves_what_the_arm_is_stopped_at_too_often():
+    stuck = run(A, config=dc.replace(CONFIG, max_attempts=2))
+    for _ in range(2):
+        stuck.until(Mode.LIFT)
+        follow, stuck.follow = stuck.follow, lambda: None
+        stuck.until(Mode.RETREAT)
+        stuck.follow = follow
+    stuck.until(Mode.DONE)
+    assert [left.failure for left in stuck.status.left] == [Failure.STOPPED]
+
+
+def test_gives_up_when_the_arm_does_not_get_back():
     blocked = run(A)
     blocked.until(Mode.LIFT)
     blocked.follow = lambda: None
     blocked.until(Mode.FAILED)
+    assert blocked.modes[-2] is Mode.RETREAT
     assert blocked.status.failure is Failure.STOPPED
     assert "something is in its way" in blocked.status.message
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.comparing import has_gone, is_still
-from planning.clearing.fake_table import TALL, table
+from planning.clearing.fake_table import SIDE, TALL, table
 
 A, B = (0.1, 0.1), (0.3, 0.2)
 NOISE = 1e-3  # of heights, standard deviation [m]
@@ -16,10 +16,10 @@ seeds = st.integers(0, 2**32 - 1)
 places = st.tuples(st.floats(0.05, 0.4), st.floats(0.05, 0.3))
 
 
-def noisy(height_map, seed):
+def noisy(height_map, seed, noise=NOISE):
     """Return the map with noise, and holes in one cell of a hundred."""
     rng = np.random.default_rng(seed)
-    height = height_map.height + rng.normal(0.0, NOISE, height_map.height.shape)
+    height = height_map.height + rng.normal(0.0, noise, height_map.height.shape)
     height[rng.random(height.shape) < 0.01] = np.nan
     return dc.replace(height_map, height=height)
 
@@ -57,3 +57,13 @@ def test_tells_gone_from_pushed_and_from_untouched(seed):
 @pytest.mark.parametrize("tall", [0.005, TALL])
 def test_flat_things_go_too(tall):
     assert has_gone(table(A, tall=tall), table(), np.array(A))
+
+
+@given(seeds)
+def test_a_flat_thing_that_leaves_a_noisy_table_is_gone(seed):
+    others = [(x, 0.3) for x in np.arange(0.05, 0.45, 0.06)]
+    before = noisy(table(*others), seed, noise=2.4e-3)
+    wrench = np.abs(before.middles() - A).max(axis=-1) < 0.5 * SIDE
+    before.height[wrench] += 0.01
+    after = noisy(table(*others), seed + 1, noise=2.4e-3)
+    assert has_gone(before, after, np.array(A))

@@ -1,0 +1,65 @@
+"""Where an arm reaches a table with the hand down."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_srg.planning.grasps.top_grasp import palm_pose
+from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.inverse_kinematics import (
+    IkSolution,
+    solve_inverse_kinematics,
+)
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.types import Vector
+
+_WITHIN = 0.01  # error of the ring's radii [m]
+_STARTS = 4  # of inverse kinematics
+
+
+def reach_with_hand_down(
+    scene: PlanningScene, q_nominal: Vector, p_WG: Vector
+) -> Reach | None:
+    """Return the ring around the arm's first joint in which the hand can point down.
+
+    The first joint must turn about the vertical. Obstacles do not count.
+
+    Args:
+        scene: The arm.
+        q_nominal: A posture with the hand down, shape (N,) [rad].
+        p_WG: Where the palm may be, such as over the middle of the table, shape (3,)
+            [m]. Its height counts, and the direction from the arm.
+
+    Returns:
+        The ring; None if the hand does not reach `p_WG` itself.
+    """
+    away = p_WG[:2] - scene.p_WA[:2]
+    middle = float(np.linalg.norm(away))
+    yaw = float(np.arctan2(away[1], away[0]))
+
+    def reaches(radius: float) -> bool:
+        p = np.array([*(scene.p_WA[:2] + radius / middle * away), p_WG[2]])
+        ik = solve_inverse_kinematics(
+            scene,
+            HandTarget.from_pose(palm_pose(p, yaw)),
+            q_nominal=q_nominal,
+            max_starts=_STARTS,
+            check_clearance=False,
+        )
+        return isinstance(ik, IkSolution)
+
+    if not reaches(middle):
+        return None
+    ends = []
+    for beyond in (0.0, float(scene.levers[0])):
+        within, without = middle, beyond
+        while abs(without - within) > _WITHIN:
+            between = 0.5 * (within + without)
+            if reaches(between):
+                within = between
+            else:
+                without = between
+        ends.append(within)
+    x, y = scene.p_WA[:2]
+    return Reach((float(x), float(y)), *ends)

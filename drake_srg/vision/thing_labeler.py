@@ -1,0 +1,154 @@
+"""Tells what the things on a height map are, by their colour or by name."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context
+from pydrake.systems.sensors import ImageRgba8U
+
+from drake_srg.common.convex_pieces import Solid
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Blob, HeightMap, LabeledHeightMap, Vector
+from drake_srg.vision.camera import CameraModel
+from drake_srg.vision.color_names import COLORS
+from drake_srg.vision.mask import Mask
+from drake_srg.vision.thing_labels import Labels, color_labels, solid_mask, things
+
+ALL = "all"
+
+
+@dc.dataclass(frozen=True)
+class KnownThing:
+    """An object that the localizer knows.
+
+    Attributes:
+        solid: Its shape or its pieces.
+        p_OC: Centre of `solid` in the object's frame [m].
+    """
+
+    solid: Solid
+    p_OC: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class ThingLabeler(LeafSystem):
+    """Labels the cells of a height map by what they belong to.
+
+    A label stands for an object's name, for a colour, or for `all`: everything on the
+    table. The first that suits a cell counts. Names come from the poses that a
+    localizer finds: a cell belongs to an object if its top is on the object's surface.
+    Only the most trustworthy blob of each object counts, and only if it is certain.
+    Colours come from the colour images, registered to the map. The grey and white parts
+    of a colourful thing count as the nearest colourful part.
+
+    .. pydrake_system::
+
+        name: ThingLabeler
+        input_ports:
+        - height_map
+        - blobs (with names)
+        - CAMERA.color_image (with colours)
+        - CAMERA.body_pose_in_world (with colours)
+        output_ports:
+        - labeled_height_map
+
+    `height_map` is a HeightMap, `blobs` BlobLocalizer's output. `labeled_height_map` is
+    a LabeledHeightMap. It is computed when it is evaluated.
+
+    Args:
+        names: Labels in the order of precedence: names of `known`, of `COLORS`, `all`.
+        cameras: Camera name to its model.
+        known: Objects by name.
+        table: Height of the table [m].
+
+    Raises:
+        ValueError: If a label is neither, or there are colours but no cameras.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        cameras: Mapping[str, CameraModel],
+        known: Mapping[str, KnownThing],
+        table: float,
+    ) -> None:
+        super().__init__()
+        for name in names:
+            if name not in (*known, *COLORS, ALL):
+                raise ValueError(f"ThingLabeler knows no {name!r}")
+        self._names, self._known, self._table = tuple(names), dict(known), table
+        colored = any(name in COLORS and name not in known for name in names)
+        if colored and not cameras:
+            raise ValueError("ThingLabeler needs a camera to tell colours")
+        self._imagers = {
+            camera: model.imager("color")
+            for camera, model in (cameras if colored else {}).items()
+        }
+        empty = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
+        self._map = self.DeclareAbstractInputPort(
+            "height_map", AbstractValue.Make(empty)
+        )
+        if any(name in known for name in names):
+            self.DeclareAbstractInputPort("blobs", AbstractValue.Make([]))
+        for camera in self._imagers:
+            self.DeclareAbstractInputPort(
+                f"{camera}.color_image", AbstractValue.Make(ImageRgba8U())
+            )
+            self.DeclareAbstractInputPort(
+                f"{camera}.body_pose_in_world", AbstractValue.Make(RigidTransform())
+            )
+        labeled = self._labeled(empty, np.zeros((0, 0), np.int8))
+        self.DeclareAbstractOutputPort(
+            "labeled_height_map",
+            lambda: AbstractValue.Make(labeled),
+            self._calc_labels,
+            {self.all_input_ports_ticket()},
+        )
+
+    def _labeled(self, height_map: HeightMap, label: Labels) -> LabeledHeightMap:
+        return LabeledHeightMap(
+            height_map.origin,
+            height_map.resolution,
+            height_map.height,
+            label,
+            self._names,
+        )
+
+    def _calc_labels(self, context: Context, output: AbstractValue) -> None:
+        height_map: HeightMap = self._map.Eval(context)
+        label = np.full(height_map.height.shape, -1, np.int8)
+        colors = [
+            color_labels(
+                height_map,
+                self._table,
+                self.GetInputPort(f"{camera}.color_image").Eval(context).data,
+                imager,
+                self.GetInputPort(f"{camera}.body_pose_in_world").Eval(context),
+            )
+            for camera, imager in self._imagers.items()
+        ]
+        for i, name in enumerate(self._names):
+            if name in self._known:
+                mask = self._named(context, height_map, name)
+            elif name == ALL:
+                mask = things(height_map, self._table)
+            else:
+                seen = [found == COLORS.index(name) for found in colors]
+                mask = np.asarray(np.logical_or.reduce(seen))
+            label[mask & (label < 0)] = i
+        output.set_value(self._labeled(height_map, label))
+
+    def _named(self, context: Context, height_map: HeightMap, name: str) -> Mask:
+        """Return the cells of an object by its best blob, if that is certain."""
+        thing = self._known[name]
+        blobs: list[Blob] = self.GetInputPort("blobs").Eval(context)
+        best = next((blob for blob in blobs if blob.object_name == name), None)
+        if best is None or not best.certain:
+            return np.zeros(height_map.height.shape, bool)
+        p_OC: Vector = np.array(thing.p_OC)
+        X_WC = best.X_WO @ RigidTransform(p_OC)
+        return solid_mask(height_map, self._table, thing.solid, X_WC)
