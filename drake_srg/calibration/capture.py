@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 
@@ -30,7 +30,7 @@ def take_shots(
     mounting: Mounting,
     scene: PlanningScene,
     count: int,
-    track: Callable[[Iterable[Vector]], Iterable[Vector]] = iter,
+    tell: Callable[[int], None] = lambda taken: None,
 ) -> list[Shot]:
     """Move the arm through many postures, and take an image in each.
 
@@ -41,7 +41,7 @@ def take_shots(
         mounting: Camera and board.
         scene: The arm, and what to keep clear of.
         count: How many images.
-        track: Wraps the postures, to show progress.
+        tell: Called with the number of images taken so far.
 
     Raises:
         ScenarioError: If the arm cannot show the board, or does not come to rest.
@@ -52,7 +52,8 @@ def take_shots(
     limits = MotionLimits.of_plant(scene).scaled(_SPEED, _SPEED)
     shots: list[Shot] = []
     with Rig(with_board(scenario, mounting), name="calibrate", images=True) as rig:
-        for path in track(paths):
+        for path in paths:
+            tell(len(shots))
             for start, end in zip(path[:-1], path[1:], strict=True):
                 rig.move(end, _duration(np.abs(end - start), limits))
             q = _rest(rig, scene.num_joints)
