@@ -16,7 +16,7 @@ STOREYS = [
     {"station", "replay"},
     {"cell", "export"},
     {"simulation"},
-    {"sweeps", "bridges", "identification"},
+    {"sweeps", "bridges", "identification", "calibration"},
     {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

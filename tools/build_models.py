@@ -11,6 +11,7 @@ from pathlib import Path
 
 from models import (
     assistive_arm,
+    charuco,
     gantry,
     household,
     iiwa14,
@@ -31,9 +32,13 @@ def main() -> int:
     check = parser.parse_args().check
     builders = (
         *(srg, iiwa14, gantry, props, household, packages, tableware),
-        *(assistive_arm, linkage_gripper, workplace),
+        *(assistive_arm, linkage_gripper, workplace, charuco),
     )
-    files = {k: v for module in builders for k, v in module.build().items()}
+    files = {
+        name: content.encode() if isinstance(content, str) else content
+        for module in builders
+        for name, content in module.build().items()
+    }
     present = {
         path.relative_to(ROOT).as_posix()
         for folder, ending in (("sdf", "*.sdf"), ("meshes", "*"))
@@ -42,14 +47,14 @@ def main() -> int:
     stale = sorted(present - files.keys())
     changed = sorted(
         name
-        for name, text in files.items()
-        if name not in present or (ROOT / name).read_bytes() != text.encode()
+        for name, content in files.items()
+        if name not in present or (ROOT / name).read_bytes() != content
     )
     for name in changed:
         print(f"{'differs' if check else 'wrote'}: models/{name}")
         if not check:
             (ROOT / name).parent.mkdir(parents=True, exist_ok=True)
-            (ROOT / name).write_bytes(files[name].encode())
+            (ROOT / name).write_bytes(files[name])
     for name in stale:
         print(f"{'not generated' if check else 'removed'}: models/{name}")
         if not check:

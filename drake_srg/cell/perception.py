@@ -11,6 +11,7 @@ from drake_srg.objects.models import known_shape
 from drake_srg.objects.solids import known_solid
 from drake_srg.scenario import Scenario
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
+from drake_srg.vision.calibrated_camera import calibrated_model
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_leveling import CameraLeveling
 from drake_srg.vision.color import ColorRange
@@ -129,7 +130,9 @@ def _AddLeveling(
 def camera_models(scenario: Scenario) -> dict[str, CameraModel]:
     """Return the models of the localizer's cameras."""
     return {
-        name: CameraModel.from_config(scenario.cameras[name])
+        name: calibrated_model(
+            scenario.cameras[name], scenario.camera_calibrations.get(name)
+        )
         for name in scenario.localizer.cameras
     }
 

@@ -11,6 +11,7 @@ from typing import Any
 
 # Pages of the documentation that explain a command, or an entry of a scenario.
 COMMAND_PAGES = {
+    "calibrate": "docs/calibration.md",
     "serve": "docs/bridges.md",
     "sweep": "docs/sweeps.md",
     "report": "docs/sweeps.md",
@@ -22,6 +23,7 @@ COMMAND_PAGES = {
     "replay": "docs/replay.md",
 }
 KEY_PAGES = {
+    "camera_calibrations": "docs/calibration.md",
     "object": "docs/objects.md",
     "objects": "docs/objects.md",
     "sleeping": "docs/speed.md",

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
+from drake_srg.cli import calibrate as cli_calibrate
 from drake_srg.cli import commands
 from drake_srg.cli import completion as cli_completion
 from drake_srg.cli import experiment as cli_experiment
@@ -195,7 +196,7 @@ def make_parser() -> argparse.ArgumentParser:
         "scenario.",
     )
     cli_identify.add_arguments(identify)
-
+    _add_calibrate(add)
     _add_offers(add)
     add(
         "doctor",
@@ -204,6 +205,19 @@ def make_parser() -> argparse.ArgumentParser:
         "Exit code: 0 everything required works, 1 something required is missing.",
     )
     return parser
+
+
+def _add_calibrate(add: Callable[..., Any]) -> None:
+    calibrate = add(
+        "calibrate",
+        cli_calibrate.calibrate,
+        "find a camera's intrinsics and pose by images of a ChArUco board",
+        "In simulation, the arm shows the board to the camera. It prints standard "
+        "deviations and writes the images, and a scenario with the result.",
+    )
+    calibrate.add_argument("what", choices=["camera"], help="what to calibrate")
+    _add_scenario(calibrate)
+    cli_calibrate.add_arguments(calibrate)
 
 
 def _add_offers(add: Callable[..., Any]) -> None:

@@ -288,6 +288,7 @@ def _camera_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     video = scenario.recording.video_camera
     for key, used in (
         ("camera_errors", list(scenario.camera_errors)),
+        ("camera_calibrations", list(scenario.camera_calibrations)),
         ("localizer.cameras", scenario.localizer.cameras),
         ("recording.bag_cameras", scenario.recording.bag_cameras),
         ("recording.video_camera", [video] if video else []),

@@ -26,6 +26,7 @@ from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.types import positive
+from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
 from drake_srg.vision.color_names import COLORS
 from drake_srg.vision.config import LocalizerThresholds
@@ -185,6 +186,11 @@ class Scenario:
     cameras: dict[str, CameraConfig] = dc.field(default_factory=dict)
     # Imperfections of cameras by name; a camera without an entry is ideal.
     camera_errors: dict[str, CameraErrorsConfig] = dc.field(default_factory=dict)
+    # Calibrations of cameras by name, see docs/calibration.md. They replace the pose
+    # errors among `camera_errors`.
+    camera_calibrations: dict[str, CameraCalibrationConfig] = dc.field(
+        default_factory=dict
+    )
     # Top of a table among the directives, on which objects stand.
     table: TableConfig = dc.field(default_factory=TableConfig)
     objects: dict[str, ObjectConfig] = dc.field(default_factory=dict)

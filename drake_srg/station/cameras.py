@@ -11,9 +11,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 from pydrake.systems.sensors import ApplyCameraConfig
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.installing import require_rendering
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import AddDirectives, AddObjects
+from drake_srg.vision.calibrated_camera import CalibratedPose
 from drake_srg.vision.camera_errors import CameraErrors
 
 
@@ -120,5 +122,28 @@ def _AddSensors(
             for port, source in seen.items():
                 builder.Connect(source, errors.GetInputPort(port))
                 seen[port] = errors.GetOutputPort(port)
+        if name in scenario.camera_calibrations:
+            true = sensor.body_pose_in_world_output_port()
+            seen["body_pose_in_world"] = _AddCalibration(builder, scenario, name, true)
         ports |= {f"camera_{name}.{port}": source for port, source in seen.items()}
     return ports
+
+
+def _AddCalibration(
+    builder: DiagramBuilder, scenario: Scenario, name: str, true: OutputPort
+) -> OutputPort:
+    """Add a camera's CalibratedPose and return the port of the calibrated pose."""
+    X_PB = scenario.cameras[name].X_PB
+    calibrated = scenario.camera_calibrations[name].X_PB
+    frames = [pose.base_frame or "world" for pose in (X_PB, calibrated)]
+    if frames[0] != frames[1]:
+        raise ScenarioError(
+            f"camera_calibrations.{name}.X_PB.base_frame: must be that of "
+            f"cameras.{name}, {frames[0]}, got {frames[1]}"
+        )
+    system = builder.AddNamedSystem(
+        f"calibrated_pose_{name}",
+        CalibratedPose(X_PB.GetDeterministicValue(), calibrated.GetDeterministicValue()),
+    )
+    builder.Connect(true, system.get_input_port())
+    return system.get_output_port()

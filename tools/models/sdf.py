@@ -15,7 +15,7 @@ from .pieces import Inertial, Piece, Primitive, Proximity, Turned, VolumeMesh
 from .shapes import Solid, format_number, obj_text
 
 Color = tuple[float, float, float]
-Files = dict[str, str]  # path below models/ -> text
+Files = dict[str, str | bytes]  # path below models/ -> contents
 
 
 class Model:

@@ -1,0 +1,1 @@
+"""Calibration of cameras: intrinsics and pose from images of a ChArUco board."""
