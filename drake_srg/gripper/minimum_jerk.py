@@ -98,7 +98,7 @@ class MinimumJerkReference(StageSystem):
         rows[:, _DURATION] = self.config.min_duration
         rows[:, _TARGET] = initial_position
         rows[:, 3] = initial_position
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"position_desired": n},
             outputs={"reference": StageOutput(3 * n, self._reference, timed=True)},
             state=rows.flatten(),

@@ -149,7 +149,7 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             self.config = config
             self._gains = gains
             self._n = n = len(config.kp)
-            self.DeclareStage(
+            self.declare_stage(
                 inputs={
                     "reference": 3 * n,
                     "state_measured": 2 * n,
@@ -182,11 +182,15 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             """See `Stage`."""
             n, kappa = self._n, self._kappa(force_limit)
             absent = [None] * n
+            wanted, measured = reference.tolist(), state_measured.tolist()
             # Motor by motor: for so few of them, floats are faster than arrays.
             motors = zip(
                 *self._gains,
-                *(part.tolist() for part in np.split(reference, 3)),
-                *(part.tolist() for part in np.split(state_measured, 2)),
+                wanted[:n],
+                wanted[n : 2 * n],
+                wanted[2 * n :],
+                measured[:n],
+                measured[n:],
                 absent if position_desired is None else position_desired.tolist(),
                 absent if torque_commanded is None else torque_commanded.tolist(),
                 state[:n].tolist(),

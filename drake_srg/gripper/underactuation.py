@@ -123,7 +123,7 @@ class UnderactuationLogic(StageSystem):
             2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
         )
         counted = self.config.evaluate == "per_message"
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"closure_commanded": 1, "state_measured": 8, "triggered": 4},
             optional={
                 "joint_position_commanded": 4,
