@@ -16,7 +16,7 @@ from pydrake.systems.framework import (
     InputPort,
 )
 
-from drake_srg.common.stages import declare_input, Stage, input_reader, weakly
+from drake_srg.common.stages import Stage, declare_input, input_reader, weakly
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 

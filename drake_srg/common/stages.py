@@ -39,8 +39,9 @@ class StageOutput:
 class Stage:
     """Mixin for a system whose outputs and update are functions of plain values.
 
-    Call `declare_stage` in the constructor, and implement `update` if there is a period.
-    Both keep all state in the context: change nothing of `self`, and nothing in place.
+    Call `declare_stage` in the constructor, and implement `update` if there is a
+    period. All state is in the context: functions change nothing of `self`, and nothing
+    in place.
     """
 
     # What `declare_stage` declared.
