@@ -129,9 +129,9 @@ class MinimumJerkReference(StageSystem):
     ) -> Vector | None:
         """See `Stage`."""
         rows, desired = self._rows(state), position_desired
-        changed = desired != rows[:, _TARGET]
-        if not changed.any():
+        if desired.tolist() == rows[:, _TARGET].tolist():
             return None
+        changed = desired != rows[:, _TARGET]
         q, v, a = np.array(_evaluate(rows, time)).T
         duration = np.maximum(
             self.config.min_duration,

@@ -62,6 +62,13 @@ class GripperServoConfig:
     period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
 
 
+def _clip(value: Any, limit: Any) -> Any:
+    """Return a value within +-limit, for all scalars of `GripperServo_`."""
+    if isinstance(value, float):
+        return min(max(value, -limit), limit)
+    return min_(max_(value, -limit), limit)
+
+
 @TemplateSystem.define("GripperServo_")
 def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(Stage, LeafSystem_[T]):
@@ -196,10 +203,8 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 state[:n].tolist(),
                 strict=True,
             )
-            integrals, held = zip(
-                *(self._motor(kappa, *values) for values in motors), strict=True
-            )
-            return [*integrals, *held]
+            results = [self._motor(kappa, *values) for values in motors]
+            return [integral for integral, _ in results] + [pwm for _, pwm in results]
 
         def _motor(
             self,
@@ -227,10 +232,10 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             else:
                 guard = config.printed_law_min_speed**2
                 pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
-            limit, saturated = kappa, self._clip(pwm, kappa)
+            limit, saturated = kappa, _clip(pwm, kappa)
             if torque is not None and (T is not float or math.isfinite(torque)):
                 compensated = config.current_control * kff1 * v_measured
-                saturated = self._clip(self._clip(torque, kappa) + compensated, 1.0)
+                saturated = _clip(_clip(torque, kappa) + compensated, 1.0)
                 limit = 1.0
             elif ki > 0:
                 rate = ki * error + (saturated - pwm) / config.tracking_time
@@ -240,11 +245,6 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                 saturated = max_(floor(steps * saturated), -floor(steps * limit))
                 saturated = saturated / steps
             return integral, saturated
-
-        def _clip(self, value: Any, limit: Any) -> Any:
-            if T is float:
-                return min(max(value, -limit), limit)
-            return min_(max_(value, -limit), limit)
 
         def _kappa(self, force_limit: Any) -> Any:
             if force_limit is None or (T is float and math.isnan(force_limit[0])):
