@@ -85,10 +85,12 @@ class GravityCompensation(LeafSystem):
         self._plant = plant
         self._plant_context = plant.CreateDefaultContext()  # scratch, not state
         self._models = [plant.GetModelInstanceByName(name) for name in models]
-        for name, model in zip(models, self._models, strict=True):
+        self._states = [
             self.DeclareVectorInputPort(
                 name=f"{name}_state", size=plant.num_multibody_states(model)
             )
+            for name, model in zip(models, self._models, strict=True)
+        ]
         self.DeclareVectorOutputPort(
             name="torque",
             size=plant.num_velocities(self._models[0]),
@@ -97,9 +99,9 @@ class GravityCompensation(LeafSystem):
         )
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
-        for i, model in enumerate(self._models):
+        for model, state in zip(self._models, self._states, strict=True):
             self._plant.SetPositionsAndVelocities(
-                self._plant_context, model, self.get_input_port(i).Eval(context)
+                self._plant_context, model, state.Eval(context)
             )
         forces = self._plant.CalcGravityGeneralizedForces(self._plant_context)
         output.SetFromVector(

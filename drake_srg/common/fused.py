@@ -16,7 +16,7 @@ from pydrake.systems.framework import (
     InputPort,
 )
 
-from drake_srg.common.stages import DeclareInput, Stage, input_reader, weakly
+from drake_srg.common.stages import Stage, declare_input, input_reader, weakly
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector
 
@@ -65,7 +65,7 @@ class FusedStages(LeafSystem):
         for target, wire in wires.items():
             if isinstance(wire, str) and wire not in self._ports:
                 kind = stages[target.stage].input_kind(target.port)
-                self._ports[wire] = DeclareInput(self, wire, kind)
+                self._ports[wire] = declare_input(self, wire, kind)
         self._sources: dict[StagePort, _Source] = {}
         self._outputs = {name: self._output(port) for name, port in outputs.items()}
         for name, port in outputs.items():

@@ -71,7 +71,7 @@ class CommandErrors(StageSystem):
         # An excess of up to a millionth of a period is a rounding error.
         steps = math.ceil(latency / period - 1e-6)
         # Rows of n: commands from `steps` periods ago to now, then y.
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"commanded": size},
             outputs={
                 "delayed": StageOutput(size, self._delayed),
@@ -154,7 +154,7 @@ class EncoderErrors(StageSystem):
         sigmas = np.repeat([sigma, speed_sigma], size)
         offset = np.zeros(2 * size)
         self._n, self._noise = size, _Noise(offset, sigmas, period, (seed, name))
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"state": 2 * size},
             optional={"play": size},
             outputs={
@@ -208,7 +208,7 @@ class TorqueErrors(StageSystem):
         offset = config.torque_offset * full_scale
         sigma = config.torque_noise * full_scale
         self._noise = _Noise(offset, sigma, period, (seed, "torque"))
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"torque": len(offset)},
             outputs={
                 "torque_measured": StageOutput(

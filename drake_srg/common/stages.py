@@ -39,18 +39,19 @@ class StageOutput:
 class Stage:
     """Mixin for a system whose outputs and update are functions of plain values.
 
-    Call `DeclareStage` in the constructor, and implement `update` if there is a period.
-    Both keep all state in the context: change nothing of `self`, and nothing in place.
+    Call `declare_stage` in the constructor, and implement `update` if there is a
+    period. All state is in the context: functions change nothing of `self`, and nothing
+    in place.
     """
 
-    # What `DeclareStage` declared.
+    # What `declare_stage` declared.
     period: float | None
     initial: Any
     inputs: Mapping[str, Any]
     optional: Mapping[str, Any]
     outputs: Mapping[str, StageOutput]
 
-    def DeclareStage(
+    def declare_stage(
         self: Any,
         *,
         inputs: Mapping[str, Any],
@@ -71,7 +72,7 @@ class Stage:
         self.inputs, self.optional = dict(inputs), dict(optional or {})
         self.outputs, self.initial, self.period = dict(outputs), state, period
         self._readers = {
-            name: input_reader(DeclareInput(self, name, kind), required)
+            name: input_reader(declare_input(self, name, kind), required)
             for kinds, required in ((self.inputs, True), (self.optional, False))
             for name, kind in kinds.items()
         }
@@ -148,13 +149,13 @@ class Stage:
 
 
 class StageSystem(Stage, LeafSystem):
-    """Base of a stage for floats: a LeafSystem that declares itself by `DeclareStage`.
+    """Base of a stage for floats: a LeafSystem that declares itself by `declare_stage`.
 
     A stage for other scalars derives from `Stage` and from Drake's `LeafSystem_[T]`.
     """
 
 
-def DeclareInput(system: Any, name: str, kind: Any) -> Any:
+def declare_input(system: Any, name: str, kind: Any) -> Any:
     """Declare an input port: a vector of size `kind`, or with that model value."""
     if isinstance(kind, int):
         return system.DeclareVectorInputPort(name=name, size=kind)

@@ -48,7 +48,7 @@ class GraspDetector(StageSystem):
         super().__init__()
         self.config = config or GraspDetectorConfig()
         self._fingers = [list(finger) for finger in fingers]
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"triggered": sum(len(finger) for finger in fingers)},
             outputs={"grasped": StageOutput(1, self._grasped, timed=True)},
             # Time since when all fingers have sensed something; inf while they do not.

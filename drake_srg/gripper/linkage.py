@@ -68,7 +68,7 @@ class MasterSlaveReference(StageSystem):
     def __init__(self, config: MasterSlaveConfig | None = None) -> None:
         super().__init__()
         self.config = config or MasterSlaveConfig()
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"closure_commanded": 1, "state_measured": 4, "grasped": 1},
             optional={"joint_position_commanded": 2, "hold": 1},
             outputs={"reference": StageOutput(6, _reference, timed=True)},

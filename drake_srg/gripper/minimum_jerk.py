@@ -98,7 +98,7 @@ class MinimumJerkReference(StageSystem):
         rows[:, _DURATION] = self.config.min_duration
         rows[:, _TARGET] = initial_position
         rows[:, 3] = initial_position
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"position_desired": n},
             outputs={"reference": StageOutput(3 * n, self._reference, timed=True)},
             state=rows.flatten(),
@@ -129,10 +129,10 @@ class MinimumJerkReference(StageSystem):
     ) -> Vector | None:
         """See `Stage`."""
         rows, desired = self._rows(state), position_desired
-        changed = desired != rows[:, _TARGET]
-        if not changed.any():
+        if desired.tolist() == rows[:, _TARGET].tolist():
             return None
-        q, v, a = _evaluate(rows, time)
+        changed = desired != rows[:, _TARGET]
+        q, v, a = np.array(_evaluate(rows, time)).T
         duration = np.maximum(
             self.config.min_duration,
             _PEAK_TO_MEAN_SPEED * np.abs(desired - q) / self.config.max_velocity,
@@ -148,16 +148,17 @@ class MinimumJerkReference(StageSystem):
         return np.where(changed[:, None], new, rows).flatten()
 
     def _reference(self, time: float, state: Vector) -> Vector:
-        return _evaluate(self._rows(state), time).flatten()
+        q, v, a = zip(*_evaluate(self._rows(state), time), strict=True)
+        return np.array([*q, *v, *a])
 
     def _rows(self, state: Vector) -> Vector:
         return state.reshape(self._n, 9)
 
 
-def _evaluate(rows: Vector, time: float) -> Vector:
-    """Return q, v, a, shape (3, n)."""
+def _evaluate(rows: Vector, time: float) -> list[tuple[float, float, float]]:
+    """Return q, v, a of each joint."""
     # Joint by joint: for so few joints, floats are faster than arrays.
-    return np.array([_evaluate_joint(row, time) for row in rows.tolist()]).T
+    return [_evaluate_joint(row, time) for row in rows.tolist()]
 
 
 def _evaluate_joint(row: list[float], time: float) -> tuple[float, float, float]:

@@ -44,6 +44,6 @@ def wire_travel(base: Any, tip: Any) -> Any:
 
 def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:
     value: Any = 0.0
-    for c in reversed(coefficients):
+    for c in coefficients[::-1]:
         value = value * x + c
     return value

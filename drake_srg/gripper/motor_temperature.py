@@ -85,7 +85,7 @@ class MotorTemperature(StageSystem):
         super().__init__()
         self.config = config or MotorTemperatureConfig()
         self._drive = drive or TendonDriveConfig()
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"pwm": 1, "motor_state": 2},
             outputs={"motor_temperature": StageOutput(1, lambda time, state: state)},
             state=[self.config.ambient],

@@ -96,7 +96,7 @@ class ProximitySensors(StageSystem):
         self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
         # Rounding must not narrow the field of view.
         self._least_cosine = math.cos(self.config.half_angle) - 1e-9
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"query_object": QueryObject()},
             outputs={
                 "proximity": StageOutput(len(sensors), lambda time, state: state),

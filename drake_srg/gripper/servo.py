@@ -10,6 +10,7 @@ in it. `GripperServo` offers three readings.
 """
 
 import dataclasses as dc
+import math
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,13 @@ class GripperServoConfig:
     # division fades out.
     printed_law_min_speed: float = dc.field(default=0.05, metadata=positive())
     period: float = dc.field(default=0.005, metadata=positive())  # sample time [s]
+
+
+def _clip(value: Any, limit: Any) -> Any:
+    """Return a value within +-limit, for all scalars of `GripperServo_`."""
+    if isinstance(value, float):
+        return min(max(value, -limit), limit)
+    return min_(max_(value, -limit), limit)
 
 
 @TemplateSystem.define("GripperServo_")
@@ -146,9 +154,9 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
                     f"derivative; got {config.pwm_steps}"
                 )
             self.config = config
-            self._gains = tuple(np.asarray(gain, dtype=float) for gain in gains)
+            self._gains = gains
             self._n = n = len(config.kp)
-            self.DeclareStage(
+            self.declare_stage(
                 inputs={
                     "reference": 3 * n,
                     "state_measured": 2 * n,
@@ -179,53 +187,67 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             torque_commanded: Any,
         ) -> Any:
             """See `Stage`."""
-            n, config = self._n, self.config
-            kp, ki, kd, kff1, kff2 = self._gains
-            q, v, a = reference[:n], reference[n : 2 * n], reference[2 * n :]
-            measured, integral = state_measured, state[:n]
-            if config.law == "literal":
-                error = position_desired - q
-            else:
-                error = q - measured[:n]
+            n, kappa = self._n, self._kappa(force_limit)
+            absent = [None] * n
+            wanted, measured = reference.tolist(), state_measured.tolist()
+            # Motor by motor: for so few of them, floats are faster than arrays.
+            motors = zip(
+                *self._gains,
+                wanted[:n],
+                wanted[n : 2 * n],
+                wanted[2 * n :],
+                measured[:n],
+                measured[n:],
+                absent if position_desired is None else position_desired.tolist(),
+                absent if torque_commanded is None else torque_commanded.tolist(),
+                state[:n].tolist(),
+                strict=True,
+            )
+            results = [self._motor(kappa, *values) for values in motors]
+            return [integral for integral, _ in results] + [pwm for _, pwm in results]
+
+        def _motor(
+            self,
+            kappa: Any,
+            kp: float,
+            ki: float,
+            kd: float,
+            kff1: float,
+            kff2: float,
+            q: Any,
+            v: Any,
+            a: Any,
+            q_measured: Any,
+            v_measured: Any,
+            target: Any,
+            torque: Any,
+            integral: Any,
+        ) -> tuple[Any, Any]:
+            """Return the next integral and PWM of a motor."""
+            config = self.config
+            error = target - q if config.law == "literal" else q - q_measured
             pwm = kff1 * v + kff2 * a + kp * error
             if config.law == "pid":
-                pwm = pwm + kd * (v - measured[n:]) + integral
+                pwm = pwm + kd * (v - v_measured) + integral
             else:
                 guard = config.printed_law_min_speed**2
                 pwm = pwm + ki * error * v + kd * error * v / (v * v + guard)
-            limit = kappa = self._kappa(force_limit)
-            saturated = self._clip(pwm, kappa)
-            rate = ki * error + (saturated - pwm) / config.tracking_time
-            new_integral = integral + config.period * rate * (ki > 0)
-            if torque_commanded is not None:
-                torque = torque_commanded
-                commanded = np.isfinite(torque) if T is float else True
-                compensated = config.current_control * kff1 * measured[n:]
-                current = self._clip(self._clip(torque, kappa) + compensated, 1.0)
-                saturated = np.where(commanded, current, saturated)
-                limit = np.where(commanded, 1.0, kappa)
-                new_integral = np.where(commanded, integral, new_integral)
-            held = self._in_steps(saturated, limit) if config.pwm_steps else saturated
-            return np.concatenate([new_integral, held])
-
-        def _in_steps(self, pwm: Any, limit: Any) -> Any:
-            """Round down to whole steps, and the limit (n or scalar) towards zero."""
-            n = self.config.pwm_steps
-            limits = np.broadcast_to(limit, len(pwm))
-            return np.array(
-                [
-                    max_(floor(n * value), -floor(n * most)) / n
-                    for value, most in zip(pwm, limits, strict=True)
-                ]
-            )
-
-        def _clip(self, values: Any, limit: Any) -> Any:
-            if T is float:
-                return np.minimum(np.maximum(values, -limit), limit)
-            return np.array([min_(max_(value, -limit), limit) for value in values])
+            limit, saturated = kappa, _clip(pwm, kappa)
+            if torque is not None and (T is not float or math.isfinite(torque)):
+                compensated = config.current_control * kff1 * v_measured
+                saturated = _clip(_clip(torque, kappa) + compensated, 1.0)
+                limit = 1.0
+            elif ki > 0:
+                rate = ki * error + (saturated - pwm) / config.tracking_time
+                integral = integral + config.period * rate
+            if config.pwm_steps:
+                steps = config.pwm_steps  # down to a whole one, the limit towards zero
+                saturated = max_(floor(steps * saturated), -floor(steps * limit))
+                saturated = saturated / steps
+            return integral, saturated
 
         def _kappa(self, force_limit: Any) -> Any:
-            if force_limit is None or (T is float and np.isnan(force_limit[0])):
+            if force_limit is None or (T is float and math.isnan(force_limit[0])):
                 return self.config.force_limit
             return min_(max_(force_limit[0], 0.0), 1.0)
 

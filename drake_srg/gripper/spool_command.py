@@ -82,7 +82,7 @@ class SpoolCommand(StageSystem):
         super().__init__()
         self.config = config or SpoolCommandConfig()
         self._spool_radius = spool_radius
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"closure_commanded": 1, "motor_state": 2, "triggered": 4},
             optional={
                 "hold": 1,

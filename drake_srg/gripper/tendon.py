@@ -179,9 +179,11 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             collectable(self)
             self.config = config
             self._period = period
+            # Arguments and result of `_wires`.
+            self._last: tuple[tuple[Any, ...], list[tuple[Any, Any, Any]]] = (), []
             slides = bool(config.friction.wire)
             moving = ("state_measured",)
-            self.DeclareStage(
+            self.declare_stage(
                 inputs={"pwm": 1, "state_measured": 8},
                 outputs={
                     "joint_torque": StageOutput(4, self._joint_torque, moving),
@@ -201,11 +203,17 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         ) -> list[tuple[Any, Any, Any]]:
             """Return the force of each wire, and its moment arms at base and tip.
 
+            A step needs them for the joints and for the motor. So those of the last
+            arguments are kept.
+
             Args:
                 angle: Of the spool [rad].
                 speed: Of the spool [rad/s].
                 state: Of the joints, [q; v].
             """
+            arguments = (angle, speed, *state)
+            if T is float and arguments == self._last[0]:
+                return self._last[1]
             config = self.config
             wires = []
             for base, tip in FINGERS:
@@ -222,6 +230,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                 pull = config.wire_stiffness * stretch + config.wire_damping * rate
                 force = max(pull, 0.0) if T is float else max_(pull, 0.0)
                 wires.append((force, base_arm, tip_arm))
+            self._last = arguments, wires
             return wires
 
         def _joint_torque(self, time: Any, drive: Any, state_measured: Any) -> Any:

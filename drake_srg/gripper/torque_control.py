@@ -33,7 +33,7 @@ class TorqueControl(StageSystem):
     def __init__(self, drive: TendonDriveConfig, period: float) -> None:
         super().__init__()
         self._drive, self._period = drive, period
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"torque_desired": 1},
             outputs={"pwm_desired": StageOutput(1, lambda time, state: state)},
             state=[np.nan],

@@ -82,7 +82,7 @@ class ContactForceSensors(StageSystem):
         }
         inputs = {"contact_results": ContactResults(), "body_poses": [RigidTransform()]}
         reads = tuple(inputs)
-        self.DeclareStage(
+        self.declare_stage(
             inputs=inputs,
             outputs={
                 name: StageOutput(size * len(links), calc, reads)

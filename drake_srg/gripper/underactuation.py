@@ -1,9 +1,7 @@
 """Algorithm 1 of the SRG thesis: four joint targets from one command and sensors."""
 
 import dataclasses as dc
-from collections.abc import Sequence
-
-import numpy as np
+import math
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.stages import StageOutput, StageSystem
@@ -119,11 +117,9 @@ class UnderactuationLogic(StageSystem):
     def __init__(self, config: UnderactuationConfig | None = None) -> None:
         super().__init__()
         self.config = config or UnderactuationConfig()
-        self._limits = np.array(
-            2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
-        )
+        self._limits = 2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
         counted = self.config.evaluate == "per_message"
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"closure_commanded": 1, "state_measured": 8, "triggered": 4},
             optional={
                 "joint_position_commanded": 4,
@@ -149,19 +145,21 @@ class UnderactuationLogic(StageSystem):
         joint_position_commanded: Vector | None,
         hold: Vector | None,
         closure_messages: Vector | None = None,
-    ) -> Vector:
+    ) -> list[float]:
         """See `Stage`."""
-        targets, desired = state[:4], state[4:8]
-        last_closure, opening, was_holding = state[8], bool(state[9]), bool(state[10])
-        fired_before, evaluated = state[11:13] != 0.0, state[13]
+        # Lists of floats: for so few joints, they are faster than arrays.
+        now = state.tolist()
+        targets, desired, evaluated = now[:4], now[4:8], now[13]
+        last_closure, opening, was_holding = now[8], bool(now[9]), bool(now[10])
+        fired_before = [value != 0.0 for value in now[11:13]]
         messages = self._num_messages(closure_messages)
-        q, fired = state_measured[:4], triggered != 0.0
+        q, closure = state_measured.tolist()[:4], float(closure_commanded[0])
+        fired = [value != 0.0 for value in triggered.tolist()]
         holding = hold is not None and hold[0] != 0.0
-        closure = closure_commanded[0]
-        if np.isfinite(closure):
+        if math.isfinite(closure):
             closure = min(max(closure, 0.0), 1.0)
             if closure != last_closure:
-                opening = bool(closure < last_closure)
+                opening = closure < last_closure
         else:
             closure = last_closure
         if holding:
@@ -170,15 +168,19 @@ class UnderactuationLogic(StageSystem):
         else:
             if messages is None or messages != evaluated:
                 if self.config.base == "freeze" and not opening:
-                    targets = self._frozen(targets, q, fired[:2], fired_before)
+                    targets = self._frozen(targets, q, fired, fired_before)
                 fired_before, evaluated = fired[:2], messages or 0.0
                 targets = self._algorithm(closure, opening, q, fired, targets)
-            desired, override = targets, joint_position_commanded
-            if override is not None:
-                desired = np.where(np.isfinite(override), override, targets)
-            desired = np.minimum(desired, self._limits)
+            desired = targets
+            if joint_position_commanded is not None:
+                override = joint_position_commanded.tolist()
+                desired = [
+                    commanded if math.isfinite(commanded) else target
+                    for commanded, target in zip(override, targets, strict=True)
+                ]
+            desired = [*map(min, desired, self._limits)]
         flags = [closure, float(opening), float(holding), *fired_before, evaluated]
-        return np.concatenate([targets, desired, flags])
+        return [*targets, *desired, *flags]
 
     def _num_messages(self, messages: Vector | None) -> float | None:
         """Return the number of messages; None if their number does not matter."""
@@ -193,34 +195,45 @@ class UnderactuationLogic(StageSystem):
         return float(messages[0])
 
     def _frozen(
-        self, targets: Vector, q: Vector, fired: Vector, fired_before: Vector
-    ) -> Vector:
+        self,
+        targets: list[float],
+        q: list[float],
+        fired: list[bool],
+        fired_before: list[bool],
+    ) -> list[float]:
         """Return the last targets, with those that bases at an object keep.
 
         Args:
-            targets: Of the last evaluation, shape (4,) [rad].
-            q: Measured angles, shape (4,) [rad].
-            fired: Whether the sensors of the bases fire, shape (2,).
-            fired_before: Whether they fired at the last evaluation, shape (2,).
+            targets: Of the last evaluation [rad].
+            q: Measured angles [rad].
+            fired: Whether the sensors fire.
+            fired_before: Whether those of the bases fired at the last evaluation.
         """
-        config = self.config
-        last, base = targets[:2], q[:2]
-        advanced = last + config.approach_speed * config.period
-        approaching = np.minimum(advanced, base + config.approach_error)
-        # While a base comes to rest, its target follows it. It does not return to
-        # where its sensor might cease to fire.
-        kept = np.where(
-            fired_before, np.maximum.reduce([last, base, approaching]), base
-        )
-        return np.concatenate([np.where(fired, kept, last), targets[2:]])
+        config, result = self.config, targets.copy()
+        for base, _ in FINGERS:
+            if not fired[base]:
+                continue
+            if not fired_before[base]:
+                result[base] = q[base]
+                continue
+            # While a base comes to rest, its target follows it. It does not return to
+            # where its sensor might cease to fire.
+            advanced = targets[base] + config.approach_speed * config.period
+            approaching = min(advanced, q[base] + config.approach_error)
+            result[base] = max(targets[base], q[base], approaching)
+        return result
 
     def _algorithm(
-        self, closure: float, opening: bool, q: Vector, fired: Vector, targets: Vector
-    ) -> Vector:
-        config = self.config
-        result = targets.copy()
+        self,
+        closure: float,
+        opening: bool,
+        q: list[float],
+        fired: list[bool],
+        targets: list[float],
+    ) -> list[float]:
+        config, result = self.config, targets.copy()
         for base, tip in FINGERS:
-            base_target, tip_target = finger_targets(
+            result[base], result[tip] = finger_targets(
                 config.full_scale * closure,
                 opening,
                 (q[base], q[tip]),
@@ -228,13 +241,15 @@ class UnderactuationLogic(StageSystem):
                 (targets[base], targets[tip]),
                 config.straight_tolerance,
             )
-            result[base], result[tip] = base_target, tip_target
         return result
 
 
-def _hold_targets(targets: Vector, q: Vector, fired: Sequence[bool]) -> Vector:
+def _hold_targets(
+    targets: list[float], q: list[float], fired: list[bool]
+) -> list[float]:
     result = targets.copy()
     for finger in FINGERS:
         if not any(fired[i] for i in finger):
-            result[list(finger)] = q[list(finger)]
+            for i in finger:
+                result[i] = q[i]
     return result

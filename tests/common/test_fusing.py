@@ -19,7 +19,7 @@ class Mixer(StageSystem):
     def __init__(self, number, period):
         super().__init__()
         self._number = number
-        self.DeclareStage(
+        self.declare_stage(
             inputs={"a": 1},
             optional={"b": 1},
             outputs={

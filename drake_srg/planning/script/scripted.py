@@ -1,5 +1,6 @@
 """A fixed list of arm motions and gripper commands, in place of a planner."""
 
+import bisect
 import dataclasses as dc
 from collections.abc import Sequence
 
@@ -86,7 +87,7 @@ class ScriptedPlanner(LeafSystem):
                 )
         self._script = list(script)
         self._jumps = jumps
-        self._ends = np.cumsum([step.duration for step in script])
+        self._ends = np.cumsum([step.duration for step in script]).tolist()
         # Row i is where step i begins, the last row where the script ends.
         self._positions = _filled(
             np.asarray(home, dtype=float), [step.arm for step in script]
@@ -126,8 +127,7 @@ class ScriptedPlanner(LeafSystem):
         """Return the index of the step under way, or that after the last."""
         # Times of updates are rounded multiples of a period. One that is rounded down
         # still belongs to the step that begins there.
-        time = context.get_time() + 1e-9
-        return int(np.searchsorted(self._ends, time, side="right"))
+        return bisect.bisect_right(self._ends, context.get_time() + 1e-9)
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
         i = min(self._step(context), len(self._script) - 1)
