@@ -176,7 +176,8 @@ class SafetyMonitor(LeafSystem):
 
     def _calc_next(self, context: Context, output: AbstractValue) -> None:
         memory, time = self._memory(context), context.get_time()
-        if time >= memory.updated_at + 0.5 * self._period:
+        # Times are multiples of the period but for their rounding.
+        if time >= memory.updated_at + 0.999 * self._period:
             memory = self._advanced(memory, context, time)
         output.set_value(memory)
 
