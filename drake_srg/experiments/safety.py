@@ -41,8 +41,8 @@ FAULTS = {
 _MAX_STOP = 0.2
 # A joint that is slower counts as resting [rad/s].
 _RESTING = 0.01
-# Random postures lie this far around home [rad]. Then the peaks of acceleration and speed
-# of a minimum-jerk motion of unit length in unit time.
+# Random postures lie this far around home [rad]. Then the peaks of acceleration and
+# speed of a minimum-jerk motion of unit length in unit time.
 _AROUND, _PEAK_A, _PEAK_V = 0.5, 5.77, 1.88
 _AFTER = 0.5  # watched after a fault [s]
 # The push [N], and the force that stops the arm [N]; it feels inertia, too.
@@ -250,7 +250,7 @@ def run(track: Track, *, faults: int = 200) -> ExperimentResult:
         done, log = stop(stand, case)
         stops.append(done)
         logs[case] = log
-    table = {
+    table: dict[str, Any] = {
         "fault": [s.case.fault for s in stops],
         "reason": [s.reason.value for s in stops],
         "speed [share of the limits]": [s.share for s in stops],
@@ -288,10 +288,11 @@ def judge(stops: Sequence[Stop], stand: Stand) -> Sequence[Row]:
             rows.append(
                 Row.at_most(fault, "reaction, longest", stand.period, reaction, "s")
             )
-        longest = max(s.measured for s in own)
-        rows.append(
-            Row.at_most(fault, "time to rest, longest", _MAX_STOP, longest, "s")
-        )
+        for what, times in (
+            ("commands at rest, latest", [s.commanded for s in own]),
+            ("arm at rest, latest", [s.measured for s in own]),
+        ):
+            rows.append(Row.at_most(fault, what, _MAX_STOP, max(times), "s"))
         way = max(s.distance for s in own)
         rows.append(Row.info(fault, "way of the tool, longest", way, "m"))
         off = max(s.off_path for s in own)
