@@ -27,6 +27,8 @@ class BridgeOptions:
         protocol: Dynamixel protocol of the servo, 1 or 2; None means 1.
         host: Address of this machine that peers reach.
         name: Name of the nodes.
+        terminal: Descriptor of a terminal whose keys command a safety monitor, if the
+            station has one; None for no keys.
     """
 
     ros1: bool = False
@@ -37,6 +39,7 @@ class BridgeOptions:
     protocol: int | None = None
     host: str = "127.0.0.1"
     name: str = "drake_srg"
+    terminal: int | None = None
 
     def connect(
         self, scenario: Scenario, inbox: CommandInbox, topics: Sequence[Topic]
@@ -86,6 +89,10 @@ class BridgeOptions:
                             name=self.name,
                         )
                     )
+                if self.terminal is not None and "/estop" in inbox.topics:
+                    from drake_srg.bridges.keyboard import KeyboardBridge
+
+                    add(KeyboardBridge(inbox, self.terminal))
                 if self.protocol is not None and self.servo is None:
                     raise ValueError("--protocol: needs --servo")
                 if self.servo is not None:

@@ -90,6 +90,7 @@ def serve(options: argparse.Namespace) -> int:
         # Imported here, under the signal handlers, so that a signal during the import
         # of Drake ends the command cleanly.
         from drake_srg.bridges.connecting import BridgeOptions
+        from drake_srg.bridges.keyboard import own_terminal
         from drake_srg.bridges.serve import Serve
         from drake_srg.scenario import load_scenario
 
@@ -102,6 +103,7 @@ def serve(options: argparse.Namespace) -> int:
             protocol=options.protocol,
             host=options.host,
             name=options.name,
+            terminal=own_terminal(sys.stdin),
         )
         if not (bridges.ros1 or bridges.ros2 or bridges.servo):
             raise ScenarioError(

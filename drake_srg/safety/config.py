@@ -73,7 +73,7 @@ class SafetyConfig:
     # null: no limit. The arm of the fast kitchen lags by up to 0.15 rad.
     following_error: float | None = dc.field(default=0.25, metadata=positive())
     # Age of the newest message at which it is stale [s]. Only `safety.heartbeat` tells.
-    watchdog: float = dc.field(default=0.1, metadata=positive())
+    watchdog: float = dc.field(default=0.05, metadata=positive())
     # Speed along the path, as a share of the commanded speed. With less than 1, motions
     # take longer than planned: raise `planner.arrival_timeout`.
     speed_override: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})

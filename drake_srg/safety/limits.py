@@ -137,14 +137,15 @@ class JointLimits:
             following_error: Largest deviation from that [rad or m].
             period: The control period [s].
         """
-        position, velocity = np.split(measured, 2)
+        n = len(q)
+        # NaN compares as false, so that one test finds all faults.
+        near = (np.abs(measured[:n] - q) <= following_error).all()
+        slow = (np.abs(measured[n:]) * period <= _MEASURED_SPEED * self.step).all()
+        if near and slow:
+            return StopReason.NONE
         if not np.isfinite(measured).all():
             return StopReason.MEASURED_NOT_FINITE
-        if (np.abs(position - q) > following_error).any():
-            return StopReason.FOLLOWING_ERROR
-        if (np.abs(velocity) * period > _MEASURED_SPEED * self.step).any():
-            return StopReason.MEASURED_SPEED
-        return StopReason.NONE
+        return StopReason.MEASURED_SPEED if near else StopReason.FOLLOWING_ERROR
 
 
 @dc.dataclass(frozen=True)

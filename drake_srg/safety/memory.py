@@ -17,6 +17,8 @@ from drake_srg.safety.limits import Command
 from drake_srg.safety.path import Path
 from drake_srg.types import Vector
 
+_HEAD = 9  # numbers before the vectors
+
 
 @dc.dataclass(frozen=True)
 class Memory:
@@ -80,6 +82,16 @@ class Memory:
             ]
         )
 
+    @staticmethod
+    def time(flat: Vector) -> float:
+        """Return `updated_at` of a vector from `flat`."""
+        return float(flat[2])
+
+    @staticmethod
+    def position(flat: Vector, n: int) -> Vector:
+        """Return `path.q` of a vector from `flat`, shape (N,)."""
+        return flat[_HEAD : _HEAD + n]
+
     @classmethod
     def of(cls, flat: Vector, ahead: Vector, n: int) -> Memory:
         """Return the memory that `flat` and the numbers of `path.ahead` make.
@@ -89,12 +101,12 @@ class Memory:
             ahead: Begins with the numbers of `path.ahead`.
             n: Number of joints.
         """
-        head, flat = flat[:9].tolist(), flat.copy()
-        q, step, tangent, commanded, command_step = flat[9 : 9 + 5 * n].reshape(5, n)
+        head, vectors = flat[:_HEAD].tolist(), flat[_HEAD:].copy()
+        q, step, tangent, commanded, command_step = vectors[: 5 * n].reshape(5, n)
         rows = int(head[8])
         return cls(
             Path(q, step, ahead[: rows * n].reshape(rows, n).copy(), head[7], tangent),
-            Command(commanded, command_step, flat[9 + 5 * n :]),
+            Command(commanded, command_step, vectors[5 * n :]),
             *safety_state(flat),
             head[2],
             head[3],

@@ -95,9 +95,9 @@ class SafetyMonitor(LeafSystem):
         error = config.following_error
         self._following_error = math.inf if error is None else error
         capacity = math.ceil(config.path_memory / period)
-        self._start = Memory.at_rest(home, self._command_at(home))
-        self._flat = self.DeclareDiscreteState(self._start.flat())
-        self._ahead = self.DeclareDiscreteState(np.zeros(capacity * n))
+        start = Memory.at_rest(home, self._command_at(home))
+        self._flat = int(self.DeclareDiscreteState(start.flat()))
+        self._ahead = int(self.DeclareDiscreteState(np.zeros(capacity * n)))
         self._capacity = capacity
 
         def declare(name: str, size: int) -> InputPort:
@@ -145,7 +145,12 @@ class SafetyMonitor(LeafSystem):
     # will store is known already: commands pass without delay.
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(self._known(context).path.q)
+        # The plant asks for it at all of its steps, so this must be quick.
+        flat = context.get_discrete_state(self._flat).value()
+        if self._is_due(flat, context):
+            output.SetFromVector(self._known(context).path.q)
+        else:
+            output.SetFromVector(Memory.position(flat, self._n))
 
     def _calc_held(self, context: Context, output: BasicVector) -> None:
         memory = self._known(context)
@@ -160,64 +165,73 @@ class SafetyMonitor(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         memory = self._known(context)
-        discrete_state.set_value(int(self._flat), memory.flat())
+        discrete_state.set_value(self._flat, memory.flat())
         ahead = memory.path.ahead.ravel()
-        discrete_state.get_mutable_value(int(self._ahead))[: len(ahead)] = ahead
+        discrete_state.get_mutable_value(self._ahead)[: len(ahead)] = ahead
 
     def _known(self, context: Context) -> Memory:
         entry = self.get_cache_entry(self._next)
         memory: Memory = entry.EvalAbstract(context).get_value()
         return memory
 
-    def _memory(self, context: Context) -> Memory:
-        flat = context.get_discrete_state(int(self._flat)).value()
-        ahead = context.get_discrete_state(int(self._ahead)).value()
-        return Memory.of(flat, ahead, self._n)
-
     def _calc_next(self, context: Context, output: AbstractValue) -> None:
-        memory, time = self._memory(context), context.get_time()
-        if time >= memory.updated_at + 0.5 * self._period:
-            memory = self._advanced(memory, context, time)
+        flat = context.get_discrete_state(self._flat).value()
+        ahead = context.get_discrete_state(self._ahead).value()
+        memory = Memory.of(flat, ahead, self._n)
+        if self._is_due(flat, context):
+            memory = self._advanced(memory, context, context.get_time())
         output.set_value(memory)
+
+    def _is_due(self, flat: Vector, context: Context) -> bool:
+        """Return whether the update of this time is still to come."""
+        # Times are multiples of the period but for their rounding.
+        due: float = Memory.time(flat) + 0.999 * self._period
+        return context.get_time() >= due
 
     def _advanced(self, memory: Memory, context: Context, time: float) -> Memory:
         """Return the memory one control period later."""
-        memory = dc.replace(memory, updated_at=time)
-        reason, memory = self._condition(memory, context, time)
-        if not memory.cut:
-            fault, memory = self._received(memory, self._commanded.Eval(context))
-            reason = fault if reason is StopReason.NONE else reason
-        if reason is not StopReason.NONE and (
-            memory.reason is StopReason.NONE or reason is StopReason.EMERGENCY_STOP
+        now, since = self._condition(memory, context, time)
+        path, command, cut = memory.path, memory.command, memory.cut
+        if not cut:
+            q = self._commanded.Eval(context)
+            fault, command, path = self._received(memory, q)
+            cut = fault is not StopReason.NONE
+            now = fault if now is StopReason.NONE else now
+        reason = memory.reason
+        if now is not StopReason.NONE and (
+            reason is StopReason.NONE or now is StopReason.EMERGENCY_STOP
         ):
-            memory = dc.replace(memory, reason=reason)
+            reason = now
         pressed = _value(self._release, context) > 0.5
-        before = memory.state
-        moving = bool(memory.path.step.any())
         observation = Observation(
-            reason=reason,
-            braked_for=memory.reason,
-            standstill=not moving,
+            reason=now,
+            braked_for=reason,
+            standstill=not memory.path.step.any(),
             released=pressed and not memory.release_pressed,
         )
-        state = transition(before, observation)
-        memory = dc.replace(memory, state=state, release_pressed=pressed)
-        if state is SafetyState.RUNNING:
-            if before is not SafetyState.RUNNING:
-                memory = dc.replace(memory, reason=StopReason.NONE, cut=False)
-            return self._moved(memory, context)
-        return self._braked(memory)
+        state = transition(memory.state, observation)
+        running = state is SafetyState.RUNNING
+        if running and memory.state is not SafetyState.RUNNING:
+            reason, cut = StopReason.NONE, False
+        memory = Memory(
+            path, command, state, reason, time, memory.rate, since, pressed, cut
+        )
+        return self._moved(memory, context) if running else self._braked(memory)
 
     def _condition(
         self, memory: Memory, context: Context, time: float
-    ) -> tuple[StopReason, Memory]:
-        """Return the first reason to stop besides the commands, if any holds now."""
+    ) -> tuple[StopReason, float]:
+        """Return the first reason to stop besides the commands, if any holds now.
+
+        And since when the tool presses [s], as in the memory.
+        """
+        since = memory.pressed_since
         if not -0.5 <= _value(self._estop, context) <= 0.5:
-            return StopReason.EMERGENCY_STOP, memory
+            return StopReason.EMERGENCY_STOP, since
         if self._heartbeat.HasValue(context):
             age = time - self._heartbeat.Eval(context)[0]
             if not age <= self._config.watchdog:
-                return StopReason.STALE, memory
+                return StopReason.STALE, since
         q, reason = memory.path.q, StopReason.NONE
         if self._measured.HasValue(context):
             measured = self._measured.Eval(context)
@@ -227,23 +241,20 @@ class SafetyMonitor(LeafSystem):
             q = measured[: self._n]
         felt = self._torque.HasValue(context)
         if reason is not StopReason.NONE or self._touch is None or not felt:
-            return reason, memory
-        torque = self._torque.Eval(context)
-        reason, since = self._touch.fault(q, torque, memory.pressed_since, time)
-        return reason, dc.replace(memory, pressed_since=since)
+            return reason, since
+        return self._touch.fault(q, self._torque.Eval(context), since, time)
 
-    def _received(self, memory: Memory, q: Vector) -> tuple[StopReason, Memory]:
-        """Return what is wrong with a command, and add it to the path if nothing is."""
-        fault, command = check_command(q, memory.command, self._limits, self._tool)
-        path = memory.path
-        if fault is StopReason.NONE:
-            # After a stop for another reason, the arm may be off the commands' path.
-            behind = np.array_equal(path.end, memory.command.q)
-            if behind and len(path.ahead) < self._capacity:
-                path = path.extended(command.q)
-                return fault, dc.replace(memory, command=command, path=path)
-            fault = StopReason.LAG
-        return fault, dc.replace(memory, cut=True)
+    def _received(self, memory: Memory, q: Vector) -> tuple[StopReason, Command, Path]:
+        """Return what is wrong with a command; add it to the path if nothing is."""
+        path, last = memory.path, memory.command
+        fault, command = check_command(q, last, self._limits, self._tool)
+        if fault is not StopReason.NONE:
+            return fault, command, path
+        # After a stop for another reason, the arm may be off the commands' path.
+        behind = np.array_equal(path.end, last.q)
+        if not behind or len(path.ahead) >= self._capacity:
+            return StopReason.LAG, last, path
+        return fault, command, path.extended(command.q)
 
     def _moved(self, memory: Memory, context: Context) -> Memory:
         """Return the memory after a step along the path at the speed allowed."""
@@ -251,11 +262,13 @@ class SafetyMonitor(LeafSystem):
         if self._override.HasValue(context):
             rate = float(self._override.Eval(context)[0])
             rate = min(max(rate, 0.0), 1.0) if math.isfinite(rate) else 0.0
-        moved = path.taken(self._limits.bend) if rate == 1.0 else None
-        if moved is None and (len(path.ahead) or path.step.any()):
-            moved = path.advanced(rate, self._limits.bend)
-        if moved is None:  # it rests at the end of its path
-            return dc.replace(memory, rate=rate)
+        if rate == 1.0:
+            taken = path.taken(self._limits.bend)
+            if taken is not None:
+                return dc.replace(memory, path=taken, rate=1.0)
+        if not len(path.ahead) and not path.step.any():
+            return dc.replace(memory, rate=rate)  # it rests at the end of its path
+        moved = path.advanced(rate, self._limits.bend)
         return dc.replace(memory, path=moved, rate=moved.rate)
 
     def _braked(self, memory: Memory) -> Memory:
