@@ -119,9 +119,10 @@ class Run:
     motions: Motions
     shown: HeightMap
     config: PlannerConfig = dc.field(default_factory=lambda: CONFIG)
+    picks: PickPlanner | None = None  # None: makes one
 
     def __post_init__(self):
-        picks = PickPlanner(self.grasps, self.motions, self.config)
+        picks = self.picks or PickPlanner(self.grasps, self.motions, self.config)
         self.planner = ClearingPlanner(picks, 4, 4)
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()
