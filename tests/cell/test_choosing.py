@@ -8,6 +8,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
 
 ONE_BIN = "task.place={bin: red_bin, bins: null}"
+MUG = "objects.mug={model: package://drake_srg/sdf/mug.sdf}"
 FAR = "directives.blue_bin::bottom.add_weld.X_PC.translation=[1.2, 0.5, 0.0]"
 
 
@@ -24,10 +25,8 @@ def test_objects_belong_where_their_colour_does():
 
 
 def test_the_colour_of_a_model_is_that_of_its_first_visual():
-    mug = "objects.mug={model: package://drake_srg/sdf/mug.sdf}"
-    assert destinations(load_scenario("sort_table", overrides=[mug]))["mug"] == (
-        "blue_bin"
-    )
+    found = destinations(load_scenario("sort_table", overrides=[MUG]))
+    assert found["mug"] == "blue_bin"
 
 
 def test_names_count_before_colours_and_colours_before_all():
@@ -47,8 +46,7 @@ def test_names_count_before_colours_and_colours_before_all():
             r"^task\.place\.bins\.floor: 'floor' is no bin",
         ),
         (
-            ["objects.mug={model: package://drake_srg/sdf/mug.sdf}"]
-            + ["task.pick=[mug]", ONE_BIN],
+            [MUG, "task.pick=[mug]", ONE_BIN],
             r"^objects\.mug: the localizer cannot tell it from others; give it a shape",
         ),
         (
