@@ -229,7 +229,7 @@ class HeightMap:
 
 
 class Mode(enum.Enum):
-    """Modes of the pick-and-place state machine, in the order of a cycle."""
+    """Modes of the planners' state machines; logs hold their index."""
 
     IDLE = "idle"
     PRE_GRASP = "pre_grasp"
@@ -244,6 +244,7 @@ class Mode(enum.Enum):
     HOME = "home"
     DONE = "done"
     FAILED = "failed"
+    PUSH = "push"
 
 
 class Failure(enum.Enum):

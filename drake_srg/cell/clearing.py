@@ -17,6 +17,7 @@ from drake_srg.objects.corners import body_corners
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.clearing.reach import reach_with_hand_down
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import palm_pose
@@ -98,9 +99,10 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
     reach = reach_with_hand_down(scene, q_over, p_WG)
     grasps = HeightMapGrasps(hand.pinch, table, reach=reach)
+    moves = Moves(scene, hand.p_GT, config)
     motions = ClearingMotions(
         scene,
-        Moves(scene, hand.p_GT, config),
+        moves,
         q_home,
         q_over,
         table=table,
@@ -108,7 +110,16 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         aside=_ASIDE * np.where(size == size.max(), size, 0.0),
         config=config,
     )
-    planner = PickPlanner(grasps, motions, config)
+    pushes = PushMotions(
+        scene,
+        moves,
+        q_over,
+        fingers=hand.pinch,
+        table=table,
+        reach=reach,
+        relief=grasps.relief,
+    )
+    planner = PickPlanner(grasps, motions, config, pushes)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
