@@ -19,6 +19,7 @@ from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.clearing.reach import reach_with_hand_down
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
@@ -114,9 +115,18 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             table,
             config,
         )
-    else:
+    else:  # then nothing needs to stay where it is, and heaps may be pushed
         (into,) = motions.values()
-        planner = PickPlanner(grasps, into, config)
+        pushes = PushMotions(
+            scene,
+            Moves(scene, hand.p_GT, config),
+            q_over,
+            fingers=hand.pinch,
+            table=table,
+            reach=reach,
+            relief=grasps.relief,
+        )
+        planner = PickPlanner(grasps, into, config, pushes)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 

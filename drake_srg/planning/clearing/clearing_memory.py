@@ -28,6 +28,14 @@ class Pick:
 
 
 @dc.dataclass(frozen=True)
+class PlannedPush:
+    """The motions of a push, one after the other."""
+
+    motions: tuple[Trajectory, ...]
+    ready_at: float  # when planning has taken its time [s]
+
+
+@dc.dataclass(frozen=True)
 class ClearingMemory:
     """The planner's memory; it is never changed, only replaced."""
 
@@ -40,6 +48,8 @@ class ClearingMemory:
     tried: tuple[TopGrasp, ...] = ()  # grasps that failed
     stopped: tuple[TopGrasp, ...] = ()  # those of them on whose way the arm got stuck
     astray: bool = False  # the arm is still where it got stuck
+    push: PlannedPush | None = None  # what is left of the push under way, or the next
+    pushes: int = 0  # begun since anything was taken
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
     taken: int = 0  # things that were felt in the hand and are gone from the table

@@ -13,6 +13,7 @@ class Observation:
     """The facts that decide the next mode."""
 
     ready: bool = False  # a pick is planned, and the planning latency has passed
+    pushing: bool = False  # the same of a push
     finished: bool = False  # no grasp takes anything that is left
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the motion is over, but something has stopped the arm
@@ -33,7 +34,12 @@ _Condition = Callable[[Observation, float, PlannerConfig], bool]
 TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     Mode.IDLE: [
         (lambda o, t, c: o.ready, Mode.PRE_GRASP),
+        (lambda o, t, c: o.pushing, Mode.PUSH),
         (lambda o, t, c: o.finished, Mode.HOME),
+    ],
+    Mode.PUSH: [
+        (lambda o, t, c: o.arrived, Mode.IDLE),
+        (lambda o, t, c: o.stuck, Mode.RETREAT),
     ],
     Mode.PRE_GRASP: [
         (lambda o, t, c: o.arrived, Mode.GRASP),

@@ -107,6 +107,15 @@ class Motions:
         return _line(q_start, OVER)
 
 
+class Pushes:
+    """Stands in for `PushMotions`: two motions of a second each, over the bin."""
+
+    def plan(self, q_start, height_map):
+        if not height_map.height.any():
+            return None
+        return _line(q_start, np.full(2, 2.0)), _line(np.full(2, 2.0), OVER)
+
+
 def _line(start, end):
     return PiecewisePolynomial.FirstOrderHold([0.0, 1.0], np.array([start, end]).T)
 
@@ -119,10 +128,13 @@ class Run:
     motions: Motions
     shown: HeightMap
     config: PlannerConfig = dc.field(default_factory=lambda: CONFIG)
+    pushes: Pushes | None = None
     picks: PickPlanner | None = None  # None: makes one
 
     def __post_init__(self):
-        picks = self.picks or PickPlanner(self.grasps, self.motions, self.config)
+        picks = self.picks or PickPlanner(
+            self.grasps, self.motions, self.config, self.pushes
+        )
         self.planner = ClearingPlanner(picks, 4, 4)
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()

@@ -72,7 +72,7 @@ def choosing_run(shown, required=(True, True)):
     to = [Motions(), Motions()]
     grasps = Grasps((A, B))
     planner = ChoosingPlanner(grasps, to, NAMES, required, 0.0, CONFIG)
-    return Run(grasps, to[0], shown, CONFIG, planner), to
+    return Run(grasps, to[0], shown, CONFIG, picks=planner), to
 
 
 def pick(run, *, after, then=Mode.RELEASE):
