@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
+from drake_srg.cell.choosing import row_places
 from drake_srg.cell.clearing import bin_boxes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome
@@ -130,3 +131,14 @@ def test_what_must_stay_is_measured_from_where_it_came_to_rest(sorting):
     status = PlannerStatus(mode=Mode.DONE, localized_at=made["time"][1])
     found = clearing_outcome(scenario, made, status)
     assert found.others_moved == pytest.approx(0.003)
+
+
+def test_in_a_row_things_must_stand_at_their_own_places():
+    scenario = load_scenario("row_table")
+    places = row_places(scenario)
+    ends = {name: [*p[:2], 0.025] for name, p in places.items()}
+    assert outcome(scenario, ends, attempts=4, cycles=4).cleared == 4
+    swapped = ends | {"red_can": ends["blue_can"], "blue_can": ends["red_can"]}
+    assert outcome(scenario, swapped).cleared == 2
+    off = ends | {"red_can": np.add(ends["red_can"], [0.011, 0.0, 0.0])}
+    assert not outcome(scenario, off).objects["red_can"].cleared

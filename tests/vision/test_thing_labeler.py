@@ -37,10 +37,10 @@ def seen():
     return color, height_map([points], TABLE)
 
 
-def labels(seen, names, known=None, blobs=()):
+def labels(seen, names, known=None, blobs=(), *, upright=False):
     """Return the labelled map."""
     color, seen_map = seen
-    labeler = ThingLabeler(names, {"top": MODEL}, known or {}, 0.0)
+    labeler = ThingLabeler(names, {"top": MODEL}, known or {}, 0.0, upright=upright)
     context = labeler.CreateDefaultContext()
 
     def fix(name, value):
@@ -108,6 +108,15 @@ UNSURE = blob("can", -0.1, 0.1, 0.05, flags=[BlobFlag.UNCERTAIN])
 def test_what_is_not_certain_has_no_name(seen, blobs):
     found = labels(seen, ["can"], {"can": KnownThing(CAN)}, blobs)
     assert np.all(found.label == -1)
+
+
+@pytest.mark.parametrize(("roll", "stands"), [(0.0, True), (0.3, False), (3.1, False)])
+def test_only_what_stands_has_a_name_if_asked_for(seen, roll, stands):
+    turned = [blob("can", -0.1, 0.1, 0.05, RotationMatrix.MakeXRotation(roll))]
+    known = {"can": KnownThing(CAN)}
+    assert np.any(labels(seen, ["can"], known, turned).label == 0)
+    found = labels(seen, ["can"], known, turned, upright=True)
+    assert np.any(found.label == 0) == stands
 
 
 def test_an_unknown_label_is_refused():

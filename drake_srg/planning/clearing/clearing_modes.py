@@ -159,6 +159,17 @@ class Transfer(ClearingMode):
         held = senses.grasped and told
         return dc.replace(memory, pick=dc.replace(pick, held=held))
 
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report the arrival, and whether the load is to be set down."""
+        observed = super().observe_mode(memory, now)
+        return dc.replace(observed, placing=memory.planned.placing)
+
+
+class Place(ClearingMode):
+    """Lowers the load to where it is set down."""
+
+    mode = Mode.PLACE
+
 
 class Release(ClearingMode):
     """Opens the fingers over the bin; meanwhile, looks at the table and plans."""
@@ -177,15 +188,17 @@ class Release(ClearingMode):
         motion, looks = memory.motion.ended(entry.time), memory.looks + 1
         memory = dc.replace(memory, motion=motion, looks=looks)
         seen = entry.senses.see()
+        if memory.planned.placing:  # then the hand must first leave what it has placed
+            return dc.replace(self.planner.judge(memory, seen), astray=True)
         return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the fingers have let go, and whether the arm is stuck."""
+        """Report whether the fingers have let go, and whether the arm must retreat."""
         return Observation(clear=now.senses.clear, astray=memory.astray)
 
 
 _KINDS: list[type[ClearingMode]] = [Idle, Push, PreGrasp, Grasp, Close, Lift]
-_KINDS += [Transfer, Release, Retreat, Home, Done, Failed]
+_KINDS += [Transfer, Place, Release, Retreat, Home, Done, Failed]
 
 
 def clearing_modes(planner: PickPlanner) -> dict[Mode, ClearingMode]:

@@ -39,7 +39,7 @@ class LastChance(ClearingMode):
 
 
 class Retreat(LastChance):
-    """Moves the open hand up and over the bin from where something stopped it."""
+    """Moves the open hand up and over the bin from where it got stuck or has placed."""
 
     mode = Mode.RETREAT
 
@@ -47,7 +47,8 @@ class Retreat(LastChance):
         """Plan the way back from where the arm is, and go."""
         q = entry.senses.q.copy()
         memory = dc.replace(memory, motion=Motion(q), push=None)
-        fingers = memory.tried[-1].fingers_open if memory.astray else {}
+        told = memory.astray and memory.tried
+        fingers = memory.tried[-1].fingers_open if told else {}
         motion = self.planner.motions.plan_retreat(q, fingers)
         return self.planned(memory, entry, motion)
 

@@ -18,6 +18,7 @@ class Observation:
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the motion is over, but something has stopped the arm
     astray: bool = False  # the arm is where something has stopped it
+    placing: bool = False  # the load is to be set down, not dropped
     still: bool = False  # the fingers have come to rest
     clear: bool = False  # nothing is near the fingers
     failure: Failure | None = None  # the reason to give up
@@ -55,7 +56,11 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
         (lambda o, t, c: o.arrived, Mode.TRANSFER),
         (lambda o, t, c: o.stuck, Mode.RELEASE),
     ],
-    Mode.TRANSFER: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
+    Mode.TRANSFER: [
+        (lambda o, t, c: o.arrived and o.placing, Mode.PLACE),
+        (lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE),
+    ],
+    Mode.PLACE: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
     Mode.RELEASE: [
         (lambda o, t, c: o.astray and _released(o, t, c), Mode.RETREAT),
         (_released, Mode.IDLE),

@@ -90,14 +90,16 @@ class Motions:
     def __init__(self, unreachable=()):
         self.unreachable = unreachable
         self.taken = []
+        self.places = False  # loads are set down, not dropped
 
     def plan(self, q_start, grasp, height_map, number=0):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")
         self.taken.append(place)
-        ends = [q_start, *(np.full(2, i + 1.0) for i in range(4))]
-        lines = zip(MODES, ends[:-1], ends[1:], strict=True)
+        modes = (*MODES, Mode.PLACE) if self.places else MODES
+        ends = [q_start, *(np.full(2, i + 1.0) for i in range(len(modes)))]
+        lines = zip(modes, ends[:-1], ends[1:], strict=True)
         return {mode: _line(a, b) for mode, a, b in lines}
 
     def plan_home(self, q_start):

@@ -113,3 +113,17 @@ def test_of_colours_one_may_be_missing():
     pick(run, after=labeled(table(), A, B))
     run.until(Mode.DONE)
     assert run.status.cycles == 1
+
+
+def test_what_is_placed_is_lowered_and_left_before_the_next_look():
+    run, to = choosing_run(labeled(table(A), A))
+    to[0].places = True
+    run.until(Mode.CLOSE)
+    run.feel(True)
+    run.until(Mode.PLACE)
+    run.show(labeled(table(), A))
+    run.until(Mode.RELEASE)
+    run.feel(False)
+    run.until(Mode.RETREAT)
+    run.until(Mode.FAILED)  # because b was never seen
+    assert run.status.cycles == 1
