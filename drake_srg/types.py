@@ -238,7 +238,7 @@ class LabeledHeightMap(HeightMap):
 
 
 class Mode(enum.Enum):
-    """Modes of the pick-and-place state machine, in the order of a cycle."""
+    """Modes of the planners' state machines; logs hold their index."""
 
     IDLE = "idle"
     PRE_GRASP = "pre_grasp"
@@ -253,6 +253,7 @@ class Mode(enum.Enum):
     HOME = "home"
     DONE = "done"
     FAILED = "failed"
+    PUSH = "push"
 
 
 class Failure(enum.Enum):

@@ -35,6 +35,7 @@ CELLS = {
     "kitchen_varied": [],
     "kitchen_varied_accurate": [],
     "clear_table": [],
+    "sort_table": ["task.place.bins.red_bin=[red_can]"],
     "assistive_arm": [],
     "assistive_arm_varied": [],
     "assistive_arm_thesis": [],

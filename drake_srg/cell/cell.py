@@ -107,11 +107,10 @@ def AddCell(
             )
     elif scenario.task.clear is not None:
         mapper = AddHeightMapper(builder, scenario, station)
-        planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
-        seen = mapper.GetOutputPort("height_map")
-        labeled = seen
+        seen = labeled = mapper.GetOutputPort("height_map")
         if chooses(scenario):
             labeled = AddThingLabeler(builder, scenario, station, seen)
+        planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
         ConnectClearingPlanner(builder, station, labeled, planner)
         builder.ExportOutput(seen, "height_mapper.height_map")
     else:

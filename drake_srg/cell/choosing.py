@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 
+import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 
 from drake_srg.cell.perception import AddLocalizer, camera_models
@@ -12,8 +13,11 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import body_color
 from drake_srg.objects.solids import known_solid
 from drake_srg.scenario import Scenario
+from drake_srg.types import Vector
 from drake_srg.vision.color_names import color_name
 from drake_srg.vision.thing_labeler import ALL, KnownThing, ThingLabeler
+
+ROW = "row"  # in place of a bin's name
 
 
 @dc.dataclass(frozen=True)
@@ -22,7 +26,7 @@ class Label:
 
     Attributes:
         name: Of an object, of a colour, or `all`.
-        bin: Name of the bin's model.
+        bin: Name of the bin's model, or `ROW`.
         named: Whether it is the name of an object.
     """
 
@@ -36,11 +40,28 @@ def labels(scenario: Scenario) -> tuple[Label, ...]:
 
     Names count before colours, and colours before `all`.
     """
+    if scenario.task.place.row is not None:
+        assert scenario.task.clear is not None
+        return tuple(Label(n, ROW, named=True) for n in scenario.task.clear.objects)
     found: list[Label] = []
     for bin_name, selection in scenario.task.place.bins.items():
         named = [Label(name, bin_name, named=True) for name in selection.names]
         found += named or [Label(selection.colour or ALL, bin_name)]
     return tuple(sorted(found, key=lambda a: (not a.named, a.name == ALL)))
+
+
+def row_places(scenario: Scenario) -> dict[str, Vector]:
+    """Return where each object belongs in the row, on its support, (3,) [m]."""
+    place, clear = scenario.task.place, scenario.task.clear
+    if place.row is None or clear is None:
+        return {}
+    height = scenario.table.height if place.height is None else place.height
+    yaw = place.row.direction
+    along, start = np.array([np.cos(yaw), np.sin(yaw)]), np.array(place.row.start)
+    return {
+        name: np.array([*(start + i * place.row.spacing * along), height])
+        for i, name in enumerate(clear.objects)
+    }
 
 
 def chooses(scenario: Scenario) -> bool:
@@ -102,7 +123,14 @@ def AddThingLabeler(
         known[name] = KnownThing(shape, tuple(p_OC))
     names = [label.name for label in labels(scenario)]
     labeler = builder.AddNamedSystem(
-        "thing_labeler", ThingLabeler(names, cameras, known, scenario.table.height)
+        "thing_labeler",
+        ThingLabeler(
+            names,
+            cameras,
+            known,
+            scenario.table.height,
+            upright=scenario.task.place.row is not None,
+        ),
     )
     builder.Connect(height_map, labeler.GetInputPort("height_map"))
     for camera in cameras:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.cell.choosing import chooses, labels
+from drake_srg.cell.choosing import chooses, labels, row_places
 from drake_srg.cell.hands import MakeHand
 from drake_srg.cell.perception import camera_models
 from drake_srg.cell.planners import own_scene
@@ -19,7 +20,9 @@ from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.clearing.reach import reach_with_hand_down
+from drake_srg.planning.clearing.row_motions import RowMotions
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import palm_pose
@@ -42,6 +45,8 @@ from drake_srg.vision.surface import Surface
 _TIPS = 0.02
 # The map leaves out the bin and as much around it, for errors of the map [m].
 _AROUND_BIN = 0.006
+_ANY_YAW = tuple(np.linspace(-np.pi, np.pi, 8, endpoint=False))
+_AROUND_ROW = 0.08  # and this much around the middles of a row [m]
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
 _OVER = 0.44
 # Distance between the bin's middle and other places to let go, a share of its length.
@@ -59,11 +64,13 @@ def AddHeightMapper(
     low, high = clear.region.min, clear.region.max
     surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
     cameras = camera_models(scenario)
+    taken = [(*box, _AROUND_BIN) for box in bin_boxes(scenario).values()]
+    if row := list(row_places(scenario).values()):
+        taken.append((np.min(row, axis=0), np.max(row, axis=0), _AROUND_ROW))
     ignored = []
-    for box in bin_boxes(scenario).values():
-        least, most = box[0] - _AROUND_BIN, box[1] + _AROUND_BIN
-        place = Surface((least[0], least[1]), (most[0], most[1]), surface.height)
-        ignored.append(place)
+    for corner, opposite, around in taken:
+        (x0, y0), (x1, y1) = corner[:2] - around, opposite[:2] + around
+        ignored.append(Surface((x0, y0), (x1, y1), surface.height))
     # The planner looks with the arm out of the way.
     config = HeightMapConfig(over_edge=True)
     mapper = HeightMapper(cameras, surface, ignored=ignored, config=config)
@@ -92,14 +99,11 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             f"gripper: must pinch from above with task.pick all, which the hand of "
             f"!{driver} does not"
         )
-    motions = {
-        name: _motions_to(name, box, scene, hand, scenario)
-        for name, box in bin_boxes(scenario).items()
-    }
+    into = _motions(scene, hand, scenario)
     region = scenario.task.clear.region
     middle = 0.5 * (np.array(region.min) + region.max)
     p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
-    q_over = next(iter(motions.values())).q_over
+    q_over = into[0].q_over
     reach = reach_with_hand_down(scene, q_over, p_WG)
     choosing = chooses(scenario)
     kind = ChosenGrasps if choosing else HeightMapGrasps
@@ -108,16 +112,63 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         found = labels(scenario)
         planner: PickPlanner = ChoosingPlanner(
             grasps,
-            [motions[label.bin] for label in found],
+            into,
             [label.name for label in found],
             [label.named for label in found],
             table,
             config,
         )
-    else:
-        (into,) = motions.values()
-        planner = PickPlanner(grasps, into, config)
+    else:  # then nothing needs to stay where it is, and heaps may be pushed
+        pushes = PushMotions(
+            scene,
+            Moves(scene, hand.p_GT, config),
+            q_over,
+            fingers=hand.pinch,
+            table=table,
+            reach=reach,
+            relief=grasps.relief,
+        )
+        planner = PickPlanner(grasps, into[0], config, pushes)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
+
+
+def _motions(
+    scene: PlanningScene, hand: Hand, scenario: Scenario
+) -> list[ClearingMotions]:
+    """Return the motions to where each label belongs.
+
+    Raises:
+        ScenarioError: If the arm does not reach over a bin or the row.
+    """
+    place = scenario.task.place
+    if place.row is None:
+        into = {
+            name: _motions_to(name, box, scene, hand, scenario)
+            for name, box in bin_boxes(scenario).items()
+        }
+        return [into[label.bin] for label in labels(scenario)]
+    assert scenario.arm is not None
+    q_home, places = np.array(scenario.arm.home), list(row_places(scenario).values())
+    over: Vector = np.mean(places, axis=0)
+    over[2] += _OVER
+    across = place.row.direction + 0.5 * np.pi
+    try:
+        q_over = _posture_over(scene, q_home, over, [across, across + np.pi])
+    except ScenarioError as error:
+        raise ScenarioError(f"task.place.row: {error}") from None
+    moves = Moves(scene, hand.p_GT, scenario.planner)
+    return [
+        RowMotions(
+            scene,
+            moves,
+            q_home,
+            q_over,
+            table=scenario.table.height,
+            place=p_WO,
+            config=scenario.planner,
+        )
+        for p_WO in places
+    ]
 
 
 def _motions_to(
@@ -153,13 +204,19 @@ def _motions_to(
     )
 
 
-def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
+def _posture_over(
+    scene: PlanningScene,
+    q_home: Vector,
+    p_WO: Vector,
+    yaws: Iterable[float] = _ANY_YAW,
+) -> Vector:
     """Return the posture nearest to home with the hand down over the bin, (N,) [rad].
 
     Args:
         scene: The arm and the bin.
         q_home: The arm's home, shape (N,) [rad].
         p_WO: Where the palm must be, shape (3,) [m].
+        yaws: Directions in which the fingers may close, from the world's x [rad].
 
     Raises:
         ScenarioError: If there is none.
@@ -171,7 +228,7 @@ def _posture_over(scene: PlanningScene, q_home: Vector, p_WO: Vector) -> Vector:
             HandTarget.from_pose(palm_pose(p_WO, yaw)),
             q_nominal=q_home,
         )
-        for yaw in np.linspace(-np.pi, np.pi, 8, endpoint=False)
+        for yaw in yaws
     ]
     solved = [ik for ik in found if isinstance(ik, IkSolution)]
     if solved:

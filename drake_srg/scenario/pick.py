@@ -12,7 +12,7 @@ from drake_srg.vision.color_names import COLORS
 if TYPE_CHECKING:
     from drake_srg.scenario.schema import Scenario
 
-_ALL = "all"
+_ALL, _ROW = "all", "row"
 _ALLOWED = "all, a list of names, {colour: COLOUR}"
 
 
@@ -20,7 +20,7 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     """Return a scenario's tree with its bins and selections written out.
 
     `task.pick` with `task.place.bin` becomes an entry of `task.place.bins`, and the
-    names of the objects for the bins become `task.clear.objects`.
+    names of the objects for the bins or the row become `task.clear.objects`.
 
     Args:
         tree: Tree of the whole scenario, with its clutter; not changed.
@@ -37,22 +37,14 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     place = task.get("place")
     if not isinstance(place, Mapping):
         place = {}  # `load_typed` reports any other type
-    into, bins = place.get("bin"), place.get("bins")
-    if not (into or bins):
+    given = [key for key in ("bin", "bins", "row") if place.get(key)]
+    if not given:
         return _without_bin(tree, origin)
-    if into and bins:
-        fail(origin, "task.place", "needs either a bin or bins")
-    if into:
-        bins = {into: _selection(pick, objects, origin, "task.pick")}
-    elif pick != _ALL:
-        problem = f"must be all with task.place.bins, got {_shown(pick)}"
-        fail(origin, "task.pick", problem)
-    elif isinstance(bins, Mapping):
-        bins = {
-            name: _selection(given, objects, origin, f"task.place.bins.{name}")
-            for name, given in bins.items()
-        }
-    else:
+    if len(given) > 1:
+        problem = f"needs one of bin, bins and row, got {' and '.join(given)}"
+        fail(origin, "task.place", problem)
+    bins = _bins(pick, place, objects, origin)
+    if not isinstance(bins, Mapping):
         return tree  # `load_typed` reports it
     clear = {} if clear is None else clear
     if not isinstance(clear, Mapping):
@@ -64,8 +56,29 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     if all(isinstance(names, list) for names in named):
         every = [name for names in named for name in names]
     clear = {**clear, "objects": every}
-    place = {**place, "bin": into or "", "bins": bins}
+    place = {**place, "bins": {} if "row" in given else bins}
     return {**tree, "task": {**task, "pick": "", "clear": clear, "place": place}}
+
+
+def _bins(
+    pick: Any, place: Mapping[str, Any], objects: Mapping[str, Any], origin: str
+) -> Any:
+    """Return what goes where: trees of SelectionConfigs by the name of the place."""
+    into, bins = place.get("bin"), place.get("bins")
+    if place.get("row") and not isinstance(pick, list):
+        problem = f"must be a list of names with task.place.row, got {_shown(pick)}"
+        fail(origin, "task.pick", problem)
+    if not bins:
+        return {into or _ROW: _selection(pick, objects, origin, "task.pick")}
+    if pick != _ALL:
+        problem = f"must be all with task.place.bins, got {_shown(pick)}"
+        fail(origin, "task.pick", problem)
+    if not isinstance(bins, Mapping):
+        return bins
+    return {
+        name: _selection(given, objects, origin, f"task.place.bins.{name}")
+        for name, given in bins.items()
+    }
 
 
 def _without_bin(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:

@@ -52,6 +52,22 @@ class SelectionConfig:
 
 
 @dc.dataclass(kw_only=True)
+class RowConfig:
+    """Places side by side, one for each name in `task.pick`, in their order."""
+
+    # [x, y] of the first object's centre in world [m].
+    start: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0], metadata={"length": 2}
+    )
+    # Direction of the row from the world's x [rad], and the distance between centres
+    # [m]. The fingers close across the row, so that they do not touch neighbours.
+    direction: float = 0.0
+    spacing: float = dc.field(default=0.12, metadata=positive())
+    # Distance from its place within which an object counts as placed [m].
+    tolerance: float = dc.field(default=0.01, metadata=positive())
+
+
+@dc.dataclass(kw_only=True)
 class PlaceConfig:
     """The goal of the picked object."""
 
@@ -72,6 +88,9 @@ class PlaceConfig:
     # colours, and colours before all; what suits none stays. Once loaded, `bin` is
     # among them.
     bins: dict[str, SelectionConfig] = dc.field(default_factory=dict)
+    # A row in which objects that stand are set down again, upright, at `height`. Needs
+    # a list of names as `task.pick`.
+    row: RowConfig | None = None
 
 
 @dc.dataclass(kw_only=True)

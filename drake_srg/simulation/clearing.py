@@ -8,20 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.cell.choosing import destinations
+from drake_srg.cell.choosing import ROW, destinations, row_places
 from drake_srg.cell.clearing import bin_boxes
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
+from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
 from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES, row_to_pose
-from drake_srg.types import Failure, Left, Mode, PlannerStatus, Vector
+from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
 
 # How far above the rim the origin of an object in the bin may be [m]: things pile up.
 _HEAPED = 0.1
 # How far below the bin its origin may be [m].
 _BELOW = 0.01
+_UPRIGHT = np.cos(np.deg2rad(5.0))  # of the angle of what stands from the vertical
 # Distance between an object and the place that the planner names for it, at most [m].
 _NAMED_WITHIN = 0.05
 # Where the fingers take things, in the palm [m].
@@ -120,6 +122,9 @@ def clearing_outcome(
         )
         for name in wanted
     }
+    for name, p_WO in row_places(scenario).items():
+        if name in wanted and _stands_at(scenario, log, name, p_WO):
+            found[name] = ROW
     outcomes = {}
     for name in names:
         cleared = found[name] == wanted[name]
@@ -155,6 +160,23 @@ def _rests_inside(
     poses = log[_pose(name)]
     slow = measures.final_speed(log["time"], poses) < measures.AT_REST
     return bool(slow and _is_inside(poses[-1, :3], box))
+
+
+def _stands_at(
+    scenario: Scenario, log: Mapping[str, Vector], name: str, p_WO: Vector
+) -> bool:
+    """Return whether an object stands upright at its place in the row."""
+    row, poses = scenario.task.place.row, log[_pose(name)]
+    assert row is not None
+    X_WO = row_to_pose(poses[-1])
+    shape = simple_shape(name, scenario.objects[name])
+    middle = X_WO.translation() - p_WO
+    return bool(
+        measures.final_speed(log["time"], poses) < measures.AT_REST
+        and np.linalg.norm(middle[:2]) <= row.tolerance
+        and abs(middle[2]) < _BELOW + (0.5 * shape.height if shape else 0.0)
+        and (isinstance(shape, Sphere) or X_WO.rotation().matrix()[2, 2] > _UPRIGHT)
+    )
 
 
 def _others_moved(

@@ -20,6 +20,7 @@ from drake_srg.vision.mask import Mask
 from drake_srg.vision.thing_labels import Labels, color_labels, solid_mask, things
 
 ALL = "all"
+_UPRIGHT = np.cos(np.deg2rad(8.0))  # of the angle from the vertical
 
 
 @dc.dataclass(frozen=True)
@@ -64,6 +65,7 @@ class ThingLabeler(LeafSystem):
         cameras: Camera name to its model.
         known: Objects by name.
         table: Height of the table [m].
+        upright: Whether objects have names only while they stand on their own bottom.
 
     Raises:
         ValueError: If a label is neither, or there are colours but no cameras.
@@ -75,8 +77,11 @@ class ThingLabeler(LeafSystem):
         cameras: Mapping[str, CameraModel],
         known: Mapping[str, KnownThing],
         table: float,
+        *,
+        upright: bool = False,
     ) -> None:
         super().__init__()
+        self._upright = upright
         for name in names:
             if name not in (*known, *COLORS, ALL):
                 raise ValueError(f"ThingLabeler knows no {name!r}")
@@ -147,8 +152,12 @@ class ThingLabeler(LeafSystem):
         thing = self._known[name]
         blobs: list[Blob] = self.GetInputPort("blobs").Eval(context)
         best = next((blob for blob in blobs if blob.object_name == name), None)
-        if best is None or not best.certain:
+        if best is None or not best.certain or (self._upright and not _stands(best)):
             return np.zeros(height_map.height.shape, bool)
         p_OC: Vector = np.array(thing.p_OC)
         X_WC = best.X_WO @ RigidTransform(p_OC)
         return solid_mask(height_map, self._table, thing.solid, X_WC)
+
+
+def _stands(blob: Blob) -> bool:
+    return bool(blob.axis[2] > _UPRIGHT)

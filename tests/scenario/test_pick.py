@@ -29,6 +29,12 @@ def test_what_is_picked_for_a_bin(pick, names, colour, objects):
     assert len(task.clear.objects) == objects
 
 
+def test_a_row_has_a_place_for_each_name():
+    task = load_scenario("row_table").task
+    assert task.clear.objects == ["red_block", "red_can", "blue_block", "blue_can"]
+    assert task.place.bins == {}
+
+
 def test_a_list_may_name_the_one_object_to_place():
     task = load_scenario("kitchen", overrides=["task.pick=[soup_can]"]).task
     assert task.pick == "soup_can"
@@ -57,7 +63,10 @@ def test_a_list_may_name_the_one_object_to_place():
         ),
         ("sort_table", "task.pick=red_can", "must be all with task.place.bins, got"),
         ("sort_table", "task.pick=[red_ball, red_ball]", "must be all with task.place"),
-        ("sort_table", "task.place.bin=red_bin", "needs either a bin or bins"),
+        ("sort_table", "task.place.bin=red_bin", "task.place: needs one of bin, bins and row"),
+        ("row_table", "task.pick=all", "must be a list of names with task.place.row"),
+        ("row_table", "task.place.bin=table", "needs one of bin, bins and row, got"),
+        ("row_table", "task.place.row=3", "task.place.row: must be a mapping"),
         ("sort_table", "task.place.bins=3", "task.place.bins: must be a mapping"),
         (
             "sort_table",

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
+from drake_srg.cell.choosing import row_places
 from drake_srg.cell.clearing import bin_boxes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome
@@ -44,8 +45,8 @@ def outcome(scenario, ends, **status):
 
 def test_bin_of_the_scenario(scenario):
     low, high = bin_boxes(scenario)["bin"]
-    np.testing.assert_allclose(low, [0.085, -0.765, 0.0], atol=1e-9)
-    np.testing.assert_allclose(high, [0.515, -0.335, 0.12], atol=1e-9)
+    np.testing.assert_allclose(low, [0.04, -0.76, 0.0], atol=1e-9)
+    np.testing.assert_allclose(high, [0.64, -0.36, 0.12], atol=1e-9)
 
 
 def test_counts_what_is_in_the_bin(scenario):
@@ -88,3 +89,56 @@ def test_a_grasp_counts_for_the_nearest_object(scenario):
     found = outcome(scenario, {A: IN_BIN, B: ON_TABLE})
     assert sum(thing.attempts for thing in found.objects.values()) == 1
     assert found.objects[A].attempts == 1  # home is over the bin
+
+
+RED_BIN, BLUE_BIN = [0.3, -0.55, 0.05], [0.3, 0.55, 0.05]
+
+
+@pytest.fixture(scope="module")
+def sorting():
+    """Return `sort_table`, and where everything is once it is sorted."""
+    scenario = load_scenario("sort_table")
+    bins = {"red": RED_BIN, "blue": BLUE_BIN, "green": ON_TABLE}
+    ends = {name: bins[name.partition("_")[0]] for name in scenario.objects}
+    return scenario, ends
+
+
+def test_sorted_objects_are_in_their_own_bins(sorting):
+    found = outcome(*sorting, attempts=6, cycles=6)
+    assert "green_block" not in found.objects  # it belongs into neither
+    assert found.metrics()["objects_sorted"] == 6
+    assert found.metrics()["objects_in_wrong_bin"] == 0
+    assert found.others_moved == 0.0
+    assert found.honest
+
+
+@pytest.mark.parametrize("name", ["red_can", "green_block"])
+def test_what_is_in_the_wrong_bin_is_told(sorting, name):
+    scenario, ends = sorting
+    found = outcome(scenario, ends | {name: BLUE_BIN}, attempts=6, cycles=5)
+    assert found.in_wrong_bin == (name,)
+    assert not found.honest
+    if name == "red_can":
+        assert found.objects[name].outcome == "wrong_bin"
+        assert found.metrics()["objects_sorted"] == 5
+
+
+def test_what_must_stay_is_measured_from_where_it_came_to_rest(sorting):
+    scenario, ends = sorting
+    made = log(scenario, ends, MODES_OF_A_PICK)
+    x = made["object_pose.green_block"][:, 0]
+    x += [0.5, 0.0, 0.0, 0.003, 0.0]  # it falls, rests, and is pushed and back
+    status = PlannerStatus(mode=Mode.DONE, localized_at=made["time"][1])
+    found = clearing_outcome(scenario, made, status)
+    assert found.others_moved == pytest.approx(0.003)
+
+
+def test_in_a_row_things_must_stand_at_their_own_places():
+    scenario = load_scenario("row_table")
+    places = row_places(scenario)
+    ends = {name: [*p[:2], 0.025] for name, p in places.items()}
+    assert outcome(scenario, ends, attempts=4, cycles=4).cleared == 4
+    swapped = ends | {"red_can": ends["blue_can"], "blue_can": ends["red_can"]}
+    assert outcome(scenario, swapped).cleared == 2
+    off = ends | {"red_can": np.add(ends["red_can"], [0.011, 0.0, 0.0])}
+    assert not outcome(scenario, off).objects["red_can"].cleared

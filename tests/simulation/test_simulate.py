@@ -10,6 +10,7 @@ from drake_srg.recording.log import read_log
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.metrics import OF_SEVERAL
+from drake_srg.simulation.run_log import RunLog
 from drake_srg.types import Mode
 from simulation.own_cells import RaisingStep, cell_with
 
@@ -186,6 +187,21 @@ def test_an_impossible_task_fails_with_its_reason(override, failure):
     assert result.metrics.attempts == 0
     assert result.metrics.sim_time_s < 2.0
     assert result.status.message
+
+
+@pytest.mark.parametrize(("moves", "longer"), [(0, 0.0), (3, 0.09375), (1000, 4.5)])
+def test_a_run_goes_on_while_what_is_to_be_cleared_moves(monkeypatch, moves, longer):
+    left = iter([True] * moves)
+    moving = property(lambda log: next(left, False))
+    monkeypatch.setattr(RunLog, "clearing_moves", moving)
+    short = (
+        "planner.time_budget=0.1",
+        "recording.period=0.03125",
+        "object.present=false",
+    )
+    scenario = load_scenario("kitchen_fast", overrides=short)
+    end = Simulate(scenario, record=False).log["time"][-1]
+    assert end == pytest.approx(0.125 + 0.5 + longer)
 
 
 def test_another_seed_gives_another_run():

@@ -26,6 +26,19 @@ class Pick:
     angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
     held: bool = False  # the fingers felt something until the arm was over the bin
 
+    @property
+    def placing(self) -> bool:
+        """Whether the load is set down, not dropped."""
+        return Mode.PLACE in self.motions
+
+
+@dc.dataclass(frozen=True)
+class PlannedPush:
+    """The motions of a push, one after the other."""
+
+    motions: tuple[Trajectory, ...]
+    ready_at: float  # when planning has taken its time [s]
+
 
 @dc.dataclass(frozen=True)
 class ClearingMemory:
@@ -39,7 +52,9 @@ class ClearingMemory:
     pick: Pick | None = None  # the one under way, or the next one
     tried: tuple[TopGrasp, ...] = ()  # grasps that failed
     stopped: tuple[TopGrasp, ...] = ()  # those of them on whose way the arm got stuck
-    astray: bool = False  # the arm is still where it got stuck
+    astray: bool = False  # the arm is still where it got stuck or has set a thing down
+    push: PlannedPush | None = None  # what is left of the push under way, or the next
+    pushes: int = 0  # begun since anything was taken
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
     taken: int = 0  # things that were felt in the hand and are gone from the table

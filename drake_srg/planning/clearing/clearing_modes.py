@@ -3,71 +3,24 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from typing import ClassVar, TypeAlias
 
 import numpy as np
-from pydrake.trajectories import Trajectory
 
-from drake_srg.planning import state_machine
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
+from drake_srg.planning.clearing.clearing_mode import (
+    ClearingMode,
+    Entry,
+    Now,
+)
 from drake_srg.planning.clearing.comparing import is_still
+from drake_srg.planning.clearing.ending_modes import Done, Failed, Home, Retreat
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.planner_machine import GIVES_UP
-from drake_srg.planning.senses import HandSenses
-from drake_srg.types import Failure, HeightMap, Mode
+from drake_srg.types import Mode
 
 # Things that never quite come to rest are picked all the same after this time [s].
 _PATIENCE = 3.0
-
-Senses: TypeAlias = HandSenses[HeightMap]
-Now: TypeAlias = state_machine.Moment[Senses]
-Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
-
-
-class ClearingMode(
-    state_machine.ModeActions[Mode, ClearingMemory, Senses, Observation]
-):
-    """A mode that moves the arm, or waits; every mode checks the time budget.
-
-    Attributes:
-        mode: Which mode it is.
-        planner: Plans the picks.
-        config: Times and limits.
-    """
-
-    mode: ClassVar[Mode]
-
-    def __init__(self, planner: PickPlanner) -> None:
-        self.planner = planner
-        self.config = planner.config
-
-    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Begin the mode's planned motion, if there is one."""
-        trajectory = self.trajectory(memory)
-        motion = memory.motion.followed_by(trajectory, entry.time)
-        return dc.replace(memory, motion=motion)
-
-    def trajectory(self, memory: ClearingMemory) -> Trajectory | None:
-        """Return the planned motion of the mode, None where the arm rests."""
-        return memory.pick.motions.get(self.mode) if memory.pick else None
-
-    def observe(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Return what the mode's transitions depend on, and only that."""
-        if memory.failure is not None:
-            return Observation(failure=memory.failure)
-        if now.time > self.config.time_budget:
-            return Observation(failure=Failure.TIME_BUDGET)
-        return self.observe_mode(memory, now)
-
-    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the arm has arrived, or is stopped by something."""
-        if memory.motion.arrived(now.senses.q, now.time):
-            return Observation(arrived=True)
-        late = now.time > memory.motion.due + self.config.arrival_timeout
-        return Observation(stuck=late)
 
 
 class Idle(ClearingMode):
@@ -82,7 +35,7 @@ class Idle(ClearingMode):
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
         """Look whenever a look is due."""
-        done = memory.pick is not None or memory.finished
+        done = memory.pick or memory.push or memory.finished
         if done or now.time < memory.next_look:
             return memory
         before, seen = memory.height_map, now.senses.see()
@@ -100,10 +53,38 @@ class Idle(ClearingMode):
         return self.planner.plan(memory, seen, now.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report a pick once planning has taken its time, or that there is none."""
-        pick = memory.pick
-        ready = pick is not None and now.time >= pick.ready_at
-        return Observation(ready=ready, finished=memory.finished)
+        """Report a pick or a push once planning has taken its time, or the end."""
+        pick, push = memory.pick, memory.push
+        return Observation(
+            ready=pick is not None and now.time >= pick.ready_at,
+            pushing=push is not None and now.time >= push.ready_at,
+            finished=memory.finished,
+        )
+
+
+class Push(ClearingMode):
+    """Pushes the top off a heap with the closed hand, and goes back over the bin."""
+
+    mode = Mode.PUSH
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Close the hand, and begin the first motion."""
+        memory = dc.replace(memory, closure=1.0, pushes=memory.pushes + 1)
+        return _next_motion(memory, entry.time)
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Begin the next motion when one is over."""
+        over = memory.motion.arrived(now.senses.q, now.time)
+        return _next_motion(memory, now.time) if over and memory.push else memory
+
+
+def _next_motion(memory: ClearingMemory, time: float) -> ClearingMemory:
+    """Return the memory with the next motion of the push begun."""
+    assert memory.push is not None
+    motion, *rest = memory.push.motions
+    push = dc.replace(memory.push, motions=tuple(rest)) if rest else None
+    motion = memory.motion.followed_by(motion, time)
+    return dc.replace(memory, motion=motion, push=push)
 
 
 class PreGrasp(ClearingMode):
@@ -178,6 +159,17 @@ class Transfer(ClearingMode):
         held = senses.grasped and told
         return dc.replace(memory, pick=dc.replace(pick, held=held))
 
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report the arrival, and whether the load is to be set down."""
+        observed = super().observe_mode(memory, now)
+        return dc.replace(observed, placing=memory.planned.placing)
+
+
+class Place(ClearingMode):
+    """Lowers the load to where it is set down."""
+
+    mode = Mode.PLACE
+
 
 class Release(ClearingMode):
     """Opens the fingers over the bin; meanwhile, looks at the table and plans."""
@@ -196,90 +188,17 @@ class Release(ClearingMode):
         motion, looks = memory.motion.ended(entry.time), memory.looks + 1
         memory = dc.replace(memory, motion=motion, looks=looks)
         seen = entry.senses.see()
+        if memory.planned.placing:  # then the hand must first leave what it has placed
+            return dc.replace(self.planner.judge(memory, seen), astray=True)
         return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the fingers have let go, and whether the arm is stuck."""
+        """Report whether the fingers have let go, and whether the arm must retreat."""
         return Observation(clear=now.senses.clear, astray=memory.astray)
 
 
-class LastChance(ClearingMode):
-    """Moves after which nothing else is tried if something stops the arm."""
-
-    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report whether the arm has arrived; give up where something stops it."""
-        observed = super().observe_mode(memory, now)
-        failure = Failure.STOPPED if observed.stuck else None
-        return Observation(arrived=observed.arrived, failure=failure)
-
-    def planned(
-        self,
-        memory: ClearingMemory,
-        entry: Entry,
-        motion: Trajectory | PlanningFailure,
-        wait: float = 0.0,
-    ) -> ClearingMemory:
-        """Return the memory with a motion begun, or with why there is none."""
-        if isinstance(motion, PlanningFailure):
-            return dc.replace(memory, failure=motion.failure, message=motion.message)
-        followed = memory.motion.followed_by(motion, entry.time, wait)
-        return dc.replace(memory, motion=followed, astray=False)
-
-
-class Retreat(LastChance):
-    """Moves the open hand up and over the bin from where something stopped it."""
-
-    mode = Mode.RETREAT
-
-    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Plan the way back from where the arm is, and go."""
-        fingers = memory.tried[-1].fingers_open
-        motion = self.planner.motions.plan_retreat(memory.motion.q_rest, fingers)
-        return self.planned(memory, entry, motion)
-
-
-class Home(LastChance):
-    """Moves the arm home."""
-
-    mode = Mode.HOME
-
-    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Plan the way home, and go."""
-        motion = self.planner.motions.plan_home(memory.motion.destination)
-        return self.planned(memory, entry, motion, self.config.home_wait)
-
-
-class End(ClearingMode):
-    """Stays where it is: the task is over."""
-
-    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Stop, and remember why."""
-        failure = entry.observation.failure if entry.observation else None
-        message = memory.message
-        if failure is not None:
-            message = message or GIVES_UP.get(failure, "")
-        motion = memory.motion.ended(entry.time)
-        return dc.replace(memory, motion=motion, failure=failure, message=message)
-
-    def observe(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Observe nothing."""
-        return Observation()
-
-
-class Done(End):
-    """Nothing is left that a grasp takes, and the arm is home."""
-
-    mode = Mode.DONE
-
-
-class Failed(End):
-    """The planner has given up, for the reason that its status names."""
-
-    mode = Mode.FAILED
-
-
-_KINDS: list[type[ClearingMode]] = [Idle, PreGrasp, Grasp, Close, Lift]
-_KINDS += [Transfer, Release, Retreat, Home, Done, Failed]
+_KINDS: list[type[ClearingMode]] = [Idle, Push, PreGrasp, Grasp, Close, Lift]
+_KINDS += [Transfer, Place, Release, Retreat, Home, Done, Failed]
 
 
 def clearing_modes(planner: PickPlanner) -> dict[Mode, ClearingMode]:

@@ -10,7 +10,8 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.columns import columns, highest_near, thing_at
+from drake_srg.planning.clearing.columns import columns, highest_near
+from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -34,25 +35,7 @@ _RIM = 0.03
 _PRESSED = -0.02
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 _TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
-# A load that reaches further than this from the grasp may turn in the hand. Then it
-# hangs lower, but no household object by more than `_MOST_SAG` [m]: the hammer, held by
-# its head, has a handle of 0.32 m.
-_SAGS_BEYOND, _MOST_SAG = 0.1, 0.22
-# Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
-_ASIDE = 0.12
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
-
-
-@dc.dataclass(frozen=True)
-class _Load:
-    """What is known of a load before it is lifted."""
-
-    p_GC: Vector  # the grasp in the hand, shape (3,) [m]
-    below: float  # how far it hangs below the grasp [m]
-    sag: float  # how much further it may hang, turned in the hand [m]
-    middle_G: Vector  # from the grasp to its middle, level, in the hand, (3,) [m]
-    # From the bin's middle to where it is dropped, in world, shape (3,) [m].
-    aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
 
 class ClearingMotions:
@@ -145,7 +128,7 @@ class ClearingMotions:
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         near = self._config.approach_distance
         approach = max(near, over - float(grasp.p_WC[2]))
-        load = self._load(self.scene.X_WG(q_grasp), grasp.p_WC, height_map)
+        load = Load.seen(self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table)
         if not load.sag:  # long things need the whole bin
             side = (number + 1) % 3 - 1
             load = dc.replace(load, aside_W=side * self._aside)
@@ -192,7 +175,7 @@ class ClearingMotions:
         self,
         q_grasp: Vector,
         grasp: TopGrasp,
-        load: _Load,
+        load: Load,
         least: float,
         height_map: HeightMap,
         *,
@@ -247,19 +230,7 @@ class ClearingMotions:
         nearest = min(failed, key=lambda ik: ik.violation)
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
-    def _load(self, X_WG: RigidTransform, p_WC: Vector, height_map: HeightMap) -> _Load:
-        """Return what is known of what a hand at `X_WG` grasps at `p_WC`."""
-        away = thing_at(height_map, self._table, p_WC) - p_WC[:2]
-        far = float(np.max(np.linalg.norm(away, axis=1)))
-        middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
-        return _Load(
-            p_GC=X_WG.inverse() @ p_WC,
-            below=max(float(p_WC[2]) - self._table, 0.01),
-            sag=min(max(far - _SAGS_BEYOND, 0.0), _MOST_SAG),
-            middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
-        )
-
-    def _into_bin(self, grasp: TopGrasp, load: _Load) -> Vector:
+    def _into_bin(self, grasp: TopGrasp, load: Load) -> Vector:
         """Return the way from `q_over` to where the load is dropped, (k, N) [rad].
 
         The load's middle is over the bin's or beside that, and just above its rim.
@@ -299,7 +270,7 @@ class ClearingMotions:
         ]
 
     @contextlib.contextmanager
-    def _loaded(self, load: _Load) -> Iterator[None]:
+    def _loaded(self, load: Load) -> Iterator[None]:
         """Let the hand carry a box as long as there is room below the grasp."""
         length = load.below + load.sag
         box = Box([length, _LOAD_WIDTH, _LOAD_WIDTH])

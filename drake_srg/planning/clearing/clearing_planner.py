@@ -7,7 +7,8 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
-from drake_srg.planning.clearing.clearing_modes import Senses, clearing_modes
+from drake_srg.planning.clearing.clearing_mode import Senses
+from drake_srg.planning.clearing.clearing_modes import clearing_modes
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation, transition
 from drake_srg.planning.motion.arm_motion import Motion

@@ -8,9 +8,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
+from drake_srg.planning.clearing.clearing_memory import (
+    ClearingMemory,
+    Pick,
+    PlannedPush,
+)
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
+from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
@@ -29,13 +34,19 @@ class PickPlanner:
         grasps: Finds grasps in a height map.
         motions: Plans the motions of a grasp.
         config: Attempts and latency.
+        pushes: Plans pushes where no grasp is left; None: nothing is pushed.
     """
 
     def __init__(
-        self, grasps: GraspPlanner, motions: ClearingMotions, config: PlannerConfig
+        self,
+        grasps: GraspPlanner,
+        motions: ClearingMotions,
+        config: PlannerConfig,
+        pushes: PushMotions | None = None,
     ) -> None:
         self.grasps = grasps
         self.motions = motions
+        self.pushes = pushes
         self.config = config
 
     def motions_with(self, grasp: TopGrasp, height_map: HeightMap) -> ClearingMotions:
@@ -48,7 +59,7 @@ class PickPlanner:
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if pick.held and gone:
-            return dc.replace(memory, taken=memory.taken + 1)
+            return dc.replace(memory, taken=memory.taken + 1, pushes=0)
         return dc.replace(memory, tried=(*memory.tried, pick.grasp))
 
     def give_up(self, memory: ClearingMemory) -> ClearingMemory:
@@ -66,6 +77,9 @@ class PickPlanner:
         self, memory: ClearingMemory, height_map: HeightMap, time: float
     ) -> ClearingMemory:
         """Plan the next pick; finish if no grasp takes anything that is left.
+
+        A heap from which no grasp takes anything is pushed first, `config.max_attempts`
+        times at most.
 
         Args:
             memory: The planner's.
@@ -95,18 +109,30 @@ class PickPlanner:
             pick = Pick(grasp, motions, height_map, time + self.config.latency)
             break
         left: list[Left] = []
+        push = None
         if pick is None:
+            push = self._push(memory, height_map, time)
             refused = [Left(r.p_W, r.failure) for r in found.refused]
             left = _named(found.places(_SAME_THING), _distinct([*refused, *missed]))
         return dc.replace(
             memory,
             pick=pick,
             height_map=height_map,
-            finished=pick is None,
+            push=push,
+            finished=pick is None and push is None,
             first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
             left=tuple(left),
             planning_wall=memory.planning_wall + wall.perf_counter() - start,
         )
+
+    def _push(
+        self, memory: ClearingMemory, height_map: HeightMap, time: float
+    ) -> PlannedPush | None:
+        """Return the next push; None if there is none, or enough were tried."""
+        if self.pushes is None or memory.pushes >= self.config.max_attempts:
+            return None
+        motions = self.pushes.plan(memory.motion.destination, height_map)
+        return PlannedPush(motions, time + self.config.latency) if motions else None
 
     def _given_up(self, tried: Iterable[TopGrasp], p_W: Vector) -> bool:
         """Return whether as many grasps as allowed have failed at a place."""

@@ -13,10 +13,12 @@ class Observation:
     """The facts that decide the next mode."""
 
     ready: bool = False  # a pick is planned, and the planning latency has passed
+    pushing: bool = False  # the same of a push
     finished: bool = False  # no grasp takes anything that is left
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the motion is over, but something has stopped the arm
     astray: bool = False  # the arm is where something has stopped it
+    placing: bool = False  # the load is to be set down, not dropped
     still: bool = False  # the fingers have come to rest
     clear: bool = False  # nothing is near the fingers
     failure: Failure | None = None  # the reason to give up
@@ -33,7 +35,12 @@ _Condition = Callable[[Observation, float, PlannerConfig], bool]
 TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     Mode.IDLE: [
         (lambda o, t, c: o.ready, Mode.PRE_GRASP),
+        (lambda o, t, c: o.pushing, Mode.PUSH),
         (lambda o, t, c: o.finished, Mode.HOME),
+    ],
+    Mode.PUSH: [
+        (lambda o, t, c: o.arrived, Mode.IDLE),
+        (lambda o, t, c: o.stuck, Mode.RETREAT),
     ],
     Mode.PRE_GRASP: [
         (lambda o, t, c: o.arrived, Mode.GRASP),
@@ -49,7 +56,11 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
         (lambda o, t, c: o.arrived, Mode.TRANSFER),
         (lambda o, t, c: o.stuck, Mode.RELEASE),
     ],
-    Mode.TRANSFER: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
+    Mode.TRANSFER: [
+        (lambda o, t, c: o.arrived and o.placing, Mode.PLACE),
+        (lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE),
+    ],
+    Mode.PLACE: [(lambda o, t, c: o.arrived or o.stuck, Mode.RELEASE)],
     Mode.RELEASE: [
         (lambda o, t, c: o.astray and _released(o, t, c), Mode.RETREAT),
         (_released, Mode.IDLE),

@@ -90,14 +90,16 @@ class Motions:
     def __init__(self, unreachable=()):
         self.unreachable = unreachable
         self.taken = []
+        self.places = False  # loads are set down, not dropped
 
     def plan(self, q_start, grasp, height_map, number=0):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")
         self.taken.append(place)
-        ends = [q_start, *(np.full(2, i + 1.0) for i in range(4))]
-        lines = zip(MODES, ends[:-1], ends[1:], strict=True)
+        modes = (*MODES, Mode.PLACE) if self.places else MODES
+        ends = [q_start, *(np.full(2, i + 1.0) for i in range(len(modes)))]
+        lines = zip(modes, ends[:-1], ends[1:], strict=True)
         return {mode: _line(a, b) for mode, a, b in lines}
 
     def plan_home(self, q_start):
@@ -105,6 +107,15 @@ class Motions:
 
     def plan_retreat(self, q_start, fingers):
         return _line(q_start, OVER)
+
+
+class Pushes:
+    """Stands in for `PushMotions`: two motions of a second each, over the bin."""
+
+    def plan(self, q_start, height_map):
+        if not height_map.height.any():
+            return None
+        return _line(q_start, np.full(2, 2.0)), _line(np.full(2, 2.0), OVER)
 
 
 def _line(start, end):
@@ -119,9 +130,13 @@ class Run:
     motions: Motions
     shown: HeightMap
     config: PlannerConfig = dc.field(default_factory=lambda: CONFIG)
+    pushes: Pushes | None = None
+    picks: PickPlanner | None = None  # None: makes one
 
     def __post_init__(self):
-        picks = PickPlanner(self.grasps, self.motions, self.config)
+        picks = self.picks or PickPlanner(
+            self.grasps, self.motions, self.config, self.pushes
+        )
         self.planner = ClearingPlanner(picks, 4, 4)
         self.simulator = Simulator(self.planner)
         self.context = self.simulator.get_mutable_context()

@@ -10,9 +10,11 @@ from planning.clearing.fake_table import (
     CONFIG,
     HELD,
     HOME,
+    OVER,
     SIDE,
     Grasps,
     Motions,
+    Pushes,
     Run,
     table,
 )
@@ -143,6 +145,46 @@ def test_waits_until_nothing_moves():
     pouring.show(table(A))
     pouring.until(Mode.PRE_GRASP)
     assert pouring.status.looks > 3
+
+
+def heap(after_push, pushes=2):
+    """Return a run with a heap at A that no grasp takes anything from."""
+    config = dc.replace(CONFIG, max_attempts=pushes)
+    grasps = Grasps((A, *after_push), refused={A: Failure.BLOCKED})
+    return Run(grasps, Motions(), table(A), config, Pushes())
+
+
+def test_pushes_a_heap_and_takes_what_that_frees():
+    pushed = heap(after_push=[B])
+    pushed.until(Mode.PUSH)
+    closure = pushed.planner.GetOutputPort("closure_commanded")
+    assert closure.Eval(pushed.context) == 1.0
+    pushed.show(table(B))
+    pushed.until(Mode.IDLE)
+    arm = pushed.planner.GetOutputPort("position_commanded").Eval(pushed.context)
+    np.testing.assert_allclose(arm, OVER)
+    pick(pushed, after=table())
+    pushed.until(Mode.DONE)
+    assert pushed.modes.count(Mode.PUSH) == 1
+    assert (pushed.status.attempts, pushed.status.cycles) == (1, 1)
+
+
+@pytest.mark.parametrize("pushes", [1, 2])
+def test_leaves_a_heap_that_pushes_do_not_change(pushes):
+    stays = heap(after_push=[], pushes=pushes)
+    stays.until(Mode.DONE)
+    assert stays.modes.count(Mode.PUSH) == pushes
+    assert [left.failure for left in stays.status.left] == [Failure.BLOCKED]
+
+
+def test_goes_back_when_something_stops_a_push():
+    stuck = heap(after_push=[])
+    stuck.until(Mode.PUSH)
+    follow, stuck.follow = stuck.follow, lambda: None
+    stuck.until(Mode.RETREAT)
+    stuck.follow = follow
+    assert stuck.until(Mode.IDLE, Mode.FAILED) is Mode.IDLE
+    stuck.until(Mode.DONE)
 
 
 def test_gives_up_when_the_time_is_over():

@@ -1,0 +1,93 @@
+"""The modes of clearing a table in which the arm goes back, or the task ends."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory
+from drake_srg.planning.clearing.clearing_mode import ClearingMode, Entry, Now
+from drake_srg.planning.clearing.transitions import Observation
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.planner_machine import GIVES_UP
+from drake_srg.types import Failure, Mode
+
+
+class LastChance(ClearingMode):
+    """Moves after which nothing else is tried if something stops the arm."""
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report whether the arm has arrived; give up where something stops it."""
+        observed = super().observe_mode(memory, now)
+        failure = Failure.STOPPED if observed.stuck else None
+        return Observation(arrived=observed.arrived, failure=failure)
+
+    def planned(
+        self,
+        memory: ClearingMemory,
+        entry: Entry,
+        motion: Trajectory | PlanningFailure,
+        wait: float = 0.0,
+    ) -> ClearingMemory:
+        """Return the memory with a motion begun, or with why there is none."""
+        if isinstance(motion, PlanningFailure):
+            return dc.replace(memory, failure=motion.failure, message=motion.message)
+        followed = memory.motion.followed_by(motion, entry.time, wait)
+        return dc.replace(memory, motion=followed, astray=False)
+
+
+class Retreat(LastChance):
+    """Moves the open hand up and over the bin from where it got stuck or has placed."""
+
+    mode = Mode.RETREAT
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Plan the way back from where the arm is, and go."""
+        q = entry.senses.q.copy()
+        memory = dc.replace(memory, motion=Motion(q), push=None)
+        told = memory.astray and memory.tried
+        fingers = memory.tried[-1].fingers_open if told else {}
+        motion = self.planner.motions.plan_retreat(q, fingers)
+        return self.planned(memory, entry, motion)
+
+
+class Home(LastChance):
+    """Moves the arm home."""
+
+    mode = Mode.HOME
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Plan the way home, and go."""
+        motion = self.planner.motions.plan_home(memory.motion.destination)
+        return self.planned(memory, entry, motion, self.config.home_wait)
+
+
+class End(ClearingMode):
+    """Stays where it is: the task is over."""
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Stop, and remember why."""
+        failure = entry.observation.failure if entry.observation else None
+        message = memory.message
+        if failure is not None:
+            message = message or GIVES_UP.get(failure, "")
+        motion = memory.motion.ended(entry.time)
+        return dc.replace(memory, motion=motion, failure=failure, message=message)
+
+    def observe(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Observe nothing."""
+        return Observation()
+
+
+class Done(End):
+    """Nothing is left that a grasp takes, and the arm is home."""
+
+    mode = Mode.DONE
+
+
+class Failed(End):
+    """The planner has given up, for the reason that its status names."""
+
+    mode = Mode.FAILED

@@ -1,0 +1,52 @@
+"""What is known of a load before it is lifted."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.planning.clearing.columns import thing_at
+from drake_srg.types import HeightMap, Vector
+
+# A load that reaches further than this from the grasp may turn in the hand. Then it
+# hangs lower, but no household object by more than `_MOST_SAG` [m]: the hammer, held by
+# its head, has a handle of 0.32 m.
+_SAGS_BEYOND, _MOST_SAG = 0.1, 0.22
+# Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
+_ASIDE = 0.12
+
+
+@dc.dataclass(frozen=True)
+class Load:
+    """What is known of a load before it is lifted."""
+
+    p_GC: Vector  # the grasp in the hand, shape (3,) [m]
+    below: float  # how far it hangs below the grasp [m]
+    sag: float  # how much further it may hang, turned in the hand [m]
+    middle_G: Vector  # from the grasp to its middle, level, in the hand, (3,) [m]
+    # From the bin's middle to where it is dropped, in world, shape (3,) [m].
+    aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
+
+    @classmethod
+    def seen(
+        cls, X_WG: RigidTransform, p_WC: Vector, height_map: HeightMap, table: float
+    ) -> Load:
+        """Return what a map shows of a load.
+
+        Args:
+            X_WG: The hand's pose at the grasp [m].
+            p_WC: The grasp, shape (3,) [m].
+            height_map: Of the table before.
+            table: Height of the table [m].
+        """
+        away = thing_at(height_map, table, p_WC) - p_WC[:2]
+        far = float(np.max(np.linalg.norm(away, axis=1)))
+        middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
+        return cls(
+            p_GC=X_WG.inverse() @ p_WC,
+            below=max(float(p_WC[2]) - table, 0.01),
+            sag=min(max(far - _SAGS_BEYOND, 0.0), _MOST_SAG),
+            middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
+        )

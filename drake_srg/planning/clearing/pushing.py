@@ -1,0 +1,108 @@
+"""Where to push a heap apart that no grasp takes anything from."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+
+from drake_srg.planning.grasps.relief import Relief, Thing
+from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.types import Vector
+
+_DIRECTIONS = 16
+# The uppermost thing of a heap reaches down this far at least [m]. What is flatter,
+# such as a plate or a lying box, is a single thing that pushing does not help.
+_TOP, _FLAT = 0.025, 0.035
+# Distance of the closed hand's middle from what it pushes at first, and how far it
+# pushes it [m].
+_BEFORE, _FAR = 0.05, 0.2
+# Room for the closed hand around its middle, and under its ends [m].
+_AROUND, _UNDER = 0.04, 0.008
+# What is pushed needs as much room where it goes, along and across [m], and so much of
+# that must be free.
+_ROOM, _ACROSS, _LEAST_FREE = 0.2, 0.12, 0.6
+
+
+@dc.dataclass(frozen=True)
+class Push:
+    """A straight motion of the closed hand's ends, which point down."""
+
+    start_W: Vector  # shape (3,) [m]
+    end_W: Vector  # shape (3,) [m]
+
+    @property
+    def yaw(self) -> float:
+        """Direction of the motion from the world's x [rad]."""
+        x, y = (self.end_W - self.start_W)[:2]
+        return float(np.arctan2(y, x))
+
+
+def best_push(relief: Relief, table: float, reach: Reach | None) -> Push | None:
+    """Return the push that moves the top of the highest heap to where there is room.
+
+    Args:
+        relief: What stands on the table.
+        table: Height of the table [m].
+        reach: Where the hand can be; None for everywhere.
+    """
+    for thing in sorted(relief.things, key=lambda t: -t.top):
+        pushes = _pushes(relief, thing, table)
+        if reach is not None:
+            pushes = [
+                (free, push)
+                for free, push in pushes
+                if reach.contains(np.array([push.start_W, push.end_W])).all()
+            ]
+        if pushes:
+            return max(pushes, key=lambda found: found[0])[1]
+    return None
+
+
+def _pushes(relief: Relief, thing: Thing, table: float) -> list[tuple[float, Push]]:
+    """Return pushes of the uppermost thing, each with how free its way is."""
+    above = relief.above[thing.cells[:, 0], thing.cells[:, 1]]
+    if np.quantile(above, 0.95) - np.quantile(above, 0.1) < _FLAT:
+        return []
+    top = float(np.quantile(above, 0.98))  # single cells are noise
+    cells = thing.cells[above > top - _TOP]
+    points = relief.map.middles()[cells[:, 0], cells[:, 1]]
+    middle, height = points.mean(axis=0), top - _TOP
+    found = []
+    for yaw in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
+        along = np.array([np.cos(yaw), np.sin(yaw)])
+        across = np.array([-along[1], along[0]])
+        s = (points - middle) @ along
+        start = middle + (s.min() - _BEFORE) * along
+        hand = _patch(start, along, across, (-_AROUND, _AROUND), 2.0 * _AROUND)
+        if relief.lookup(hand).max() > height - _UNDER:
+            continue
+        there = _patch(middle, along, across, (s.max(), s.max() + _ROOM), _ACROSS)
+        free = float(np.mean(_is_free(relief, there)))
+        if free < _LEAST_FREE:
+            continue
+        ends = (start, start + (_BEFORE + _FAR) * along)
+        z = table + height
+        found.append((free, Push(*(np.array([*end, z]) for end in ends))))
+    return found
+
+
+def _patch(
+    p_W: Vector, along: Vector, across: Vector, ends: tuple[float, float], width: float
+) -> Vector:
+    """Return points that fill a rectangle, shape (10, 10, 2) [m]."""
+    s, t = np.linspace(*ends, 10), np.linspace(-0.5 * width, 0.5 * width, 10)
+    points: Vector = p_W + s[:, None, None] * along + t[:, None] * across
+    return points
+
+
+def _is_free(relief: Relief, p_W: Vector) -> Vector:
+    """Return where the table itself is seen, shape (...)."""
+    cells = relief.map.cells(p_W.reshape(-1, 2))
+    shape = np.array(relief.above.shape)
+    inside = np.all((cells >= 0) & (cells < shape), axis=1)
+    iy, ix = np.clip(cells, 0, shape - 1).T
+    free: Vector = (
+        inside & ~relief.unknown[iy, ix] & (relief.above[iy, ix] < relief.least)
+    )
+    return free

@@ -1,0 +1,65 @@
+"""Pushes of heaps on made-up maps."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drake_srg.planning.clearing.pushing import best_push
+from drake_srg.planning.grasps.relief import Relief
+from drake_srg.planning.grasps.top_grasp_search import Reach
+from drake_srg.types import HeightMap
+
+LOW, HIGH = 0.05, 0.11  # of a flat thing and of one that lies on it [m]
+_SIZE = (0.2, 0.08)  # sides of the lower one and of the upper one [m]
+
+
+def relief_of(*boxes):
+    """Return the relief of square boxes: middle, side and height of their tops."""
+    height_map = HeightMap(np.zeros(2), 0.01, np.zeros((80, 80)))
+    for middle, side, top in boxes:
+        apart = np.abs(height_map.middles() - middle).max(axis=-1)
+        inside = apart < 0.5 * side
+        height_map.height[inside] = np.maximum(height_map.height[inside], top)
+    return Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
+
+
+def heap(middle, shift=(0.0, 0.0)):
+    return [(middle, _SIZE[0], LOW), (np.add(middle, shift), _SIZE[1], HIGH)]
+
+
+middles = st.tuples(st.floats(0.3, 0.5), st.floats(0.3, 0.5))
+shifts = st.tuples(st.floats(-0.05, 0.05), st.floats(-0.05, 0.05))
+
+
+@given(middles, shifts)
+def test_pushes_the_upper_thing_from_free_air_and_above_the_lower_one(middle, shift):
+    push = best_push(relief_of(*heap(middle, shift)), 0.0, None)
+    upper = np.add(middle, shift)
+    start, end = push.start_W[:2] - upper, push.end_W[:2] - upper
+    assert LOW < push.start_W[2] == push.end_W[2] < HIGH
+    assert np.abs(start).max() > 0.5 * _SIZE[1]
+    way = (end - start) / np.linalg.norm(end - start)
+    assert abs(way @ [-start[1], start[0]]) < 0.02  # through its middle
+    assert start @ way < 0.0 < end @ way
+    assert np.isclose(push.yaw, np.arctan2(way[1], way[0]))
+
+
+@settings(max_examples=15)
+@given(middles)
+def test_does_not_push_towards_other_things(middle):
+    others = [
+        (np.add(middle, (0.2 * x, 0.2 * y)), 0.15, LOW)
+        for x, y in ((1, 0), (-1, 0), (0, 1), (1, 1), (-1, -1), (1, -1), (-1, 1))
+    ]
+    push = best_push(relief_of(*heap(middle), *others), 0.0, None)
+    assert push.end_W[1] - push.start_W[1] < -0.15
+
+
+@given(middles, st.floats(0.05, 0.3))
+def test_flat_things_are_not_pushed(middle, side):
+    assert best_push(relief_of((middle, side, LOW)), 0.0, None) is None
+
+
+def test_what_is_out_of_reach_is_not_pushed():
+    relief = relief_of(*heap((0.4, 0.4)))
+    assert best_push(relief, 0.0, Reach((0.0, 0.0), 0.9, 1.0)) is None
