@@ -44,8 +44,8 @@ def outcome(scenario, ends, **status):
 
 def test_bin_of_the_scenario(scenario):
     low, high = bin_box(scenario)
-    np.testing.assert_allclose(low, [0.085, -0.765, 0.0], atol=1e-9)
-    np.testing.assert_allclose(high, [0.515, -0.335, 0.12], atol=1e-9)
+    np.testing.assert_allclose(low, [0.04, -0.76, 0.0], atol=1e-9)
+    np.testing.assert_allclose(high, [0.64, -0.36, 0.12], atol=1e-9)
 
 
 def test_counts_what_is_in_the_bin(scenario):
