@@ -135,15 +135,19 @@ class ClearingMotions:
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,
         # and what hangs from it rises on its way to the bin.
-        ways = {(approach, load.sag): 0, (approach, 0.0): 0, (near, 0.0): 0}
-        for approach, sag in ways:
+        for height in dict.fromkeys((approach, near)):
             try:
-                to = self._approach(q_start, q_grasp, grasp, approach, height_map)
-                return to | self._carry(
-                    q_grasp, grasp, load, approach, height_map, sag=sag
-                )
+                to = self._approach(q_start, q_grasp, grasp, height, height_map)
             except NoPathError as error:
                 failed = error
+                continue
+            for sag in dict.fromkeys((load.sag, 0.0)):
+                try:
+                    return to | self._carry(
+                        q_grasp, grasp, load, height, height_map, sag=sag
+                    )
+                except NoPathError as error:
+                    failed = error
         raise failed
 
     def _approach(

@@ -1,5 +1,7 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.types import HeightMap
@@ -59,3 +61,18 @@ def test_the_unknown_is_level():
     assert found.unknown.all()
     np.testing.assert_array_equal(found.above, 0.0)
     assert found.things == ()
+
+
+@given(st.floats(0.005, 0.1))
+def test_places_are_on_things_and_near_every_part_of_them(apart):
+    found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
+    places = np.array(found.places(apart))
+    heights = found.map.height[tuple(found.map.cells(places[:, :2]).T)]
+    np.testing.assert_allclose(places[:, 2], heights)
+    assert np.all(heights > TABLE)
+    for thing in found.things:
+        iy, ix = thing.cells.T
+        parts = found.map.middles()[iy, ix]
+        away = np.linalg.norm(parts[:, None] - places[None, :, :2], axis=-1)
+        assert away.min(axis=1).max() <= apart
+    assert relief().places(apart) == []
