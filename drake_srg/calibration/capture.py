@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -54,7 +55,7 @@ def take_shots(
     with Rig(with_board(scenario, mounting), name="calibrate", images=True) as rig:
         for path in paths:
             tell(len(shots))
-            for start, end in zip(path[:-1], path[1:], strict=True):
+            for start, end in itertools.pairwise(path):
                 rig.move(end, _duration(np.abs(end - start), limits))
             q = _rest(rig, scene.num_joints)
             X_WH = mounting.X_WH(scene, q)

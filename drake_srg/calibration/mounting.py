@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
+from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import (
     AddModel,
@@ -12,7 +13,6 @@ from pydrake.multibody.parsing import (
     GetScopedFrameByName,
     ModelDirective,
 )
-from pydrake.common.schema import Transform
 
 from drake_srg.calibration.board import Board
 from drake_srg.common.exceptions import ScenarioError

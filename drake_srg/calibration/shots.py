@@ -94,7 +94,9 @@ def read_shots(folder: Path) -> list[Shot]:
         raise ScenarioError(
             f"{path}: missing column {missing[0]} (allowed: {', '.join(COLUMNS)})"
         )
-    return [_read_shot(folder, row, f"{path}: row {i}") for i, row in enumerate(rows, 2)]
+    return [
+        _read_shot(folder, row, f"{path}: row {i}") for i, row in enumerate(rows, 2)
+    ]
 
 
 def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
@@ -143,4 +145,3 @@ def _read_shot(folder: Path, row: Mapping[str, str | None], where: str) -> Shot:
 def _frozen(last: Shot, shot: Shot) -> bool:
     moved = not last.X_WH.IsNearlyEqualTo(shot.X_WH, 1e-3)
     return moved and np.array_equal(last.image, shot.image)
-

@@ -125,9 +125,7 @@ def _tilted(rng: np.random.Generator, angle: float) -> Vector:
     """Return the z axis tilted by an angle in a random direction, shape (3,)."""
     azimuth = rng.uniform(0.0, 2.0 * np.pi)
     across = np.sin(angle)
-    return np.array(
-        [across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)]
-    )
+    return np.array([across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle)])
 
 
 def _turned(axis: Vector, tilt: Vector) -> Vector:

@@ -115,7 +115,7 @@ def parse_board(text: str) -> Board:
             f"--board: must be COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY], got {text!r}"
         ) from None
     dictionary = words[4] if len(words) > 4 else "DICT_4X4_50"
-    if not (3 <= min(columns, rows) and max(columns, rows) <= 50):
+    if not (min(columns, rows) >= 3 and max(columns, rows) <= 50):
         raise ScenarioError(f"--board: needs 3 to 50 columns and rows, got {text!r}")
     if not 0.0 < marker < square <= 1.0:
         raise ScenarioError(

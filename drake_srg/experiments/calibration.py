@@ -1,0 +1,222 @@
+"""How accurately cameras are calibrated, fixed and in the hand, and what that is for.
+
+A camera's truth is known in simulation. Rendered runs move the arm and find the corners
+of the board in images with noise and blur. Synthetic ones draw their views, and the
+errors of their corners, from those of the rendered runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydrake.math import RigidTransform
+
+from drake_srg.experiments.calibration_runs import (
+    CELLS,
+    Rendered,
+    Trial,
+    calibrated,
+    corner_errors,
+    render,
+    synthesize,
+)
+from drake_srg.experiments.localization_cases import Eye
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.objects.models import object_shape
+from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.types import Vector
+
+# What a calibration is for: a grasp needs 1 mm, and the localizer errs by 0.3 mm.
+MOST_POSITION, MOST_ROTATION = 0.3e-3, np.radians(0.05)
+_WITHIN = 0.95  # share of the synthetic trials
+# A camera knocked out of place, in its body [m, rad].
+KNOCK = {"translation": [0.006, -0.006, 0.0053], "rotation": [0.02, 0.02, 0.0204]}
+# By how much the mean error of locating an object may grow [m].
+_MORE = 0.5e-3
+BUILT, KNOCKED, CALIBRATED = "as built", "knocked", "knocked and calibrated"
+
+
+def run(
+    track: Track,
+    *,
+    rendered: int = 7,
+    synthetic: int = 200,
+    images: int = 20,
+    places: int = 20,
+) -> ExperimentResult:
+    """Calibrate each camera many times, and locate objects with the results.
+
+    Args:
+        track: Shows progress.
+        rendered: Rendered calibrations of each camera.
+        synthetic: Synthetic ones.
+        images: Images of each calibration.
+        places: Where objects are located.
+    """
+    runs: dict[str, list[Rendered]] = {name: [] for name in CELLS}
+    for name, seed in track(
+        [(name, seed) for name in CELLS for seed in range(rendered)]
+    ):
+        runs[name].append(render(CELLS[name], seed, images))
+    trials: dict[str, list[Trial | None]] = {}
+    for name in track(list(CELLS), label=lambda name: f"{name}, synthetic"):
+        rng = np.random.default_rng(0)
+        trials[name] = [synthesize(runs[name], rng, images) for _ in range(synthetic)]
+    located = {}
+    for name in track(["kitchen", "assistive arm"], label=lambda n: f"{n}, objects"):
+        located[name] = locate(name, runs[name], places)
+    return make_result(runs, trials, located)
+
+
+def locate(name: str, runs: Sequence[Rendered], places: int) -> dict[str, Vector]:
+    """Return the errors of locating the picked object in random places [m].
+
+    The camera is where it was built, knocked out of place, or calibrated after that.
+    """
+    cell = CELLS[name]
+    knock = [f"camera_errors.{cell.camera}.{k}={v}" for k, v in KNOCK.items()]
+    built = load_scenario(cell.scenario, seed=0)
+    knocked = load_scenario(cell.scenario, seed=0, overrides=knock)
+    cases = {BUILT: [built], KNOCKED: [knocked]}
+    cases[CALIBRATED] = [calibrated(knocked, r) for r in runs if r.result is not None]
+    return {
+        case: np.concatenate([_errors(s, places) for s in scenarios])
+        for case, scenarios in cases.items()
+    }
+
+
+def _errors(scenario: Scenario, places: int) -> Vector:
+    eye, rng = Eye(scenario), np.random.default_rng(0)
+    pick, region = scenario.task.pick, scenario.task.region
+    height = 0.5 * object_shape(pick, scenario.objects[pick]).height
+    errors = []
+    for _ in range(places):
+        x, y = rng.uniform(region.min, region.max)
+        place = RigidTransform([x, y, scenario.table.height + height])
+        errors.append(float(np.linalg.norm(eye.look(place).error)))
+    return np.array(errors)
+
+
+def make_result(
+    runs: Mapping[str, Sequence[Rendered]],
+    trials: Mapping[str, Sequence[Trial | None]],
+    located: Mapping[str, Mapping[str, Vector]],
+) -> ExperimentResult:
+    """Judge the calibrations, and what is located with them."""
+    rows: list[Row] = []
+    table: dict[str, list[Any]] = {
+        column: []
+        for column in (
+            "camera",
+            "kind",
+            "position_mm",
+            "rotation_deg",
+            "focal",
+            "center_px",
+            "position_std_mm",
+            "rotation_std_deg",
+            "rms_px",
+        )
+    }
+    for name in runs:
+        noise = corner_errors(list(runs[name]))
+        sizes = np.linalg.norm(noise, axis=1)
+        rows += [
+            Row.info(name, "corners, median error", float(np.median(sizes)), "pixels"),
+            Row.info(
+                name,
+                "corners, 99 % quantile of the error",
+                float(np.quantile(sizes, 0.99)),
+                "pixels",
+            ),
+        ]
+        for kind, many in (
+            ("rendered", [r.trial() for r in runs[name]]),
+            ("synthetic", trials[name]),
+        ):
+            done = [trial for trial in many if trial is not None]
+            case = f"{name}, {kind}"
+            rows.append(Row.at_most(case, "failed", 0.0, len(many) - len(done), ""))
+            rows += _rows(case, done, kind)
+            for t in done:
+                values = (
+                    name,
+                    kind,
+                    1e3 * t.position,
+                    np.degrees(t.rotation),
+                    t.focal,
+                    t.center,
+                    1e3 * t.position_std,
+                    np.degrees(t.rotation_std),
+                    t.rms,
+                )
+                for column, value in zip(table.values(), values, strict=True):
+                    column.append(value)
+    for name, errors in located.items():
+        for case, values in errors.items():
+            mean = 1e3 * float(np.mean(values))
+            what = "mean error of the object's centre"
+            if case == CALIBRATED:
+                limit = 1e3 * (float(np.mean(errors[BUILT])) + _MORE)
+                rows.append(Row.at_most(f"{name}, {case}", what, limit, mean, "mm"))
+            else:
+                rows.append(Row.info(f"{name}, {case}", what, mean, "mm"))
+            largest = 1e3 * float(np.max(values))
+            what = "largest error of the object's centre"
+            rows.append(Row.info(f"{name}, {case}", what, largest, "mm"))
+    return ExperimentResult(rows, {"calibrations": table}, _draw(trials))
+
+
+def _rows(case: str, trials: Sequence[Trial], kind: str) -> list[Row]:
+    """Judge the errors of one camera's calibrations."""
+    position = 1e3 * np.array([t.position for t in trials])
+    rotation = np.degrees([t.rotation for t in trials])
+    share, words = (
+        (1.0, "largest") if kind == "rendered" else (_WITHIN, "95 % quantile")
+    )
+    rows = []
+    for what, values, limit, unit in (
+        ("position", position, 1e3 * MOST_POSITION, "mm"),
+        ("rotation", rotation, float(np.degrees(MOST_ROTATION)), "deg"),
+    ):
+        worst = float(np.quantile(values, share))
+        rows += [
+            Row.at_most(case, f"{what}, {words} error", limit, worst, unit),
+            Row.info(case, f"{what}, median error", float(np.median(values)), unit),
+        ]
+    inside = [t.position <= 2.0 * t.position_std for t in trials]
+    focal = float(np.quantile([t.focal for t in trials], share))
+    return [
+        *rows,
+        Row.info(
+            case, "position within two standard deviations", float(np.mean(inside)), ""
+        ),
+        Row.info(case, f"focal length, {words} error", 100.0 * focal, "%"),
+    ]
+
+
+def _draw(trials: Mapping[str, Sequence[Trial | None]]) -> Any:
+    figure = make_figure(6.5, 3.2, "Errors of synthetic calibrations")
+    left, right = figure.subplots(1, 2)
+    for axes, unit, limit in (
+        (left, "position [mm]", 1e3 * MOST_POSITION),
+        (right, "rotation [degrees]", float(np.degrees(MOST_ROTATION))),
+    ):
+        style_axes(axes, xlabel=f"error of the {unit}", ylabel="share of trials")
+        for (name, many), color in zip(trials.items(), COLORS, strict=False):
+            done = [t for t in many if t is not None]
+            if axes is left:
+                values = 1e3 * np.array([t.position for t in done])
+            else:
+                values = np.degrees([t.rotation for t in done])
+            shares = np.arange(1, len(values) + 1) / max(len(many), 1)
+            axes.plot(np.sort(values), shares, color=color, label=name)
+        axes.axvline(limit, color=COLORS[-1], lw=0.8, ls="--")
+        axes.set_xlim(0.0)
+        axes.set_ylim(0.0, 1.0)
+    right.legend(fontsize=8, frameon=False)
+    return figure
