@@ -98,6 +98,11 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
     estimate = _fit(used, first_estimate(used, focal, center))
     error = _errors(used, estimate)
     rms = float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+    if rms > _MOST_ERROR:
+        raise ScenarioError(
+            f"no camera fits these views: {rms:.1f} pixels are left (allowed: "
+            f"{_MOST_ERROR:g}); check the board's size and the poses of the hand"
+        )
     covariance, condition = _covariance(used, estimate, error)
     dropped = {name: f"{count} corners" for name, count in few.items()}
     result = Calibration(estimate, covariance, condition, rms, used, dropped)
@@ -112,11 +117,6 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
             f"{np.degrees(result.rotation_std):.2f} degrees (allowed: "
             f"{1e3 * MOST_POSITION_STD:g} mm and {np.degrees(MOST_ROTATION_STD):g} "
             "degrees); turn the hand about two axes at least"
-        )
-    if rms > _MOST_ERROR:
-        raise ScenarioError(
-            f"no camera fits these views: {rms:.1f} pixels are left (allowed: "
-            f"{_MOST_ERROR:g}); check the board's size and the poses of the hand"
         )
     return result
 
@@ -172,7 +172,12 @@ def _covariance(
     J = np.concatenate([jacobian(estimate, view) for view in views])
     J = J.reshape(-1, NUM_PARAMETERS)
     freedoms = max(len(J) - NUM_PARAMETERS, 1)
-    noise = max(float(np.sum(error**2)) / freedoms, _LEAST_NOISE**2)
+    # The variance of Huber's estimate: limited residuals, and the share within limits.
+    size = np.linalg.norm(error, axis=1)
+    limit = max(_HUBER * float(np.median(size)), 1e-9)
+    inside = float(np.mean(size <= limit))
+    limited = float(np.sum(np.minimum(size, limit) ** 2)) / freedoms / inside**2
+    noise = max(limited, _LEAST_NOISE**2)
     effect = np.linalg.norm(J, axis=0)
     singular = np.linalg.svd(J / effect, compute_uv=False)
     condition = float(singular[0] / max(singular[-1], 1e-300))
