@@ -35,8 +35,11 @@ MOST_POSITION, MOST_ROTATION = 0.3e-3, np.radians(0.05)
 _WITHIN = 0.95  # share of the synthetic trials
 # A camera knocked out of place, in its body [m, rad].
 KNOCK = {"translation": [0.006, -0.006, 0.0053], "rotation": [0.02, 0.02, 0.0204]}
+# First seed of the rendered runs. The package's defaults were chosen on other seeds.
+_SEED = 1000
 # By how much the mean error of locating an object may grow [m].
 _MORE = 0.5e-3
+_LOCATED = 3  # calibrations with which objects are located
 BUILT, KNOCKED, CALIBRATED = "as built", "knocked", "knocked and calibrated"
 
 
@@ -59,7 +62,7 @@ def run(
     """
     runs: dict[str, list[Rendered]] = {name: [] for name in CELLS}
     for name, seed in track(
-        [(name, seed) for name in CELLS for seed in range(rendered)]
+        [(name, seed) for name in CELLS for seed in range(_SEED, _SEED + rendered)]
     ):
         runs[name].append(render(CELLS[name], seed, images))
     trials: dict[str, list[Trial | None]] = {}
@@ -82,7 +85,8 @@ def locate(name: str, runs: Sequence[Rendered], places: int) -> dict[str, Vector
     built = load_scenario(cell.scenario, seed=0)
     knocked = load_scenario(cell.scenario, seed=0, overrides=knock)
     cases = {BUILT: [built], KNOCKED: [knocked]}
-    cases[CALIBRATED] = [calibrated(knocked, r) for r in runs if r.result is not None]
+    good = [run for run in runs if run.result is not None][:_LOCATED]
+    cases[CALIBRATED] = [calibrated(knocked, run) for run in good]
     return {
         case: np.concatenate([_errors(s, places) for s in scenarios])
         for case, scenarios in cases.items()
