@@ -16,9 +16,9 @@ from pydrake.multibody.parsing import (
 
 from drake_srg.calibration.board import Board
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.objects.config import ClutterConfig
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.scenario import LocalizerConfig, RecordingConfig, Scenario, TaskConfig
-from drake_srg.scenario.schema import ClutterConfig
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel
 

@@ -109,10 +109,9 @@ def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
         q, p = shot.X_WH.rotation().ToQuaternion(), shot.X_WH.translation()
         numbers = (*p, q.w(), q.x(), q.y(), q.z())
         writer.writerow([shot.name, *(f"{x:.9f}" for x in numbers)])
-        color = shot.image
-        if color.ndim == 3:
-            color = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
-        files[shot.name] = bytes(cv2.imencode(".png", color)[1])
+        # Grey, or RGB to OpenCV's order.
+        image = shot.image if shot.image.ndim == 2 else shot.image[..., ::-1]
+        files[shot.name] = bytes(cv2.imencode(".png", image)[1])
     return {POSES: text.getvalue().encode(), **files}
 
 

@@ -14,7 +14,7 @@ from drake_srg.common.status_line import StatusLine
 if TYPE_CHECKING:
     from drake_srg.calibration.board import Board
 
-_IMAGES = 20
+_IMAGES = 24
 _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
@@ -87,7 +88,7 @@ class Rendered:
 
     def trial(self) -> Trial | None:
         """Return the errors of the calibration, or nothing if it failed."""
-        return self.result and judge(self.result, self.truth)
+        return None if self.result is None else judge(self.result, self.truth)
 
 
 def render(cell: Cell, seed: int, images: int) -> Rendered:
@@ -145,7 +146,7 @@ def synthesize(
         exact = residuals(truth, view) + view.pixels
         views.append(dc.replace(view, pixels=exact + drawn))
     result = _try(views, truth, rng.uniform(-1.0, 1.0, 2))
-    return result and judge(result, truth)
+    return None if result is None else judge(result, truth)
 
 
 def judge(result: Calibration, truth: Unknowns) -> Trial:
@@ -163,7 +164,7 @@ def judge(result: Calibration, truth: Unknowns) -> Trial:
     )
 
 
-def corner_errors(runs: list[Rendered]) -> Vector:
+def corner_errors(runs: Sequence[Rendered]) -> Vector:
     """Return the errors of all corners that the runs have found [pixels], (K, 2)."""
     return np.concatenate([residuals(run.truth, v) for run in runs for v in run.views])
 
