@@ -126,14 +126,12 @@ def parse_board(text: str) -> Board:
         raise ScenarioError(
             f"--board: unknown dictionary {dictionary!r} (allowed: {', '.join(known)})"
         )
-    board = Board(columns, rows, square, marker, dictionary)
-    try:
-        _ = board.detector
-    except cv2.error:
+    markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    if columns * rows // 2 > len(markers.bytesList):
         raise ScenarioError(
             f"--board: {dictionary} has too few markers for {columns} x {rows} squares"
-        ) from None
-    return board
+        )
+    return Board(columns, rows, square, marker, dictionary)
 
 
 def parse_count(text: str) -> int | None:
