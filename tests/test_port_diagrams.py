@@ -30,7 +30,11 @@ pytestmark = pytest.mark.slow
 
 # Together, these have at least one instance of every documented system.
 CELLS = {
-    "kitchen": ["disturbances=[!Push {}]", "sleeping={}"],
+    "kitchen": [
+        "disturbances=[!Push {}]",
+        "sleeping={}",
+        "camera_calibrations={ceiling: {}}",
+    ],
     "kitchen_tendon": [],
     "kitchen_varied": [],
     "kitchen_varied_accurate": [],
