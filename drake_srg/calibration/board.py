@@ -71,9 +71,7 @@ class Board:
 
 @functools.cache
 def _detector(board: Board) -> cv2.aruco.CharucoDetector:
-    dictionary = cv2.aruco.getPredefinedDictionary(
-        getattr(cv2.aruco, board.dictionary)
-    )
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
     size = (board.columns, board.rows)
     return cv2.aruco.CharucoDetector(
         cv2.aruco.CharucoBoard(size, board.square, board.marker, dictionary)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -18,11 +19,12 @@ from drake_srg.types import Vector
 
 # Share of the arm's speed and acceleration; images are taken at rest, so the way there
 # does not matter.
-_SPEED = 0.5
+_SPEED = 0.9
 # The arm rests once no joint is faster than this [rad/s]; at a metre that is 0.1 mm in
 # the time between two readings of its joints.
 _REST_SPEED = 2e-3
 _REST_WAIT, _MOST_WAITS = 0.1, 50  # s
+_NO_LOG = 10.0  # s
 
 
 def take_shots(
@@ -51,10 +53,12 @@ def take_shots(
     paths = plan_visits(mounting, scene, home, count, scenario.random_seed)
     limits = MotionLimits.of_plant(scene).scaled(_SPEED, _SPEED)
     shots: list[Shot] = []
-    with Rig(with_board(scenario, mounting), name="calibrate", images=True) as rig:
+    shown = with_board(scenario, mounting)
+    # Nobody reads the log.
+    with Rig(shown, name="calibrate", log_period=_NO_LOG, images=True) as rig:
         for path in paths:
             tell(len(shots))
-            for start, end in zip(path[:-1], path[1:], strict=True):
+            for start, end in itertools.pairwise(path):
                 rig.move(end, _duration(np.abs(end - start), limits))
             q = _rest(rig, scene.num_joints)
             X_WH = mounting.X_WH(scene, q)

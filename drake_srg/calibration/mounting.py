@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
+from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.parsing import (
     AddModel,
@@ -12,13 +13,12 @@ from pydrake.multibody.parsing import (
     GetScopedFrameByName,
     ModelDirective,
 )
-from pydrake.common.schema import Transform
 
 from drake_srg.calibration.board import Board
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.objects.config import ClutterConfig
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.scenario import LocalizerConfig, RecordingConfig, Scenario, TaskConfig
-from drake_srg.scenario.schema import ClutterConfig
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel
 

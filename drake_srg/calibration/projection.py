@@ -87,9 +87,7 @@ def jacobian(unknowns: Unknowns, view: View) -> Vector:
     for axis in range(2):
         by_point[:, axis, axis] = unknowns.focal[axis] / z
         by_point[:, axis, 2] = -unknowns.focal[axis] * xy[:, axis] / z
-    R_CB = (
-        unknowns.X_PC.inverse() @ view.X_PQ @ unknowns.X_QB
-    ).rotation().matrix()
+    R_CB = (unknowns.X_PC.inverse() @ view.X_PQ @ unknowns.X_QB).rotation().matrix()
     result = np.zeros((len(p_C), 2, NUM_PARAMETERS))
     for axis in range(2):
         result[:, axis, axis] = xy[:, axis]

@@ -94,7 +94,9 @@ def read_shots(folder: Path) -> list[Shot]:
         raise ScenarioError(
             f"{path}: missing column {missing[0]} (allowed: {', '.join(COLUMNS)})"
         )
-    return [_read_shot(folder, row, f"{path}: row {i}") for i, row in enumerate(rows, 2)]
+    return [
+        _read_shot(folder, row, f"{path}: row {i}") for i, row in enumerate(rows, 2)
+    ]
 
 
 def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
@@ -107,10 +109,9 @@ def shot_files(shots: Sequence[Shot]) -> dict[str, bytes]:
         q, p = shot.X_WH.rotation().ToQuaternion(), shot.X_WH.translation()
         numbers = (*p, q.w(), q.x(), q.y(), q.z())
         writer.writerow([shot.name, *(f"{x:.9f}" for x in numbers)])
-        color = shot.image
-        if color.ndim == 3:
-            color = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
-        files[shot.name] = bytes(cv2.imencode(".png", color)[1])
+        # Grey, or RGB to OpenCV's order.
+        image = shot.image if shot.image.ndim == 2 else shot.image[..., ::-1]
+        files[shot.name] = bytes(cv2.imencode(".png", image)[1])
     return {POSES: text.getvalue().encode(), **files}
 
 
@@ -143,4 +144,3 @@ def _read_shot(folder: Path, row: Mapping[str, str | None], where: str) -> Shot:
 def _frozen(last: Shot, shot: Shot) -> bool:
     moved = not last.X_WH.IsNearlyEqualTo(shot.X_WH, 1e-3)
     return moved and np.array_equal(last.image, shot.image)
-

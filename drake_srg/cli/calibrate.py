@@ -14,7 +14,7 @@ from drake_srg.common.status_line import StatusLine
 if TYPE_CHECKING:
     from drake_srg.calibration.board import Board
 
-_IMAGES = 20
+_IMAGES = 24
 _BOARD = "6,5,0.04,0.03,DICT_4X4_50"
 
 
@@ -115,7 +115,7 @@ def parse_board(text: str) -> Board:
             f"--board: must be COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY], got {text!r}"
         ) from None
     dictionary = words[4] if len(words) > 4 else "DICT_4X4_50"
-    if not (3 <= min(columns, rows) and max(columns, rows) <= 50):
+    if not (min(columns, rows) >= 3 and max(columns, rows) <= 50):
         raise ScenarioError(f"--board: needs 3 to 50 columns and rows, got {text!r}")
     if not 0.0 < marker < square <= 1.0:
         raise ScenarioError(
@@ -126,14 +126,12 @@ def parse_board(text: str) -> Board:
         raise ScenarioError(
             f"--board: unknown dictionary {dictionary!r} (allowed: {', '.join(known)})"
         )
-    board = Board(columns, rows, square, marker, dictionary)
-    try:
-        _ = board.detector
-    except cv2.error:
+    markers = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    if columns * rows // 2 > len(markers.bytesList):
         raise ScenarioError(
             f"--board: {dictionary} has too few markers for {columns} x {rows} squares"
-        ) from None
-    return board
+        )
+    return Board(columns, rows, square, marker, dictionary)
 
 
 def parse_count(text: str) -> int | None:

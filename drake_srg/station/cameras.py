@@ -143,7 +143,9 @@ def _AddCalibration(
         )
     system = builder.AddNamedSystem(
         f"calibrated_pose_{name}",
-        CalibratedPose(X_PB.GetDeterministicValue(), calibrated.GetDeterministicValue()),
+        CalibratedPose(
+            X_PB.GetDeterministicValue(), calibrated.GetDeterministicValue()
+        ),
     )
     builder.Connect(true, system.get_input_port())
     return system.get_output_port()

@@ -1,7 +1,5 @@
 """A camera's calibration: what is believed of its intrinsics and its pose."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 
 from pydrake.common.schema import Transform

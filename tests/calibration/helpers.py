@@ -21,7 +21,7 @@ def truth(X_PC, X_QB):
 
 
 def make_views(camera, count=20, noise=0.0, seed=0, tilt=0.6):
-    """Views of the board at random in front of the camera, tilted up to `tilt` [rad]."""
+    """Views of the board before the camera, at random and tilted up to `tilt` [rad]."""
     rng = np.random.default_rng(seed)
     corners = BOARD.corners
     views = []
