@@ -47,10 +47,11 @@ def measure_robosuite(python: Path) -> Peer:
     Raises:
         ScenarioError: If it cannot run or has no robosuite.
     """
-    script = robosuite_cycle.__file__
+    # As text, because the folder of a script is where its imports are looked for first.
+    script = Path(robosuite_cycle.__file__).read_text(encoding="utf-8")
     try:
         done = subprocess.run(
-            [python, script], capture_output=True, text=True, check=True
+            [python, "-c", script], capture_output=True, text=True, check=True
         )
         return Peer(**json.loads(done.stdout.splitlines()[-1]))
     except subprocess.CalledProcessError as error:
