@@ -8,7 +8,6 @@ and puts it down elsewhere, without images and without planning.
 import json
 import logging
 import time
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,8 @@ import numpy as np
 _OPEN, _CLOSED = -1.0, 1.0
 _STEP = 0.05  # motion of the hand at full command [m per control step]
 _CLOSING = 12  # control steps in which the fingers close or open
-_ABOVE = 0.2  # height above can and bin of the way over [m]
+_ABOVE = 0.2  # height above the can to which it is lifted [m]
+_NEAR = 0.01  # distance at which the hand is at its target [m]
 _MOST = 60  # control steps of a single motion
 _LIFT_STEPS = 300
 
@@ -59,7 +59,8 @@ def _cycle(env: Any) -> dict[str, Any]:
     seen = env.reset()
     can = np.array(seen["Can_pos"])
     goal = np.array(env.target_bin_placements[env.object_to_id["can"]])
-    high, goal_high = can + [0.0, 0.0, _ABOVE], goal + [0.0, 0.0, _ABOVE + 0.1]
+    up = np.array([0.0, 0.0, 1.0])
+    high, goal_low, goal_high = can + _ABOVE * up, goal + 0.1 * up, goal + 0.3 * up
     steps = 0
     start = time.perf_counter()
     for hand, fingers, wait in (
@@ -68,30 +69,22 @@ def _cycle(env: Any) -> dict[str, Any]:
         (can, _CLOSED, _CLOSING),
         (high, _CLOSED, 0),
         (goal_high, _CLOSED, 0),
-        (goal + [0.0, 0.0, 0.1], _CLOSED, 0),
-        (goal + [0.0, 0.0, 0.1], _OPEN, _CLOSING),
+        (goal_low, _CLOSED, 0),
+        (goal_low, _OPEN, _CLOSING),
         (goal_high, _OPEN, 0),
     ):
-        for action in _motion(lambda: seen["robot0_eef_pos"], hand, fingers, wait):
-            seen, *_ = env.step(action)
+        for step in range(wait or _MOST):
+            away = hand - seen["robot0_eef_pos"]
+            if not wait and step and np.linalg.norm(away) < _NEAR:
+                break
+            move = np.clip(away / _STEP, -1.0, 1.0)
+            seen, *_ = env.step(np.concatenate([move, np.zeros(3), [fingers]]))
             steps += 1
     return {
         "success": bool(env._check_success()),
         "simulated": steps * env.control_timestep,
         "total": time.perf_counter() - start,
     }
-
-
-def _motion(
-    where: Callable[[], Any], target: Any, fingers: float, wait: int
-) -> Iterator[Any]:
-    """Yield actions until the hand is at its target, or for `wait` control steps."""
-    for step in range(wait or _MOST):
-        away = target - where()
-        if not wait and step and np.linalg.norm(away) < 0.01:
-            return
-        move = np.clip(away / _STEP, -1.0, 1.0)
-        yield np.concatenate([move, np.zeros(3), [fingers]])
 
 
 def _lift_rate(env: Any) -> float:
