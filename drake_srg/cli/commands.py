@@ -168,15 +168,18 @@ def bench(options: argparse.Namespace) -> int:
     from drake_srg.scenario import load_scenario
     from drake_srg.simulation.benchmark import (
         benchmark_table,
+        import_times,
         run_benchmark,
         scenarios_with_fast_variant,
     )
+    from drake_srg.simulation.peers import measure_robosuite
 
     # All are loaded before the first one runs, so that a mistake shows at once.
     scenarios = {
         name: load_scenario(name, seed=options.seed, overrides=options.set)
         for name in options.scenario or scenarios_with_fast_variant()
     }
+    peer = None if options.peers is None else measure_robosuite(options.peers)
     benchmarks = {}
     with StatusLine(shown=options.console.progress) as line:
         for number, (name, scenario) in enumerate(scenarios.items()):
@@ -184,8 +187,21 @@ def bench(options: argparse.Namespace) -> int:
             line.count(number, len(scenarios), f"scenarios measured, now {stem}")
             benchmarks[stem] = run_benchmark(scenario, stem)
         line.count(len(scenarios), len(scenarios), "scenarios measured")
-    options.console.say(benchmark_table(benchmarks))
-    options.console.answer({n: dc.asdict(b) for n, b in benchmarks.items()})
+    imports = import_times()
+    options.console.say(benchmark_table(benchmarks), "")
+    for what, time in imports.items():
+        options.console.say(f"{what:30}{time:.2f} s")
+    answer = {
+        "scenarios": {n: dc.asdict(b) for n, b in benchmarks.items()},
+        "imports": imports,
+    }
+    if peer is not None:
+        options.console.say("", *peer.lines())
+        for name, benchmark in benchmarks.items():
+            share = benchmark.total / peer.total
+            options.console.say(f"{name} : PickPlaceCan  {share:.2f} of the wall clock")
+        answer["robosuite"] = dc.asdict(peer)
+    options.console.answer(answer)
     return SUCCESS
 
 

@@ -178,6 +178,13 @@ def make_parser() -> argparse.ArgumentParser:
         help="a name from `drake-srg list` or a .yaml file (default: every scenario "
         "that has a fast variant, and the variant)",
     )
+    bench.add_argument(
+        "--peers",
+        type=Path,
+        metavar="PYTHON",
+        help="measure robosuite, too: the Python of an environment that has it "
+        "(see docs/speed.md)",
+    )
 
     experiment = add(
         "experiment",

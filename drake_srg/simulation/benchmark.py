@@ -1,6 +1,8 @@
 """Benchmarks a scenario: its speed beside the bare plant's, and where time goes."""
 
 import dataclasses as dc
+import subprocess
+import sys
 import time as wall
 from collections.abc import Callable, Mapping
 
@@ -27,6 +29,13 @@ _PLANT_INPUTS = (
     ("gripper_driver", "actuation", "gripper", "get_actuation_input_port"),
 )
 
+# Importing toppra is left to planners that use it.
+_IMPORTS = """
+from drake_srg import Simulate, load_scenario
+from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+MakeTimeParameterization("toppra")
+"""
+
 
 @dc.dataclass(frozen=True)
 class Benchmark:
@@ -39,6 +48,7 @@ class Benchmark:
     plant: float
     planning: float
     rendering: float
+    setup: float  # building the cell before the run, judging and freeing it afterwards
 
     @property
     def other(self) -> float:
@@ -66,6 +76,7 @@ class Benchmark:
             "planning": share(self.planning),
             "rendering": share(self.rendering),
             "our systems": share(self.other),
+            "before and after": f"{self.setup:.2f} s",
         }
 
 
@@ -107,7 +118,9 @@ def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
         KeyboardInterrupt: If the user stops the run.
     """
     inputs = _record_inputs(scenario, name)
+    start = wall.perf_counter()
     result = Simulate(scenario, name=name)
+    elapsed = wall.perf_counter() - start
     if result.status.failure is Failure.STOPPED:
         raise KeyboardInterrupt
     times = result.metrics
@@ -119,7 +132,22 @@ def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
         plant=_replay(scenario, inputs, times.sim_time_s),
         planning=times.planning_wall_s,
         rendering=_look_time(scenario, result.status.looks),
+        setup=elapsed - times.wall_time_s,
     )
+
+
+def import_times() -> dict[str, float]:
+    """Return how long processes take that only import, by what they import [s]."""
+    programs = {
+        "python without imports": "",
+        "import drake_srg": "import drake_srg",
+        "all imports of a run": _IMPORTS,
+    }
+
+    def run(code: str) -> Callable[[], object]:
+        return lambda: subprocess.run([sys.executable, "-c", code], check=True)
+
+    return {what: _timed(run(code)) for what, code in programs.items()}
 
 
 def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:

@@ -13,5 +13,17 @@ def robust_deviation(residuals: npt.NDArray[Any]) -> float:
 
     Args:
         residuals: Normally distributed but for outliers, which are fewer than half.
+            Without any, the deviation is NaN.
     """
-    return 1.4826 * float(np.median(np.abs(residuals)))
+    return 1.4826 * _median(np.abs(residuals))
+
+
+def _median(values: npt.NDArray[Any]) -> float:
+    """Return np.median of values without NaN, in half of its time."""
+    if values.size == 0:
+        return np.nan
+    middle = values.size // 2
+    parts = np.partition(values, middle)
+    if values.size % 2:
+        return float(parts[middle])
+    return float((parts[:middle].max() + parts[middle]) / 2)

@@ -28,6 +28,7 @@ class Surface:
         Returns:
             Shape (n,).
         """
-        low, high = np.array(self.min) - margin, np.array(self.max) + margin
-        inside = (p_W[:, :2] >= low) & (p_W[:, :2] <= high)
-        return np.asarray(inside.all(axis=1))
+        inside = np.ones(len(p_W), bool)
+        for p, low, high in zip(p_W.T, self.min, self.max, strict=False):
+            inside &= (p >= low - margin) & (p <= high + margin)
+        return inside

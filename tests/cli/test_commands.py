@@ -1,8 +1,14 @@
+import json
+from pathlib import Path
+
 import pytest
 from replay.tiny_scene import record
 
 from drake_srg.cli import commands
 from drake_srg.cli.main import main
+from drake_srg.simulation import benchmark, peers
+from drake_srg.simulation.benchmark import Benchmark
+from drake_srg.simulation.peers import Peer
 
 
 def test_replay_makes_the_page_again_and_opens_it(tmp_path, capsys, monkeypatch):
@@ -53,3 +59,22 @@ def test_without_a_browser_the_page_is_there_nevertheless(
     assert main(["replay", str(tmp_path), "--open"]) == 2
     assert "--open: no browser found" in capsys.readouterr().err
     assert (tmp_path / "replay.html").is_file()
+
+
+def test_bench_tells_scenarios_imports_and_peers(capsys, monkeypatch):
+    measured = Benchmark("success", [0.001, 0.0, 0.0], 8.0, 0.6, 0.3, 0.1, 0.05, 0.4)
+    peer = Peer("1.5.2", True, 8.25, 0.8, 260.0)
+    monkeypatch.setattr(benchmark, "run_benchmark", lambda scenario, name: measured)
+    monkeypatch.setattr(benchmark, "import_times", lambda: {"import drake_srg": 0.02})
+    monkeypatch.setattr(peers, "measure_robosuite", {Path("other"): peer}.__getitem__)
+    assert main(["bench", "kitchen_fast", "--peers", "other"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-1] == "kitchen_fast : PickPlaceCan  0.75 of the wall clock"
+    assert "import drake_srg              0.02 s" in said
+    assert main(["bench", "kitchen_fast", "--peers", "other", "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["scenarios"]["kitchen_fast"]["total"] == 0.6
+    assert answer["imports"] == {"import drake_srg": 0.02}
+    assert answer["robosuite"]["lift_steps_per_s"] == 260.0
+    assert main(["bench", "kitchen_fast", "--json"]) == 0
+    assert "robosuite" not in json.loads(capsys.readouterr().out)

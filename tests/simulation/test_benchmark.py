@@ -7,6 +7,7 @@ from drake_srg.simulation import Simulate
 from drake_srg.simulation.benchmark import (
     Benchmark,
     benchmark_table,
+    import_times,
     run_benchmark,
     scenarios_with_fast_variant,
 )
@@ -21,6 +22,7 @@ def some_benchmark(total=4.0):
         plant=2.0,
         planning=0.5,
         rendering=0.25,
+        setup=0.4,
     )
 
 
@@ -33,6 +35,7 @@ def test_our_systems_take_the_rest_of_the_time():
     assert rows["speed : bare plant"] == "0.50"
     assert rows["placement error x, y"] == "1.00, -0.50 mm"
     assert rows["our systems"] == "1.25 s, 31%"
+    assert rows["before and after"] == "0.40 s"
 
 
 def test_the_table_has_one_column_per_scenario():
@@ -67,3 +70,17 @@ def test_a_benchmark_measures_every_part(monkeypatch):
     assert benchmark.rendering == looks > 0
     assert benchmark.planning == 0.0  # there was nothing to plan
     assert benchmark.total >= 1.0
+    assert benchmark.setup >= 1.0
+
+
+@pytest.mark.slow
+def test_imports_are_measured_in_processes_of_their_own(monkeypatch):
+    clock = itertools.count()
+    monkeypatch.setattr("time.perf_counter", lambda: float(next(clock)))
+    times = import_times()
+    assert list(times) == [
+        "python without imports",
+        "import drake_srg",
+        "all imports of a run",
+    ]
+    assert set(times.values()) == {1.0}

@@ -54,7 +54,7 @@ def MakeTimeParameterization(name: str) -> TimeParameterization:
         return drake_parameterization
     if name == "toppra":
         # toppra draws on request only.
-        with _on_demand("matplotlib", "matplotlib.pyplot"):
+        with on_demand("matplotlib", "matplotlib.pyplot"):
             from drake_srg.planning.motion.toppra_parameterization import (
                 toppra_parameterization,
             )
@@ -73,8 +73,12 @@ class _OnDemand(types.ModuleType):
 
 
 @contextlib.contextmanager
-def _on_demand(*names: str) -> Iterator[None]:
-    """Let the modules imported in the block import others only once they use them."""
+def on_demand(*names: str) -> Iterator[None]:
+    """Let the modules imported in the block import others only once they use them.
+
+    Args:
+        names: The others, as `import NAME` states them, parents too.
+    """
     waiting = {name: _OnDemand(name) for name in names if name not in sys.modules}
     sys.modules.update(waiting)
     try:

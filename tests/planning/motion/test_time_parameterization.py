@@ -9,7 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
-from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+from drake_srg.planning.motion.time_parameterization import (
+    MakeTimeParameterization,
+    on_demand,
+)
 from drake_srg.planning.motion.trajectories import grid_of, rounded_path
 
 NAMES = ("toppra", "drake")
@@ -131,8 +134,25 @@ import sys
 from drake_srg import MakeCell, load_scenario
 cell = MakeCell(load_scenario({scenario!r}, overrides=[{override!r}]))
 print("toppra" in sys.modules)
+assert "matplotlib.axes" not in sys.modules, "toppra only draws on request"
 """
     run = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert run.stdout.split() == [str(imported)]
+
+
+def test_a_module_on_demand_is_imported_when_it_is_used(tmp_path, monkeypatch):
+    (tmp_path / "drawing_on_demand").mkdir()
+    (tmp_path / "drawing_on_demand/pens.py").write_text("color = 'red'")
+    (tmp_path / "user_on_demand.py").write_text("import drawing_on_demand.pens as pens")
+    monkeypatch.syspath_prepend(tmp_path)
+    names = ("drawing_on_demand", "drawing_on_demand.pens")
+    with on_demand(*names):
+        import user_on_demand
+    assert not set(names) & set(sys.modules)
+    assert user_on_demand.pens.color == "red"
+    assert set(names) <= set(sys.modules)
+    with on_demand(*names):  # loaded modules stay
+        assert sys.modules[names[1]].color == "red"
+    assert set(names) <= set(sys.modules)
