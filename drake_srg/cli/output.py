@@ -15,6 +15,8 @@ COMMAND_PAGES = {
     "sweep": "docs/sweeps.md",
     "report": "docs/sweeps.md",
     "dataset": "docs/dataset.md",
+    "train": "docs/learning.md",
+    "evaluate": "docs/learning.md",
     "experiment": "docs/experiments.md",
     "export": "docs/export.md",
     "identify": "docs/gripper.md",

@@ -12,6 +12,7 @@ from drake_srg.cli import completion as cli_completion
 from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import export as cli_export
 from drake_srg.cli import identify as cli_identify
+from drake_srg.cli import learn as cli_learn
 from drake_srg.cli import new as cli_new
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
@@ -118,6 +119,8 @@ def make_parser() -> argparse.ArgumentParser:
     )
     cli_sweep.add_dataset_arguments(dataset)
 
+    _add_learning(add)
+
     replay = add(
         "replay",
         commands.replay,
@@ -204,6 +207,25 @@ def make_parser() -> argparse.ArgumentParser:
         "Exit code: 0 everything required works, 1 something required is missing.",
     )
     return parser
+
+
+def _add_learning(add: Callable[..., Any]) -> None:
+    """Add the commands that make and judge policies."""
+    train = add(
+        "train",
+        cli_learn.train,
+        "learn to grasp: train a policy in an environment",
+        "It writes the best policy, judged by episodes of its own, as policy.npz.",
+    )
+    cli_learn.add_train_arguments(train)
+
+    evaluate = add(
+        "evaluate",
+        cli_learn.evaluate,
+        "run a policy in many episodes, beside a rule and random actions",
+        "No episode took part in training. Exit code: 0 once all episodes have run.",
+    )
+    cli_learn.add_evaluate_arguments(evaluate)
 
 
 def _add_offers(add: Callable[..., Any]) -> None:
