@@ -51,6 +51,13 @@ class EpisodeStation:
             for name in ("scene_graph", "render_scene_graph")
             if self.station.HasSubsystemNamed(name)
         ]
+        # The scene graphs keep what `ReplaceObject` overwrites: copying their defaults
+        # takes as long as everything else.
+        self._reset = [
+            (system, system.GetMyMutableContextFromRoot(self.context))
+            for system in self.station.GetSystems()
+            if system not in self._scene_graphs
+        ]
         self._arm = self.plant.GetModelInstanceByName("arm")
         name = scenario.task.pick
         self._body = object_body(self.plant, self.plant.GetModelInstanceByName(name))
@@ -80,7 +87,8 @@ class EpisodeStation:
             scene: The object and its place.
             q: Of the arm's joints, shape (N,), where the arm stays for now.
         """
-        self.station.SetDefaultContext(self.context)
+        for system, context in self._reset:
+            system.SetDefaultContext(context)
         self.context.SetTime(0.0)
         self._ticks = 0
         for scene_graph in self._scene_graphs:

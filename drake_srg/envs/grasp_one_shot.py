@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.envs.episode_station import SimulationFailed
-from drake_srg.envs.hand_env import LOWEST, HandEnv, Observation
+from drake_srg.envs.hand_env import LOWEST, HandEnv, ObjectLost, Observation
 from drake_srg.envs.rewards import LIFTED
 
 # Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.
@@ -57,6 +57,8 @@ class GraspOneShotEnv(HandEnv):
             self.move(up, closure, _UP)
             if self.truth().height > LIFTED:
                 self.success = self.survives_shake()
+        except ObjectLost:
+            pass
         except SimulationFailed as error:
             return self.failed_step(error)
         self.lost = not self.success

@@ -31,11 +31,19 @@ OBSERVATIONS = ("state",)
 # The shake that a grasp must survive: acceleration at its peak along x and y [m/s²],
 # about 0.7 g together, at 2 Hz for 1.5 s from rest to rest.
 _SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
+# An object is lost this far outside the hand's workspace [m], or at this speed [m/s],
+# which is far above the hand's own. A small object that is flung away and spins needs
+# shorter steps than one that is carried.
+_AWAY, _FLYING = 0.15, 1.5
 # Height at the start of an episode, of the grasp centre above the table [m]: 5 cm over
 # the tallest object.
 START_HEIGHT = 0.17
 # The open fingers' ends are 20 mm beyond the grasp centre [m].
 LOWEST = 0.025
+
+
+class ObjectLost(Exception):
+    """The object flies or has left the place: the episode cannot succeed any more."""
 
 
 class HandEnv(gymnasium.Env[Any, Observation]):
@@ -52,6 +60,8 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         observation: `state`.
         reward: `shaped`, `success`, or a function; see `drake_srg.envs.rewards`.
         noise: Standard deviation of the object's estimated position [m].
+        critic: Whether `info["critic"]` has the ground truth, see
+            `critic_observation`.
         touch: Whether observations include the fingers' forces; zeros otherwise.
         render_mode: `rgb_array` for images of the scenario's video camera.
         overrides: Entries `KEY=VALUE` for the scenario, as for `load_scenario`.
@@ -78,6 +88,7 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         reward: str | Reward = "shaped",
         noise: float = 0.005,
         touch: bool = True,
+        critic: bool = False,
         render_mode: str | None = None,
         overrides: Sequence[str] = (),
         **unknown: Any,
@@ -85,7 +96,7 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         for name in unknown:
             allowed = [
                 *("scenario", "physics", "driver", "observation", "reward", "noise"),
-                *("touch", "render_mode", "overrides"),
+                *("touch", "critic", "render_mode", "overrides"),
             ]
             raise ScenarioError(f"unknown keyword {name!r} {suggest(name, allowed)}")
         choose("observation", observation, OBSERVATIONS)
@@ -95,6 +106,7 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         self.physics = Physics(physics, driver)
         self.render_mode = render_mode
         self.touch = touch
+        self.critic = critic
         self._reward = reward if callable(reward) else REWARDS[reward]
         tree = self.physics.scenario_tree(scenario, overrides)
         self.scenes = SceneSource(tree, str(scenario), noise)
@@ -112,7 +124,6 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         self._high[2] += self.table
         self._q_start = self._joints_at(self.over(self._center, 0.0))
         self.scene: Scene | None = None
-        self.failure: str | None = None
         n = len(self.observation_names)
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (n,), np.float32)
         n = len(self.action_names)
@@ -152,9 +163,10 @@ class HandEnv(gymnasium.Env[Any, Observation]):
             self.scene = self.scenes.replay(options["scene"])
         else:
             self.scene = self.scenes.draw(self.np_random)
-        self.failure = None
         self.begin(self._q_start)
-        return self.observe(), self.info(self.truth())
+        info = self.info(self.truth())
+        info["scene"] = copy.deepcopy(dict(self.scene.tree))
+        return self.observe(), info
 
     def begin(self, q: Vector) -> None:
         """Put arm and object at their start."""
@@ -166,10 +178,19 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         self.success = self.lost = False
 
     def tick(self, pose: Vector, closure: float) -> None:
-        """Simulate one control period towards a pose (4) and a closure."""
+        """Simulate one control period towards a pose (4) and a closure.
+
+        Raises:
+            SimulationFailed: If Drake gives up.
+            ObjectLost: If nothing can become of the episode any more.
+        """
         self.pose, self.closure = pose, closure
         self.q_commanded = self.mover.follow(self.q_commanded, pose)
         self.station.advance(self.q_commanded, closure)
+        p_WO = self.station.X_WO().translation()
+        away = np.any(p_WO < self._low - _AWAY) or np.any(p_WO > self._high + _AWAY)
+        if away or self.station.speed() > _FLYING:
+            raise ObjectLost
 
     def move(self, pose: Vector, closure: float, ticks: int) -> None:
         """Move the hand to a pose with minimum jerk."""
@@ -221,13 +242,13 @@ class HandEnv(gymnasium.Env[Any, Observation]):
 
     def info(self, truth: Truth) -> dict[str, Any]:
         """Return what only the trainer may know."""
-        assert self.scene is not None
-        return {
-            "scene": copy.deepcopy(dict(self.scene.tree)),
+        info: dict[str, Any] = {
             "success": truth.success,
-            "failure": self.failure or "",
-            "critic": self.critic_observation(truth),
+            "failure": "",
         }
+        if self.critic:
+            info["critic"] = self.critic_observation(truth)
+        return info
 
     def critic_observation(self, truth: Truth) -> Observation:
         """Return the ground truth as numbers, for critics that are not deployed.
@@ -250,14 +271,12 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         self, error: SimulationFailed
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Return what a step returns that Drake could not simulate."""
-        self.failure = str(error)
-        assert self.scene is not None
-        info = {
-            "scene": copy.deepcopy(dict(self.scene.tree)),
+        info: dict[str, Any] = {
             "success": False,
-            "failure": self.failure,
-            "critic": np.zeros(7, dtype=np.float32),
+            "failure": str(error),
         }
+        if self.critic:
+            info["critic"] = np.zeros(7, dtype=np.float32)
         return np.zeros(self.observation_space.shape, np.float32), 0.0, False, True, info
 
     def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]  # one frame

@@ -9,7 +9,7 @@ from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.scenario.load import load_tree
-from drake_srg.scenario.yaml_tree import merge, set_key
+from drake_srg.scenario.yaml_tree import merge
 
 # Time between actions [s]: 21.3 Hz, exact in binary, as are all periods below.
 CONTROL_PERIOD = 3 / 64
@@ -53,8 +53,8 @@ _ACCURATE: dict[str, dict[str, Any]] = {
 }
 DRIVERS = tuple(_DRIVERS)
 
-# Steps of the plant per control period. `train`: 12 ms; `accurate`: 1.5 ms.
-_TRAIN_STEPS, _ACCURATE_STEPS = 4, 32
+# Steps of the plant per control period: 12, 3 and 1.5 ms.
+_COARSE, _FINE, _FINEST = 4, 16, 32
 
 
 @dc.dataclass(frozen=True)
@@ -62,9 +62,11 @@ class Physics:
     """How an environment simulates.
 
     Attributes:
-        name: `train`: steps of 12 ms, an arm without weight, as coarse as still lifts;
-            `fast`: the scenario's own plant, with steps that divide the control
-            period; `accurate`: steps of 1.5 ms and the hand's fine geometry.
+        name: `train`: Drake's convex integrator in steps of 12 ms without error
+            control, and an arm without weight; `fast`: the scenario's own plant, in
+            steps that divide the control period; `accurate`: `sap` in steps of 1.5 ms,
+            and the hand's fine geometry. The wires of `tendon` need a discrete plant:
+            there, `train` is `lagged` in steps of 3 ms.
         driver: Of the gripper: `plant`, `position` or `tendon`.
     """
 
@@ -85,46 +87,59 @@ class Physics:
             overrides: Entries `KEY=VALUE`, as for `load_scenario`.
 
         Raises:
-            ScenarioError: If the scenario cannot be read, has no arm or gripper, or its
-                physics and the driver do not go together.
+            ScenarioError: If the scenario cannot be read, or has no arm or gripper.
         """
         tree = load_tree(scenario, overrides)
         for key in ("arm", "gripper"):
             if not isinstance(tree.get(key), dict):
                 raise ScenarioError(f"{scenario}: {key}: an environment needs one")
-        plant = tree.get("plant_config") or {}
-        own_step = plant.get("time_step", 0.001)
-        if self.name == "fast" and own_step == 0.0:
-            step = tree["simulator_config"]["max_step_size"]
-            changes: dict[str, Any] = {}
-        else:
-            steps = {"train": _TRAIN_STEPS, "accurate": _ACCURATE_STEPS}.get(
-                self.name, max(round(CONTROL_PERIOD / (own_step or 1.0)), 1)
-            )
-            step = CONTROL_PERIOD / steps
-            changes = {
-                "plant_config": {
-                    "time_step": step,
-                    "discrete_contact_approximation": "sap",
-                },
-                "simulator_config": None,
-            }
+        own = (tree.get("plant_config") or {}).get("time_step", 0.001)
+        changes = self._plant(own)
         changes["arm"] = {
-            "period": step,
+            "period": (changes["plant_config"]["time_step"] or CONTROL_PERIOD / _COARSE),
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
-        tree = merge(tree, changes, str(scenario))
-        if changes.get("simulator_config", 0) is None:
-            tree.pop("simulator_config", None)
-        tree["gripper"] = self._gripper(tree["gripper"])
+        # What CENIC asks for; nothing is recorded.
+        changes["recording"] = {"period": CONTROL_PERIOD, "video_fps": 16}
         if self.name == "accurate":
-            set_key(
-                tree,
-                "directives.gripper.add_model.file",
-                "package://drake_srg/sdf/srg.sdf",
-            )
+            hand = "package://drake_srg/sdf/srg.sdf"
+            changes["directives"] = {"gripper": {"add_model": {"file": hand}}}
+        if changes["plant_config"]["time_step"] > 0.0:
+            tree.pop("simulator_config", None)
+        tree = merge(tree, changes, str(scenario))
+        tree["gripper"] = self._gripper(tree["gripper"])
         return tree
+
+    def _plant(self, own_step: float) -> dict[str, Any]:
+        """Return what becomes of a scenario's plant and simulator.
+
+        Args:
+            own_step: The scenario's own time step [s], 0 for a continuous plant.
+        """
+        continuous = self.driver != "tendon"
+        if self.name == "train" and continuous:
+            return {
+                "plant_config": {"time_step": 0.0},
+                "simulator_config": {
+                    "integration_scheme": "cenic",
+                    "max_step_size": CONTROL_PERIOD / _COARSE,
+                    "accuracy": 1e-2,
+                    "use_error_control": False,
+                },
+            }
+        if self.name == "fast" and own_step == 0.0 and continuous:
+            return {"plant_config": {"time_step": 0.0}}
+        if self.name == "accurate":
+            steps, contact = _FINEST, "sap"
+        elif self.name == "train" or own_step == 0.0:
+            steps, contact = _FINE, "lagged"
+        else:
+            steps, contact = max(round(CONTROL_PERIOD / own_step), 1), ""
+        plant: dict[str, Any] = {"time_step": CONTROL_PERIOD / steps}
+        if contact:
+            plant["discrete_contact_approximation"] = contact
+        return {"plant_config": plant}
 
     def _gripper(self, own: dict[str, Any]) -> Any:
         gripper = merge(own, _DRIVERS[self.driver])
@@ -138,7 +153,6 @@ def choose(keyword: str, value: Any, allowed: Iterable[str]) -> None:
         ScenarioError: If it is not among those allowed.
     """
     if value not in (allowed := tuple(allowed)):
-        problem = suggest(value, allowed) if isinstance(value, str) else (
-            f"(allowed: {', '.join(allowed)})"
+        raise ScenarioError(
+            f"{keyword}: unknown {value!r} {suggest(str(value), allowed)}"
         )
-        raise ScenarioError(f"{keyword}: unknown {value!r} {problem}")

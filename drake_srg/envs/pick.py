@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from drake_srg.envs.episode_station import SimulationFailed
-from drake_srg.envs.hand_env import HandEnv, Observation
-from drake_srg.envs.rewards import LIFTED
+from drake_srg.envs.hand_env import HandEnv, ObjectLost, Observation
+from drake_srg.envs.rewards import LIFTED, Truth
 
 MAX_STEPS = 100  # 4.7 s
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
@@ -79,22 +79,25 @@ class PickEnv(HandEnv):
         pose[3] = np.clip(pose[3], -3.0, 3.0)
         before = self._truth
         try:
-            self.tick(pose, 0.5 * (a[4] + 1.0))
             self._steps += 1
-            terminated = self.finish()
+            self.tick(pose, 0.5 * (a[4] + 1.0))
+            self._truth = self.truth()
+            terminated = self.finish(self._truth)
+        except ObjectLost:
+            terminated, self.success, self.lost = True, False, True
         except SimulationFailed as error:
             return self.failed_step(error)
-        self._truth = truth = self.truth()
+        if terminated:
+            self._truth = self.truth()
+        truth = self._truth
         truncated = not terminated and self._steps >= MAX_STEPS
         reward = self._reward(before, truth)
         return self.observe(), reward, terminated, truncated, self.info(truth)
 
-    def finish(self) -> bool:
+    def finish(self, truth: Truth) -> bool:
         """Return whether the episode is over, after a shake if the object is up."""
-        height = self.truth().height
-        if height > LIFTED:
-            self.success = self.survives_shake()
-            self.lost = not self.success
-            return True
-        self.lost = height < -0.01  # off the table
-        return self.lost
+        if truth.height <= LIFTED:
+            return False
+        self.success = self.survives_shake()
+        self.lost = not self.success
+        return True
