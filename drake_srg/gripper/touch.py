@@ -1,7 +1,7 @@
 """Force sensors in the finger links, which read the plant's contacts."""
 
 import dataclasses as dc
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -11,7 +11,7 @@ from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
 
-from drake_srg.common.contacts import each_contact
+from drake_srg.common.contacts import Contact, each_contact
 from drake_srg.gripper.finger_layout import INWARD, FingerLayout
 from drake_srg.gripper.finger_sensor import FingerSensorConfig
 from drake_srg.lifetime import LeafSystem
@@ -98,37 +98,38 @@ class ContactForceSensors(LeafSystem):
                 prerequisites_of_calc={self._contacts.ticket(), self._poses.ticket()},
             )
 
+    def _applied(self, context: Context) -> Iterator[tuple[int, float, Contact]]:
+        """Yield each contact on a link: the sensor's index, the sign of A's force."""
+        contacts: ContactResults = self._contacts.Eval(context)
+        for contact in each_contact(contacts):
+            for id_, sign in ((contact.id_A, 1.0), (contact.id_B, -1.0)):
+                sensor = self._sensor_of_geometry.get(id_)
+                if sensor is not None:
+                    yield sensor, sign, contact
+
     def _wrenches(self, context: Context) -> Vector:
         """Return [torque; force] on each link at its origin, in its frame, (m, 6)."""
-        contacts: ContactResults = self._contacts.Eval(context)
         wrenches = np.zeros((len(self._bodies), 6))
-        applied: list[tuple[int, Vector, Vector, Vector]] = []
-        for contact in each_contact(contacts):
-            sides = [
-                (self._sensor_of_geometry.get(contact.id_A), 1.0),
-                (self._sensor_of_geometry.get(contact.id_B), -1.0),
-            ]
-            if all(sensor is None for sensor, _ in sides):
-                continue
+        for sensor, sign, contact in self._applied(context):
             F_Ac_W = contact.F_Ac_W()
-            torque, force = F_Ac_W.rotational(), F_Ac_W.translational()
-            for sensor, sign in sides:
-                if sensor is not None:
-                    applied.append(
-                        (sensor, contact.p_WC(), sign * torque, sign * force)
-                    )
-        if applied:
-            poses = self._poses.Eval(context)
-            for sensor, p_WC, torque, force in applied:
-                X_WL = poses[self._bodies[sensor]]
-                R_LW = X_WL.rotation().matrix().T
-                moment = torque + np.cross(p_WC - X_WL.translation(), force)
-                wrenches[sensor] += np.concatenate([R_LW @ moment, R_LW @ force])
+            X_WL = self._poses.Eval(context)[self._bodies[sensor]]
+            R_LW = X_WL.rotation().matrix().T
+            force = sign * F_Ac_W.translational()
+            lever = contact.p_WC() - X_WL.translation()
+            moment = sign * F_Ac_W.rotational() + np.cross(lever, force)
+            wrenches[sensor] += np.concatenate([R_LW @ moment, R_LW @ force])
         return wrenches
 
-    def _forces(self, context: Context) -> Vector:
-        # Pressure on the closing side pushes outwards.
-        return np.maximum(-self._wrenches(context)[:, 3:] @ INWARD, 0.0)
+    def _forces(self, context: Context) -> list[float]:
+        # Pressure on the closing side pushes outwards. Without the torques, this takes a
+        # fifth of the time of the wrenches.
+        forces = [0.0] * len(self._bodies)
+        for sensor, sign, contact in self._applied(context):
+            X_WL = self._poses.Eval(context)[self._bodies[sensor]]
+            inward = X_WL.rotation().matrix() @ INWARD
+            force = contact.F_Ac_W().translational()
+            forces[sensor] -= sign * float(force @ inward)
+        return [max(force, 0.0) for force in forces]
 
     def _calc_contact_force(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._forces(context))
@@ -137,8 +138,9 @@ class ContactForceSensors(LeafSystem):
         output.SetFromVector(self._wrenches(context).flatten())
 
     def _calc_triggered(self, context: Context, output: BasicVector) -> None:
-        fired = self._forces(context) >= self.config.trigger_force
-        output.SetFromVector(fired.astype(float))
+        trigger = self.config.trigger_force
+        forces = self.get_output_port(0).Eval(context)  # cached
+        output.SetFromVector([float(force >= trigger) for force in forces])
 
 
 def AddContactForceSensors(

@@ -1,0 +1,35 @@
+"""Environments to learn grasping in, for gymnasium (docs/learning.md).
+
+Gymnasium knows them as soon as drake_srg is installed::
+
+    import gymnasium
+
+    env = gymnasium.make("drake_srg/Pick-v0", physics="train", driver="plant")
+
+In a checkout that is not installed, import this package first.
+"""
+
+from __future__ import annotations
+
+import gymnasium
+
+# The scenario of each environment is a keyword like the others.
+ENVIRONMENTS: dict[str, tuple[str, str]] = {
+    "GraspOneShot-v0": ("grasp_one_shot:GraspOneShotEnv", "learn_bench"),
+    "Pick-v0": ("pick:PickEnv", "learn_bench"),
+}
+
+
+def register_envs() -> None:
+    """Make the environments known to gymnasium, in the namespace `drake_srg`."""
+    for name, (entry_point, scenario) in ENVIRONMENTS.items():
+        env_id = f"drake_srg/{name}"
+        if env_id not in gymnasium.registry:
+            gymnasium.register(
+                env_id,
+                entry_point=f"drake_srg.envs.{entry_point}",
+                kwargs={"scenario": scenario},
+            )
+
+
+register_envs()

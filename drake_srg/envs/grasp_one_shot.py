@@ -1,0 +1,67 @@
+"""GraspOneShot: one action is one grasp."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from drake_srg.envs.episode_station import SimulationFailed
+from drake_srg.envs.hand_env import LOWEST, HandEnv, ObjectLost, Observation
+from drake_srg.envs.rewards import LIFTED
+
+# Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.
+_DOWN, _CLOSE, _UP = 16, 16, 12
+_REACH = 0.04  # around the estimated position [m]
+_HEIGHTS = (LOWEST, 0.115)  # of the grasp centre above the table [m]
+_MOST_PRESHAPE = 0.45
+
+
+class GraspOneShotEnv(HandEnv):
+    """Chooses a whole grasp at once; an episode has a single step.
+
+    Action: x and y of the grasp centre from the estimated position (1 is 4 cm), its
+    height above the table (2.5 .. 11.5 cm), the yaw from the object's (1 is 90
+    degrees), the closure on the way down (0 .. 0.45), and the closure of the grasp
+    (0 .. 1). The hand comes down, closes, lifts and shakes.
+    """
+
+    action_names = ("x", "y", "height", "yaw", "preshape", "closure")
+    observation_names = ("size_x", "size_y", "size_z", "round")
+
+    def observe(self) -> Observation:
+        """Return the object's size, 1 for 0.15 m, and whether it is round."""
+        assert self.scene is not None
+        size = self.scene.shape.bounding_size / 0.15
+        values = [*size, float(self.scene.is_round)]
+        return np.clip(np.array(values, dtype=np.float32), -1.0, 1.0)
+
+    def step(
+        self, action: Any
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Grasp, lift and shake."""
+        a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        estimate = self.estimate
+        height = _HEIGHTS[0] + 0.5 * (a[2] + 1.0) * (_HEIGHTS[1] - _HEIGHTS[0])
+        yaw = estimate[3] + a[3] * 0.5 * np.pi
+        xy = estimate[:2] + _REACH * a[:2]
+        over = self.over(xy, yaw)
+        grasp = np.array([*xy, self.table + height, yaw])
+        preshape = _MOST_PRESHAPE * 0.5 * (a[4] + 1.0)
+        closure = 0.5 * (a[5] + 1.0)
+        try:
+            self.begin(self._joints_at(over))
+            self.move(grasp, preshape, _DOWN)
+            self.move(grasp, closure, _CLOSE)
+            up = grasp + [0.0, 0.0, LIFTED + 0.02, 0.0]
+            self.move(up, closure, _UP)
+            if self.truth().height > LIFTED:
+                self.success = self.survives_shake()
+        except ObjectLost:
+            pass
+        except SimulationFailed as error:
+            return self.failed_step(error)
+        self.lost = not self.success
+        truth = self.truth()
+        reward = self._reward(None, truth)
+        return self.observe(), reward, True, False, self.info(truth)

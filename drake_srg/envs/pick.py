@@ -1,0 +1,103 @@
+"""Pick: small motions of the hand until the object is up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from drake_srg.envs.episode_station import SimulationFailed
+from drake_srg.envs.hand_env import HandEnv, ObjectLost, Observation
+from drake_srg.envs.rewards import LIFTED, Truth
+
+MAX_STEPS = 100  # 4.7 s
+# A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
+_STEP = np.array([0.02, 0.02, 0.02, 0.1])
+# What entries of the observation are 1 for.
+_NEAR, _SIZE, _ANGLE, _SPEED, _FORCE = 0.2, 0.15, 2.0, 4.0, 20.0
+
+
+class PickEnv(HandEnv):
+    """Moves the hand and its closure until the object is lifted and shaken.
+
+    Action: motion of the hand along x, y, z (1 is 2 cm) and about the vertical (1 is
+    0.1 rad), and the closure (-1 open .. 1 closed). Once the object's underside is
+    10 cm up, the hand shakes it: the episode ends, in success if the object stays up.
+    """
+
+    action_names = ("x", "y", "z", "yaw", "closure")
+    observation_names = (
+        *("object_x", "object_y", "object_z", "cos_2yaw", "sin_2yaw", "height"),
+        *("size_x", "size_y", "size_z", "round"),
+        *(f"angle_{i}" for i in range(4)),
+        *(f"speed_{i}" for i in range(4)),
+        *(f"force_{i}" for i in range(4)),
+        *("closure", "time"),
+    )
+
+    def begin(self, q: Any) -> None:
+        """See `HandEnv`."""
+        super().begin(q)
+        self._steps = 0
+        self._truth = self.truth()
+
+    def observe(self) -> Observation:
+        """Return what the hand senses, and the object as it was estimated."""
+        assert self.scene is not None
+        hand = self.mover.pose(self.station.measured("arm.state_measured")[: self._n])
+        estimate = self.estimate
+        turn = 2.0 * (estimate[3] - hand[3])
+        round_ = self.scene.is_round
+        fingers = self.station.measured("gripper.state_measured")
+        force = self.station.measured("gripper.contact_force")
+        values = np.concatenate(
+            [
+                (estimate[:3] - hand[:3]) / _NEAR,
+                (1.0, 0.0) if round_ else (np.cos(turn), np.sin(turn)),
+                [(hand[2] - self.table) / _NEAR],
+                self.scene.shape.bounding_size / _SIZE,
+                [float(round_)],
+                fingers[:4] / _ANGLE,
+                fingers[4:] / _SPEED,
+                force / _FORCE if self.touch else np.zeros(4),
+                [2.0 * self.closure - 1.0, 2.0 * self._steps / MAX_STEPS - 1.0],
+            ]
+        )
+        return np.clip(values, -1.0, 1.0).astype(np.float32)
+
+    @property
+    def _n(self) -> int:
+        return len(self._home)
+
+    def step(
+        self, action: Any
+    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Move the hand for one control period."""
+        a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        pose = self.pose + _STEP * a[:4]
+        pose[:3] = np.clip(pose[:3], self._low, self._high)
+        pose[3] = np.clip(pose[3], -3.0, 3.0)
+        before = self._truth
+        try:
+            self._steps += 1
+            self.tick(pose, 0.5 * (a[4] + 1.0))
+            self._truth = self.truth()
+            terminated = self.finish(self._truth)
+        except ObjectLost:
+            terminated, self.success, self.lost = True, False, True
+        except SimulationFailed as error:
+            return self.failed_step(error)
+        if terminated:
+            self._truth = self.truth()
+        truth = self._truth
+        truncated = not terminated and self._steps >= MAX_STEPS
+        reward = self._reward(before, truth)
+        return self.observe(), reward, terminated, truncated, self.info(truth)
+
+    def finish(self, truth: Truth) -> bool:
+        """Return whether the episode is over, after a shake if the object is up."""
+        if truth.height <= LIFTED:
+            return False
+        self.success = self.survives_shake()
+        self.lost = not self.success
+        return True
