@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.random import default_rng
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import Act
 from drake_srg.learning.network import Array
+from drake_srg.learning.rules import RULES
 
 RANDOM, RULE = "random", "rule"
 BASELINES = (RULE, RANDOM)
@@ -27,15 +27,16 @@ def random_policy(actions: int, seed: int) -> Act:
     return act
 
 
-def rule_of(env: Any) -> Callable[[Array], Array]:
-    """Return the hand-written policy of an environment: its method `rule`.
+def rule_of(env: Any) -> Act:
+    """Return the hand-written policy of an environment.
+
+    It is one of `rules.RULES`, or the method `rule` of somebody else's environment.
 
     Raises:
         ScenarioError: If it has none.
     """
-    rule: Callable[[Array], Array] | None = getattr(env.unwrapped, "rule", None)
+    name = env.spec.id if env.spec else type(env).__name__
+    rule: Act | None = RULES.get(name) or getattr(env.unwrapped, "rule", None)
     if rule is None:
-        raise ScenarioError(
-            f"ENV: {env.spec.id if env.spec else env}: has no hand-written rule"
-        )
+        raise ScenarioError(f"ENV: {name}: has no hand-written rule")
     return rule

@@ -52,16 +52,16 @@ class Episode:
         actions: Shape (steps, m).
         rewards: Shape (steps,).
         success: Whether the object was held at the end, through a shake.
-        reason: Why the simulator ended it early, or "".
-        info: Of the last step.
+        failure: Why the simulator ended it early, or "".
+        scene: What the environment drew, as plain data.
     """
 
     observations: Array
     actions: Array
     rewards: Array
     success: bool
-    reason: str
-    info: Mapping[str, Any]
+    failure: str
+    scene: Mapping[str, Any]
 
 
 def run_episode(env: Any, act: Act, seed: int) -> Episode:
@@ -73,6 +73,7 @@ def run_episode(env: Any, act: Act, seed: int) -> Episode:
         seed: Of the episode.
     """
     observation, info = env.reset(seed=seed)
+    scene = info.get("scene", {})
     observations, actions, rewards = [observation], [], []
     ended = False
     while not ended:
@@ -87,8 +88,8 @@ def run_episode(env: Any, act: Act, seed: int) -> Episode:
         np.array(actions, np.float32),
         np.array(rewards, np.float32),
         bool(info.get("success", False)),
-        str(info.get("reason", "")),
-        info,
+        str(info.get("failure", "")),
+        scene,
     )
 
 

@@ -15,7 +15,7 @@ import json
 import os
 import socket
 import time as wall
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -149,12 +149,12 @@ def run_trial(
         episode = run_episode(env, act, seed + trial)
         row |= {
             "success": episode.success,
-            "failure": None if episode.success else episode.reason or "no_grasp",
+            "failure": None if episode.success else episode.failure or "no_grasp",
             "message": None,
             "episode.steps": len(episode.actions),
             "episode.return": float(episode.rewards.sum()),
         }
-        row |= _scene(episode.info)
+        row |= dict(_leaves("scene", episode.scene))
     except Exception as error:
         row["message"] = f"{type(error).__name__}: {one_line(error)}"
     gc.collect()
@@ -164,16 +164,16 @@ def run_trial(
     return TrialResult(row)
 
 
-def _scene(info: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the drawn values of an episode, as columns of the report."""
-    scene = info.get("scene", {})
-    if not isinstance(scene, Mapping):
-        return {}
-    return {
-        f"scene.{key}": value
-        for key, value in scene.items()
-        if isinstance(value, int | float | str)
-    }
+def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers and words of a scene by dotted keys: columns of the report."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(f"{key}.{name}", inner)
+    elif isinstance(value, list | tuple):
+        for index, inner in enumerate(value):
+            yield from _leaves(f"{key}[{index}]", inner)
+    elif isinstance(value, bool | int | float | str):
+        yield key, float(value) if isinstance(value, int) else value
 
 
 def _actor(policy: str, environment: str, keywords: str, seed: int) -> tuple[Any, Act]:
