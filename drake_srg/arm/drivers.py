@@ -185,7 +185,7 @@ def AddArmPositionDriver(
         )
     else:
         interpolator = AddLinearInterpolation(
-            inner, n, config.command_period, config.period
+            inner, np.array(config.home), config.command_period, config.period
         )
     inner.ExportOutput(interpolator.get_output_port(), "desired_state")
     errors = config.errors

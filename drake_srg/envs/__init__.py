@@ -17,6 +17,8 @@ import gymnasium
 ENVIRONMENTS: dict[str, tuple[str, str]] = {
     "GraspOneShot-v0": ("grasp_one_shot:GraspOneShotEnv", "learn_bench"),
     "Pick-v0": ("pick:PickEnv", "learn_bench"),
+    "KitchenPick-v0": ("pick:PickEnv", "learn_kitchen"),
+    "KitchenPickPlace-v0": ("pick_place:PickPlaceEnv", "learn_kitchen"),
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,7 +18,7 @@ from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.envs.episode_station import EpisodeStation, SimulationFailed
 from drake_srg.envs.movers import MakeMover
 from drake_srg.envs.physics import CONTROL_PERIOD, Physics, choose
-from drake_srg.envs.rewards import LIFTED, REWARDS, Reward, Truth
+from drake_srg.envs.rewards import LIFTED, REWARDS, Reward, Truth, pick_progress
 from drake_srg.envs.scenes import Scene, SceneSource
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.scenario.load import draw_scenario
@@ -116,6 +117,7 @@ class HandEnv(gymnasium.Env[Any, Observation]):
             self._home = np.array(loaded.arm.home)  # type: ignore[union-attr]  # checked by scenario_tree
             self.mover = MakeMover(MakeModelsPlant(loaded), self._home)
         self.table = loaded.table.height
+        self.goal = np.array(loaded.task.place.position)
         self._center = 0.5 * np.add(loaded.task.region.min, loaded.task.region.max)
         # Where the hand may go: the region and 8 cm around it [x, y, z].
         self._low = np.append(np.array(loaded.task.region.min) - 0.08, LOWEST)
@@ -220,20 +222,27 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         yaw = 0.0 if self.scene.is_round else thing.yaw
         return np.array([*xy, self.table + 0.5 * self.scene.shape.height, yaw])
 
+    def hand(self) -> Vector:
+        """Return the hand's measured pose, shape (4,)."""
+        state = self.station.measured("arm.state_measured")
+        return self.mover.pose(state[: len(self._home)])
+
     def truth(self) -> Truth:
         """Return the present ground truth."""
         assert self.scene is not None
         X_WO = self.station.X_WO()
         p_WO = X_WO.translation()
         down = -X_WO.rotation().matrix()[2]
-        underside = p_WO[2] - self.scene.shape.half_extent(down) - self.table
+        height = float(p_WO[2] - self.scene.shape.half_extent(down) - self.table)
         hand = self.mover.pose(self.station.q())
-        force = self.station.measured("gripper.contact_force")
-        touching = [max(force[0], force[2]) > 0.0, max(force[1], force[3]) > 0.0]
+        reach = math.dist(p_WO, hand[:3])
+        force = self.station.measured("gripper.contact_force").tolist()
+        touching = 0.5 * (max(force[::2]) > 0.0) + 0.5 * (max(force[1::2]) > 0.0)
         return Truth(
-            reach=float(np.linalg.norm(p_WO - hand[:3])),
-            height=float(underside),
-            touching=0.5 * sum(touching),
+            reach=reach,
+            height=height,
+            touching=touching,
+            progress=pick_progress(reach, touching, height),
             success=self.success,
             lost=self.lost,
             scene=self.scene,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from drake_srg.envs.episode_station import SimulationFailed
 from drake_srg.envs.hand_env import HandEnv, ObjectLost, Observation
 from drake_srg.envs.rewards import LIFTED, Truth
 
-MAX_STEPS = 100  # 4.7 s
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
 _STEP = np.array([0.02, 0.02, 0.02, 0.1])
 # What entries of the observation are 1 for.
@@ -25,6 +24,7 @@ class PickEnv(HandEnv):
     10 cm up, the hand shakes it: the episode ends, in success if the object stays up.
     """
 
+    max_steps: ClassVar[int] = 100  # 4.7 s
     action_names = ("x", "y", "z", "yaw", "closure")
     observation_names = (
         *("object_x", "object_y", "object_z", "cos_2yaw", "sin_2yaw", "height"),
@@ -44,7 +44,7 @@ class PickEnv(HandEnv):
     def observe(self) -> Observation:
         """Return what the hand senses, and the object as it was estimated."""
         assert self.scene is not None
-        hand = self.mover.pose(self.station.measured("arm.state_measured")[: self._n])
+        hand = self.hand()
         estimate = self.estimate
         turn = 2.0 * (estimate[3] - hand[3])
         round_ = self.scene.is_round
@@ -60,14 +60,10 @@ class PickEnv(HandEnv):
                 fingers[:4] / _ANGLE,
                 fingers[4:] / _SPEED,
                 force / _FORCE if self.touch else np.zeros(4),
-                [2.0 * self.closure - 1.0, 2.0 * self._steps / MAX_STEPS - 1.0],
+                [2.0 * self.closure - 1.0, 2.0 * self._steps / self.max_steps - 1.0],
             ]
         )
         return np.clip(values, -1.0, 1.0).astype(np.float32)
-
-    @property
-    def _n(self) -> int:
-        return len(self._home)
 
     def step(
         self, action: Any
@@ -90,7 +86,7 @@ class PickEnv(HandEnv):
         if terminated:
             self._truth = self.truth()
         truth = self._truth
-        truncated = not terminated and self._steps >= MAX_STEPS
+        truncated = not terminated and self._steps >= self.max_steps
         reward = self._reward(before, truth)
         return self.observe(), reward, terminated, truncated, self.info(truth)
 
