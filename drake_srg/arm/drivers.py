@@ -50,8 +50,8 @@ class ArmPositionDriver:
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
     # Period at which commands are sampled and gravity is compensated [s].
     period: float = dc.field(default=0.005, metadata=positive())
-    # Time between commands [s], a multiple of `period`: the arm moves evenly from one to
-    # the next, one such time late. Null: it takes every command as it is.
+    # Time between commands [s], a multiple of `period`: the arm moves evenly from one
+    # to the next, one such time late. Null: it takes every command as it is.
     command_period: float | None = dc.field(default=None, metadata=positive())
     # Whether arm and gripper have no weight, in place of being compensated for it: the
     # same motion without a computation every `period`.

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.envs.episode_station import SimulationFailed
-from drake_srg.envs.hand_env import LOWEST, HandEnv, ObjectLost, Observation
+from drake_srg.envs.episode_station import SimulationError
+from drake_srg.envs.hand_env import LOWEST, HandEnv, ObjectLostError, Observation
 from drake_srg.envs.rewards import LIFTED
 
 # Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.
@@ -53,13 +53,13 @@ class GraspOneShotEnv(HandEnv):
             self.begin(self._joints_at(over))
             self.move(grasp, preshape, _DOWN)
             self.move(grasp, closure, _CLOSE)
-            up = grasp + [0.0, 0.0, LIFTED + 0.02, 0.0]
+            up = np.array([*grasp[:2], grasp[2] + LIFTED + 0.02, yaw])
             self.move(up, closure, _UP)
             if self.truth().height > LIFTED:
                 self.success = self.survives_shake()
-        except ObjectLost:
+        except ObjectLostError:
             pass
-        except SimulationFailed as error:
+        except SimulationError as error:
             return self.failed_step(error)
         self.lost = not self.success
         truth = self.truth()

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors, suggest
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
-from drake_srg.envs.episode_station import EpisodeStation, SimulationFailed
+from drake_srg.envs.episode_station import EpisodeStation, SimulationError
 from drake_srg.envs.movers import MakeMover
 from drake_srg.envs.physics import CONTROL_PERIOD, Physics, choose
 from drake_srg.envs.rewards import LIFTED, REWARDS, Reward, Truth, pick_progress
@@ -43,7 +43,7 @@ START_HEIGHT = 0.17
 LOWEST = 0.025
 
 
-class ObjectLost(Exception):
+class ObjectLostError(Exception):
     """The object flies or has left the place: the episode cannot succeed any more."""
 
 
@@ -183,8 +183,8 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         """Simulate one control period towards a pose (4) and a closure.
 
         Raises:
-            SimulationFailed: If Drake gives up.
-            ObjectLost: If nothing can become of the episode any more.
+            SimulationError: If Drake gives up.
+            ObjectLostError: If nothing can become of the episode any more.
         """
         self.pose, self.closure = pose, closure
         self.q_commanded = self.mover.follow(self.q_commanded, pose)
@@ -192,7 +192,7 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         p_WO = self.station.X_WO().translation()
         away = np.any(p_WO < self._low - _AWAY) or np.any(p_WO > self._high + _AWAY)
         if away or self.station.speed() > _FLYING:
-            raise ObjectLost
+            raise ObjectLostError
 
     def move(self, pose: Vector, closure: float, ticks: int) -> None:
         """Move the hand to a pose with minimum jerk."""
@@ -277,7 +277,7 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         raise NotImplementedError
 
     def failed_step(
-        self, error: SimulationFailed
+        self, error: SimulationError
     ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Return what a step returns that Drake could not simulate."""
         info: dict[str, Any] = {
@@ -286,7 +286,13 @@ class HandEnv(gymnasium.Env[Any, Observation]):
         }
         if self.critic:
             info["critic"] = np.zeros(7, dtype=np.float32)
-        return np.zeros(self.observation_space.shape, np.float32), 0.0, False, True, info
+        return (
+            np.zeros(self.observation_space.shape, np.float32),
+            0.0,
+            False,
+            True,
+            info,
+        )
 
     def render(self) -> npt.NDArray[np.uint8] | None:  # type: ignore[override]  # one frame
         """Return an image (height, width, 3) of the video camera."""

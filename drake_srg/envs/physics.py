@@ -17,7 +17,8 @@ CONTROL_PERIOD = 3 / 64
 PHYSICS = ("train", "fast", "accurate")
 
 _SENSING = {
-    name: {"period": 3 / 128} for name in ("proximity", "minimum_jerk", "grasp_detector")
+    name: {"period": 3 / 128}
+    for name in ("proximity", "minimum_jerk", "grasp_detector")
 }
 _FINE_SENSING = {name: {"period": 3 / 256} for name in _SENSING}
 
@@ -96,7 +97,9 @@ class Physics:
         own = (tree.get("plant_config") or {}).get("time_step", 0.001)
         changes = self._plant(own)
         changes["arm"] = {
-            "period": (changes["plant_config"]["time_step"] or CONTROL_PERIOD / _COARSE),
+            "period": (
+                changes["plant_config"]["time_step"] or CONTROL_PERIOD / _COARSE
+            ),
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_srg.envs.episode_station import SimulationFailed
-from drake_srg.envs.hand_env import HandEnv, ObjectLost, Observation
+from drake_srg.envs.episode_station import SimulationError
+from drake_srg.envs.hand_env import HandEnv, ObjectLostError, Observation
 from drake_srg.envs.rewards import LIFTED, Truth
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
@@ -79,9 +79,9 @@ class PickEnv(HandEnv):
             self.tick(pose, 0.5 * (a[4] + 1.0))
             self._truth = self.truth()
             terminated = self.finish(self._truth)
-        except ObjectLost:
+        except ObjectLostError:
             terminated, self.success, self.lost = True, False, True
-        except SimulationFailed as error:
+        except SimulationError as error:
             return self.failed_step(error)
         if terminated:
             self._truth = self.truth()
