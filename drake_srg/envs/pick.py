@@ -7,8 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from drake_srg.envs.episode_station import SimulationError
-from drake_srg.envs.hand_env import HandEnv, ObjectLostError, Observation
+from drake_srg.envs.hand_env import HandEnv, State, Step, clipped
+from drake_srg.envs.hand_task import ObjectLostError
 from drake_srg.envs.rewards import LIFTED, Truth
+from drake_srg.envs.scenes import Scene
+from drake_srg.types import Vector
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
 _STEP = np.array([0.02, 0.02, 0.02, 0.1])
@@ -35,15 +38,14 @@ class PickEnv(HandEnv):
         *("closure", "time"),
     )
 
-    def begin(self, q: Any) -> None:
-        """See `HandEnv`."""
-        super().begin(q)
+    def begin(self, scene: Scene, q: Vector) -> None:
+        """See `HandTask`."""
+        super().begin(scene, q)
         self._steps = 0
         self._truth = self.truth()
 
-    def observe(self) -> Observation:
+    def state(self) -> State:
         """Return what the hand senses, and the object as it was estimated."""
-        assert self.scene is not None
         hand = self.hand()
         estimate = self.estimate
         turn = 2.0 * (estimate[3] - hand[3])
@@ -63,16 +65,12 @@ class PickEnv(HandEnv):
                 [2.0 * self.closure - 1.0, 2.0 * self._steps / self.max_steps - 1.0],
             ]
         )
-        return np.clip(values, -1.0, 1.0).astype(np.float32)
+        return clipped(values)
 
-    def step(
-        self, action: Any
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
         a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
-        pose = self.pose + _STEP * a[:4]
-        pose[:3] = np.clip(pose[:3], self._low, self._high)
-        pose[3] = np.clip(pose[3], -3.0, 3.0)
+        pose = self.within(self.pose + _STEP * a[:4])
         before = self._truth
         try:
             self._steps += 1

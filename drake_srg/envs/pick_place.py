@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from drake_srg.envs.hand_env import Observation
+from drake_srg.envs.hand_env import State, clipped
 from drake_srg.envs.pick import PickEnv
 from drake_srg.envs.rewards import Truth
 
@@ -27,14 +27,13 @@ class PickPlaceEnv(PickEnv):
     max_steps: ClassVar[int] = 200
     observation_names = (*PickEnv.observation_names, "goal_x", "goal_y")
 
-    def observe(self) -> Observation:
+    def state(self) -> State:
         """See `PickEnv`."""
-        goal = (self.goal - self.hand()[:2]) / _FAR
-        goal = np.clip(goal, -1.0, 1.0).astype(np.float32)
-        return np.concatenate([super().observe(), goal])
+        goal = clipped((self.goal - self.hand()[:2]) / _FAR)
+        return np.concatenate([super().state(), goal])
 
     def truth(self) -> Truth:
-        """See `HandEnv`; half of the progress is that towards the goal."""
+        """See `HandTask`; half of the progress is that towards the goal."""
         truth = super().truth()
         away = np.linalg.norm(truth.station.X_WO().translation()[:2] - self.goal)
         near = 1.0 - np.tanh(4.0 * away)
