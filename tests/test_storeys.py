@@ -17,6 +17,7 @@ STOREYS = [
     {"cell", "export"},
     {"simulation"},
     {"sweeps", "bridges", "identification"},
+    {"envs"},
     {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

@@ -6,16 +6,14 @@ import numpy as np
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import (
     LinearSystem,
-    MatrixGain,
     Multiplexer,
-    StateInterpolatorWithDiscreteDerivative,
 )
 
 from drake_srg.types import Vector
 
 
 def AddLinearInterpolation(
-    builder: DiagramBuilder, num_joints: int, command_period: float, period: float
+    builder: DiagramBuilder, start: Vector, command_period: float, period: float
 ) -> Diagram:
     """Add `interpolator`, which moves evenly from one position command to the next.
 
@@ -32,33 +30,36 @@ def AddLinearInterpolation(
 
     Args:
         builder: Of the diagram.
-        num_joints: Number N of joints.
+        start: Positions at the start, shape (N,).
         command_period: Time between commands [s].
         period: Time between steps of the output [s].
     """
     inner = DiagramBuilder()
-    n, eye = num_joints, np.eye(num_joints)
-    commands = inner.AddNamedSystem(
-        "commands",
-        StateInterpolatorWithDiscreteDerivative(
-            n, command_period, suppress_initial_transient=True
+    n = len(start)
+    eye = np.eye(n)
+    # The last two commands are its state, their difference over the period the speed.
+    none = np.zeros((n, n))
+    speed = inner.AddNamedSystem(
+        "speed",
+        LinearSystem(
+            A=np.block([[none, none], [eye, none]]),
+            B=np.vstack([eye, none]),
+            C=np.hstack([eye, -eye]) / command_period,
+            D=none,
+            time_period=command_period,
         ),
     )
-    speed = inner.AddNamedSystem(
-        "speed", MatrixGain(np.hstack([0.0 * eye, eye]))
-    )
-    inner.Connect(commands.get_output_port(), speed.get_input_port())
+    speed.configure_default_state(np.tile(start, 2))
+    inner.ExportInput(speed.get_input_port(), "position")
     position = inner.AddNamedSystem(
         "position",
-        LinearSystem(
-            A=eye, B=period * eye, C=eye, D=np.zeros((n, n)), time_period=period
-        ),
+        LinearSystem(A=eye, B=period * eye, C=eye, D=none, time_period=period),
     )
+    position.configure_default_state(start)
     inner.Connect(speed.get_output_port(), position.get_input_port())
     state = inner.AddNamedSystem("state", Multiplexer([n, n]))
     inner.Connect(position.get_output_port(), state.get_input_port(0))
     inner.Connect(speed.get_output_port(), state.get_input_port(1))
-    inner.ExportInput(commands.get_input_port(), "position")
     inner.ExportOutput(state.get_output_port(), "state")
     return builder.AddNamedSystem("interpolator", inner.Build())
 
@@ -73,7 +74,6 @@ def SetInterpolatedPosition(
         context: A mutable context that contains it.
         position: Of the joints, shape (N,).
     """
-    commands = interpolator.GetSubsystemByName("commands")
-    commands.set_initial_position(commands.GetMyMutableContextFromRoot(context), position)
-    held = interpolator.GetSubsystemByName("position")
-    held.GetMyMutableContextFromRoot(context).SetDiscreteState(position)
+    for name, state in (("speed", np.tile(position, 2)), ("position", position)):
+        system = interpolator.GetSubsystemByName(name)
+        system.GetMyMutableContextFromRoot(context).SetDiscreteState(state)

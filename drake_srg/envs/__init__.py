@@ -1,12 +1,15 @@
 """Environments to learn grasping in, for gymnasium (docs/learning.md).
 
-Gymnasium knows them as soon as drake_srg is installed::
+Importing this package makes them known::
 
     import gymnasium
 
+    import drake_srg.envs
+
     env = gymnasium.make("drake_srg/Pick-v0", physics="train", driver="plant")
 
-In a checkout that is not installed, import this package first.
+`gymnasium.make("drake_srg.envs:drake_srg/Pick-v0")` imports it itself, as the workers
+of a vector environment need it.
 """
 
 from __future__ import annotations
@@ -17,6 +20,8 @@ import gymnasium
 ENVIRONMENTS: dict[str, tuple[str, str]] = {
     "GraspOneShot-v0": ("grasp_one_shot:GraspOneShotEnv", "learn_bench"),
     "Pick-v0": ("pick:PickEnv", "learn_bench"),
+    "KitchenPick-v0": ("pick:PickEnv", "learn_kitchen"),
+    "KitchenPickPlace-v0": ("pick_place:PickPlaceEnv", "learn_kitchen"),
 }
 
 

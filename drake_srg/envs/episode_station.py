@@ -21,7 +21,7 @@ from drake_srg.station import MakeStation
 from drake_srg.types import Vector
 
 
-class SimulationFailed(Exception):
+class SimulationError(Exception):
     """Drake could not advance an episode; the message is one line."""
 
 
@@ -117,7 +117,7 @@ class EpisodeStation:
             closure: Commanded closure, 0 .. 1.
 
         Raises:
-            SimulationFailed: If Drake gives up, or the state is not finite any more.
+            SimulationError: If Drake gives up, or the state is not finite any more.
         """
         self._arm_command(q)
         self._closure_command(np.array([closure]))
@@ -125,9 +125,9 @@ class EpisodeStation:
         try:
             self.simulator.AdvanceTo(self._ticks * CONTROL_PERIOD)
         except (RuntimeError, SystemExit) as error:
-            raise SimulationFailed(one_line(error)) from error
+            raise SimulationError(one_line(error)) from error
         if not np.isfinite(self.X_WO().translation()).all():
-            raise SimulationFailed("the object's pose is not finite any more")
+            raise SimulationError("the object's pose is not finite any more")
 
     @property
     def time(self) -> float:

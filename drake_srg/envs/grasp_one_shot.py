@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.envs.episode_station import SimulationFailed
-from drake_srg.envs.hand_env import LOWEST, HandEnv, ObjectLost, Observation
+from drake_srg.envs.episode_station import SimulationError
+from drake_srg.envs.hand_env import HandEnv, State, Step, clipped
+from drake_srg.envs.hand_task import LOWEST, ObjectLostError
 from drake_srg.envs.rewards import LIFTED
 
 # Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.
@@ -29,16 +30,12 @@ class GraspOneShotEnv(HandEnv):
     action_names = ("x", "y", "height", "yaw", "preshape", "closure")
     observation_names = ("size_x", "size_y", "size_z", "round")
 
-    def observe(self) -> Observation:
+    def state(self) -> State:
         """Return the object's size, 1 for 0.15 m, and whether it is round."""
-        assert self.scene is not None
         size = self.scene.shape.bounding_size / 0.15
-        values = [*size, float(self.scene.is_round)]
-        return np.clip(np.array(values, dtype=np.float32), -1.0, 1.0)
+        return clipped(np.append(size, self.scene.is_round))
 
-    def step(
-        self, action: Any
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Step:
         """Grasp, lift and shake."""
         a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         estimate = self.estimate
@@ -50,16 +47,16 @@ class GraspOneShotEnv(HandEnv):
         preshape = _MOST_PRESHAPE * 0.5 * (a[4] + 1.0)
         closure = 0.5 * (a[5] + 1.0)
         try:
-            self.begin(self._joints_at(over))
+            self.begin(self.scene, self.joints_at(over))
             self.move(grasp, preshape, _DOWN)
             self.move(grasp, closure, _CLOSE)
-            up = grasp + [0.0, 0.0, LIFTED + 0.02, 0.0]
+            up = np.array([*grasp[:2], grasp[2] + LIFTED + 0.02, yaw])
             self.move(up, closure, _UP)
             if self.truth().height > LIFTED:
                 self.success = self.survives_shake()
-        except ObjectLost:
+        except ObjectLostError:
             pass
-        except SimulationFailed as error:
+        except SimulationError as error:
             return self.failed_step(error)
         self.lost = not self.success
         truth = self.truth()

@@ -23,7 +23,7 @@ class Mover(Protocol):
         """Return the hand's pose, shape (4,), at joint positions (N)."""
 
     def follow(self, q: Vector, pose: Vector) -> Vector:
-        """Return joint positions (N) near `q` whose pose is, or is nearer to, `pose`."""
+        """Return joint positions (N) near `q`, at or nearer to a pose (4)."""
 
 
 def MakeMover(plant: MultibodyPlant, home: Vector) -> Mover:

@@ -16,10 +16,9 @@ CONTROL_PERIOD = 3 / 64
 
 PHYSICS = ("train", "fast", "accurate")
 
-_SENSING = {
-    name: {"period": 3 / 128} for name in ("proximity", "minimum_jerk", "grasp_detector")
-}
-_FINE_SENSING = {name: {"period": 3 / 256} for name in _SENSING}
+_SAMPLED = ("proximity", "minimum_jerk", "grasp_detector")
+_SENSING = {name: {"period": 3 / 128} for name in _SAMPLED}
+_FINE_SENSING = {name: {"period": 3 / 256} for name in _SAMPLED}
 
 # What each driver's configuration becomes, sampled as in `kitchen_fast`; on the
 # accurate physics, twice as often.
@@ -95,8 +94,9 @@ class Physics:
                 raise ScenarioError(f"{scenario}: {key}: an environment needs one")
         own = (tree.get("plant_config") or {}).get("time_step", 0.001)
         changes = self._plant(own)
+        step = changes["plant_config"]["time_step"]
         changes["arm"] = {
-            "period": (changes["plant_config"]["time_step"] or CONTROL_PERIOD / _COARSE),
+            "period": step or CONTROL_PERIOD / _COARSE,
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
@@ -105,7 +105,7 @@ class Physics:
         if self.name == "accurate":
             hand = "package://drake_srg/sdf/srg.sdf"
             changes["directives"] = {"gripper": {"add_model": {"file": hand}}}
-        if changes["plant_config"]["time_step"] > 0.0:
+        if step > 0.0:
             tree.pop("simulator_config", None)
         tree = merge(tree, changes, str(scenario))
         tree["gripper"] = self._gripper(tree["gripper"])

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from drake_srg.envs.episode_station import SimulationFailed
-from drake_srg.envs.hand_env import HandEnv, ObjectLost, Observation
+from drake_srg.envs.episode_station import SimulationError
+from drake_srg.envs.hand_env import HandEnv, State, Step, clipped
+from drake_srg.envs.hand_task import ObjectLostError
 from drake_srg.envs.rewards import LIFTED, Truth
+from drake_srg.envs.scenes import Scene
+from drake_srg.types import Vector
 
-MAX_STEPS = 100  # 4.7 s
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
 _STEP = np.array([0.02, 0.02, 0.02, 0.1])
 # What entries of the observation are 1 for.
@@ -25,6 +27,7 @@ class PickEnv(HandEnv):
     10 cm up, the hand shakes it: the episode ends, in success if the object stays up.
     """
 
+    max_steps: ClassVar[int] = 100  # 4.7 s
     action_names = ("x", "y", "z", "yaw", "closure")
     observation_names = (
         *("object_x", "object_y", "object_z", "cos_2yaw", "sin_2yaw", "height"),
@@ -35,16 +38,15 @@ class PickEnv(HandEnv):
         *("closure", "time"),
     )
 
-    def begin(self, q: Any) -> None:
-        """See `HandEnv`."""
-        super().begin(q)
+    def begin(self, scene: Scene, q: Vector) -> None:
+        """See `HandTask`."""
+        super().begin(scene, q)
         self._steps = 0
         self._truth = self.truth()
 
-    def observe(self) -> Observation:
+    def state(self) -> State:
         """Return what the hand senses, and the object as it was estimated."""
-        assert self.scene is not None
-        hand = self.mover.pose(self.station.measured("arm.state_measured")[: self._n])
+        hand = self.hand()
         estimate = self.estimate
         turn = 2.0 * (estimate[3] - hand[3])
         round_ = self.scene.is_round
@@ -60,37 +62,29 @@ class PickEnv(HandEnv):
                 fingers[:4] / _ANGLE,
                 fingers[4:] / _SPEED,
                 force / _FORCE if self.touch else np.zeros(4),
-                [2.0 * self.closure - 1.0, 2.0 * self._steps / MAX_STEPS - 1.0],
+                [2.0 * self.closure - 1.0, 2.0 * self._steps / self.max_steps - 1.0],
             ]
         )
-        return np.clip(values, -1.0, 1.0).astype(np.float32)
+        return clipped(values)
 
-    @property
-    def _n(self) -> int:
-        return len(self._home)
-
-    def step(
-        self, action: Any
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
         a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
-        pose = self.pose + _STEP * a[:4]
-        pose[:3] = np.clip(pose[:3], self._low, self._high)
-        pose[3] = np.clip(pose[3], -3.0, 3.0)
+        pose = self.within(self.pose + _STEP * a[:4])
         before = self._truth
         try:
             self._steps += 1
             self.tick(pose, 0.5 * (a[4] + 1.0))
             self._truth = self.truth()
             terminated = self.finish(self._truth)
-        except ObjectLost:
+        except ObjectLostError:
             terminated, self.success, self.lost = True, False, True
-        except SimulationFailed as error:
+        except SimulationError as error:
             return self.failed_step(error)
         if terminated:
             self._truth = self.truth()
         truth = self._truth
-        truncated = not terminated and self._steps >= MAX_STEPS
+        truncated = not terminated and self._steps >= self.max_steps
         reward = self._reward(before, truth)
         return self.observe(), reward, terminated, truncated, self.info(truth)
 

@@ -35,6 +35,11 @@ class Scene:
     tree: Mapping[str, Any]
 
     @property
+    def position(self) -> Vector:
+        """Where the object starts, [x, y] in world [m]."""
+        return np.array(self.object.position)
+
+    @property
     def is_round(self) -> bool:
         """Whether the object looks the same from all sides."""
         return isinstance(self.shape, Cylinder)

@@ -121,8 +121,8 @@ class ContactForceSensors(LeafSystem):
         return wrenches
 
     def _forces(self, context: Context) -> list[float]:
-        # Pressure on the closing side pushes outwards. Without the torques, this takes a
-        # fifth of the time of the wrenches.
+        # Pressure on the closing side pushes outwards. Torques would take four times as
+        # long.
         forces = [0.0] * len(self._bodies)
         for sensor, sign, contact in self._applied(context):
             X_WL = self._poses.Eval(context)[self._bodies[sensor]]

@@ -209,9 +209,7 @@ def _AddShape(
     body = plant.AddRigidBody("object", model, inertia)
     X_BG = RigidTransform()
     color = np.array([*config.color, 1.0])
-    plant.RegisterVisualGeometry(
-        body, X_BG, drake_shape(config.shape), "visual", color
-    )
+    plant.RegisterVisualGeometry(body, X_BG, drake_shape(config.shape), "visual", color)
     if plant.geometry_source_is_registered():
         plant.RegisterCollisionGeometry(
             body,

@@ -61,9 +61,7 @@ def ReplaceObject(
     if config.friction is not None:
         inspector = scene_graph.model_inspector()
         for geometry in plant.GetCollisionGeometriesForBody(body):
-            properties = ProximityProperties(
-                inspector.GetProximityProperties(geometry)
-            )
+            properties = ProximityProperties(inspector.GetProximityProperties(geometry))
             friction = CoulombFriction(config.friction, config.friction)
             properties.UpdateProperty("material", "coulomb_friction", friction)
             scene_graph.AssignRole(

@@ -65,8 +65,7 @@ def AddPlant(
         gripper = plant.GetModelInstanceByName("gripper")
         scenario.gripper.prepare_plant(plant, gripper)
     if scenario.arm is not None and scenario.arm.weightless:
-        for model in [arm] if scenario.gripper is None else [arm, gripper]:
-            plant.set_gravity_enabled(model, False)
+        plant.set_gravity_enabled(arm, False)
     plant.Finalize()
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)

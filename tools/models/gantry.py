@@ -35,8 +35,8 @@ VELOCITY = 2.0  # m/s; shaking at 1 g and 2 Hz takes 0.8
 ACCELERATION = 30.0  # m/s^2
 DAMPING = 10.0  # N s/m, from the seals of the carriages
 
-# The turret: a hollow-shaft servo with a gear. Its rotor makes up most of what it turns;
-# 20 N m turn that at 2000 rad/s^2, far above what a gripper needs.
+# The turret: a hollow-shaft servo with a gear. Its rotor makes up most of what it
+# turns; 20 N m turn that at 2000 rad/s^2, far above what a gripper needs.
 TURRET_MASS = 0.5  # kg
 TURRET_INERTIA = 0.01  # of the rotor, behind the gear [kg m^2]
 TURRET_EFFORT = 20.0  # N m
