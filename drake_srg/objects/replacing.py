@@ -11,7 +11,7 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex
+from pydrake.multibody.tree import BodyIndex, SpatialInertia
 from pydrake.systems.framework import Context
 
 from drake_srg.objects.config import ObjectConfig
@@ -55,8 +55,8 @@ def ReplaceObject(
         body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
         return
     if config.mass is not None:
-        inertia = body.CalcSpatialInertiaInBodyFrame(plant_context)
-        inertia *= config.mass / body.default_mass()
+        own = body.default_spatial_inertia()
+        inertia = SpatialInertia(config.mass, own.get_com(), own.get_unit_inertia())
         body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
     if config.friction is not None:
         inspector = scene_graph.model_inspector()
