@@ -18,6 +18,7 @@ STOREYS = [
     {"simulation"},
     {"sweeps", "bridges", "identification"},
     {"envs"},
+    {"learning"},
     {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

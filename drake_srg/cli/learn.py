@@ -10,9 +10,7 @@ from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
 from drake_srg.cli.sweep import add_engine_arguments, make_engine, warn
 from drake_srg.common.exceptions import ScenarioError
 
-_SET = (
-    "a keyword of the environment (repeatable), such as driver=tendon; the value is YAML"
-)
+_SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
 
 
 def add_train_arguments(train: argparse.ArgumentParser) -> None:
@@ -120,7 +118,9 @@ def add_evaluate_arguments(evaluate: argparse.ArgumentParser) -> None:
     evaluate.add_argument(
         "--seed", type=int, metavar="N", help="of the first episode (not training's)"
     )
-    evaluate.add_argument("--set", action="append", default=[], metavar="K=V", help=_SET)
+    evaluate.add_argument(
+        "--set", action="append", default=[], metavar="K=V", help=_SET
+    )
     add_engine_arguments(evaluate)
     evaluate.add_argument(
         "--out",
@@ -177,7 +177,9 @@ def evaluate(options: argparse.Namespace) -> int:
                     tell=warn,
                 )
             except ScenarioError as error:
-                if name == RULE != options.policy and "has no hand-written" in str(error):
+                if name == RULE != options.policy and "has no hand-written" in str(
+                    error
+                ):
                     continue  # an environment of somebody else's
                 raise
             files.append(folder / "trials.parquet")
@@ -216,7 +218,4 @@ def _stem(environment: str) -> str:
 
 def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return [
-        "  ".join(map(str.ljust, line, widths)).rstrip()
-        for line in table
-    ]
+    return ["  ".join(map(str.ljust, line, widths)).rstrip() for line in table]

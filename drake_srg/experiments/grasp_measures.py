@@ -1,9 +1,9 @@
 """Measures of grasps against simulated shakes: which one tells what will hold?
 
-Each grasp closes and lifts; the contacts then give the measures, and a shake gives the
+Each grasp closes and lifts. The contacts then give the measures, and a shake gives the
 answer. AUC is the chance that a measure ranks a grasp that holds above one that does
-not: 0.5 for a coin, 1 for an oracle. It is stated over all objects, and as the mean over
-objects, because a measure may only tell light objects from heavy ones.
+not: 0.5 for a coin, 1 for an oracle. It is stated over all objects, and as the mean
+over objects, because a measure may only tell light objects from heavy ones.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _shake(trial: Trial, scenario: str) -> Mapping[str, Any]:
 def judged(
     made: Sequence[tuple[Trial, ShakenGrasp]], failed: int = 0
 ) -> ExperimentResult:
-    """Compute all measures of grasps that were lifted, and compare them with the shakes.
+    """Compute all measures of lifted grasps, and compare them with the shakes.
 
     Args:
         made: Trials and what became of them.
@@ -111,7 +111,9 @@ def judged(
     ranked: dict[str, tuple[float, float]] = {}
     for name, value in values.items():
         ranked[name] = auc(value, held), auc_by_object(value, held, names)
-        for what, score in zip(("AUC", "AUC, mean of objects"), ranked[name], strict=True):
+        for what, score in zip(
+            ("AUC", "AUC, mean of objects"), ranked[name], strict=True
+        ):
             rows.append(Row.info(name, what, score, "", spread=0.03))
         rows.append(Row.info(name, "cost", costs[name], "ms", clock="time"))
     table = {
@@ -160,7 +162,9 @@ def _draw(
     bars.set_xlim(0.4, 1.0)
     bars.axvline(0.5, color="black", lw=0.8)
     bars.legend(fontsize=8, frameon=False, loc="lower right")
-    style_axes(shares, xlabel="grasps, from the lowest measure", ylabel="share that held")
+    style_axes(
+        shares, xlabel="grasps, from the lowest measure", ylabel="share that held"
+    )
     for name, color in zip(reversed(order[-3:]), COLORS, strict=False):
         groups = np.array_split(held[np.argsort(values[name], kind="stable")], 10)
         middles = (np.arange(10) + 0.5) / 10

@@ -26,7 +26,10 @@ from drake_srg.simulation.rig import Rig
 from drake_srg.types import Vector
 
 # Shift along the palm's x, y, z (never deeper, where the table or the palm is) [m].
-_SHIFT_LOW, _SHIFT_HIGH = np.array([0.0, -0.004, -0.012]), np.array([0.012, 0.004, 0.012])
+_SHIFT_LOW, _SHIFT_HIGH = (
+    np.array([0.0, -0.004, -0.012]),
+    np.array([0.012, 0.004, 0.012]),
+)
 # Of the wire force and the mass of data/grasps.yaml and of the model.
 _FORCE, _MASS = (0.3, 1.2), (0.5, 2.5)
 _FRICTION = (0.3, 0.9)  # of the object

@@ -138,8 +138,8 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
     ):
         if not isinstance(space, gymnasium.spaces.Box) or len(space.shape) != 1:
             raise ScenarioError(
-                f"ENV: {name}: {kind}: learners need a flat vector (observation=state), "
-                f"got {space}"
+                f"ENV: {name}: {kind}: learners need a flat vector "
+                f"(observation=state), got {space}"
             )
     return env
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import datetime
 import functools
-import gc
 import json
 import os
 import socket
@@ -157,7 +156,6 @@ def run_trial(
         row |= dict(_leaves("scene", episode.scene))
     except Exception as error:
         row["message"] = f"{type(error).__name__}: {one_line(error)}"
-    gc.collect()
     row["trial_time_s"] = wall.perf_counter() - start
     row["memory_mb"] = resident_memory()
     row["worker"] = f"{socket.gethostname()}:{os.getpid()}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -37,7 +38,7 @@ class Network:
             members: Of the ensemble.
         """
         weights = []
-        for inputs, outputs in zip(sizes, sizes[1:], strict=False):
+        for inputs, outputs in itertools.pairwise(sizes):
             scale = np.sqrt(2.0 / inputs)
             drawn = scale * rng.normal(size=(members, inputs, outputs))
             weights.append(drawn.astype(np.float32))
@@ -65,7 +66,9 @@ class Network:
 
     def copy(self) -> Network:
         """Return an independent copy."""
-        return Network([w.copy() for w in self.weights], [b.copy() for b in self.biases])
+        return Network(
+            [w.copy() for w in self.weights], [b.copy() for b in self.biases]
+        )
 
     def __call__(self, x: Array) -> Array:
         """Return the outputs (members, n, outputs) for inputs (n, inputs)."""
@@ -127,8 +130,7 @@ class Adam:
         for p, g, mean, square in zip(
             self._parameters, gradients, self.means, self.squares, strict=True
         ):
-            mean += (1.0 - _DECAY) * (g - mean)
-            square += (1.0 - _SQUARE_DECAY) * (g * g - square)
-            p -= size * mean / (np.sqrt(square) + _TINY)
-            if self._decay:
-                p -= self._rate * self._decay * p
+            mean[...] += (1.0 - _DECAY) * (g - mean)
+            square[...] += (1.0 - _SQUARE_DECAY) * (g * g - square)
+            change = size * mean / (np.sqrt(square) + _TINY)
+            p[...] -= change + self._rate * self._decay * p

@@ -132,7 +132,7 @@ def load_policy(path: Path | str) -> Policy:
     except OSError as error:
         reason = error.strerror or one_line(error)
         raise ScenarioError(f"{path}: cannot be read: {reason}") from None
-    except (ValueError, KeyError, TypeError, zipfile.BadZipFile, EOFError) as error:
+    except Exception as error:  # whatever damaged archives raise: a dozen kinds
         raise ScenarioError(f"{path}: is not a policy: {one_line(error)}") from None
 
 
@@ -196,7 +196,11 @@ def _check_sizes(network: Network, inputs: int, outputs: int) -> None:
     size = inputs
     for weight, bias in zip(network.weights, network.biases, strict=True):
         members, into, out = weight.shape
-        if (members, into) != (network.members, size) or bias.shape != (members, 1, out):
+        if (members, into) != (network.members, size) or bias.shape != (
+            members,
+            1,
+            out,
+        ):
             raise ValueError("weights do not fit each other or the observation")
         size = out
     if size != outputs:

@@ -38,8 +38,8 @@ def require_sac() -> ModuleType:
         raise ImportError(
             "--algo sac needs PyTorch and Stable-Baselines3, which are not installed. "
             "Install a CPU build of torch first (0.8 GB; pytorch.org says how, and a "
-            "plain `pip install torch` may fetch a CUDA build of several GB), then run: "
-            "pip install 'drake_srg[learn]'; --algo q and bc need neither"
+            "plain `pip install torch` may fetch a CUDA build of several GB), then "
+            "run: pip install 'drake_srg[learn]'; --algo q and bc need neither"
         ) from error
     module: ModuleType = stable_baselines3
     return module
@@ -92,7 +92,10 @@ class SacRounds:
         actor = self._model.policy.actor
         layers = [*actor.latent_pi, actor.mu]
         arrays = [
-            (layer.weight.detach().numpy().T[None], layer.bias.detach().numpy()[None, None])
+            (
+                layer.weight.detach().numpy().T[None],
+                layer.bias.detach().numpy()[None, None],
+            )
             for layer in layers
             if hasattr(layer, "weight")
         ]
@@ -129,7 +132,7 @@ class SacRounds:
 
 
 def seeded(env: Any, learner: SacRounds) -> Any:
-    """Return an environment whose episodes have the learner's seeds, and are counted."""
+    """Return an environment whose episodes have the learner's seeds."""
     import gymnasium
 
     class Seeded(gymnasium.Wrapper):  # type: ignore[type-arg]  # any spaces

@@ -107,7 +107,9 @@ def train(
                 best = policy
                 best.save(out / POLICY)
             learner.save(out)
-            events.add(learner.steps, {"success/training": rate, "success/validation": score})
+            events.add(
+                learner.steps, {"success/training": rate, "success/validation": score}
+            )
             _write(out / LOG, training, history)
             words = f"steps, success {rate:.0%} exploring, {score:.0%} validated"
             line.count(min(learner.steps, training.steps), training.steps, words)
@@ -173,7 +175,8 @@ def _begin(training: Training, out: Path, resume: bool) -> list[list[float]]:
     for key, value in _identity(training).items():
         if old.get(key) != value:
             raise ScenarioError(
-                f"{out}: contains another training: {key}: was {old.get(key)}, is {value}"
+                f"{out}: contains another training: {key}: was {old.get(key)}, "
+                f"is {value}"
             )
     return history
 

@@ -78,13 +78,13 @@ def test_a_wrong_name_or_keyword_is_one_line(name, keywords, message):
     assert "\n" not in str(error.value)
 
 
-def test_spaces_that_learners_do_not_take_are_refused():
-    gymnasium.register("toy/Words-v0", lambda: _Words(), disable_env_checker=True)
-    with pytest.raises(ScenarioError, match="action: learners need a flat vector"):
-        make_environment("toy/Words")
-
-
 class _Words(Toy):
     def __init__(self):
         super().__init__()
         self.action_space = gymnasium.spaces.Discrete(3)
+
+
+def test_spaces_that_learners_do_not_take_are_refused():
+    gymnasium.register("toy/Words-v0", _Words, disable_env_checker=True)
+    with pytest.raises(ScenarioError, match="action: learners need a flat vector"):
+        make_environment("toy/Words")

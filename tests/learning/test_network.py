@@ -20,7 +20,8 @@ def test_a_network_has_the_sizes_it_was_made_with(sizes, members):
 def test_gradients_are_those_of_differences():
     network = made((3, 4, 2))
     wide = Network(
-        [w.astype(float) for w in network.weights], [b.astype(float) for b in network.biases]
+        [w.astype(float) for w in network.weights],
+        [b.astype(float) for b in network.biases],
     )
     x = np.random.default_rng(1).normal(size=(2, 5, 3))
 

@@ -1,9 +1,11 @@
+import functools
 import json
 
 import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.cloning import CloningConfig
 from drake_srg.learning.policy import load_policy
 from drake_srg.learning.train import LOG, POLICY, Training, train
 
@@ -44,7 +46,8 @@ def test_training_goes_on_only_where_asked_and_only_as_begun(tmp_path):
 
 
 def test_a_clone_of_the_rule_succeeds(tmp_path, monkeypatch):
-    monkeypatch.setattr("drake_srg.learning.cloning.CloningConfig.updates", 300)
+    quick = functools.partial(CloningConfig, hidden=(32,), updates=300)
+    monkeypatch.setattr("drake_srg.learning.cloning.CloningConfig", quick)
     policy = train(training(algorithm="bc", steps=200), tmp_path)
     assert policy.kind == "actor"
     assert policy.info.scores["validation"] > 0.8

@@ -88,13 +88,11 @@ def contact_patches(
 def combined_friction(
     inspector: SceneGraphInspector, a: GeometryId, b: GeometryId
 ) -> float:
-    """Return the friction of two geometries, combined as Drake does: 2 a b / (a + b)."""
+    """Return the friction of two geometries, combined as Drake does."""
     values = []
     for geometry in (a, b):
         properties = inspector.GetProximityProperties(geometry)
-        friction = properties.GetPropertyOrDefault(
-            "material", "coulomb_friction", None
-        )
+        friction = properties.GetPropertyOrDefault("material", "coulomb_friction", None)
         if friction is None:
             return _NO_FRICTION
         values.append(float(friction.dynamic_friction()))
@@ -107,9 +105,7 @@ def _side(
     thing: Collection[GeometryId],
     hand: Collection[GeometryId],
 ) -> float:
-    """Return 1 if the first one is the object's and the other the hand's, -1 if the
-    reverse holds, 0 otherwise.
-    """
+    """Return 1 for a pair of thing and hand, -1 for hand and thing, else 0."""
     first, second = pair
     if first in thing and second in hand:
         return 1.0

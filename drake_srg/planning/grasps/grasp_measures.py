@@ -55,7 +55,8 @@ def cone_wrenches(patches: Sequence[Patch], body: Body) -> Vector:
     second = np.cross(n, first)
     angle = 2.0 * np.pi * np.arange(_EDGES) / _EDGES
     across = (
-        np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
+        np.cos(angle)[:, None] * first[:, None]
+        + np.sin(angle)[:, None] * second[:, None]
     )
     force = n[:, None] + mu[:, None, None] * across
     moment = np.cross((p - body.p_WB)[:, None], force) / body.size
