@@ -9,11 +9,13 @@ over objects, because a measure may only tell light objects from heavy ones.
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.household import Case, household_cases
@@ -30,6 +32,8 @@ from drake_srg.planning.grasps.grasp_measures import MEASURES
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import rank_auc
 from drake_srg.types import Vector
+
+Flags = npt.NDArray[np.bool_]
 
 _FEW = 5  # grasps that held, or that did not, below which an object's AUC says nothing
 
@@ -69,7 +73,7 @@ def run(
     kept = KeptTrials(keep)
     made: list[tuple[Trial, ShakenGrasp]] = []
     for trial in track(planned):
-        plain = kept(f"{scenario}, {trial}", lambda t=trial: _shake(t, scenario))
+        plain = kept(f"{scenario}, {trial}", functools.partial(_shake, trial, scenario))
         if plain:
             made.append((trial, from_json(plain)))
     return judged(made, failed=len(planned) - len(made))
@@ -116,7 +120,7 @@ def judged(
         ):
             rows.append(Row.info(name, what, score, "", spread=0.03))
         rows.append(Row.info(name, "cost", costs[name], "ms", clock="time"))
-    table = {
+    table: dict[str, Any] = {
         "object": names,
         "approach": [trial.case.approach for trial, _ in lifted],
         "seed": [trial.seed for trial, _ in lifted],
@@ -128,14 +132,14 @@ def judged(
     return ExperimentResult(rows, {"shakes": table}, _draw(values, held, ranked))
 
 
-def auc(value: Vector, held: Vector) -> float:
+def auc(value: Vector, held: Flags) -> float:
     """Return the AUC of a measure; NaN unless some grasps held and some did not."""
     if held.all() or not held.any():
         return np.nan
     return rank_auc(value[held], value[~held])[0]
 
 
-def auc_by_object(value: Vector, held: Vector, names: Vector) -> float:
+def auc_by_object(value: Vector, held: Flags, names: Any) -> float:
     """Return the mean AUC of the objects of which enough grasps held and failed."""
     each = []
     for name in np.unique(names):
@@ -147,7 +151,7 @@ def auc_by_object(value: Vector, held: Vector, names: Vector) -> float:
 
 def _draw(
     values: Mapping[str, Vector],
-    held: Vector,
+    held: Flags,
     ranked: Mapping[str, tuple[float, float]],
 ) -> Any:
     figure = make_figure(9.0, 4.0, "Which measure tells what survives a shake?")

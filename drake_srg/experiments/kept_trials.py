@@ -55,7 +55,8 @@ class KeptTrials:
                 line = json.dumps({"trial": trial, "result": self._made[trial]})
                 try:
                     with self._path.open("a", encoding="utf-8") as file:
-                        file.write(line + "\n")
+                        # On a line of its own, whatever was cut off before.
+                        file.write(f"\n{line}\n")
                 except OSError as error:
                     raise ScenarioError(
                         f"keep: {self._path}: cannot be written: {error.strerror}"

@@ -16,13 +16,13 @@ from numpy.random import default_rng
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.data import household_objects
-from drake_srg.experiments.grasping import GraspConfig, present, shake
+from drake_srg.experiments.grasping import GraspConfig, present
 from drake_srg.experiments.household import Case
 from drake_srg.objects.corners import body_corners
 from drake_srg.objects.household import object_facts
 from drake_srg.planning.grasps.contact_patches import Patch, contact_patches
 from drake_srg.planning.grasps.grasp_measures import Body
-from drake_srg.simulation.rig import Rig
+from drake_srg.simulation.rig import Rig, shake
 from drake_srg.types import Vector
 
 # Shift along the palm's x, y, z (never deeper, where the table or the palm is) [m].
@@ -177,14 +177,14 @@ def to_json(made: ShakenGrasp) -> dict[str, Any]:
 
 def from_json(plain: Mapping[str, Any]) -> ShakenGrasp:
     """Return the grasp of `to_json`."""
-    patches = [
-        Patch(**{k: np.array(v) if k != "friction" else v for k, v in patch.items()})
-        for patch in plain["patches"]
-    ]
-    body = {k: np.array(v) if k.endswith("W") else v for k, v in plain["body"].items()}
-    body["p_WB"] = np.array(body["p_WB"])
-    return ShakenGrasp(**{**plain, "patches": patches, "body": Body(**body)})
+    patches = [Patch(**_arrays(patch)) for patch in plain["patches"]]
+    body = Body(**_arrays(plain["body"]))
+    return ShakenGrasp(**{**plain, "patches": patches, "body": body})
 
 
 def _plain(value: float | Vector) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _arrays(plain: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: np.array(v) if isinstance(v, list) else v for k, v in plain.items()}

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.random import Generator
 
-Array = npt.NDArray[np.float32]
+Array = npt.NDArray[np.floating]
 
 # Adam's own recommendations (Kingma and Ba, ICLR 2015).
 _DECAY, _SQUARE_DECAY, _TINY = 0.9, 0.999, 1e-8

@@ -21,6 +21,8 @@ FORMAT = 1  # of the file; a reader refuses others
 Kind = Literal["actor", "q"]
 KINDS: tuple[Kind, ...] = ("actor", "q")
 _MOST_LAYERS = 16
+# Observations outside their range are scaled to this at most.
+MOST_SCALED = 2.0
 
 
 @dc.dataclass(frozen=True)
@@ -210,4 +212,4 @@ def _check_sizes(network: Network, inputs: int, outputs: int) -> None:
 def scaled(observation: Array, low: Array, high: Array) -> Array:
     """Return an observation with its range scaled to -1 .. 1."""
     x = (2.0 * observation - (high + low)) / (high - low)
-    return np.clip(x, -2.0, 2.0).astype(np.float32)
+    return np.clip(x, -MOST_SCALED, MOST_SCALED).astype(np.float32)

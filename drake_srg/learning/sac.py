@@ -16,7 +16,7 @@ from drake_srg.learning.policy import Kind
 _MODEL, _BUFFER, _COUNTS = "sac.zip", "replay.pkl", "counts.npz"
 # Of Haarnoja et al., 2018, but for the learning rate and the discount: episodes of a
 # few dozen steps that end in one reward.
-_OPTIONS = {
+OPTIONS = {
     "learning_rate": 1e-3,
     "gamma": 0.98,
     "batch_size": 256,
@@ -37,7 +37,7 @@ def require_sac() -> ModuleType:
     except ImportError as error:
         raise ImportError(
             "--algo sac needs PyTorch and Stable-Baselines3, which are not installed. "
-            "Install a CPU build of torch first (0.8 GB; pytorch.org says how, and a "
+            "Install a CPU build of torch first (1.1 GB; pytorch.org says how, and a "
             "plain `pip install torch` may fetch a CUDA build of several GB), then "
             "run: pip install 'drake_srg[learn]'; --algo q and bc need neither"
         ) from error
@@ -70,7 +70,7 @@ class SacRounds:
             seed=run,
             device="cpu",
             policy_kwargs={"net_arch": _HIDDEN},
-            **_OPTIONS,
+            **OPTIONS,
         )
         self.done: list[bool] = []
 
@@ -135,7 +135,7 @@ def seeded(env: Any, learner: SacRounds) -> Any:
     """Return an environment whose episodes have the learner's seeds."""
     import gymnasium
 
-    class Seeded(gymnasium.Wrapper):  # type: ignore[type-arg]  # any spaces
+    class Seeded(gymnasium.Wrapper):
         def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
             del seed  # the learner's own counts
             wanted = training_seed(learner.run, learner.episodes)
@@ -155,4 +155,4 @@ def _scaled(env: Any) -> Any:
     """Return an environment whose observations are scaled as a `Policy` scales them."""
     import gymnasium
 
-    return gymnasium.wrappers.RescaleObservation(env, -1.0, 1.0)
+    return gymnasium.wrappers.RescaleObservation(env, np.float32(-1.0), np.float32(1.0))

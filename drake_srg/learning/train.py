@@ -1,6 +1,7 @@
 """Trains a policy, and keeps the best one.
 
 DIR/policy.npz       the best policy so far, judged by validation episodes
+DIR/policy.onnx      the same for other programs, with the extra `learn`
 DIR/training.json    what is trained, and how it went
 DIR/events.*         the same for TensorBoard
 DIR/checkpoint.npz   for --resume
@@ -27,11 +28,12 @@ from drake_srg.learning.episodes import (
 )
 from drake_srg.learning.event_log import EventLog
 from drake_srg.learning.learners import Learner, MakeLearner
+from drake_srg.learning.onnx_file import can_write_onnx, write_onnx
 from drake_srg.learning.policy import Policy, PolicyInfo
 from drake_srg.sweeps.files import write_file
 
 ALGORITHMS = ("q", "sac", "bc")
-POLICY, LOG = "policy.npz", "training.json"
+POLICY, ONNX, LOG = "policy.npz", "policy.onnx", "training.json"
 _RECENT = 100  # episodes of the success rate that is shown
 
 
@@ -106,6 +108,8 @@ def train(
             if best is None or score > best.info.scores["validation"]:
                 best = policy
                 best.save(out / POLICY)
+                if can_write_onnx(best):
+                    write_onnx(best, out / ONNX)
             learner.save(out)
             events.add(
                 learner.steps, {"success/training": rate, "success/validation": score}

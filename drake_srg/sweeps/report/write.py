@@ -123,7 +123,7 @@ def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
 
 
 def _rerun(sweep: SweepInfo, seed: int) -> str:
-    words = ("run", sweep.scenario)
+    words: tuple[str, ...] = ("run", sweep.scenario)
     if sweep.policy:
         words = ("evaluate", sweep.policy, sweep.scenario, "--trials", "1")
     return command(*words, "--seed", str(seed), overrides=sweep.overrides)
