@@ -71,6 +71,7 @@ def train(options: argparse.Namespace) -> int:
     words = ["drake-srg", "train", options.environment, "--algo", options.algo]
     words += ["--steps", str(options.steps), "--seed", str(options.seed)]
     words += [word for item in options.set for word in ("--set", item)]
+    words += ["--validation", str(options.validation)]
     if options.validation < 1:
         raise ScenarioError(f"--validation {options.validation}: must be at least 1")
     training = Training(

@@ -10,6 +10,9 @@ from drake_srg.learning.network import Array
 _SIZE, _NEAR = 0.15, 0.2
 _LOWEST, _HIGHEST = 0.025, 0.115  # heights of a one-shot grasp above the table [m]
 _STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
+# Share of an error that one action corrects: the hand lags by a control period or two,
+# and the full error makes it swing by 1 cm.
+_GAIN = 0.4
 _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
 _STILL = 0.1  # of the joints' scaled speeds
@@ -50,13 +53,13 @@ def pick(observation: Array) -> Array:
     if closing:
         along, turn = np.zeros(2), 0.0
         if still and pressed:
-            rise = _STEP[2]
+            rise = _STEP[2] / _GAIN
     else:
         aligned = np.abs(along).max() < _ALIGNED and abs(turn) < _TURNED
         down = grasp_height(size_z) - height
         rise = down if aligned else 0.0
         closing = aligned and abs(down) < _LEVEL
-    motion = np.array([*along, rise, turn]) / _STEP
+    motion = _GAIN * np.array([*along, rise, turn]) / _STEP
     closure = 2.0 * _CLOSED - 1.0 if closing else -1.0
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 

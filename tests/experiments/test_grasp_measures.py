@@ -27,12 +27,8 @@ def shaken(seed, force, survived, lifted=True):
 
 def trials():
     """Grasps that hold the better, the harder they press."""
-    cases = [case for case in household_cases() if case.possible][:2]
-    return [
-        (Trial(case, k), shaken(k, 5.0 + k, survived=k >= 6))
-        for case in cases
-        for k in range(12)
-    ]
+    case = household_cases()[0]
+    return [(Trial(case, k), shaken(k, 5.0 + k, survived=k >= 5)) for k in range(10)]
 
 
 def rows_of(result):
@@ -40,18 +36,15 @@ def rows_of(result):
 
 
 def test_a_measure_that_tells_has_an_auc_of_one():
-    rows = rows_of(judged(trials()))
+    # Grasps that were not lifted do not count.
+    other = (trials()[0][0], shaken(99, 99.0, False, lifted=False))
+    rows = rows_of(judged([*trials(), other], failed=2))
+    assert (rows["all", "shakes"], rows["all", "lifted"]) == (13, 10)
     for name in ("friction margin", "epsilon, forces", "resisted acceleration"):
         assert rows[name, "AUC"] == rows[name, "AUC, mean of objects"] == 1.0
     # These do not look at forces.
     assert rows["epsilon, patches", "AUC"] == 0.5
     assert {name for name, what in rows if what == "cost"} == set(MEASURES)
-
-
-def test_what_was_not_lifted_does_not_count():
-    made = [*trials(), (trials()[0][0], shaken(99, 1.0, False, lifted=False))]
-    rows = rows_of(judged(made, failed=2))
-    assert (rows["all", "shakes"], rows["all", "lifted"]) == (27, 24)
 
 
 def test_a_grasp_survives_being_written():

@@ -32,7 +32,7 @@ def test_a_hand_off_to_the_side_moves_before_it_comes_down():
     x = np.zeros(24, np.float32)
     x[[0, 3, 5, 6, 7, 8, 22]] = 0.5, 1.0, 0.85, 0.3, 0.3, 0.5, -1.0
     action = pick(x)
-    assert action[0] > 0.9
+    assert action[0] > 0.9  # 10 cm
     assert action[2] == 0.0
     assert action[4] == -1.0
 
