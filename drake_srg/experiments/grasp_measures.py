@@ -52,7 +52,7 @@ class Trial:
 def run(
     track: Track,
     *,
-    trials: int = 2000,
+    trials: int = 198,
     seed: int = 0,
     scenario: str = "gripper_bench_fast",
     keep: str = "",
