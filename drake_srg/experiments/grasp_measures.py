@@ -2,8 +2,9 @@
 
 Each grasp closes and lifts. The contacts then give the measures, and a shake gives the
 answer. AUC is the chance that a measure ranks a grasp that holds above one that does
-not: 0.5 for a coin, 1 for an oracle. It is stated over all objects, and as the mean
-over objects, because a measure may only tell light objects from heavy ones.
+not: 0.5 for a coin, 1 for an oracle. It is stated over all objects and, where there
+are enough shakes, as the mean over objects, because a measure may only tell light
+objects from heavy ones.
 """
 
 from __future__ import annotations
@@ -118,7 +119,10 @@ def judged(
         for what, score in zip(
             ("AUC", "AUC, mean of objects"), ranked[name], strict=True
         ):
-            rows.append(Row.info(name, what, score, "", spread=0.03))
+            if np.isfinite(score):  # else there are too few shakes for it
+                rows.append(Row.info(name, what, score, "", spread=0.1))
+        error = auc_error(ranked[name][0], held)
+        rows.append(Row.info(name, "AUC, standard error", error, "", spread=0.03))
         rows.append(Row.info(name, "cost", costs[name], "ms", clock="time"))
     table: dict[str, Any] = {
         "object": names,
@@ -137,6 +141,22 @@ def auc(value: Vector, held: Flags) -> float:
     if held.all() or not held.any():
         return np.nan
     return rank_auc(value[held], value[~held])[0]
+
+
+def auc_error(area: float, held: Flags) -> float:
+    """Return the standard error of an AUC (Hanley and McNeil, Radiology 143:29, 1982).
+
+    Args:
+        area: The AUC.
+        held: Which grasps held.
+    """
+    m, n = int(held.sum()), int((~held).sum())
+    if not (m and n):
+        return np.nan
+    both, same = area / (2.0 - area), 2.0 * area**2 / (1.0 + area)
+    spread = area * (1.0 - area)
+    spread += (m - 1) * (both - area**2) + (n - 1) * (same - area**2)
+    return float(np.sqrt(max(spread, 0.0) / (m * n)))
 
 
 def auc_by_object(value: Vector, held: Flags, names: Any) -> float:
