@@ -6,7 +6,7 @@ BIN := .venv/bin
 # Three workers keep two cores busy: some tests wait for sockets and other processes.
 PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile
 
-.PHONY: demo test test-fast coverage lint types docs models experiments package lock clean
+.PHONY: demo test test-fast test-learn coverage lint types docs models experiments package lock clean
 
 demo: .venv/ready  ## run the main job, record it, and name its replay
 	$(BIN)/drake-srg demo
@@ -16,6 +16,15 @@ test: .venv/ready  ## run the test suite
 
 test-fast: .venv/ready  ## run the tests that take a minute, for every save
 	$(PYTEST) -m "not slow"
+
+# PIP="--index-url ..." chooses a CPU build of PyTorch where PyPI's is one for CUDA.
+test-learn:  ## run the tests of the extra `learn`, in an environment of its own
+	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
+	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(PIP) torch
+	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
+		--no-build-isolation --editable ".[learn]"
+	.venv-learn/bin/python -m pytest tests/learning/test_sac.py
 
 coverage: .venv/ready  ## run the test suite and list the lines it misses
 	$(PYTEST) --cov --cov-report=term-missing:skip-covered
@@ -42,10 +51,13 @@ experiments: .venv/ready  ## rerun experiments, compare them with docs (ONLY="a 
 		$(if $(ONLY),--only $(ONLY)) $(if $(EXCEPT),--except $(EXCEPT)) \
 		$(if $(filter 1,$(QUICK)),--quick) $(if $(filter 1,$(ACCEPT)),--accept)
 
+# Every extra but the large ones, `learn` and `rerun`.
+LOCKED := dev docs import models ray ros2 sweep
+
 # Keeps what is pinned; `make lock UPGRADE="-P drake"` moves a package, `-U` all of them.
 lock: .venv/ready  ## pin the packages of pyproject.toml for every supported Python
 	$(BIN)/uv pip compile --universal --python-version 3.11 --only-binary :all: \
-		--all-extras --no-emit-package rerun-sdk --no-annotate --quiet --custom-compile-command "make lock" \
+		$(foreach extra,$(LOCKED),--extra $(extra)) --no-annotate --quiet --custom-compile-command "make lock" \
 		$(UPGRADE) pyproject.toml --output-file requirements.lock
 
 .venv/ready: requirements.lock pyproject.toml tools/install_system_libraries.sh

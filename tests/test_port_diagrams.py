@@ -15,12 +15,14 @@ from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.torque_control import TorqueControl
+from drake_srg.learning.policy_planner import PolicyPlanner
 from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.video_process import RemoteVideoRecorder
+from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
@@ -158,6 +160,9 @@ def systems(tmp_path_factory):
     add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
     add("TorqueControl", TorqueControl(TendonDriveConfig(), 0.005))
+    still = SimpleNamespace(pose=lambda q: q)
+    box = Box([0.05, 0.05, 0.1])
+    add("PolicyPlanner", PolicyPlanner(np.tanh, still, np.zeros(4), box, 0.0))
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:
         recorder.__exit__(None, None, None)

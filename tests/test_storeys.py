@@ -17,6 +17,8 @@ STOREYS = [
     {"cell", "export"},
     {"simulation"},
     {"sweeps", "bridges", "identification", "calibration"},
+    {"envs"},
+    {"learning"},
     {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

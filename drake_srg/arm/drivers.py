@@ -18,6 +18,7 @@ from pydrake.systems.primitives import (
     ZeroOrderHold,
 )
 
+from drake_srg.arm.interpolation import AddLinearInterpolation
 from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
 from drake_srg.common.fusing import FusingBuilder
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
@@ -50,6 +51,12 @@ class ArmPositionDriver:
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
     # Period at which commands are sampled and gravity is compensated [s].
     period: float = dc.field(default=0.005, metadata=positive())
+    # Time between commands [s], a multiple of `period`: the arm moves evenly from one
+    # to the next, one such time late. Null: it takes every command as it is.
+    command_period: float | None = dc.field(default=None, metadata=positive())
+    # Whether the arm has no weight, in place of compensating for it every `period`. The
+    # gripper's weight then bends the joints: the iiwa's by 0.4 mm at the hand.
+    weightless: bool = False
     # Limits of the motion to targets that may jump; see `AddJerkLimits`.
     limits: JerkLimits = dc.field(default_factory=JerkLimits)
     # Largest torque of the motors, as a fraction of the model's effort limit.
@@ -150,10 +157,10 @@ def AddArmPositionDriver(
         input_ports:
         - position_commanded
         - arm_state
-        - gripper_state (with a gripper)
+        - gripper_state (with a gripper, unless weightless)
         output_ports:
         - desired_state
-        - actuation
+        - actuation (unless weightless)
         - state_measured
 
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the plant's PD
@@ -174,23 +181,18 @@ def AddArmPositionDriver(
     config = config or ArmPositionDriver()
     inner = FusingBuilder() if config.fused else DiagramBuilder()
     n = plant.num_positions(arm)
-    interpolator = inner.AddNamedSystem(
-        "interpolator",
-        StateInterpolatorWithDiscreteDerivative(
-            n, config.period, suppress_initial_transient=True
-        ),
-    )
+    if config.command_period is None:
+        interpolator = inner.AddNamedSystem(
+            "interpolator",
+            StateInterpolatorWithDiscreteDerivative(
+                n, config.period, suppress_initial_transient=True
+            ),
+        )
+    else:
+        interpolator = AddLinearInterpolation(
+            inner, np.array(config.home), config.command_period, config.period
+        )
     inner.ExportOutput(interpolator.get_output_port(), "desired_state")
-
-    instances = {"arm": arm} if gripper is None else {"arm": arm, "gripper": gripper}
-    gravity = inner.AddNamedSystem(
-        "gravity_compensation",
-        GravityCompensation(
-            control_plant, [plant.GetModelInstanceName(i) for i in instances.values()]
-        ),
-    )
-    for i, name in enumerate(instances):
-        inner.ExportInput(gravity.get_input_port(i), f"{name}_state")
     errors = config.errors
     if errors.encoder_noise or errors.backlash:
         measured = inner.AddNamedSystem(
@@ -209,24 +211,56 @@ def AddArmPositionDriver(
             inner.Connect(command.GetOutputPort("play"), measured.GetInputPort("play"))
     else:
         inner.ExportInput(interpolator.get_input_port(), "position_commanded")
-    inner.ConnectInput("arm_state", measured.get_input_port(0))
+    inner.ExportInput(measured.get_input_port(0), "arm_state")
     inner.ExportOutput(measured.get_output_port(), "state_measured")
-    hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(config.period, n))
-    inner.Connect(gravity.get_output_port(), hold.get_input_port())
-    inner.ExportOutput(hold.get_output_port(), "actuation")
+    models = {"arm": arm} if gripper is None else {"arm": arm, "gripper": gripper}
+    if not config.weightless:
+        names = [plant.GetModelInstanceName(model) for model in models.values()]
+        _AddGravityCompensation(inner, control_plant, names, [*models], config.period)
 
     driver = builder.AddNamedSystem("arm_driver", inner.Build())
-    for name, instance in instances.items():
-        builder.Connect(
-            plant.get_state_output_port(instance), driver.GetInputPort(f"{name}_state")
-        )
-    builder.Connect(
-        driver.GetOutputPort("desired_state"), plant.get_desired_state_input_port(arm)
-    )
-    builder.Connect(
-        driver.GetOutputPort("actuation"), plant.get_actuation_input_port(arm)
-    )
+    for name, model in models.items():
+        if driver.HasInputPort(f"{name}_state"):
+            builder.Connect(
+                plant.get_state_output_port(model), driver.GetInputPort(f"{name}_state")
+            )
+    for name, command in (
+        ("desired_state", plant.get_desired_state_input_port(arm)),
+        ("actuation", plant.get_actuation_input_port(arm)),
+    ):
+        if driver.HasOutputPort(name):
+            builder.Connect(driver.GetOutputPort(name), command)
     return driver
+
+
+def _AddGravityCompensation(
+    inner: DiagramBuilder,
+    control_plant: MultibodyPlant,
+    models: Sequence[str],
+    ports: Sequence[str],
+    period: float,
+) -> None:
+    """Add the sampled gravity compensation of the first of `models` to a driver.
+
+    Args:
+        inner: The driver under construction, with the input `arm_state`.
+        control_plant: With these models.
+        models: Names of the model instances in that plant.
+        ports: What the driver's inputs of their states are named after.
+        period: Sample time [s].
+    """
+    gravity = inner.AddNamedSystem(
+        "gravity_compensation", GravityCompensation(control_plant, models)
+    )
+    for i, name in enumerate(ports):
+        if i == 0:
+            inner.ConnectInput(f"{name}_state", gravity.get_input_port(i))
+        else:
+            inner.ExportInput(gravity.get_input_port(i), f"{name}_state")
+    n = gravity.get_output_port().size()
+    hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(period, n))
+    inner.Connect(gravity.get_output_port(), hold.get_input_port())
+    inner.ExportOutput(hold.get_output_port(), "actuation")
 
 
 def AddJerkLimits(

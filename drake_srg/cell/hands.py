@@ -15,6 +15,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.drivers import (
     GripperDriver,
     LinkageDriver,
+    PlantServoDriver,
     SrgPositionDriver,
     SrgTendonDriver,
 )
@@ -68,7 +69,9 @@ def MakeHand(scenario: Scenario, plant: MultibodyPlant) -> Hand:
 
 
 def _srg_position_hand(
-    driver: SrgPositionDriver, config: PlannerConfig, _: MultibodyPlant
+    driver: SrgPositionDriver | PlantServoDriver,
+    config: PlannerConfig,
+    _: MultibodyPlant,
 ) -> SrgHand:
     return _srg_hand(config, driver.underactuation.full_scale)
 
@@ -108,6 +111,7 @@ def _linkage_hand(
 
 _HANDS: dict[type[GripperDriver], HandMaker] = {
     SrgPositionDriver: _srg_position_hand,
+    PlantServoDriver: _srg_position_hand,
     SrgTendonDriver: _srg_tendon_hand,
     LinkageDriver: _linkage_hand,
 }

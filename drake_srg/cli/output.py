@@ -16,6 +16,8 @@ COMMAND_PAGES = {
     "sweep": "docs/sweeps.md",
     "report": "docs/sweeps.md",
     "dataset": "docs/dataset.md",
+    "train": "docs/training.md",
+    "evaluate": "docs/training.md",
     "experiment": "docs/experiments.md",
     "export": "docs/export.md",
     "identify": "docs/gripper.md",

@@ -13,6 +13,7 @@ from drake_srg.cli import completion as cli_completion
 from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import export as cli_export
 from drake_srg.cli import identify as cli_identify
+from drake_srg.cli import learn as cli_learn
 from drake_srg.cli import new as cli_new
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
@@ -118,6 +119,8 @@ def make_parser() -> argparse.ArgumentParser:
         "Each recorded trial becomes an episode: `drake-srg sweep ... --record all`.",
     )
     cli_sweep.add_dataset_arguments(dataset)
+
+    cli_learn.add_commands(add)
 
     replay = add(
         "replay",

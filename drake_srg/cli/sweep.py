@@ -20,25 +20,7 @@ def add_sweep_arguments(sweep: argparse.ArgumentParser) -> None:
     sweep.add_argument(
         "--trials", type=int, required=True, metavar="N", help="number of trials"
     )
-    sweep.add_argument(
-        "--jobs",
-        type=int,
-        metavar="J",
-        help="trials at a time, one process each (default: the machine's cores)",
-    )
-    sweep.add_argument(
-        "--engine",
-        choices=("joblib", "ray"),
-        default="joblib",
-        help="joblib: processes on this machine; ray: a Ray cluster "
-        "(default: %(default)s)",
-    )
-    sweep.add_argument(
-        "--address",
-        metavar="A",
-        help="address of the Ray cluster (default: $RAY_ADDRESS; if that is not set, "
-        "Ray starts on this machine)",
-    )
+    add_engine_arguments(sweep)
     sweep.add_argument(
         "--out",
         type=Path,
@@ -53,6 +35,29 @@ def add_sweep_arguments(sweep: argparse.ArgumentParser) -> None:
         choices=("none", "failures", "all"),
         default="none",
         help="trials whose video, rosbag and log are kept (default: %(default)s)",
+    )
+
+
+def add_engine_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that `make_engine` reads."""
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="J",
+        help="trials at a time, one process each (default: the machine's cores)",
+    )
+    parser.add_argument(
+        "--engine",
+        choices=("joblib", "ray"),
+        default="joblib",
+        help="joblib: processes on this machine; ray: a Ray cluster "
+        "(default: %(default)s)",
+    )
+    parser.add_argument(
+        "--address",
+        metavar="A",
+        help="address of the Ray cluster (default: $RAY_ADDRESS; if that is not set, "
+        "Ray starts on this machine)",
     )
 
 
@@ -92,7 +97,7 @@ def sweep(options: argparse.Namespace) -> int:
                 record=options.record,
                 resume=options.resume,
                 progress=options.console.progress,
-                tell=_warn,
+                tell=warn,
             )
     except KeyboardInterrupt:
         options.console.complain(f"stopped; to continue: {resume}")
@@ -226,6 +231,7 @@ def _resume_line(options: argparse.Namespace, out: Path) -> str:
     return shlex.join([*words, "--out", str(out), "--resume"])
 
 
-def _warn(text: str) -> None:
+def warn(text: str) -> None:
+    """Print a warning on standard error."""
     with contextlib.suppress(OSError):  # standard error may be closed
         print(f"drake-srg: warning: {text}", file=sys.stderr, flush=True)

@@ -31,7 +31,8 @@ class GripperControl:
     Attributes:
         inputs: Commands; `closure_commanded` (1) is required.
         outputs: `actuation`, the joint torques [N m] in the order of the gripper's
-            actuators, is required.
+            actuators, is required, or `desired_state` [q; v] in that order, if
+            `prepare_plant` made them PD actuators.
     """
 
     inputs: Mapping[str, InputPort]
@@ -48,7 +49,7 @@ class WireMotor(Protocol):
 
 @dc.dataclass(kw_only=True)
 class GripperDriver(FingerSensingConfig, abc.ABC):
-    """Configuration of a gripper driver, which turns closure into joint torques.
+    """Configuration of a gripper driver, which turns closure into motion of the joints.
 
     A driver of your own derives from this class, sets `layout` (the joints and links
     that it measures) and implements `AddControl`; see docs/extending.md.
@@ -84,7 +85,7 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         gripper: ModelInstanceIndex,
         sensing: FingerSensing,
     ) -> GripperControl:
-        """Add the systems from commands to joint torques, and return their ports.
+        """Add the systems from commands to the actuators, and return their ports.
 
         Args:
             inner: The driver under construction.
@@ -137,7 +138,10 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         ):
             if driver.HasInputPort(name):
                 builder.Connect(output, driver.GetInputPort(name))
-        builder.Connect(
-            driver.GetOutputPort("actuation"), plant.get_actuation_input_port(gripper)
-        )
+        for name, command in (
+            ("actuation", plant.get_actuation_input_port(gripper)),
+            ("desired_state", plant.get_desired_state_input_port(gripper)),
+        ):
+            if driver.HasOutputPort(name):
+                builder.Connect(driver.GetOutputPort(name), command)
         return driver

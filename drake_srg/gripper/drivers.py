@@ -7,6 +7,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.driver import GripperDriver
 from drake_srg.gripper.linkage_driver import AddLinkageDriver, LinkageDriver
+from drake_srg.gripper.plant_servo_driver import AddPlantServoDriver, PlantServoDriver
 from drake_srg.gripper.srg_position_driver import (
     AddSrgPositionDriver,
     SrgPositionDriver,
@@ -21,10 +22,12 @@ __all__ = [
     "DRIVERS",
     "AddGripperDriver",
     "AddLinkageDriver",
+    "AddPlantServoDriver",
     "AddSrgPositionDriver",
     "AddSrgTendonDriver",
     "GripperDriver",
     "LinkageDriver",
+    "PlantServoDriver",
     "SetTendonDynamics",
     "SrgPositionDriver",
     "SrgTendonDriver",
@@ -35,6 +38,7 @@ __all__ = [
 DRIVERS: tuple[type[GripperDriver], ...] = (
     SrgPositionDriver,
     SrgTendonDriver,
+    PlantServoDriver,
     LinkageDriver,
 )
 

@@ -217,32 +217,56 @@ def _AddShape(
     Raises:
         ValueError: If mass or friction is missing.
     """
-    assert config.shape is not None
-    if config.mass is None or config.friction is None:
+    if config.shape is None or config.mass is None or config.friction is None:
         raise ScenarioError(f"objects.{name}: a shape needs mass and friction")
-    solid = touched = drake_shape(config.shape)
-    if isinstance(config.shape, Cylinder):
-        diameter = 2.0 * config.shape.radius
-        if abs(config.shape.length - diameter) < _NEARLY_AS_LONG:
-            touched = geometry.Cylinder(config.shape.radius, diameter)
     model = plant.AddModelInstance(name)
-    I_OOo = config.mass * _unit_inertia(config.shape)
-    inertia = SpatialInertia.MakeFromCentralInertia(config.mass, np.zeros(3), I_OOo)
+    inertia = solid_inertia(config.mass, config.shape)
     body = plant.AddRigidBody("object", model, inertia)
     X_BG = RigidTransform()
     color = np.array([*config.color, 1.0])
-    plant.RegisterVisualGeometry(body, X_BG, solid, "visual", color)
+    plant.RegisterVisualGeometry(body, X_BG, drake_shape(config.shape), "visual", color)
     if plant.geometry_source_is_registered():
-        # A box has no radius; Drake meshes it the same way at any resolution.
-        radius = getattr(config.shape, "radius", 1.0)
-        properties = contact_properties(
-            config.friction,
-            config.modulus or MODULUS,
-            config.resolution or facet_length(radius),
-            DISSIPATION if config.dissipation is None else config.dissipation,
+        plant.RegisterCollisionGeometry(
+            body,
+            X_BG,
+            collision_shape(config.shape),
+            "collision",
+            shape_contact(config),
         )
-        plant.RegisterCollisionGeometry(body, X_BG, touched, "collision", properties)
     return model
+
+
+def collision_shape(shape: Shape) -> geometry.Shape:
+    """Return the shape that stands for an object of a simple shape in contact."""
+    if isinstance(shape, Cylinder):
+        diameter = 2.0 * shape.radius
+        if abs(shape.length - diameter) < _NEARLY_AS_LONG:
+            return geometry.Cylinder(shape.radius, diameter)
+    return drake_shape(shape)
+
+
+def shape_contact(config: ObjectConfig) -> geometry.ProximityProperties:
+    """Return the contact properties of an object with a `shape` and a friction."""
+    assert config.friction is not None
+    # A box has no radius; Drake meshes it the same way at any resolution.
+    radius = getattr(config.shape, "radius", 1.0)
+    return contact_properties(
+        config.friction,
+        config.modulus or MODULUS,
+        config.resolution or facet_length(radius),
+        DISSIPATION if config.dissipation is None else config.dissipation,
+    )
+
+
+def solid_inertia(mass: float, shape: Shape) -> SpatialInertia:
+    """Return the inertia of a solid of uniform density about its centre.
+
+    Args:
+        mass: [kg].
+        shape: The solid.
+    """
+    I_OOo = mass * _unit_inertia(shape)
+    return SpatialInertia.MakeFromCentralInertia(mass, np.zeros(3), I_OOo)
 
 
 def _unit_inertia(shape: Shape) -> UnitInertia:

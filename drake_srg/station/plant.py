@@ -64,6 +64,8 @@ def AddPlant(
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
         scenario.gripper.prepare_plant(plant, gripper)
+    if scenario.arm is not None and scenario.arm.weightless:
+        plant.set_gravity_enabled(arm, False)
     plant.Finalize()
     if scenario.arm is not None:
         plant.SetDefaultPositions(arm, scenario.arm.home)

@@ -25,7 +25,7 @@ from drake_srg.station.cameras import AddCameras
 from drake_srg.station.plant import AddPlant, MakeModelsPlant
 
 # Ports of a gripper driver that connect to the plant and are not exported.
-_INTERNAL = {*PLANT_INPUTS, "actuation"}
+_INTERNAL = {*PLANT_INPUTS, "actuation", "desired_state"}
 
 # Those inputs of the safety monitor that are exported as `safety.NAME`.
 _SAFETY_INPUTS = ("estop", "release", "speed_override", "heartbeat")
@@ -44,7 +44,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - gripper.joint_position_commanded (optional; not SrgTendonDriver)
         - gripper.hold (optional; with a gripper)
         - gripper.force_limit (optional; with a gripper)
-        - gripper.closure_messages (SrgPositionDriver with per_message)
+        - gripper.closure_messages (with per_message; not SrgTendonDriver)
         - gripper.motor_position_commanded (optional; SrgTendonDriver)
         - gripper.motor_torque_commanded (optional; SrgTendonDriver)
         - safety.estop (optional; with safety)
@@ -62,7 +62,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - safety.speed_scale (with safety)
         - gripper.state_measured (with a gripper)
         - gripper.pwm (with a gripper)
-        - gripper.proximity (with a gripper)
+        - gripper.proximity (with a gripper that has these sensors)
         - gripper.contact_force (with a gripper)
         - gripper.contact_wrench (with a gripper)
         - gripper.grasped (with a gripper)
@@ -114,9 +114,10 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
         driver = AddGripperDriver(
             builder, plant, gripper, scenario.gripper, scenario.random_seed
         )
-        builder.Connect(
-            scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
-        )
+        if driver.HasInputPort("query_object"):
+            builder.Connect(
+                scene_graph.get_query_output_port(), driver.GetInputPort("query_object")
+            )
         for name, port in input_ports(driver).items():
             if name not in _INTERNAL:
                 builder.ExportInput(port, f"gripper.{name}")

@@ -41,6 +41,7 @@ class SweepInfo:
     engine: str = ""
     jobs: int | None = None  # trials at a time; None: as many as the cluster has cores
     started: str = ""  # date and time, ISO 8601
+    policy: str = ""  # of `drake-srg evaluate`; a sweep has none
     schema_version: int = SCHEMA_VERSION
 
     def write(self, folder: Path) -> None:
@@ -154,7 +155,10 @@ def difference(old: SweepInfo, new: SweepInfo) -> str:
     if different:
         name, there, here = different
         return f"{name}: was {there}, is {here}"
-    pairs = [("record", old.record, new.record), ("seed", old.seed, new.seed)]
+    pairs = [
+        (name, getattr(old, name), getattr(new, name))
+        for name in ("record", "seed", "policy")
+    ]
     if old.tree != new.tree:
         was, now = (dict(_leaves(yaml_load(data=info.tree), "")) for info in (old, new))
         keys = (key for key in {**was, **now} if was.get(key) != now.get(key))

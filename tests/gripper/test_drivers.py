@@ -17,7 +17,11 @@ from gripper import linkage_hand, srg_hand
 @pytest.mark.parametrize(
     ("model", "config", "allowed"),
     [
-        ("srg", LinkageDriver(), "!SrgPositionDriver, !SrgTendonDriver"),
+        (
+            "srg",
+            LinkageDriver(),
+            "!SrgPositionDriver, !SrgTendonDriver, !PlantServoDriver",
+        ),
         ("linkage_gripper", SrgPositionDriver(), "!LinkageDriver"),
         ("linkage_gripper", SrgTendonDriver(), "!LinkageDriver"),
         ("table", LinkageDriver(), "none"),

@@ -1,5 +1,7 @@
 """The gantry that carries a gripper over the test bench: three prismatic joints.
 
+`gantry_turning` has a turret at its flange besides, which turns about the vertical.
+
 At zero the flange is at the model's origin, on the table under the work, so the joint
 positions are the flange's position relative to that point. Every part stays behind the
 flange (x < 0) or more than half a metre above it, out of the way of a gripper that
@@ -32,6 +34,13 @@ EFFORT = 2000.0
 VELOCITY = 2.0  # m/s; shaking at 1 g and 2 Hz takes 0.8
 ACCELERATION = 30.0  # m/s^2
 DAMPING = 10.0  # N s/m, from the seals of the carriages
+
+# The turret: a hollow-shaft servo with a gear. Its rotor makes up most of what it
+# turns; 20 N m turn that at 2000 rad/s^2, far above what a gripper needs.
+TURRET_MASS = 0.5  # kg
+TURRET_INERTIA = 0.01  # of the rotor, behind the gear [kg m^2]
+TURRET_EFFORT = 20.0  # N m
+TURRET_VELOCITY = 6.0  # rad/s
 
 _BACK = -0.2  # x of the bridge and the ram, behind the flange
 _TOP = 1.08  # height of the bridge's middle
@@ -113,10 +122,19 @@ def _ram() -> list[Piece]:
     ]  # fmt: skip
 
 
+def _turret() -> list[Piece]:
+    """Return the ring that turns about the flange's vertical."""
+    return [Piece("ring", "frame", prism(disc(0.032), 0.0, 0.014, 0.002))]
+
+
 def build() -> Files:
-    """Return the gantry's files."""
+    """Return the files of both gantries."""
+    return {**_gantry("gantry"), **_gantry("gantry_turning", turret=True)}
+
+
+def _gantry(name: str, *, turret: bool = False) -> Files:
     comment = "Carries a gripper over the bench, seen only; tools/models/gantry.py."
-    model = Model("gantry", LOOKS, comment)
+    model = Model(name, LOOKS, comment, meshes="gantry")
 
     def uniform(mass: float, pieces: list[Piece]) -> Inertial:
         return Inertial.uniform(mass, union_properties([p.solid for p in pieces]))
@@ -144,5 +162,22 @@ def build() -> Files:
             DAMPING,
             kind="prismatic",
         )
-    model.AddFrame("flange", "ram")
-    return model.finish("sdf/gantry.sdf")
+    if turret:
+        ring = _turret()
+        model.AddLink("turret", ring, uniform(TURRET_MASS, ring))
+        model.AddJoint(
+            "gantry_yaw",
+            "ram",
+            "turret",
+            [0.0, 0.0, 1.0],
+            {
+                "lower": -np.pi,
+                "upper": np.pi,
+                "effort": TURRET_EFFORT,
+                "velocity": TURRET_VELOCITY,
+            },
+            damping=0.0,
+            rotor_inertia=TURRET_INERTIA,
+        )
+    model.AddFrame("flange", "turret" if turret else "ram")
+    return model.finish(f"sdf/{name}.sdf")

@@ -92,8 +92,9 @@ def _page(sweep: SweepInfo, trials: Trials, folder: Path, path: Path) -> Element
 
 
 def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
+    words = ("evaluate", sweep.policy) if sweep.policy else ("sweep",)
     repeat = command(
-        *("sweep", sweep.scenario, "--trials", str(sweep.trials)),
+        *(*words, sweep.scenario, "--trials", str(sweep.trials)),
         *("--seed", str(sweep.seed)),
         overrides=sweep.overrides,
     )
@@ -122,9 +123,10 @@ def _header(sweep: SweepInfo, trials: Trials) -> list[Element]:
 
 
 def _rerun(sweep: SweepInfo, seed: int) -> str:
-    return command(
-        "run", sweep.scenario, "--seed", str(seed), overrides=sweep.overrides
-    )
+    words: tuple[str, ...] = ("run", sweep.scenario)
+    if sweep.policy:
+        words = ("evaluate", sweep.policy, sweep.scenario, "--trials", "1")
+    return command(*words, "--seed", str(seed), overrides=sweep.overrides)
 
 
 def _engine(sweep: SweepInfo) -> str:

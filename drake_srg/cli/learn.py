@@ -1,0 +1,242 @@
+"""The commands `drake-srg train` and `drake-srg evaluate`."""
+
+import argparse
+import shlex
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from drake_srg.cli.process import INTERRUPTED, SUCCESS, end_on_sigterm, writing
+from drake_srg.cli.sweep import add_engine_arguments, make_engine, warn
+from drake_srg.common.exceptions import ScenarioError
+
+_SET = "a keyword of the environment (repeatable), such as driver=tendon; YAML"
+
+
+def add_commands(add: Callable[..., argparse.ArgumentParser]) -> None:
+    """Add the commands that make and judge policies."""
+    _add_train_arguments(
+        add(
+            "train",
+            train,
+            "learn to grasp: train a policy in an environment",
+            "It writes the best policy, judged by episodes of its own, as policy.npz.",
+        )
+    )
+    _add_evaluate_arguments(
+        add(
+            "evaluate",
+            evaluate,
+            "run a policy in many episodes, beside a rule and random actions",
+            "No episode took part in training. Exit code: 0 once all episodes have run.",
+        )
+    )
+
+
+def _add_train_arguments(train: argparse.ArgumentParser) -> None:
+    """Add the arguments of `drake-srg train`."""
+    train.add_argument(
+        "environment",
+        metavar="ENV",
+        help="an environment, such as GraspOneShot, or the id of any other one",
+    )
+    train.add_argument(
+        "--algo",
+        choices=("q", "sac", "bc"),
+        default="q",
+        help="q: values of actions, for episodes of one step; sac: soft actor-critic, "
+        "needs the extra `learn`; bc: clones the hand-written rule "
+        "(default: %(default)s)",
+    )
+    train.add_argument(
+        "--steps",
+        type=int,
+        default=2000,
+        metavar="N",
+        help="steps of the environment (default: %(default)s)",
+    )
+    train.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="0 to 999 (default: 0)"
+    )
+    train.add_argument("--set", action="append", default=[], metavar="K=V", help=_SET)
+    train.add_argument(
+        "--validation",
+        type=int,
+        default=50,
+        metavar="N",
+        help="episodes that judge a policy in training (default: %(default)s)",
+    )
+    train.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for policy.npz and the log (default: out/train/ENV)",
+    )
+    train.add_argument(
+        "--resume", action="store_true", help="continue the training in DIR"
+    )
+
+
+def train(options: argparse.Namespace) -> int:
+    """Train a policy, and print how it went and where it is; returns the exit code.
+
+    Raises:
+        ScenarioError: For bad input, or if the folder cannot be written.
+        ImportError: If a package is missing.
+    """
+    from drake_srg.learning.train import POLICY, Training
+    from drake_srg.learning.train import train as run_training
+
+    out: Path = options.out or Path("out") / "train" / _stem(options.environment)
+    words = ["drake-srg", "train", options.environment, "--algo", options.algo]
+    words += ["--steps", str(options.steps), "--seed", str(options.seed)]
+    words += [word for item in options.set for word in ("--set", item)]
+    words += ["--validation", str(options.validation)]
+    if options.validation < 1:
+        raise ScenarioError(f"--validation {options.validation}: must be at least 1")
+    training = Training(
+        environment=options.environment,
+        keywords=keywords(options.set),
+        algorithm=options.algo,
+        steps=options.steps,
+        seed=options.seed,
+        validation=options.validation,
+        command=shlex.join(words),
+    )
+    end_on_sigterm()
+    try:
+        with writing("--out", out):
+            policy = run_training(
+                training, out, resume=options.resume, progress=options.console.progress
+            )
+    except KeyboardInterrupt:
+        again = shlex.join([*words, "--out", str(out), "--resume"])
+        options.console.complain(f"stopped; to continue: {again}")
+        return INTERRUPTED
+    info = policy.info
+    options.console.say(
+        f"{info.scores['validation']:.0%} of validation episodes succeed after "
+        f"{info.steps} steps",
+        out / POLICY,
+    )
+    options.console.answer(
+        {"policy": out / POLICY, "steps": info.steps, "scores": info.scores}
+    )
+    return SUCCESS
+
+
+def _add_evaluate_arguments(evaluate: argparse.ArgumentParser) -> None:
+    """Add the arguments of `drake-srg evaluate`."""
+    evaluate.add_argument(
+        "policy",
+        metavar="POLICY",
+        help="a policy.npz, the name of one of ours, or a baseline: rule, random",
+    )
+    evaluate.add_argument("environment", metavar="ENV", help="an environment")
+    evaluate.add_argument(
+        "--trials", type=int, required=True, metavar="N", help="number of episodes"
+    )
+    evaluate.add_argument(
+        "--seed", type=int, metavar="N", help="of the first episode (not training's)"
+    )
+    evaluate.add_argument(
+        "--set", action="append", default=[], metavar="K=V", help=_SET
+    )
+    add_engine_arguments(evaluate)
+    evaluate.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results (default: out/evaluate/ENV)",
+    )
+    evaluate.add_argument(
+        "--resume", action="store_true", help="continue the evaluation in DIR"
+    )
+    evaluate.add_argument(
+        "--no-baselines", action="store_true", help="leave out rule and random actions"
+    )
+    evaluate.add_argument(
+        "--report", action="store_true", help="also write DIR/POLICY/report.html"
+    )
+
+
+def evaluate(options: argparse.Namespace) -> int:
+    """Run a policy and the baselines, and print how often each succeeds.
+
+    Raises:
+        ScenarioError: For bad input, or if the folder cannot be written.
+        ImportError: If a package is missing.
+    """
+    from drake_srg.learning.baselines import BASELINES, RULE
+    from drake_srg.learning.episodes import EVALUATION
+    from drake_srg.learning.evaluate import evaluate as run_evaluation
+    from drake_srg.sweeps.report.write import write_report
+    from drake_srg.sweeps.statistics import wilson_interval
+
+    out: Path = options.out or Path("out") / "evaluate" / _stem(options.environment)
+    end_on_sigterm()
+    names = [options.policy]
+    if not options.no_baselines:
+        names += [name for name in BASELINES if name != options.policy]
+    answer: dict[str, Any] = {}
+    table = [("", "succeeded", "share", "95 % interval (Wilson)")]
+    files: list[Path] = []
+    for name in names:
+        folder = out / (name if name in BASELINES else "policy")
+        with writing("--out", out):
+            try:
+                rows = run_evaluation(
+                    name,
+                    options.environment,
+                    options.trials,
+                    out=folder,
+                    engine=make_engine(options),
+                    seed=EVALUATION if options.seed is None else options.seed,
+                    keywords=keywords(options.set),
+                    resume=options.resume,
+                    progress=options.console.progress,
+                    tell=warn,
+                )
+            except ScenarioError as error:
+                if name == RULE != options.policy and "has no hand-written" in str(
+                    error
+                ):
+                    continue  # an environment of somebody else's
+                raise
+            files.append(folder / "trials.parquet")
+            if options.report:
+                files.append(write_report(folder))
+        done, count = sum(rows["success"].to_pylist()), rows.num_rows
+        low, high = wilson_interval(done, count)
+        shown = f"{low:.1%} to {high:.1%}"
+        table.append((name, f"{done} of {count}", f"{done / count:.1%}", shown))
+        answer[name] = {"succeeded": done, "trials": count, "interval": [low, high]}
+    options.console.say(*_aligned(table), "", *files)
+    options.console.answer({"policies": answer, "files": files})
+    return SUCCESS
+
+
+def keywords(items: Sequence[str]) -> dict[str, Any]:
+    """Return the keywords of `--set KEY=VALUE`s.
+
+    Raises:
+        ScenarioError: If one has no `=`, or its value is not YAML.
+    """
+    from drake_srg.scenario.yaml_tree import parse_yaml
+
+    found: dict[str, Any] = {}
+    for item in items:
+        key, equals, value = item.partition("=")
+        if not (key and equals):
+            raise ScenarioError(f"--set {item}: must be KEY=VALUE")
+        found |= parse_yaml(f"{key}: {value}", f"--set {item}")
+    return found
+
+
+def _stem(environment: str) -> str:
+    return environment.rpartition("/")[2].partition("-v")[0]
+
+
+def _aligned(table: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return ["  ".join(map(str.ljust, line, widths)).rstrip() for line in table]

@@ -1,0 +1,217 @@
+"""A hand that points down and one object, as all environments simulate them."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.minimum_jerk import minimum_jerk_blend
+from drake_srg.envs.episode_station import EpisodeStation
+from drake_srg.envs.movers import MakeMover
+from drake_srg.envs.physics import CONTROL_PERIOD
+from drake_srg.envs.rewards import LIFTED, Truth, pick_progress
+from drake_srg.envs.scenes import Scene, SceneSource
+from drake_srg.scenario import LocalizerConfig, Scenario
+from drake_srg.scenario.load import draw_scenario
+from drake_srg.simulation.bench import shake
+from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.types import Vector
+
+# The shake that a grasp must survive: acceleration at its peak along x and y [m/s²],
+# about 0.7 g together, at 2 Hz for 1.5 s from rest to rest.
+_SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
+# An object is lost this far outside the hand's workspace [m], or at this speed [m/s],
+# which is far above the hand's own. A small object that is flung away and spins needs
+# shorter steps than one that is carried.
+_AWAY, _FLYING = 0.15, 1.5
+# Where the hand may go: the region and this around it, up to this height [m].
+_MARGIN, _HIGHEST = 0.08, 0.3
+# Height at the start of an episode, of the grasp centre above the table [m]: 5 cm over
+# the tallest object.
+START_HEIGHT = 0.17
+# The open fingers' ends are 20 mm beyond the grasp centre [m].
+LOWEST = 0.025
+
+
+class ObjectLostError(Exception):
+    """The object flies or has left the place: the episode cannot succeed any more."""
+
+
+class HandTask:
+    """A hand that points down and one object on a table, in a scenario.
+
+    Args:
+        tree: Of the scenario, with the physics of an environment.
+        origin: The scenario's name, for error messages.
+        noise: Standard deviation of the object's estimated position [m].
+        cameras: Names of the cameras to build.
+
+    Raises:
+        ScenarioError: If the scenario does not suit.
+    """
+
+    def __init__(
+        self,
+        tree: Mapping[str, Any],
+        origin: str,
+        noise: float,
+        cameras: Sequence[str] = (),
+    ) -> None:
+        self.scenes = SceneSource(tree, origin, noise)
+        scenario = draw_scenario(tree, origin, 0).scenario
+        assert scenario.arm is not None
+        with scenario_errors(origin):
+            self.station = EpisodeStation(_for_episodes(scenario, cameras))
+            self._home = np.array(scenario.arm.home)
+            self.mover = MakeMover(MakeModelsPlant(scenario), self._home)
+        self.table = scenario.table.height
+        self.goal = np.array(scenario.task.place.position)
+        region = np.array([scenario.task.region.min, scenario.task.region.max])
+        self._workspace = np.array(
+            [
+                [*(region[0] - _MARGIN), self.table + LOWEST],
+                [*(region[1] + _MARGIN), self.table + _HIGHEST],
+            ]
+        )
+        with scenario_errors(origin):
+            self.q_start = self.joints_at(self.over(region.mean(axis=0), 0.0))
+        self._scene: Scene | None = None
+
+    @property
+    def scene(self) -> Scene:
+        """The present episode's object.
+
+        Raises:
+            RuntimeError: Before the first episode.
+        """
+        if self._scene is None:
+            raise RuntimeError("call reset() before an environment's first step")
+        return self._scene
+
+    def within(self, pose: Vector) -> Vector:
+        """Return the pose (4) nearest to one that the hand may go to."""
+        return np.append(np.clip(pose[:3], *self._workspace), np.clip(pose[3], -3, 3))
+
+    def over(self, position: Vector, yaw: float) -> Vector:
+        """Return the hand's pose (4) at the start height over a place [x, y]."""
+        return np.array([*position, self.table + START_HEIGHT, yaw])
+
+    def joints_at(self, pose: Vector) -> Vector:
+        """Return joint positions at a pose, found from home."""
+        q = self._home
+        for _ in range(100):
+            q = self.mover.follow(q, pose)
+        off = np.abs(self.mover.pose(q) - pose)
+        if np.max(off) > 1e-3:
+            raise ScenarioError(
+                f"task.region: the hand does not reach {np.round(pose[:3], 3).tolist()}"
+            )
+        return q
+
+    def begin(self, scene: Scene, q: Vector) -> None:
+        """Put object and arm at their start.
+
+        Args:
+            scene: The object and its place.
+            q: Positions of the arm's joints, shape (N,).
+        """
+        self._scene = scene
+        self.station.reset(scene, q)
+        self.q_commanded = q
+        self.pose = self.mover.pose(q)  # commanded
+        self.closure = 0.0
+        self.success = self.lost = False
+
+    def tick(self, pose: Vector, closure: float) -> None:
+        """Simulate one control period towards a pose (4) and a closure.
+
+        Raises:
+            SimulationError: If Drake gives up.
+            ObjectLostError: If nothing can become of the episode any more.
+        """
+        self.pose, self.closure = pose, closure
+        self.q_commanded = self.mover.follow(self.q_commanded, pose)
+        self.station.advance(self.q_commanded, closure)
+        p_WO = self.station.X_WO().translation()
+        low, high = self._workspace
+        away = (p_WO < low - _AWAY).any() or (p_WO > high + _AWAY).any()
+        if away or self.station.speed() > _FLYING:
+            raise ObjectLostError
+
+    def move(self, pose: Vector, closure: float, ticks: int) -> None:
+        """Move the hand to a pose with minimum jerk."""
+        start = self.pose
+        for i in range(ticks):
+            share = minimum_jerk_blend((i + 1) / ticks)
+            self.tick(start + share * (pose - start), closure)
+
+    def survives_shake(self) -> bool:
+        """Shake the hand, and return whether the object is still up."""
+        acceleration, frequency, duration = _SHAKE
+        motion = shake(self.pose, acceleration, frequency, duration)
+        for i in range(round(duration / CONTROL_PERIOD)):
+            self.tick(motion((i + 1) * CONTROL_PERIOD), self.closure)
+            if self.truth().height < 0.5 * LIFTED:
+                return False
+        return True
+
+    # What came of it.
+
+    @property
+    def estimate(self) -> Vector:
+        """Estimated position of the object, [x, y, z, yaw], shape (4,)."""
+        xy = self.scene.position + self.scene.estimate_error
+        yaw = 0.0 if self.scene.is_round else self.scene.object.yaw
+        return np.array([*xy, self.table + 0.5 * self.scene.shape.height, yaw])
+
+    def hand(self) -> Vector:
+        """Return the hand's measured pose, shape (4,)."""
+        state = self.station.measured("arm.state_measured")
+        return self.mover.pose(state[: len(self._home)])
+
+    def truth(self) -> Truth:
+        """Return the present ground truth."""
+        X_WO = self.station.X_WO()
+        p_WO = X_WO.translation()
+        down = -X_WO.rotation().matrix()[2]
+        height = float(p_WO[2] - self.scene.shape.half_extent(down) - self.table)
+        hand = self.mover.pose(self.station.q())
+        reach = math.dist(p_WO, hand[:3])
+        force = self.station.measured("gripper.contact_force").tolist()
+        touching = 0.5 * (max(force[::2]) > 0.0) + 0.5 * (max(force[1::2]) > 0.0)
+        return Truth(
+            reach=reach,
+            height=height,
+            touching=touching,
+            progress=pick_progress(reach, touching, height),
+            success=self.success,
+            lost=self.lost,
+            scene=self.scene,
+            station=self.station,
+        )
+
+    def image(self, camera: str) -> npt.NDArray[np.uint8]:
+        """Return a camera's present image, RGB (height, width, 3)."""
+        image = self.station.measured(f"camera_{camera}.color_image")
+        return np.array(image.data[:, :, :3])
+
+
+def _for_episodes(scenario: Scenario, cameras: Sequence[str]) -> Scenario:
+    """Return a scenario without what episodes do not need."""
+    for name in cameras:
+        if name not in scenario.cameras:
+            raise ScenarioError(f"cameras: {name!r} is missing, to render images")
+    return dc.replace(
+        scenario,
+        cameras={name: scenario.cameras[name] for name in cameras},
+        camera_errors={},
+        localizer=LocalizerConfig(),
+        disturbances=[],
+        sleeping=None,
+    )

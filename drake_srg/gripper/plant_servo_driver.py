@@ -1,0 +1,192 @@
+"""The SRG driven by PD actuators of the plant, for simulations that must be fast."""
+
+import dataclasses as dc
+from typing import ClassVar
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
+
+from drake_srg.common.ports import input_ports
+from drake_srg.common.srg_geometry import SRG
+from drake_srg.gripper.driver import GripperControl, GripperDriver
+from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
+from drake_srg.gripper.finger_sensing import FingerSensing
+from drake_srg.gripper.grasp_detector import GraspDetectorConfig
+from drake_srg.gripper.joint_servos import gripper_actuators, joint_to_actuator
+from drake_srg.gripper.plant_servo import PlantServoLogic
+from drake_srg.gripper.proximity import ProximityConfig
+from drake_srg.gripper.servo import GripperServoConfig
+from drake_srg.gripper.srg_position_driver import SrgPositionDriver
+from drake_srg.gripper.underactuation import UnderactuationConfig
+from drake_srg.types import Vector, positive
+
+# Control period [s]: exact in binary, so that no step is as short as a rounding error.
+_PERIOD = 3 / 64
+
+
+def _default_servo() -> GripperServoConfig:
+    # The stiffness of SrgPositionDriver. The motor's back-EMF damps more than
+    # critically, so K_D is zero.
+    zero = [0.0] * 4
+    return GripperServoConfig(
+        kp=SrgPositionDriver().servo.kp,
+        ki=zero,
+        kd=list(zero),
+        kff1=list(zero),
+        kff2=list(zero),
+        period=_PERIOD,
+    )
+
+
+@dc.dataclass(kw_only=True)
+class PlantServoDriver(GripperDriver):
+    """Four joints that the plant controls, commanded at the control period alone.
+
+    closure -> PlantServoLogic -> the plant's PD actuators. Between two evaluations of
+    Algorithm 1, nothing but the plant is computed, with the servos' stiffness and
+    torque limits solved implicitly. In place of a reference, the motors' back-EMF
+    limits the speed: a joint without load turns at `no_load_speed` at full torque, and
+    slows down as it comes near its target.
+    """
+
+    layout: ClassVar[FingerLayout] = SRG_FINGERS
+
+    trigger: str = "touch"
+    # Null leaves these sensors out, and the port `proximity`, which the planners need.
+    # They cost as much time as four steps of the plant.
+    proximity: ProximityConfig | None = dc.field(  # type: ignore[assignment]  # optional here alone
+        default_factory=lambda: ProximityConfig(period=_PERIOD)
+    )
+    grasp_detector: GraspDetectorConfig = dc.field(
+        default_factory=lambda: GraspDetectorConfig(period=_PERIOD)
+    )
+    underactuation: UnderactuationConfig = dc.field(
+        default_factory=lambda: UnderactuationConfig(period=_PERIOD)
+    )
+    # The plant knows K_P, K_D and the limit alone; the other gains must be zero.
+    servo: GripperServoConfig = dc.field(default_factory=_default_servo)
+    # Speed of a joint without load at full torque [rad/s].
+    no_load_speed: float = dc.field(default=SRG.joint_speed, metadata=positive())
+    # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
+    # and motors differ.
+    motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
+        """Give the joints their gains, limits and back-EMF.
+
+        Raises:
+            ValueError: If the servos have other terms than K_P and K_D.
+        """
+        servo = self.servo
+        if any([*servo.ki, *servo.kff1, *servo.kff2, servo.pwm_steps]) or (
+            servo.law != "pid"
+        ):
+            raise ValueError(
+                "gripper.servo: the plant's servos have kp and kd alone (allowed: "
+                "law pid; ki, kff1, kff2 and pwm_steps 0)"
+            )
+        for actuator in gripper_actuators(plant, gripper):
+            i = self.joint_names.index(actuator.joint().name())
+            limit = self.motor_strength * actuator.effort_limit()
+            gains = PdControllerGains(p=limit * servo.kp[i], d=limit * servo.kd[i])
+            actuator.set_controller_gains(gains)
+            actuator.set_effort_limit(limit)
+            actuator.joint().set_default_damping(limit / self.no_load_speed)
+
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        plant: MultibodyPlant,
+        gripper: ModelInstanceIndex,
+        sensing: FingerSensing,
+    ) -> GripperControl:
+        """See `GripperDriver`."""
+        kp, kd = np.array(self.servo.kp), np.array(self.servo.kd)
+        logic = inner.AddNamedSystem(
+            "plant_servo_logic",
+            PlantServoLogic(kp, self.servo.force_limit, self.underactuation),
+        )
+        inner.Connect(sensing.state_measured, logic.GetInputPort("state_measured"))
+        inner.Connect(sensing.triggered, logic.GetInputPort("triggered"))
+        order = joint_to_actuator(plant, gripper, self.joint_names)
+        desired = inner.AddNamedSystem(
+            "desired_state", MatrixGain(np.vstack([order, np.zeros_like(order)]))
+        )
+        inner.Connect(logic.get_output_port(), desired.get_input_port())
+        pwm = _AddPwm(inner, kp, kd)
+        inner.Connect(logic.get_output_port(), pwm.get_input_port(0))
+        inner.Connect(sensing.state_measured, pwm.get_input_port(1))
+        measured = ("state_measured", "triggered")
+        return GripperControl(
+            {k: v for k, v in input_ports(logic).items() if k not in measured},
+            {
+                "pwm": pwm.get_output_port(),
+                "desired_state": desired.get_output_port(),
+            },
+        )
+
+
+def _AddPwm(inner: DiagramBuilder, kp: Vector, kd: Vector) -> Diagram:
+    """Add `pwm`: what the plant's law makes of a target (4) and a state (8)."""
+    builder = DiagramBuilder()
+    mux = builder.AddSystem(Multiplexer([4, 8]))
+    law = builder.AddSystem(
+        MatrixGain(np.hstack([np.diag(kp), -np.diag(kp), -np.diag(kd)]))
+    )
+    limit = builder.AddSystem(Saturation(-np.ones(4), np.ones(4)))
+    builder.Connect(mux.get_output_port(), law.get_input_port())
+    builder.Connect(law.get_output_port(), limit.get_input_port())
+    builder.ExportInput(mux.get_input_port(0), "position_desired")
+    builder.ExportInput(mux.get_input_port(1), "state_measured")
+    builder.ExportOutput(limit.get_output_port(), "pwm")
+    return inner.AddNamedSystem("pwm", builder.Build())
+
+
+def AddPlantServoDriver(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    gripper: ModelInstanceIndex,
+    config: PlantServoDriver | None = None,
+    seed: int = 0,
+) -> Diagram:
+    """Add the driver of an SRG to a diagram and connect it to the (finalized) plant.
+
+    .. pydrake_system::
+
+        name: PlantServoDriver
+        input_ports:
+        - plant_state
+        - query_object (with proximity)
+        - contact_results
+        - body_poses
+        - closure_commanded
+        - joint_position_commanded (optional)
+        - hold (optional)
+        - force_limit (optional)
+        - closure_messages (with per_message)
+        output_ports:
+        - state_measured
+        - proximity (with proximity)
+        - contact_force
+        - contact_wrench
+        - grasped
+        - pwm
+        - desired_state
+
+    The ports are those of `AddSrgPositionDriver`, except that `desired_state` (8), [q;
+    v] in the order of the gripper's actuators, goes to the plant in place of torques,
+    and that `pwm` (4) is the servos' share of the torque, without the back-EMF.
+
+    Call the configuration's `prepare_plant` before the plant is finalized.
+
+    Args:
+        builder: Of the diagram.
+        plant: With the gripper, finalized.
+        gripper: Its model instance.
+        config: Of the driver.
+        seed: Of the encoders' noise.
+    """
+    return (config or PlantServoDriver()).AddDriver(builder, plant, gripper, seed)

@@ -1,0 +1,1 @@
+"""Policies that grasp: networks, learners, training and evaluation."""

@@ -1,0 +1,214 @@
+"""Judges a policy by episodes that took no part in its training.
+
+DIR/policy/     a sweep's folder: rows of the policy, see `drake_srg.sweeps.rows`
+DIR/rule/       of the hand-written rule
+DIR/random/     of random actions
+"""
+
+from __future__ import annotations
+
+import contextlib
+import datetime
+import functools
+import json
+import os
+import socket
+import time as wall
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.status_line import StatusLine
+from drake_srg.learning.baselines import BASELINES, RANDOM, RULE, random_policy, rule_of
+from drake_srg.learning.episodes import (
+    EVALUATION,
+    Act,
+    environment_id,
+    make_environment,
+    run_episode,
+)
+from drake_srg.learning.policy import Policy, load_policy
+from drake_srg.sweeps.dispatch import dispatch
+from drake_srg.sweeps.engines import Engine
+from drake_srg.sweeps.folder import SweepFolder
+from drake_srg.sweeps.info import SweepInfo, current_versions, dump_tree
+from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
+
+
+def evaluate(
+    policy: str,
+    environment: str,
+    trials: int,
+    *,
+    out: Path,
+    engine: Engine,
+    seed: int = EVALUATION,
+    keywords: Mapping[str, Any] | None = None,
+    resume: bool = False,
+    progress: bool = False,
+    tell: Callable[[str], None] = print,
+) -> Any:
+    """Run a policy in episodes of an environment, each exactly once.
+
+    Args:
+        policy: A policy's file or name, or a baseline: `rule` or `random`.
+        environment: Id of the environment.
+        trials: Number of episodes.
+        out: Folder of the rows, as of a sweep.
+        engine: Runs the episodes; entered here.
+        seed: Of the first episode, at least `EVALUATION`: those below are training's.
+        keywords: Of the environment, over those of the policy's training.
+        resume: Whether `out` may contain episodes of this evaluation.
+        progress: Whether to show progress on standard error.
+        tell: Receives warnings, one line each.
+
+    Returns:
+        All rows, a pyarrow.Table.
+
+    Raises:
+        ScenarioError: For bad input, before any episode runs.
+        OSError: If the folder cannot be written.
+        ImportError: If a package is missing.
+    """
+    if trials < 1:
+        raise ScenarioError(f"--trials {trials}: must be at least 1")
+    if seed < EVALUATION:
+        raise ScenarioError(
+            f"--seed {seed}: must be at least {EVALUATION}; training has those below"
+        )
+    environment = environment_id(environment)
+    keywords = dict(keywords or {})
+    if policy not in BASELINES:
+        info = load_policy(policy).info
+        if info.environment != environment:
+            raise ScenarioError(
+                f"{policy}: is a policy for {info.environment}, not for {environment}"
+            )
+        keywords = {**info.keywords, **keywords}
+    # Mistakes show here, not in every episode.
+    plain = json.dumps(keywords, sort_keys=True)
+    _actor(policy, environment, plain, seed)
+    sweep = SweepInfo(
+        scenario=environment,
+        seed=seed,
+        trials=trials,
+        record="none",
+        overrides=[f"{key}={json.dumps(value)}" for key, value in keywords.items()],
+        tree=dump_tree({"environment": environment, "policy": policy, **keywords}),
+        versions=current_versions(),
+        engine=engine.name,
+        jobs=engine.jobs,
+        started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
+        policy=policy,
+    )
+
+    def lost(trial: int, reason: str) -> TrialResult:
+        return TrialResult(empty_row(seed, trial, reason))
+
+    def submit(trial: int) -> Future[TrialResult]:
+        return engine.submit(run_trial, policy, environment, plain, seed, trial)
+
+    with contextlib.closing(SweepFolder(out)) as folder:
+        rows = folder.begin(sweep, resume, tell)
+        done = set(rows["trial"].to_pylist())
+        missing = [trial for trial in range(trials) if trial not in done]
+        with contextlib.ExitStack() as stack:
+            if missing:
+                stack.enter_context(engine)
+            line = stack.enter_context(StatusLine(shown=progress))
+            begun, succeeded = len(done), sum(rows["success"].to_pylist())
+            for number, result in enumerate(
+                dispatch(engine, missing, submit, lost), begun + 1
+            ):
+                folder.add(result)
+                succeeded += result.row["success"]
+                words = f"episodes, {succeeded / number:.1%} succeeded"
+                line.count(number, trials, words, begun)
+        return folder.finish()
+
+
+def run_trial(
+    policy: str, environment: str, keywords: str, seed: int, trial: int
+) -> TrialResult:
+    """Run one episode; an error in it is an outcome, too.
+
+    Args:
+        policy: As of `evaluate`.
+        environment: Id of the environment.
+        keywords: Of the environment, as JSON.
+        seed: Of trial 0.
+        trial: Number of the trial, from 0.
+    """
+    start = wall.perf_counter()
+    row = empty_row(seed, trial, "")
+    try:
+        env, act = _actor(policy, environment, keywords, seed + trial)
+        episode = run_episode(env, act, seed + trial)
+        row |= {
+            "success": episode.success,
+            "failure": None if episode.success else episode.failure or "no_grasp",
+            "message": None,
+            "episode.steps": len(episode.actions),
+            "episode.return": float(episode.rewards.sum()),
+        }
+        row |= dict(_leaves("scene", episode.scene))
+    except Exception as error:
+        row["message"] = f"{type(error).__name__}: {one_line(error)}"
+    row["trial_time_s"] = wall.perf_counter() - start
+    row["memory_mb"] = resident_memory()
+    row["worker"] = f"{socket.gethostname()}:{os.getpid()}"
+    return TrialResult(row)
+
+
+def _leaves(key: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the numbers and words of a scene by dotted keys: columns of the report."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _leaves(f"{key}.{name}", inner)
+    elif isinstance(value, list | tuple):
+        for index, inner in enumerate(value):
+            yield from _leaves(f"{key}[{index}]", inner)
+    elif isinstance(value, bool | int | float | str):
+        yield key, float(value) if isinstance(value, int) else value
+
+
+def _actor(policy: str, environment: str, keywords: str, seed: int) -> tuple[Any, Act]:
+    """Return the environment, and a policy that fits it."""
+    env = _environment(environment, keywords)
+    if policy == RANDOM:
+        return env, random_policy(env.action_space.shape[0], seed)
+    if policy == RULE:
+        return env, rule_of(env)
+    loaded = _policy(policy)
+    check_fit(policy, loaded, env)
+    return env, loaded
+
+
+def check_fit(name: str, policy: Policy, env: Any) -> None:
+    """Check that a policy takes an environment's observations and gives its actions.
+
+    Raises:
+        ScenarioError: If it does not.
+    """
+    sizes = {
+        "observations": (policy.low.size, env.observation_space.shape[0]),
+        "actions": (policy.actions, env.action_space.shape[0]),
+    }
+    for what, (own, needed) in sizes.items():
+        if own != needed:
+            raise ScenarioError(
+                f"{name}: has {own} {what}, {policy.info.environment} needs {needed}; "
+                f"it was trained by drake_srg {policy.info.version}"
+            )
+
+
+@functools.lru_cache(maxsize=1)
+def _environment(name: str, keywords: str) -> Any:
+    return make_environment(name, json.loads(keywords))
+
+
+@functools.lru_cache(maxsize=1)
+def _policy(name: str) -> Policy:
+    return load_policy(name)

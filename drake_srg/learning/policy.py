@@ -1,0 +1,215 @@
+"""Policies as files: `policy.npz`, read without pickle."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.learning.cross_entropy import best_action
+from drake_srg.learning.network import Array, Network
+from drake_srg.recording.output import OutputFile
+
+FORMAT = 1  # of the file; a reader refuses others
+# How the network gives an action: directly, or as the one of greatest value.
+Kind = Literal["actor", "q"]
+KINDS: tuple[Kind, ...] = ("actor", "q")
+_MOST_LAYERS = 16
+# Observations outside their range are scaled to this at most.
+MOST_SCALED = 2.0
+
+
+@dc.dataclass(frozen=True)
+class PolicyInfo:
+    """What a policy was made for and by.
+
+    Attributes:
+        environment: Id of its environment.
+        keywords: The environment's keywords in training, such as `driver`.
+        algorithm: `q`, `sac` or `bc`.
+        version: Of drake_srg.
+        command: The line that made it.
+        seed: Of training.
+        steps: Environment steps of training.
+        scores: Success rates by name, such as `validation`.
+    """
+
+    environment: str
+    keywords: dict[str, Any]
+    algorithm: str
+    version: str
+    command: str = ""
+    seed: int = 0
+    steps: int = 0
+    scores: dict[str, float] = dc.field(default_factory=dict)
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Policy:
+    """A function from observations to actions, both flat vectors.
+
+    Attributes:
+        kind: `actor`: the network's output, through tanh, is the action. `q`: the
+            networks judge an observation and an action; the action is the best that the
+            cross-entropy method finds.
+        network: One network, or an ensemble.
+        low: Least values of the observation, shape (n,): it is scaled to -1 .. 1.
+        high: Greatest values, shape (n,).
+        actions: Number of entries of the action.
+        info: What it was made for and by.
+    """
+
+    kind: Kind
+    network: Network
+    low: Array
+    high: Array
+    actions: int
+    info: PolicyInfo
+
+    def __call__(self, observation: Array) -> Array:
+        """Return the action for an observation, shape (actions,), each in -1 .. 1."""
+        x = scaled(observation, self.low, self.high)
+        if self.kind == "actor":
+            action: Array = np.tanh(self.network(x[None])[0, 0])
+            return action
+        return best_action(self.network, x, self.actions)
+
+    def save(self, path: Path) -> None:
+        """Write the policy, completely or not at all; equal policies give equal bytes.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        arrays = {
+            "info": np.array(json.dumps(dc.asdict(self.info), sort_keys=True)),
+            "format": np.array(FORMAT),
+            "kind": np.array(self.kind),
+            "low": self.low,
+            "high": self.high,
+            "actions": np.array(self.actions),
+        }
+        for k, (weight, bias) in enumerate(
+            zip(self.network.weights, self.network.biases, strict=True)
+        ):
+            arrays |= {f"weight_{k}": weight, f"bias_{k}": bias}
+        file = OutputFile(path)
+        file.path.write_bytes(npz_bytes(arrays))
+        file.commit()
+
+
+def npz_bytes(arrays: dict[str, Any]) -> bytes:
+    """Return arrays as an .npz file whose bytes depend on nothing else."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, value in arrays.items():
+            content = io.BytesIO()
+            np.lib.format.write_array(content, np.asarray(value), allow_pickle=False)
+            # ZipInfo's default date is fixed; `numpy.savez` writes that of today.
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            archive.writestr(entry, content.getvalue())
+    return stream.getvalue()
+
+
+def load_policy(path: Path | str) -> Policy:
+    """Read a policy.
+
+    Args:
+        path: A file that `Policy.save` wrote, or the name of a policy of the package.
+
+    Raises:
+        ScenarioError: If it cannot be read or is none.
+    """
+    path = _find(path)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+        return _policy(arrays)
+    except OSError as error:
+        reason = error.strerror or one_line(error)
+        raise ScenarioError(f"{path}: cannot be read: {reason}") from None
+    except Exception as error:  # whatever damaged archives raise: a dozen kinds
+        raise ScenarioError(f"{path}: is not a policy: {one_line(error)}") from None
+
+
+def shipped_policies() -> dict[str, Path]:
+    """Return the policies of the package by name."""
+    folder = Path(__file__).parent / "policies"
+    return {path.stem: path for path in sorted(folder.glob("*.npz"))}
+
+
+def _find(path: Path | str) -> Path:
+    shipped = shipped_policies()
+    if str(path) in shipped:
+        return shipped[str(path)]
+    path = Path(path)
+    if path.suffix != ".npz":
+        names = ", ".join(shipped) or "none"
+        raise ScenarioError(
+            f"{path}: unknown policy (allowed: a .npz file, or one of: {names})"
+        )
+    return path
+
+
+def _policy(arrays: dict[str, Any]) -> Policy:
+    """Return the policy in the arrays of a file.
+
+    Raises:
+        ValueError: If sizes do not fit, or it has another format.
+        KeyError: If an array is missing.
+        TypeError: If an entry of the information is unknown or missing.
+    """
+    if int(arrays["format"]) != FORMAT:
+        raise ValueError(f"format {arrays['format']} (allowed: {FORMAT})")
+    kind = str(arrays["kind"])
+    if kind not in KINDS:
+        raise ValueError(f"kind {kind!r} (allowed: {', '.join(KINDS)})")
+    layers = [k for k in range(_MOST_LAYERS) if f"weight_{k}" in arrays]
+    weights = [arrays[f"weight_{k}"].astype(np.float32) for k in layers]
+    biases = [arrays[f"bias_{k}"].astype(np.float32) for k in layers]
+    low, high = (arrays[name].astype(np.float32) for name in ("low", "high"))
+    actions = int(arrays["actions"])
+    network = Network(weights, biases)
+    inputs = low.size if kind == "actor" else low.size + actions
+    outputs = actions if kind == "actor" else 1
+    _check_sizes(network, inputs, outputs)
+    if low.shape != high.shape or low.ndim != 1 or not np.all(low < high):
+        raise ValueError("low and high must be vectors of one size, low below high")
+    if not all(np.isfinite(p).all() for p in network.parameters):
+        raise ValueError("weights must be finite")
+    info = PolicyInfo(**json.loads(str(arrays["info"])))
+    return Policy(kind, network, low, high, actions, info)
+
+
+def _check_sizes(network: Network, inputs: int, outputs: int) -> None:
+    """Check that layers follow each other from `inputs` to `outputs`.
+
+    Raises:
+        ValueError: If they do not.
+    """
+    if not network.weights or any(w.ndim != 3 for w in network.weights):
+        raise ValueError("weights are missing or have wrong shapes")
+    size = inputs
+    for weight, bias in zip(network.weights, network.biases, strict=True):
+        members, into, out = weight.shape
+        if (members, into) != (network.members, size) or bias.shape != (
+            members,
+            1,
+            out,
+        ):
+            raise ValueError("weights do not fit each other or the observation")
+        size = out
+    if size != outputs:
+        raise ValueError(f"the network must have {outputs} outputs, got {size}")
+
+
+def scaled(observation: Array, low: Array, high: Array) -> Array:
+    """Return an observation with its range scaled to -1 .. 1."""
+    x = (2.0 * observation - (high + low)) / (high - low)
+    return np.clip(x, -MOST_SCALED, MOST_SCALED).astype(np.float32)

@@ -1,0 +1,70 @@
+"""Hand-written policies of our environments: what a learner must beat."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drake_srg.learning.network import Array
+
+# How the environments scale lengths in their observations [m].
+_SIZE, _NEAR = 0.15, 0.2
+_LOWEST, _HIGHEST = 0.025, 0.115  # heights of a one-shot grasp above the table [m]
+_STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
+# Share of an error that one action corrects: the hand lags by a control period or two,
+# and the full error makes it swing by 1 cm.
+_GAIN = 0.4
+_ALIGNED, _LEVEL = 0.006, 0.006  # m
+_TURNED = 0.08  # rad
+_STILL = 0.1  # of the joints' scaled speeds
+_CLOSED = 0.9  # closure of the grasp
+
+
+def grasp_height(size_z: float) -> float:
+    """Return the height above the table at which to grasp an upright object [m]."""
+    return float(np.clip(0.5 * size_z, _LOWEST, _HIGHEST))
+
+
+def grasp_one_shot(observation: Array) -> Array:
+    """Grasp in the middle, across the narrower side."""
+    size_x, size_y, size_z = _SIZE * observation[:3].astype(float)
+    height = grasp_height(size_z)
+    z = 2.0 * (height - _LOWEST) / (_HIGHEST - _LOWEST) - 1.0
+    # At no turn, the fingers close along the object's y.
+    turn = 0.0 if size_y <= size_x else 1.0
+    return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * _CLOSED - 1.0], np.float32)
+
+
+def pick(observation: Array) -> Array:
+    """Come from above, close across the narrower side, wait until it stands, lift."""
+    o = observation.astype(float)
+    along = _NEAR * o[:2]
+    turn = 0.5 * np.arctan2(o[4], o[3])
+    size_x, size_y, size_z = _SIZE * o[6:9]
+    if size_y > size_x and o[9] < 0.5:
+        turn += 0.5 * np.pi
+    turn = (turn + 0.5 * np.pi) % np.pi - 0.5 * np.pi
+    if o[9] > 0.5:
+        turn = 0.0
+    closing = o[22] > 0.0
+    still = np.abs(o[14:18]).max() < _STILL
+    pressed = o[18:22].sum() > 0.0
+    rise = 0.0
+    height = _NEAR * o[5]
+    if closing:
+        along, turn = np.zeros(2), 0.0
+        if still and pressed:
+            rise = _STEP[2] / _GAIN
+    else:
+        aligned = np.abs(along).max() < _ALIGNED and abs(turn) < _TURNED
+        down = grasp_height(size_z) - height
+        rise = down if aligned else 0.0
+        closing = aligned and abs(down) < _LEVEL
+    motion = _GAIN * np.array([*along, rise, turn]) / _STEP
+    closure = 2.0 * _CLOSED - 1.0 if closing else -1.0
+    return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
+
+
+RULES = {
+    "drake_srg/GraspOneShot-v0": grasp_one_shot,
+    "drake_srg/Pick-v0": pick,
+}

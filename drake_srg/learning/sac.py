@@ -1,0 +1,158 @@
+"""Soft actor-critic by Stable-Baselines3: the extra `learn`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.learning.episodes import training_seed
+from drake_srg.learning.network import Network
+from drake_srg.learning.policy import Kind
+
+_MODEL, _BUFFER, _COUNTS = "sac.zip", "replay.pkl", "counts.npz"
+# Of Haarnoja et al., 2018, but for the learning rate and the discount: episodes of a
+# few dozen steps that end in one reward.
+OPTIONS = {
+    "learning_rate": 1e-3,
+    "gamma": 0.98,
+    "batch_size": 256,
+    "learning_starts": 500,
+    "buffer_size": 200_000,
+}
+_HIDDEN = [256, 256]
+
+
+def require_sac() -> ModuleType:
+    """Import Stable-Baselines3.
+
+    Raises:
+        ImportError: If it or PyTorch is missing; one line says what to install.
+    """
+    try:
+        import stable_baselines3
+    except ImportError as error:
+        raise ImportError(
+            "--algo sac needs PyTorch and Stable-Baselines3, which are not installed. "
+            "Install a CPU build of torch first (1.1 GB; pytorch.org says how, and a "
+            "plain `pip install torch` may fetch a CUDA build of several GB), then "
+            "run: pip install 'drake_srg[learn]'; --algo q and bc need neither"
+        ) from error
+    module: ModuleType = stable_baselines3
+    return module
+
+
+class SacRounds:
+    """SAC in rounds; see `drake_srg.learning.learners.Learner`.
+
+    Args:
+        env: The environment.
+        run: Seed of training.
+
+    Raises:
+        ImportError: If the extra is missing.
+    """
+
+    def __init__(self, env: Any, run: int) -> None:
+        sb3 = require_sac()
+        import torch
+
+        torch.set_num_threads(1)  # small networks: more threads only wait
+        self.steps, self.episodes, self.round_steps = 0, 0, 1000
+        self._sb3, self._run = sb3, run
+        self._env = seeded(env, self)
+        self._model = sb3.SAC(
+            "MlpPolicy",
+            _scaled(self._env),
+            seed=run,
+            device="cpu",
+            policy_kwargs={"net_arch": _HIDDEN},
+            **OPTIONS,
+        )
+        self.done: list[bool] = []
+
+    @property
+    def run(self) -> int:
+        """Seed of training."""
+        return self._run
+
+    def advance(self, steps: int) -> list[bool]:
+        """See `Learner`."""
+        self.done = []
+        begun = self._model.num_timesteps == 0
+        self._model.learn(steps, reset_num_timesteps=begun)
+        self.steps = int(self._model.num_timesteps)
+        return self.done
+
+    def policy(self) -> tuple[Kind, Network]:
+        """Return the actor's mean as a network."""
+        actor = self._model.policy.actor
+        layers = [*actor.latent_pi, actor.mu]
+        arrays = [
+            (
+                layer.weight.detach().numpy().T[None],
+                layer.bias.detach().numpy()[None, None],
+            )
+            for layer in layers
+            if hasattr(layer, "weight")
+        ]
+        weights, biases = zip(*arrays, strict=True)
+        return "actor", Network(
+            [np.array(w, np.float32) for w in weights],
+            [np.array(b, np.float32) for b in biases],
+        )
+
+    def save(self, folder: Path) -> None:
+        """Write model and replay buffer, which is Stable-Baselines3's own pickle."""
+        self._model.save(folder / _MODEL)
+        self._model.save_replay_buffer(folder / _BUFFER)
+        np.savez(folder / _COUNTS, episodes=self.episodes)
+
+    def restore(self, folder: Path) -> None:
+        """Go on from what `save` wrote. Restore only files that you trust.
+
+        Raises:
+            ScenarioError: If the files are missing or broken.
+        """
+        try:
+            self._model = self._sb3.SAC.load(
+                folder / _MODEL, env=_scaled(self._env), device="cpu"
+            )
+            self._model.load_replay_buffer(folder / _BUFFER)
+            with np.load(folder / _COUNTS) as counts:
+                self.episodes = int(counts["episodes"])
+        except Exception as error:  # whatever unpickling raises
+            raise ScenarioError(
+                f"{folder}: --resume: cannot be read: {one_line(error)}"
+            ) from None
+        self.steps = int(self._model.num_timesteps)
+
+
+def seeded(env: Any, learner: SacRounds) -> Any:
+    """Return an environment whose episodes have the learner's seeds."""
+    import gymnasium
+
+    class Seeded(gymnasium.Wrapper):
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+            del seed  # the learner's own counts
+            wanted = training_seed(learner.run, learner.episodes)
+            return self.env.reset(seed=wanted, options=options)
+
+        def step(self, action: Any) -> Any:
+            result = self.env.step(action)
+            if result[2] or result[3]:
+                learner.episodes += 1
+                learner.done.append(bool(result[4].get("success", False)))
+            return result
+
+    return Seeded(env)
+
+
+def _scaled(env: Any) -> Any:
+    """Return an environment whose observations are scaled as a `Policy` scales them."""
+    import gymnasium
+
+    return gymnasium.wrappers.RescaleObservation(env, np.float32(-1.0), np.float32(1.0))

@@ -1,0 +1,200 @@
+"""How well contact patches hold an object: measures of a grasp.
+
+Wrenches are about the object's center of mass. Moments are divided by the object's
+size (its greatest distance from there), so that force and moment have one unit (Roa and
+Suárez, Autonomous Robots 38:65, 2015, section 2.3).
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from pydrake.solvers import ClpSolver, MathematicalProgram
+
+from drake_srg.planning.grasps.contact_patches import Patch
+from drake_srg.types import Vector
+
+_EDGES = 8  # of the pyramids that stand for friction cones
+_GRAVITY = 9.81  # m/s²
+# Beyond this, nothing in a laboratory accelerates a hand [m/s²].
+MOST_ACCELERATION = 1000.0
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Body:
+    """The object in the hand.
+
+    Attributes:
+        mass: [kg].
+        p_WB: Its center of mass, shape (3,) [m].
+        size: Its greatest distance from there [m].
+        g_W: Gravity, shape (3,) [m/s²].
+    """
+
+    mass: float
+    p_WB: Vector
+    size: float
+    g_W: Vector = dc.field(default_factory=lambda: np.array([0.0, 0.0, -_GRAVITY]))
+
+
+def cone_wrenches(patches: Sequence[Patch], body: Body) -> Vector:
+    """Return the wrenches of the edges of all friction cones.
+
+    A wrench belongs to a normal force of 1 N.
+
+    Returns:
+        Force [N] and moment over size [N], shape (points, edges, 6).
+    """
+    p, n, mu = _points(patches)
+    # Any two unit vectors across the normal: the smallest entry's axis is far from it.
+    axis = np.eye(3)[np.abs(n).argmin(axis=1)]
+    first = np.cross(n, axis)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(n, first)
+    angle = 2.0 * np.pi * np.arange(_EDGES) / _EDGES
+    across = (
+        np.cos(angle)[:, None] * first[:, None]
+        + np.sin(angle)[:, None] * second[:, None]
+    )
+    force = n[:, None] + mu[:, None, None] * across
+    moment = np.cross((p - body.p_WB)[:, None], force) / body.size
+    return np.concatenate([force, moment], axis=2)
+
+
+def _points(patches: Sequence[Patch]) -> tuple[Vector, Vector, Vector]:
+    p = np.concatenate([patch.p_W for patch in patches])
+    n = np.concatenate([patch.n_W for patch in patches])
+    mu = np.concatenate([np.full(len(q.p_W), q.friction) for q in patches])
+    return p, n, mu
+
+
+@dc.dataclass(frozen=True)
+class WrenchSpace:
+    """The convex hull of what the contacts can exert.
+
+    Attributes:
+        epsilon: Radius of the largest ball about the origin inside it; 0 without force
+            closure (Ferrari and Canny, ICRA 1992).
+        volume: Its volume; 0 if it is flat (Miller and Allen, ICRA 1999).
+    """
+
+    epsilon: float = 0.0
+    volume: float = 0.0
+
+    @property
+    def closed(self) -> bool:
+        """Whether the grasp has force closure (Nguyen, IJRR 7:3, 1988)."""
+        return self.epsilon > 0.0
+
+
+def wrench_space(
+    patches: Sequence[Patch], body: Body, *, weighted: bool = False
+) -> WrenchSpace:
+    """Return the wrench space of a grasp.
+
+    Args:
+        patches: Contacts; their `centroid`s give the measure of textbooks.
+        body: The object.
+        weighted: Whether each point presses with its present normal force, in units of
+            the object's weight, instead of with 1 (Krug et al., ICRA 2017).
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    if not patches:
+        return WrenchSpace()
+    wrenches = cone_wrenches(patches, body)
+    if weighted:
+        force = np.concatenate([patch.normal_force for patch in patches])
+        wrenches = wrenches * (force / (body.mass * _GRAVITY))[:, None, None]
+    try:
+        hull = ConvexHull(wrenches.reshape(-1, 6))
+    except QhullError:  # flat, or too few points
+        return WrenchSpace()
+    epsilon = float(np.min(-hull.equations[:, -1]))
+    return WrenchSpace(max(epsilon, 0.0), float(hull.volume))
+
+
+def resisted_acceleration(patches: Sequence[Patch], body: Body) -> float:
+    """Return the acceleration that the grasp bears in any of six directions [m/s²].
+
+    A linear program for each of ±x, ±y and ±z: the greatest acceleration of the hand
+    for which forces in the friction cones carry the object along, while no patch
+    presses harder than it does now (the bound of Krug et al., ICRA 2017, for motors
+    that give no more). 0 if they cannot even carry its weight.
+    """
+    if not patches:
+        return 0.0
+    wrenches = cone_wrenches(patches, body).reshape(-1, 6)
+    owner = np.repeat(
+        np.arange(len(patches)), [_EDGES * len(patch.p_W) for patch in patches]
+    )
+    bound = np.array([patch.normal_force.sum() for patch in patches])
+    presses = (owner == np.arange(len(patches))[:, None]).astype(float)
+    most = MOST_ACCELERATION
+    for direction in np.concatenate([np.eye(3), -np.eye(3)]):
+        program = MathematicalProgram()
+        force = program.NewContinuousVariables(len(wrenches))
+        a = program.NewContinuousVariables(1)
+        # Pressing forces in units of 1 N; an edge counts with its normal part, 1.
+        pull = np.concatenate([direction, np.zeros(3)]) * body.mass
+        weight = np.concatenate([body.g_W, np.zeros(3)]) * body.mass
+        program.AddLinearEqualityConstraint(
+            np.column_stack([wrenches.T, -pull]), -weight, np.concatenate([force, a])
+        )
+        program.AddLinearConstraint(presses, np.zeros(len(patches)), bound, force)
+        program.AddBoundingBoxConstraint(0.0, np.inf, force)
+        program.AddBoundingBoxConstraint(0.0, most, a)
+        program.AddLinearCost([-1.0], a)
+        result = ClpSolver().Solve(program)
+        if not result.is_success():
+            return 0.0
+        most = float(result.GetSolution(a)[0])
+    return most
+
+
+def friction_margin(patches: Sequence[Patch], body: Body) -> float:
+    """Return the greatest friction of all patches over the object's weight.
+
+    Of a pinch, this is the acceleration that the pads bear across their normals, in
+    units of gravity.
+    """
+    total = sum(patch.friction * patch.normal_force.sum() for patch in patches)
+    return float(total / (body.mass * _GRAVITY))
+
+
+def slip_margin(patches: Sequence[Patch]) -> float:
+    """Return the unused share of friction where it is least, 0 .. 1; 0 without contact.
+
+    A sensor of force and moment could measure it (Bicchi, Salisbury and Brock, IJRR
+    12:249, 1993).
+    """
+    least = 1.0 if patches else 0.0
+    for patch in patches:
+        normal = patch.normal_force @ patch.n_W
+        pressed = np.linalg.norm(normal)
+        most = patch.friction * pressed
+        tangential = patch.f_W - (patch.f_W @ normal) / pressed**2 * normal
+        used = np.linalg.norm(tangential) / most if most else 1.0
+        least = min(least, max(0.0, 1.0 - float(used)))
+    return least
+
+
+def _centroids(patches: Sequence[Patch]) -> list[Patch]:
+    return [patch.centroid for patch in patches]
+
+
+# Every measure by name: the higher, the better.
+MEASURES: Mapping[str, Callable[[Sequence[Patch], Body], float]] = {
+    "force closure": lambda p, b: float(wrench_space(p, b).closed),
+    "epsilon, centroids": lambda p, b: wrench_space(_centroids(p), b).epsilon,
+    "epsilon, patches": lambda p, b: wrench_space(p, b).epsilon,
+    "epsilon, forces": lambda p, b: wrench_space(p, b, weighted=True).epsilon,
+    "volume, centroids": lambda p, b: wrench_space(_centroids(p), b).volume,
+    "volume, patches": lambda p, b: wrench_space(p, b).volume,
+    "volume, forces": lambda p, b: wrench_space(p, b, weighted=True).volume,
+    "resisted acceleration": resisted_acceleration,
+    "friction margin": friction_margin,
+    "slip margin": lambda p, _: slip_margin(p),
+}

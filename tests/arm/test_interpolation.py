@@ -1,0 +1,58 @@
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.arm.interpolation import (
+    AddLinearInterpolation,
+    SetInterpolatedPosition,
+)
+
+COMMAND, STEP = 1 / 16, 1 / 64
+
+
+class Interpolated:
+    def __init__(self, start):
+        builder = DiagramBuilder()
+        self.system = AddLinearInterpolation(builder, np.array(start), COMMAND, STEP)
+        builder.ExportInput(self.system.get_input_port(), "position")
+        builder.ExportOutput(self.system.get_output_port(), "state")
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.context = self.simulator.get_mutable_context()
+
+    def after(self, command, periods):
+        """The output at every step of some periods with a command."""
+        self.diagram.get_input_port().FixValue(self.context, command)
+        steps, start = round(periods * COMMAND / STEP), self.context.get_time()
+        rows = []
+        for i in range(1, steps + 1):
+            self.simulator.AdvanceTo(start + i * STEP)
+            rows.append(self.diagram.get_output_port().Eval(self.context))
+        return np.array(rows)
+
+
+positions = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2)
+
+
+@settings(max_examples=20, deadline=None)
+@given(start=positions, target=positions)
+def test_it_moves_evenly_to_the_command_and_stays(start, target):
+    arm = Interpolated(start)
+    assert np.allclose(arm.diagram.get_output_port().Eval(arm.context)[:2], start)
+    rows = arm.after(target, 3)
+    assert np.allclose(rows[-1], [*target, 0.0, 0.0])
+    low, high = np.minimum(start, target) - 1e-9, np.maximum(start, target) + 1e-9
+    assert np.all((rows[:, :2] >= low) & (rows[:, :2] <= high))
+    speed = np.diff(rows[:, :2], axis=0) / STEP
+    moving = np.abs(speed).max(axis=1) > 1e-9
+    assert np.allclose(speed[moving], np.subtract(target, start) / COMMAND)
+
+
+def test_it_can_be_put_at_rest_anywhere():
+    arm = Interpolated([0.0, 0.0])
+    arm.after([1.0, 2.0], 1.5)
+    SetInterpolatedPosition(arm.system, arm.context, np.array([0.5, -0.5]))
+    state = arm.diagram.get_output_port().Eval(arm.context)
+    assert np.array_equal(state, [0.5, -0.5, 0.0, 0.0])

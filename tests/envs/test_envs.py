@@ -1,0 +1,190 @@
+"""What gymnasium and its users ask of every environment."""
+
+import multiprocessing
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.envs import ENVIRONMENTS
+from drake_srg.envs.episode_station import SimulationError
+from envs.grasping_rule import pick as pick_by_rule
+
+NAMES = sorted(ENVIRONMENTS)
+
+
+def same(first, second):
+    """Whether two lists of arrays are equal bit for bit."""
+    return len(first) == len(second) and all(
+        np.array_equal(a, b) for a, b in zip(first, second, strict=True)
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_gymnasiums_own_checks_pass(envs, name):
+    check_env(envs(name), skip_render_check=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_everything_has_a_name(envs, name):
+    env = envs(name)
+    assert env.observation_space.shape == (len(env.observation_names),)
+    assert env.action_space.shape == (len(env.action_names),)
+    assert env.observation_space.dtype == env.action_space.dtype == np.float32
+    assert np.isfinite(env.observation_space.low).all()
+
+
+@pytest.mark.parametrize("name", ["Pick-v0", "KitchenPickPlace-v0"])
+def test_observations_stay_within_bounds_whatever_is_done(envs, name):
+    env = envs(name)
+    env.action_space.seed(1)
+    env.reset(seed=1)
+    for _ in range(25):
+        observation, reward, terminated, truncated, _ = env.step(
+            env.action_space.sample()
+        )
+        assert env.observation_space.contains(observation)
+        assert np.isfinite(reward)
+        if terminated or truncated:
+            env.reset()
+
+
+@pytest.mark.parametrize("name", ["Pick-v0", "KitchenPick-v0"])
+def test_a_rule_picks_objects(envs, name):
+    infos = [pick_by_rule(envs(name), seed=seed)[0] for seed in range(2)]
+    assert [info["success"] for info in infos] == [True, True]
+
+
+def test_an_episode_does_not_depend_on_those_before_it(pick):
+    fresh = gymnasium.make("drake_srg/Pick-v0").unwrapped
+    _, first = pick_by_rule(fresh, seed=3)
+    pick_by_rule(fresh, seed=4)
+    _, again = pick_by_rule(fresh, seed=3)
+    assert same(first, again)
+    pick_by_rule(pick, seed=5)
+    assert same(first, pick_by_rule(pick, seed=3)[1])
+
+
+def test_a_scene_is_replayed(pick):
+    info, first = pick_by_rule(pick, seed=6)
+    assert same(first, pick_by_rule(pick, options={"scene": info["scene"]})[1])
+
+
+def play_in_a_worker(queue):
+    env = gymnasium.make("drake_srg.envs:drake_srg/Pick-v0").unwrapped
+    queue.put(pick_by_rule(env, seed=3)[1])
+
+
+@pytest.mark.slow
+def test_a_worker_sees_the_same(pick):
+    context = multiprocessing.get_context("spawn")
+    queue = context.Queue()
+    worker = context.Process(target=play_in_a_worker, args=(queue,))
+    worker.start()
+    seen = queue.get(timeout=120)
+    worker.join()
+    assert same(seen, pick_by_rule(pick, seed=3)[1])
+
+
+def test_scenes_differ_from_seed_to_seed(pick):
+    scenes = [pick.reset(seed=seed)[1]["scene"] for seed in range(4)]
+    assert len({repr(scene) for scene in scenes}) == len(scenes)
+
+
+def test_ground_truth_is_not_observed(pick):
+    """The same estimate of another place: the first observation is the same."""
+    _, info = pick.reset(seed=0)
+    scene = info["scene"]
+    first, _ = pick.reset(options={"scene": scene})
+    (x, y), (dx, dy) = scene["object"]["position"], scene["estimate_error"]
+    scene["object"] |= {"position": [x + 0.01, y], "mass": 0.3, "friction": 0.9}
+    scene["estimate_error"] = [dx - 0.01, dy]
+    second, _ = pick.reset(options={"scene": scene})
+    assert np.allclose(first, second, atol=1e-6)
+
+
+def test_a_critic_sees_it():
+    env = gymnasium.make("drake_srg/Pick-v0", critic=True).unwrapped
+    _, info = env.reset(seed=0)
+    thing = info["scene"]["object"]
+    assert info["critic"][3:5] == pytest.approx([thing["mass"], thing["friction"]])
+    assert info["critic"].dtype == np.float32
+
+
+def test_a_step_that_fails_in_the_simulator_truncates(pick, monkeypatch):
+    def fail(*_):
+        raise SimulationError("no convergence")
+
+    pick.reset(seed=0)
+    monkeypatch.setattr(pick.station, "advance", fail)
+    observation, reward, terminated, truncated, info = pick.step(np.zeros(5))
+    assert pick.observation_space.contains(observation)
+    assert (reward, terminated, truncated) == (0.0, False, True)
+    assert info["failure"] == "no convergence"
+    assert not info["success"]
+
+
+def test_a_lost_object_ends_the_episode(pick):
+    pick.reset(seed=0)
+    plant, context = pick.station.plant, pick.station.plant_context
+    velocities = plant.GetVelocities(context).copy()
+    velocities[-3:] = [0.0, 2.0, 2.0]
+    plant.SetVelocities(context, velocities)
+    *_, terminated, truncated, info = pick.step(np.zeros(5))
+    assert (terminated, truncated, info["success"]) == (True, False, False)
+
+
+def test_a_reward_of_your_own(pick):
+    env = gymnasium.make(
+        "drake_srg/GraspOneShot-v0", reward=lambda before, after: after.reach
+    ).unwrapped
+    env.reset(seed=0)
+    _, reward, *_ = env.step(np.array([1.0, 0.0, 1.0, 0.0, -1.0, -1.0]))
+    assert reward == env.truth().reach > 0.0
+
+
+def test_vector_environments_are_made():
+    envs = gymnasium.make_vec(
+        "drake_srg/GraspOneShot-v0", num_envs=2, vectorization_mode="sync"
+    )
+    observations, _ = envs.reset(seed=0)
+    assert observations.shape == (2, 4)
+    assert not np.array_equal(*observations)
+
+
+@pytest.mark.parametrize(
+    ("keywords", "message"),
+    [
+        ({"physics": "fats"}, "physics: unknown 'fats' (did you mean 'fast'? allowed:"),
+        ({"driver": "plan"}, "driver: unknown 'plan' (did you mean 'plant'?"),
+        ({"observation": "pixels"}, "observation: unknown 'pixels' (allowed:"),
+        ({"reward": "dense"}, "reward: unknown 'dense' (allowed: shaped, success)"),
+        ({"nois": 0.1}, "unknown keyword 'nois' (did you mean 'noise'?"),
+        ({"noise": -1.0}, "noise: must be at least 0 m, got -1.0"),
+        ({"scenario": "nowhere"}, "unknown scenario 'nowhere'"),
+        ({"scenario": "clear_table"}, "clear_table: task.pick: must name the only"),
+        ({"overrides": ["arm.hom=1"]}, "learn_bench: arm: unknown key 'hom'"),
+    ],
+)
+def test_a_wrong_keyword_is_one_clear_line(keywords, message):
+    with pytest.raises(ScenarioError) as error:
+        gymnasium.make("drake_srg/Pick-v0", **keywords)
+    assert str(error.value).startswith(message)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"scen": {}}, "options: unknown key 'scen'"),
+        ({"scene": 3}, "scene: must be a mapping"),
+        ({"scene": {"objekt": {}}}, "scene: unknown key 'objekt'"),
+        ({"scene": {"object": {"mass": 1.0}}}, "scene: object.position: must be given"),
+    ],
+)
+def test_a_wrong_scene_is_one_clear_line(pick, options, message):
+    with pytest.raises(ScenarioError) as error:
+        pick.reset(options=options)
+    assert str(error.value).startswith(message)

@@ -1,0 +1,94 @@
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from helpers import port_table
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.gripper.drivers import PlantServoDriver
+from drake_srg.gripper.underactuation import JOINT_NAMES
+from drake_srg.parsing import AddModel
+from gripper.srg_hand import Hand
+
+FAST = PlantServoDriver()
+
+
+def test_ports():
+    inputs, outputs = port_table(Hand(config=FAST).driver)
+    assert inputs.keys() >= {"closure_commanded", "hold", "force_limit", "plant_state"}
+    assert outputs == {
+        "desired_state": 8,
+        "state_measured": 8,
+        "pwm": 4,
+        "proximity": 4,
+        "contact_force": 4,
+        "contact_wrench": 24,
+        "grasped": 1,
+    }
+
+
+@pytest.mark.parametrize("i", range(4))
+def test_each_joint_has_its_own_target(i):
+    hand = Hand(config=FAST)
+    targets = np.zeros(4)
+    targets[i] = 0.3
+    hand.command(joint_position_commanded=targets)
+    hand.advance(0.8)
+    # The fingers' weight bends the servos by less than 0.01 rad.
+    assert hand.q == pytest.approx(targets, abs=0.01)
+
+
+def test_an_empty_hand_closes_and_opens_within_its_speed():
+    hand = Hand(config=FAST)
+    hand.command(closure_commanded=0.5)
+    fastest = 0.0
+    for _ in range(100):
+        hand.advance(0.01)
+        fastest = max(fastest, np.max(hand.read("state_measured")[4:]))
+    assert hand.q == pytest.approx([1.5, 1.5, 0.0, 0.0], abs=0.01)
+    assert 0.7 * FAST.no_load_speed < fastest < FAST.no_load_speed
+    hand.command(closure_commanded=0.0)
+    hand.advance(1.0)
+    assert hand.q == pytest.approx([0.0] * 4, abs=0.01)
+
+
+@pytest.mark.parametrize("kappa", [0.4, 0.7])
+def test_the_force_limit_limits_the_grip(kappa):
+    hand = Hand(post=True, config=FAST)
+    hand.command(closure_commanded=1.0, force_limit=kappa)
+    hand.advance(2.0)
+    pwm = hand.read("pwm")
+    assert np.max(np.abs(pwm)) == pytest.approx(kappa, abs=0.02)
+    assert hand.read("grasped") == [1.0]
+
+
+def test_gains_that_the_plant_does_not_know_are_refused():
+    servo = dc.replace(FAST.servo, ki=[1.0] * 4)
+    with pytest.raises(ValueError, match=r"gripper\.servo: .* kp and kd alone"):
+        Hand(config=PlantServoDriver(servo=servo))
+
+
+def test_motors_are_as_strong_as_configured():
+    hand = Hand(config=PlantServoDriver(motor_strength=0.5))
+    limits = {
+        a.joint().name(): a.effort_limit()
+        for a in map(
+            hand.plant.get_joint_actuator, hand.plant.GetJointActuatorIndices()
+        )
+    }
+    assert [limits[f"{name}_joint"] for name in JOINT_NAMES] == pytest.approx(
+        [1.003, 1.003, 0.714, 0.714]
+    )
+
+
+def test_the_distance_sensors_may_be_left_out():
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.002)
+    model = AddModel(plant, "package://drake_srg/sdf/srg_fast.sdf")
+    config = PlantServoDriver(proximity=None)
+    config.prepare_plant(plant, model)
+    plant.Finalize()
+    inputs, outputs = port_table(config.AddDriver(builder, plant, model))
+    assert "proximity" not in outputs
+    assert "query_object" not in inputs

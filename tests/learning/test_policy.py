@@ -1,0 +1,105 @@
+import dataclasses as dc
+import io
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.policy import KINDS, load_policy, npz_bytes, scaled
+
+from .made_policies import made_policy
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_policy_read_back_acts_the_same(tmp_path, kind):
+    policy = made_policy(kind)
+    policy.save(tmp_path / "policy.npz")
+    again = load_policy(tmp_path / "policy.npz")
+    assert again.info == policy.info
+    for x in np.random.default_rng(1).uniform(-2.0, 4.0, (5, 2)).astype(np.float32):
+        np.testing.assert_array_equal(again(x), policy(x))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@given(x=st.lists(st.floats(-1e6, 1e6, width=32), min_size=2, max_size=2))
+def test_actions_are_within_bounds(kind, x):
+    action = made_policy(kind)(np.array(x, np.float32))
+    assert action.dtype == np.float32
+    assert np.all(np.abs(action) <= 1.0)
+
+
+def test_equal_policies_give_equal_files(tmp_path):
+    for name in ("a.npz", "b.npz"):
+        made_policy().save(tmp_path / name)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_the_range_of_an_observation_becomes_that_of_the_network():
+    low, high = np.array([-2.0, 0.0]), np.array([4.0, 1.0])
+    np.testing.assert_allclose(scaled(low, low, high), -1.0)
+    np.testing.assert_allclose(scaled(high, low, high), 1.0)
+
+
+@given(st.integers(0, 2000), st.integers(0, 255))
+def test_a_damaged_file_is_one_line_or_still_a_policy(tmp_path_factory, at, byte):
+    path = tmp_path_factory.mktemp("damaged") / "policy.npz"
+    made_policy().save(path)
+    content = bytearray(path.read_bytes())
+    content[at % len(content)] = byte
+    path.write_bytes(content)
+    try:
+        load_policy(path)
+    except ScenarioError as error:
+        assert "\n" not in str(error)
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"not a zip at all"])
+def test_something_else_is_no_policy(tmp_path, content):
+    path = tmp_path / "policy.npz"
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError, match=r"policy.npz: is not a policy"):
+        load_policy(path)
+
+
+def test_a_pickle_is_not_read(tmp_path):
+    stream = io.BytesIO()
+    np.savez(stream, format=np.array([{"a": 1}], dtype=object))
+    (tmp_path / "policy.npz").write_bytes(stream.getvalue())
+    with pytest.raises(ScenarioError, match="is not a policy"):
+        load_policy(tmp_path / "policy.npz")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": np.array(2)}, "format 2"),
+        ({"kind": np.array("x")}, "kind 'x'"),
+        ({"low": np.zeros(3, np.float32)}, "do not fit"),
+        ({"weight_1": np.zeros((1, 8, 5), np.float32)}, "do not fit"),
+        ({"bias_1": np.full((1, 1, 2), np.nan, np.float32)}, "finite"),
+        ({"info": np.array('{"what": 1}')}, "what"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_told(tmp_path, changes, message):
+    path = tmp_path / "policy.npz"
+    made_policy().save(path)
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    path.write_bytes(npz_bytes(arrays | changes))
+    with pytest.raises(ScenarioError, match=message):
+        load_policy(path)
+
+
+def test_a_missing_file_and_an_unknown_name_are_told(tmp_path):
+    with pytest.raises(ScenarioError, match="No such file"):
+        load_policy(tmp_path / "none.npz")
+    with pytest.raises(ScenarioError, match=r"unknown policy \(allowed: a .npz file"):
+        load_policy("none")
+
+
+def test_information_survives(tmp_path):
+    policy = made_policy(scores={"validation": 0.9}, steps=7, seed=3, command="x")
+    policy.save(tmp_path / "p.npz")
+    assert dc.asdict(load_policy(tmp_path / "p.npz").info) == dc.asdict(policy.info)

@@ -1,0 +1,74 @@
+import functools
+import json
+
+import numpy as np
+import pytest
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.cloning import CloningConfig
+from drake_srg.learning.policy import load_policy
+from drake_srg.learning.train import LOG, POLICY, Training, train
+
+HIT = "tests.learning.toy:toy/Hit-v0"
+
+
+def training(**changes):
+    values = {"environment": HIT, "steps": 130, "validation": 10, **changes}
+    return Training(**values)
+
+
+def test_training_writes_a_policy_and_how_it_went(tmp_path):
+    policy = train(training(command="a command"), tmp_path)
+    again = load_policy(tmp_path / POLICY)
+    assert again.info == policy.info
+    assert (again.info.environment, again.info.command) == (HIT, "a command")
+    log = json.loads((tmp_path / LOG).read_text())
+    assert log["history"][-1][:2] == [130, 130]
+    assert any(path.name.startswith("events.") for path in tmp_path.iterdir())
+
+
+def test_the_same_training_gives_the_same_bytes(tmp_path):
+    for name in ("a", "b"):
+        train(training(), tmp_path / name)
+    a, b = ((tmp_path / name / POLICY).read_bytes() for name in ("a", "b"))
+    assert a == b
+
+
+def test_training_goes_on_only_where_asked_and_only_as_begun(tmp_path):
+    train(training(steps=110), tmp_path)
+    with pytest.raises(ScenarioError, match="--resume"):
+        train(training(), tmp_path)
+    with pytest.raises(ScenarioError, match="seed: was 0, is 1"):
+        train(training(seed=1), tmp_path, resume=True)
+    train(training(), tmp_path, resume=True)
+    history = json.loads((tmp_path / LOG).read_text())["history"]
+    assert [row[0] for row in history] == [110, 130]
+
+
+def test_a_clone_of_the_rule_succeeds(tmp_path, monkeypatch):
+    quick = functools.partial(CloningConfig, hidden=(32,), updates=300)
+    monkeypatch.setattr("drake_srg.learning.cloning.CloningConfig", quick)
+    policy = train(training(algorithm="bc", steps=200), tmp_path)
+    assert policy.kind == "actor"
+    assert policy.info.scores["validation"] > 0.8
+    assert np.isfinite(policy.network(np.zeros((1, 2), np.float32))).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"algorithm": "x"}, "--algo x"),
+        ({"steps": 0}, "--steps 0"),
+        ({"seed": -1}, "--seed -1"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_written(tmp_path, changes, message):
+    with pytest.raises(ScenarioError, match=message):
+        train(training(**changes), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_broken_log_is_one_line(tmp_path):
+    (tmp_path / LOG).write_text("{")
+    with pytest.raises(ScenarioError, match="invalid content"):
+        train(training(), tmp_path, resume=True)
