@@ -28,7 +28,7 @@ def add_commands(add: Callable[..., argparse.ArgumentParser]) -> None:
             "evaluate",
             evaluate,
             "run a policy in many episodes, beside a rule and random actions",
-            "No episode took part in training. Exit code: 0 once all episodes have run.",
+            "No episode took part in training. Exit code: 0 once all have run.",
         )
     )
 
