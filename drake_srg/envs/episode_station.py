@@ -91,7 +91,8 @@ class EpisodeStation:
             system.SetDefaultContext(context)
         self.context.SetTime(0.0)
         self._ticks = 0
-        for scene_graph in self._scene_graphs:
+        # Without cameras, nobody sees the second one.
+        for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
             ReplaceObject(
                 self.plant, scene_graph, self.context, self._body, scene.object
             )
