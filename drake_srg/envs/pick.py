@@ -14,7 +14,7 @@ from drake_srg.envs.scenes import Scene
 from drake_srg.types import Vector
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
-_STEP = np.array([0.02, 0.02, 0.02, 0.1])
+STEP = np.array([0.02, 0.02, 0.02, 0.1])
 # What entries of the observation are 1 for.
 _NEAR, _SIZE, _ANGLE, _SPEED, _FORCE = 0.2, 0.15, 2.0, 4.0, 20.0
 
@@ -41,7 +41,7 @@ class PickEnv(HandEnv):
     def begin(self, scene: Scene, q: Vector) -> None:
         """See `HandTask`."""
         super().begin(scene, q)
-        self._steps = 0
+        self.steps = 0
         self._truth = self.truth()
 
     def state(self) -> State:
@@ -62,7 +62,7 @@ class PickEnv(HandEnv):
                 fingers[:4] / _ANGLE,
                 fingers[4:] / _SPEED,
                 force / _FORCE if self.touch else np.zeros(4),
-                [2.0 * self.closure - 1.0, 2.0 * self._steps / self.max_steps - 1.0],
+                [2.0 * self.closure - 1.0, 2.0 * self.steps / self.max_steps - 1.0],
             ]
         )
         return clipped(values)
@@ -70,10 +70,10 @@ class PickEnv(HandEnv):
     def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
         a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
-        pose = self.within(self.pose + _STEP * a[:4])
+        pose = self.within(self.pose + STEP * a[:4])
         before = self._truth
         try:
-            self._steps += 1
+            self.steps += 1
             self.tick(pose, 0.5 * (a[4] + 1.0))
             self._truth = self.truth()
             terminated = self.finish(self._truth)
@@ -84,7 +84,7 @@ class PickEnv(HandEnv):
         if terminated:
             self._truth = self.truth()
         truth = self._truth
-        truncated = not terminated and self._steps >= self.max_steps
+        truncated = not terminated and self.steps >= self.max_steps
         reward = self._reward(before, truth)
         return self.observe(), reward, terminated, truncated, self.info(truth)
 
