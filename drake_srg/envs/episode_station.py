@@ -15,7 +15,7 @@ from drake_srg.common.ports import output_ports
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.scenes import Scene
 from drake_srg.objects.models import X_FO_start, object_body
-from drake_srg.objects.replacing import ReplaceObject
+from drake_srg.objects.replacing import SetObject
 from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.station import MakeStation
 from drake_srg.types import Vector
@@ -51,7 +51,7 @@ class EpisodeStation:
             for name in ("scene_graph", "render_scene_graph")
             if self.station.HasSubsystemNamed(name)
         ]
-        # The scene graphs keep what `ReplaceObject` overwrites: copying their defaults
+        # The scene graphs keep what `SetObject` overwrites: copying their defaults
         # takes as long as everything else.
         self._reset = [
             (system, system.GetMyMutableContextFromRoot(self.context))
@@ -93,7 +93,7 @@ class EpisodeStation:
         self._ticks = 0
         # Without cameras, nobody sees the second one.
         for scene_graph in self._scene_graphs[: 2 if self.scenario.cameras else 1]:
-            ReplaceObject(
+            SetObject(
                 self.plant, scene_graph, self.context, self._body, scene.object
             )
         height = self.scenario.table.height

@@ -107,7 +107,7 @@ def grasp(env: PickEnv) -> bool:
             return bool(info["success"])
 
 
-def run(track: Track, *, episodes: int = 40) -> ExperimentResult:
+def run(track: Track, *, episodes: int = 12) -> ExperimentResult:
     """Measure steps, resets and memory of the environments.
 
     Args:
