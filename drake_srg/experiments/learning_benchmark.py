@@ -51,6 +51,7 @@ CASES = (
 )
 # Steps of the hand: down over a cylinder, closing, up until the shake.
 _DOWN, _CLOSE = 6, 14
+_FREE = 15  # steps of turning over the object
 _FLAT = 0.01  # growth of the memory per episode that counts as none [MB]
 
 
@@ -60,12 +61,14 @@ class Speed:
 
     Attributes:
         ticks: Control periods per second of each episode, shape (K,).
+        free: The same without contact at the hand, shape (K,).
         resets: Time of each reset, shape (K,) [ms].
         held: Share of the episodes in which the object survived the shake.
         growth: Of the process's memory per episode [MB].
     """
 
     ticks: Vector
+    free: Vector
     resets: Vector
     held: float
     growth: float
@@ -78,11 +81,15 @@ def measure(case: Case, episodes: int) -> Speed:
     cylinder = {"_tag": "!Cylinder", "radius": 0.03, "length": 0.1}
     thing = {"shape": cylinder, "mass": 0.2, "friction": 0.8, "resolution": 0.018}
     scene = {"object": {**thing, "position": [float(x), float(y)]}}
-    ticks, resets, held, memory = [], [], [], []
+    ticks, free, resets, held, memory = [], [], [], [], []
     for k in range(episodes):
         start = time.process_time()
         env.reset(seed=k)
         resets.append(1e3 * (time.process_time() - start))
+        start = time.process_time()
+        for _ in range(_FREE):
+            env.step(np.array([0.0, 0.0, 0.0, 0.5, -1.0]))
+        free.append(_FREE / (time.process_time() - start))
         env.reset(options={"scene": scene})
         start = time.process_time()
         held.append(grasp(env))
@@ -90,7 +97,8 @@ def measure(case: Case, episodes: int) -> Speed:
         memory.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     later = len(memory) // 2  # by then all caches are full
     growth = (memory[-1] - memory[later]) / max(len(memory) - 1 - later, 1)
-    return Speed(np.array(ticks), np.array(resets), float(np.mean(held)), growth)
+    rates = np.array(ticks), np.array(free)
+    return Speed(*rates, np.array(resets), float(np.mean(held)), growth)
 
 
 def grasp(env: PickEnv) -> bool:
@@ -120,7 +128,9 @@ def run(track: Track, *, episodes: int = 12) -> ExperimentResult:
     usual = float(np.median(speeds[reference].ticks))
     for case in cases:
         ratio = float(np.median(speeds[case].ticks)) / usual
-        rows.append(Row.info(str(case), f"rate over {reference}", ratio, ""))
+        rows.append(
+            Row.info(str(case), f"rate over {reference}", ratio, "", spread=0.4 * ratio)
+        )
     table: dict[str, Any] = {
         "case": [str(case) for case in speeds for _ in range(episodes)],
         "periods per second": np.concatenate([s.ticks for s in speeds.values()]),
@@ -137,6 +147,9 @@ def judge(case: Case, speed: Speed) -> list[Row]:
         Row.at_least(name, "control periods", case.rate, rate, "1/s", clock="rate")
         if case.rate
         else Row.info(name, "control periods", rate, "1/s", clock="rate"),
+        Row.info(
+            name, "free of contact", float(np.median(speed.free)), "1/s", clock="rate"
+        ),
         Row.at_most(name, "reset", case.reset, reset, "ms", clock="time"),
         Row.at_least(name, "episodes held", 0.95, speed.held, ""),
         Row.at_most(
