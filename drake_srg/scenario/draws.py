@@ -66,8 +66,9 @@ def draw_distributions(
         ScenarioError: If the numbers of a distribution are invalid.
     """
     if isinstance(tree, Mapping):
-        if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
-            drawn = _draw(tree, seed, origin, key)
+        if is_distribution(tree):
+            distribution = load_distribution(tree, origin, key)
+            drawn = np.asarray(distribution.Sample(key_generator(seed, key))).tolist()
             if values is None:
                 return drawn
             values |= (
@@ -88,7 +89,26 @@ def draw_distributions(
     return tree
 
 
-def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
+def is_distribution(tree: Any) -> bool:
+    """Return whether a tree is one of the distributions of Drake's schema."""
+    return (
+        isinstance(tree, Mapping)
+        and tree.get("_tag") in _DISTRIBUTIONS
+        and "limit_angle_deg" not in tree
+    )
+
+
+def load_distribution(node: Mapping[str, Any], origin: str, key: str) -> Any:
+    """Return Drake's distribution, which has a method `Sample`, from a tree.
+
+    Args:
+        node: A tree for which `is_distribution` holds.
+        origin: File or option at the start of error messages.
+        key: Dotted path of `node`.
+
+    Raises:
+        ScenarioError: If its numbers are invalid.
+    """
     tag = node["_tag"]
     cls, fields = _DISTRIBUTIONS[tag]
     given = {k: v for k, v in node.items() if k != "_tag"}
@@ -99,12 +119,13 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
             check_tree(value, float if not isinstance(value, list) else list[float], "")
             if not np.all(np.isfinite(np.array(value, dtype=float))):
                 raise ValueError
-        drawn = yaml_load_typed(schema=cls, data=yaml_dump(given))
+        distribution = yaml_load_typed(schema=cls, data=yaml_dump(given))
         if "min" in given and np.any(np.array(given["min"]) > np.array(given["max"])):
             raise ValueError
         if "stddev" in given and np.any(np.array(given["stddev"], dtype=float) < 0.0):
             raise ValueError
-        return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
+        distribution.Sample(RandomGenerator(0))  # lists of different lengths fail
+        return distribution
     except Exception:
         fail(
             origin,
