@@ -46,6 +46,11 @@ CELLS = {
     "assistive_arm": [],
     "assistive_arm_varied": [],
     "assistive_arm_thesis": [],
+    "learn_bench": [
+        "gripper=!PlantServoDriver {underactuation: {evaluate: per_message}}",
+        "arm.weightless=true",
+        "arm.command_period=0.01171875",
+    ],
     "thesis_kitchen": ["gripper.underactuation.evaluate=per_message"],
 }
 SPONGE = (
@@ -139,7 +144,10 @@ def systems(tmp_path_factory):
         add("Station", station)
         driver = station.GetSubsystemByName("gripper_driver")
         add(type(scenario.gripper).__name__, driver)
-        add("ArmPositionDriver", station.GetSubsystemByName("arm_driver"))
+        arm_driver = station.GetSubsystemByName("arm_driver")
+        add("ArmPositionDriver", arm_driver)
+        if scenario.arm.command_period is not None:
+            add("Interpolation", arm_driver.GetSubsystemByName("interpolator"))
         for system in subsystems(cell):
             add(type(system).__name__, system)
     kitchen = load_scenario("kitchen")

@@ -14,7 +14,7 @@ from drake_srg.envs.rewards import LIFTED
 # Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.
 _DOWN, _CLOSE, _UP = 16, 16, 12
 _REACH = 0.04  # around the estimated position [m]
-_HEIGHTS = (LOWEST, 0.115)  # of the grasp centre above the table [m]
+HEIGHTS = (LOWEST, 0.115)  # of the grasp centre above the table [m]
 _MOST_PRESHAPE = 0.45
 
 
@@ -39,7 +39,7 @@ class GraspOneShotEnv(HandEnv):
         """Grasp, lift and shake."""
         a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
         estimate = self.estimate
-        height = _HEIGHTS[0] + 0.5 * (a[2] + 1.0) * (_HEIGHTS[1] - _HEIGHTS[0])
+        height = HEIGHTS[0] + 0.5 * (a[2] + 1.0) * (HEIGHTS[1] - HEIGHTS[0])
         yaw = estimate[3] + a[3] * 0.5 * np.pi
         xy = estimate[:2] + _REACH * a[:2]
         over = self.over(xy, yaw)

@@ -79,6 +79,8 @@ class HandTask:
                 [*(region[1] + _MARGIN), self.table + _HIGHEST],
             ]
         )
+        margin = [[-_AWAY], [_AWAY]]
+        self._near = (self._workspace + margin).T.tolist()
         with scenario_errors(origin):
             self.q_start = self.joints_at(self.over(region.mean(axis=0), 0.0))
         self._scene: Scene | None = None
@@ -138,10 +140,11 @@ class HandTask:
         self.pose, self.closure = pose, closure
         self.q_commanded = self.mover.follow(self.q_commanded, pose)
         self.station.advance(self.q_commanded, closure)
-        p_WO = self.station.X_WO().translation()
-        low, high = self._workspace
-        away = (p_WO < low - _AWAY).any() or (p_WO > high + _AWAY).any()
-        if away or self.station.speed() > _FLYING:
+        *p_WO, vx, vy, vz = self.station.motion()
+        near = all(
+            low < x < high for x, (low, high) in zip(p_WO, self._near, strict=True)
+        )
+        if not near or math.hypot(vx, vy, vz) > _FLYING:
             raise ObjectLostError
 
     def move(self, pose: Vector, closure: float, ticks: int) -> None:

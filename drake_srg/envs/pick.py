@@ -14,11 +14,9 @@ from drake_srg.envs.scenes import Scene
 from drake_srg.types import Cylinder, Shape, Vector
 
 # A full action moves the hand by this per control period: 0.43 m/s, 2.1 rad/s.
-ACTION = np.array([0.02, 0.02, 0.02, 0.1])
+STEP = np.array([0.02, 0.02, 0.02, 0.1])
 # What entries of the observation are 1 for.
 _NEAR, _SIZE, _ANGLE, _SPEED, _FORCE = 0.2, 0.15, 2.0, 4.0, 20.0
-
-
 MAX_STEPS = 100  # 4.7 s
 
 
@@ -30,7 +28,7 @@ def pick_state(
     fingers: Vector,
     force: Vector,
     closure: float,
-    steps: int,
+    elapsed: float,
 ) -> State:
     """Return the observation of `PickEnv` from what is sensed.
 
@@ -42,7 +40,7 @@ def pick_state(
         fingers: Positions and velocities of the joints, shape (8,) [rad, rad/s].
         force: Of the finger links, shape (4,) [N].
         closure: As commanded, 0 .. 1.
-        steps: Control periods so far.
+        elapsed: Share of the longest episode that is over, 0 .. 1.
     """
     turn = 2.0 * (estimate[3] - hand[3])
     round_ = isinstance(shape, Cylinder)
@@ -56,7 +54,7 @@ def pick_state(
             fingers[:4] / _ANGLE,
             fingers[4:] / _SPEED,
             force / _FORCE,
-            [2.0 * closure - 1.0, 2.0 * steps / MAX_STEPS - 1.0],
+            [2.0 * closure - 1.0, 2.0 * elapsed - 1.0],
         ]
     )
     return clipped(values)
@@ -84,7 +82,7 @@ class PickEnv(HandEnv):
     def begin(self, scene: Scene, q: Vector) -> None:
         """See `HandTask`."""
         super().begin(scene, q)
-        self._steps = 0
+        self.steps = 0
         self._truth = self.truth()
 
     def state(self) -> State:
@@ -98,16 +96,16 @@ class PickEnv(HandEnv):
             self.station.measured("gripper.state_measured"),
             force if self.touch else np.zeros(4),
             self.closure,
-            self._steps,
+            self.steps / self.max_steps,
         )
 
     def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
         a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
-        pose = self.within(self.pose + ACTION * a[:4])
+        pose = self.within(self.pose + STEP * a[:4])
         before = self._truth
         try:
-            self._steps += 1
+            self.steps += 1
             self.tick(pose, 0.5 * (a[4] + 1.0))
             self._truth = self.truth()
             terminated = self.finish(self._truth)
@@ -118,7 +116,7 @@ class PickEnv(HandEnv):
         if terminated:
             self._truth = self.truth()
         truth = self._truth
-        truncated = not terminated and self._steps >= self.max_steps
+        truncated = not terminated and self.steps >= self.max_steps
         reward = self._reward(before, truth)
         return self.observe(), reward, terminated, truncated, self.info(truth)
 

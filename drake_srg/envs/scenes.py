@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses as dc
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,13 @@ import numpy as np
 from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
-from drake_srg.scenario.draws import add_clutter, draw_distributions
+from drake_srg.scenario.draws import (
+    add_clutter,
+    draw_distributions,
+    is_distribution,
+    key_generator,
+    load_distribution,
+)
 from drake_srg.scenario.yaml_typed import load_typed
 from drake_srg.types import Cylinder, Shape, Vector
 
@@ -63,34 +70,32 @@ class SceneSource:
         if not (np.isfinite(noise) and noise >= 0.0):
             raise ScenarioError(f"noise: must be at least 0 m, got {noise!r}")
         self.noise = noise
-        self._origin = origin
-        self.name = str((tree.get("task") or {}).get("pick") or "")
-        self._tree = {key: tree.get(key) for key in ("objects", "clutter")}
-        region = tree["task"].get("region") or {}
+        task = tree.get("task") or {}
+        self.name = str(task.get("pick") or "")
+        region = task.get("region") or {}
         self._region = [np.array(region.get(k, [0.0, 0.0])) for k in ("min", "max")]
-        objects = self._objects(0)
+        clutter = tree.get("clutter") or {}
+        objects = add_clutter(dict(tree), 0, origin, {})["objects"]
         if [*objects] != [self.name]:
             raise ScenarioError(
                 f"{origin}: task.pick: must name the only object of an environment, "
                 f"got {self.name!r} of {', '.join(objects) or 'none'}"
             )
-
-    def _objects(self, seed: int) -> Mapping[str, Any]:
-        objects: Mapping[str, Any] = add_clutter(self._tree, seed, self._origin, {})[
-            "objects"
-        ]
-        return objects
+        drawn = self.name not in (tree.get("objects") or {})
+        kinds = clutter["kinds"] if drawn else objects
+        self._kinds = [Kind(kind, origin, name) for name, kind in sorted(kinds.items())]
 
     def draw(self, rng: np.random.Generator) -> Scene:
         """Draw a scene; all randomness comes from `rng`."""
-        seed = int(rng.integers(2**31))
-        entry = self._objects(seed)[self.name]
-        key = f"objects.{self.name}"
-        tree = dict(draw_distributions(entry, seed, self._origin, None, key))
-        if tree.get("position") is None:
-            tree["position"] = rng.uniform(*self._region).tolist()
+        kind = self._kinds[int(rng.integers(len(self._kinds)))]
+        config, tree = kind.draw(int(rng.integers(2**31)))
+        if config.position is None:
+            config.position = rng.uniform(*self._region).tolist()
+            tree["position"] = config.position
         error = rng.normal(0.0, 1.0, 2) * self.noise
-        return self.replay({"object": tree, "estimate_error": error.tolist()})
+        return self._scene(
+            config, error, {"object": tree, "estimate_error": error.tolist()}
+        )
 
     def replay(self, tree: Any) -> Scene:
         """Return a scene from plain data, as `info["scene"]` holds it.
@@ -108,12 +113,63 @@ class SceneSource:
         )
         if config.position is None:
             raise ScenarioError("scene: object.position: must be given")
+        error = np.array(tree.get("estimate_error", [0.0, 0.0]), dtype=float)
+        if error.shape != (2,) or not np.isfinite(error).all():
+            raise ScenarioError("scene: estimate_error: must be two numbers [m]")
+        return self._scene(config, error, tree)
+
+    def _scene(
+        self, config: ObjectConfig, error: Vector, tree: Mapping[str, Any]
+    ) -> Scene:
         shape = simple_shape(self.name, config)
         if shape is None:
             raise ScenarioError(
                 f"scene: object.model: {config.model} must be a cylinder, box or sphere"
             )
-        error = np.array(tree.get("estimate_error", [0.0, 0.0]), dtype=float)
-        if error.shape != (2,) or not np.isfinite(error).all():
-            raise ScenarioError("scene: estimate_error: must be two numbers [m]")
         return Scene(config, shape, error, tree)
+
+
+class Kind:
+    """An object's entry of a scenario, read once and drawn often.
+
+    Args:
+        tree: Of the entry.
+        origin: The scenario's name, for error messages.
+        name: The kind's.
+
+    Raises:
+        ScenarioError: If the entry is invalid.
+    """
+
+    def __init__(self, tree: Mapping[str, Any], origin: str, name: str) -> None:
+        self._keys: dict[tuple[str, ...], Any] = {}
+        for path, node in _leaves(tree):
+            if is_distribution(node):
+                key = ".".join((name, *path))
+                self._keys[path] = load_distribution(node, origin, key)
+        self._tree = draw_distributions(tree, 0, origin, None, name)
+        self._config = load_typed(ObjectConfig, self._tree, origin)
+
+    def draw(self, seed: int) -> tuple[ObjectConfig, dict[str, Any]]:
+        """Return the object of a seed, and its tree."""
+        config, tree = copy.deepcopy(self._config), copy.deepcopy(dict(self._tree))
+        for path, distribution in self._keys.items():
+            generator = key_generator(seed, ".".join(path))
+            value = np.asarray(distribution.Sample(generator)).tolist()
+            thing, node = config, tree
+            for key in path[:-1]:
+                thing, node = getattr(thing, key), node[key]
+            setattr(thing, path[-1], value)
+            node[path[-1]] = value
+        return config, tree
+
+
+def _leaves(
+    tree: Mapping[str, Any], path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield what is not a plain mapping, with its path."""
+    for key, value in tree.items():
+        if isinstance(value, Mapping) and not is_distribution(value):
+            yield from _leaves(value, (*path, key))
+        else:
+            yield (*path, key), value

@@ -11,7 +11,7 @@ from pydrake.systems.framework import Context, DiscreteValues
 from drake_srg.envs.hand_task import LOWEST
 from drake_srg.envs.movers import Mover
 from drake_srg.envs.physics import CONTROL_PERIOD
-from drake_srg.envs.pick import ACTION, pick_state
+from drake_srg.envs.pick import MAX_STEPS, STEP, pick_state
 from drake_srg.envs.rewards import LIFTED
 from drake_srg.learning.episodes import Act
 from drake_srg.lifetime import LeafSystem
@@ -119,10 +119,10 @@ class PolicyPlanner(LeafSystem):
             sensed["gripper_state"],
             sensed["contact_force"],
             closure,
-            int(steps),
+            steps / MAX_STEPS,
         )
         action = np.clip(np.asarray(self._act(observation), float), -1.0, 1.0)
-        pose = pose + ACTION * action[:4]
+        pose = pose + STEP * action[:4]
         pose[2] = max(pose[2], self._table + LOWEST)
         closure = 0.5 * (action[4] + 1.0)
         lowest = min(lowest, pose[2])

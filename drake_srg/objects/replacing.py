@@ -18,7 +18,7 @@ from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import collision_shape, shape_contact, solid_inertia
 
 
-def ReplaceObject(
+def SetObject(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     context: Context,

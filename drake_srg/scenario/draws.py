@@ -65,8 +65,9 @@ def draw_distributions(
         ScenarioError: If the numbers of a distribution are invalid.
     """
     if isinstance(tree, Mapping):
-        if tree.get("_tag") in _DISTRIBUTIONS and "limit_angle_deg" not in tree:
-            drawn = _draw(tree, seed, origin, key)
+        if is_distribution(tree):
+            distribution = load_distribution(tree, origin, key)
+            drawn = np.asarray(distribution.Sample(key_generator(seed, key))).tolist()
             if values is None:
                 return drawn
             values |= (
@@ -87,14 +88,33 @@ def draw_distributions(
     return tree
 
 
-def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
+def is_distribution(tree: Any) -> bool:
+    """Return whether a tree is one of the distributions of Drake's schema."""
+    return (
+        isinstance(tree, Mapping)
+        and tree.get("_tag") in _DISTRIBUTIONS
+        and "limit_angle_deg" not in tree
+    )
+
+
+def load_distribution(node: Mapping[str, Any], origin: str, key: str) -> Any:
+    """Return Drake's distribution, which has a method `Sample`, from a tree.
+
+    Args:
+        node: A tree for which `is_distribution` holds.
+        origin: File or option at the start of error messages.
+        key: Dotted path of `node`.
+
+    Raises:
+        ScenarioError: If its numbers are invalid.
+    """
     tag = node["_tag"]
     cls, fields = _DISTRIBUTIONS[tag]
     given = {k: v for k, v in node.items() if k != "_tag"}
     try:
         if set(given) != fields:
             raise ValueError
-        drawn = cls()
+        distribution = cls()
         for field, value in given.items():
             kind = list[float] if isinstance(value, list) else float
             number = check_tree(value, kind, "")
@@ -102,10 +122,11 @@ def _draw(node: Mapping[str, Any], seed: int, origin: str, key: str) -> Any:
                 raise ValueError
             if field == "stddev" and np.min(number) < 0.0:
                 raise ValueError
-            setattr(drawn, field, number)
-        if "min" in given and np.any(drawn.min > drawn.max):
+            setattr(distribution, field, number)
+        if "min" in given and np.any(distribution.min > distribution.max):
             raise ValueError
-        return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()
+        distribution.Sample(RandomGenerator(0))  # lists of different lengths fail
+        return distribution
     except Exception:
         fail(
             origin,

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.envs import ENVIRONMENTS
 from drake_srg.envs.episode_station import SimulationError
-from envs.grasping_rule import pick as pick_by_rule
+from envs.playing import one_shot, play
 
 NAMES = sorted(ENVIRONMENTS)
 
@@ -53,28 +53,37 @@ def test_observations_stay_within_bounds_whatever_is_done(envs, name):
 
 @pytest.mark.parametrize("name", ["Pick-v0", "KitchenPick-v0"])
 def test_a_rule_picks_objects(envs, name):
-    infos = [pick_by_rule(envs(name), seed=seed)[0] for seed in range(2)]
+    infos = [play(envs(name), seed=seed)[0] for seed in range(2)]
     assert [info["success"] for info in infos] == [True, True]
+
+
+def test_a_rule_grasps_at_once(envs):
+    env = envs("GraspOneShot-v0")
+    env.reset(seed=0)
+    _, reward, terminated, _, info = env.step(one_shot(env))
+    assert info["success"]
+    assert terminated
+    assert reward > 1.0
 
 
 def test_an_episode_does_not_depend_on_those_before_it(pick):
     fresh = gymnasium.make("drake_srg/Pick-v0").unwrapped
-    _, first = pick_by_rule(fresh, seed=3)
-    pick_by_rule(fresh, seed=4)
-    _, again = pick_by_rule(fresh, seed=3)
+    _, first = play(fresh, seed=3)
+    play(fresh, seed=4)
+    _, again = play(fresh, seed=3)
     assert same(first, again)
-    pick_by_rule(pick, seed=5)
-    assert same(first, pick_by_rule(pick, seed=3)[1])
+    play(pick, seed=5)
+    assert same(first, play(pick, seed=3)[1])
 
 
 def test_a_scene_is_replayed(pick):
-    info, first = pick_by_rule(pick, seed=6)
-    assert same(first, pick_by_rule(pick, options={"scene": info["scene"]})[1])
+    info, first = play(pick, seed=6)
+    assert same(first, play(pick, options={"scene": info["scene"]})[1])
 
 
 def play_in_a_worker(queue):
     env = gymnasium.make("drake_srg.envs:drake_srg/Pick-v0").unwrapped
-    queue.put(pick_by_rule(env, seed=3)[1])
+    queue.put(play(env, seed=3)[1])
 
 
 @pytest.mark.slow
@@ -85,7 +94,7 @@ def test_a_worker_sees_the_same(pick):
     worker.start()
     seen = queue.get(timeout=120)
     worker.join()
-    assert same(seen, pick_by_rule(pick, seed=3)[1])
+    assert same(seen, play(pick, seed=3)[1])
 
 
 def test_scenes_differ_from_seed_to_seed(pick):
@@ -150,6 +159,7 @@ def test_vector_environments_are_made():
         "drake_srg/GraspOneShot-v0", num_envs=2, vectorization_mode="sync"
     )
     observations, _ = envs.reset(seed=0)
+    envs.close()
     assert observations.shape == (2, 4)
     assert not np.array_equal(*observations)
 

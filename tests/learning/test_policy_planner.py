@@ -6,7 +6,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.envs.hand_task import LOWEST
 from drake_srg.envs.movers import MakeMover
 from drake_srg.envs.physics import CONTROL_PERIOD, Physics
-from drake_srg.envs.pick import ACTION, pick_state
+from drake_srg.envs.pick import STEP, pick_state
 from drake_srg.learning.policy_planner import PolicyPlanner
 from drake_srg.learning.rules import pick
 from drake_srg.objects.models import simple_shape
@@ -56,7 +56,7 @@ def test_it_sees_what_the_environment_would_and_moves_as_it_would():
     args = ([0.1, 0.0, 0.04, 0.0], THING, 0.0, np.zeros(8), np.zeros(4), 0.0, 0)
     np.testing.assert_array_equal(seen[0], pick_state(np.array(HOME), *args))
     q = planner.GetOutputPort("position_commanded").Eval(context)
-    np.testing.assert_allclose(q, HOME + 3 * ACTION * [1.0, 0.0, -0.5, 0.0])
+    np.testing.assert_allclose(q, HOME + 3 * STEP * [1.0, 0.0, -0.5, 0.0])
     assert planner.GetOutputPort("mode").Eval(context) is Mode.GRASP
 
 

@@ -5,7 +5,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import AddObject, object_body
-from drake_srg.objects.replacing import ReplaceObject
+from drake_srg.objects.replacing import SetObject
 from drake_srg.types import Box, Cylinder, Sphere
 
 CAN = "package://drake_srg/sdf/005_tomato_soup_can.sdf"
@@ -22,7 +22,7 @@ class Scene:
         self.body = object_body(self.plant, model)
 
     def replace(self, config):
-        ReplaceObject(self.plant, self.scene_graph, self.context, self.body, config)
+        SetObject(self.plant, self.scene_graph, self.context, self.body, config)
 
     def described(self):
         """Inertia, shapes and contact properties in the context."""
