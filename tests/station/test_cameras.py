@@ -3,6 +3,7 @@ import pytest
 from helpers import break_camera, fix, port_table
 from pydrake.systems.analysis import Simulator
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig, SoftConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.rig import bench_scenario
@@ -112,3 +113,26 @@ def test_remote_cameras_show_what_the_stations_cameras_do(scenario, station):
         np.testing.assert_array_equal(
             image(remote, context, name), image(station, root, name)
         )
+
+
+CALIBRATION = "camera_calibrations={ceiling: {X_PB: {base_frame: %s, translation: %s}}}"
+
+
+def test_a_calibrated_camera_is_believed_where_its_calibration_has_it():
+    """Errors of the pose do not count then."""
+    errors = "camera_errors.ceiling.translation=[1.0, 0.0, 0.0]"
+    calibration = CALIBRATION % ("world", "[0.1, 0.2, 1.3]")
+    overrides = [*SMALL, errors, calibration]
+    station = MakeStation(load_scenario("kitchen", overrides=overrides))
+    context = station.CreateDefaultContext()
+    port = station.GetOutputPort("camera_ceiling.body_pose_in_world")
+    found = port.Eval(context).translation()
+    np.testing.assert_allclose(found, [0.1, 0.2, 1.3], atol=1e-9)
+
+
+def test_a_calibration_in_another_frame_is_refused():
+    calibration = CALIBRATION % ("gripper::palm", "[0.1, 0.2, 1.3]")
+    scenario = load_scenario("kitchen", overrides=[*SMALL, calibration])
+    message = "base_frame: must be that of cameras.ceiling, world, got gripper::palm"
+    with pytest.raises(ScenarioError, match=f"ceiling.X_PB.{message}"):
+        MakeStation(scenario)
