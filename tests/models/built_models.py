@@ -27,6 +27,7 @@ BASES = {
     "srg_fast": "palm",
     "iiwa14": "link_0",
     "gantry": "stand",
+    "gantry_turning": "stand",
     "assistive_arm": "base",
     "linkage_gripper": "palm",
     "linkage_gripper_flat": "palm",

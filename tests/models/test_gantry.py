@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pydrake.geometry import Role
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from models.built_models import Built, build, mesh_points
 
@@ -21,6 +21,14 @@ def test_joint_positions_are_the_flanges_position():
         built.plant.get_joint_actuator(a).name()
         for a in built.plant.GetJointActuatorIndices()
     ] == ["gantry_x", "gantry_y", "gantry_z"]
+
+
+def test_a_turret_turns_the_flange_about_the_vertical():
+    built = build("gantry_turning")
+    built.plant.SetPositions(built.plant_context, [0.1, -0.2, 0.3, 0.7])
+    X_WF = built.plant.GetFrameByName("flange").CalcPoseInWorld(built.plant_context)
+    expected = RigidTransform(RotationMatrix.MakeZRotation(0.7), [0.1, -0.2, 0.3])
+    assert X_WF.IsNearlyEqualTo(expected, 1e-12)
 
 
 def test_limits_allow_shaking_5_kg_at_1_g():
