@@ -170,6 +170,7 @@ def evaluate(options: argparse.Namespace) -> int:
     from drake_srg.learning.baselines import BASELINES, RULE
     from drake_srg.learning.episodes import EVALUATION
     from drake_srg.learning.evaluate import evaluate as run_evaluation
+    from drake_srg.learning.policy import load_policy
     from drake_srg.sweeps.report.write import write_report
     from drake_srg.sweeps.statistics import wilson_interval
 
@@ -178,6 +179,9 @@ def evaluate(options: argparse.Namespace) -> int:
     names = [options.policy]
     if not options.no_baselines:
         names += [name for name in BASELINES if name != options.policy]
+    given = keywords(options.set)
+    if options.policy not in BASELINES:  # they run as the policy does
+        given = {**load_policy(options.policy).info.keywords, **given}
     answer: dict[str, Any] = {}
     table = [("", "succeeded", "share", "95 % interval (Wilson)")]
     files: list[Path] = []
@@ -192,7 +196,7 @@ def evaluate(options: argparse.Namespace) -> int:
                     out=folder,
                     engine=make_engine(options),
                     seed=EVALUATION if options.seed is None else options.seed,
-                    keywords=keywords(options.set),
+                    keywords=given,
                     resume=options.resume,
                     progress=options.console.progress,
                     tell=warn,
