@@ -45,7 +45,7 @@ class MotionConfig:
         default=0.3, metadata={"ge": 0.01, "le": 1.0}
     )
     # The solver that times motions as fast as the joints allow. Importing toppra adds
-    # 0.6 s to the building of a cell; it then plans faster.
+    # 0.4 s to the building of the first cell; it then plans faster.
     time_parameterization: str = dc.field(
         default="toppra", metadata={"among": ("toppra", "drake")}
     )
