@@ -272,5 +272,5 @@ def draw(stops: Sequence[Stop]) -> Any:
     left.axhline(1e3 * _MAX_STOP, color="0.6", lw=1.0)
     style_axes(left, xlabel="speed [share of the limits]", ylabel="time to rest [ms]")
     style_axes(right, xlabel="speed [share of the limits]", ylabel="way [mm]")
-    left.legend(fontsize=7, frameon=False)
+    left.legend(fontsize=7, frameon=False, loc="upper left")
     return figure
