@@ -105,17 +105,20 @@ def string(name: str, port: str, model: AbstractValue | None = None) -> Topic:
     return Topic(name, kind, {port: model or AbstractValue.Make(object())}, convert)
 
 
-def safety_state(name: str, port: str) -> Topic:
-    """Return a topic of a safety monitor's state, as std_msgs/msg/String.
+def _safety_topics() -> tuple[Topic, Topic]:
+    """Return the topics of a safety monitor: state with reason, and speed.
 
-    "running", or the state and the reason, such as "protective_stop: stale".
+    The state is text: "running", or such as "protective_stop: stale".
     """
     kind = "std_msgs/msg/String"
 
     def convert(make: MakeMessage, time: float, value: Any) -> Any:
         return make(kind, data=describe_safety(value))
 
-    return Topic(name, kind, {port: 2}, convert)
+    return (
+        Topic("/safety/state", kind, {"safety.state": 2}, convert),
+        float64("/safety/speed_scale", "safety.speed_scale"),
+    )
 
 
 def pose_message(make: MakeMessage, time: float, X_WO: RigidTransform) -> Any:
@@ -232,6 +235,7 @@ def cell_topics(
     cameras: Mapping[str, float] | None = None,
     *,
     located: bool = False,
+    watched: bool = False,
 ) -> list[Topic]:
     """Return the topics of a cell.
 
@@ -241,6 +245,7 @@ def cell_topics(
         sensors: Number of finger sensors.
         cameras: Camera name to the time between its images [s].
         located: Whether the planner locates one object to pick.
+        watched: Whether the station has a safety monitor.
     """
     size = len(arm_joints)
     joints = {"arm": arm_joints, "gripper": gripper_joints}
@@ -253,8 +258,7 @@ def cell_topics(
         float64_array("/gripper/proximity", "gripper.proximity", sensors),
         float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
         string("/planner/mode", "planner.mode"),
-        safety_state("/safety/state", "safety.state"),
-        float64("/safety/speed_scale", "safety.speed_scale"),
+        *(_safety_topics() if watched else ()),
         *([object_pose(OBJECT_POSE, "planner.status")] if located else []),
         *(
             image(

@@ -277,17 +277,11 @@ class SafetyMonitor(LeafSystem):
         if path.step.any():
             path = path.advanced(0.0, self._limits.brake)
         memory = dc.replace(memory, path=path, rate=path.rate)
-        rests = not memory.path.step.any()
         emergency = memory.reason is StopReason.EMERGENCY_STOP
-        if rests and (memory.cut or emergency):
-            q = memory.path.q
-            memory = dc.replace(
-                memory,
-                path=Path.at_rest(q),
-                command=self._command_at(q),
-                cut=True,
-            )
-        return memory
+        if path.step.any() or not (memory.cut or emergency):
+            return memory
+        rest, command = Path.at_rest(path.q), self._command_at(path.q)
+        return dc.replace(memory, path=rest, command=command, cut=True)
 
     def _command_at(self, q: Vector) -> Command:
         """Return the command to rest at joint positions (N,)."""

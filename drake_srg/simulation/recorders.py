@@ -133,6 +133,7 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
         len(sensors),
         dict.fromkeys(config.bag_cameras, config.bag_camera_period),
         located=scenario.task.clear is None and not scenario.script,
+        watched=scenario.safety is not None and scenario.arm is not None,
     )
     ports = output_ports(cell)
     return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]

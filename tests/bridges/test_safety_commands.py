@@ -86,13 +86,13 @@ def test_silence_stops_the_arm_once_a_heartbeat_has_begun():
     script = {
         0.1: {"/kuka": THERE},
         0.3: {"/heartbeat": True},
-        0.38: {"/heartbeat": True},
+        0.34: {"/heartbeat": True},
     }
     bridge = run(script, 0.8)
-    assert state_at(bridge, 0.45)[0] is SafetyState.RUNNING
-    assert state_at(bridge, 0.51)[1] is StopReason.STALE
+    assert state_at(bridge, 0.38)[0] is SafetyState.RUNNING
+    assert state_at(bridge, 0.41)[1] is StopReason.STALE
     assert (
-        state_at(run({**script, 0.4: {"/heartbeat": False}}, 0.8), 0.79)[0]
+        state_at(run({**script, 0.36: {"/heartbeat": False}}, 0.8), 0.79)[0]
         is SafetyState.RUNNING
     )
 

@@ -14,6 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from drake_srg.common.safety_states import SafetyState, StopReason, state_indices
 from drake_srg.recording import ros_topics
 from drake_srg.recording.ros_topics import Topic, cell_topics
 from drake_srg.recording.rosbag import RosbagRecorder
@@ -65,6 +66,17 @@ def read(path):
             entry[1].append(time)
             entry[2].append(store.deserialize_cdr(raw, connection.msgtype))
     return topics
+
+
+def test_a_monitored_station_has_topics_of_its_stops():
+    topics = {t.name: t for t in cell_topics(ARM, GRIPPER, 2, watched=True)}
+    assert topics.keys() - {t.name for t in cell_topics(ARM, GRIPPER, 2)} == {
+        "/safety/state",
+        "/safety/speed_scale",
+    }
+    stale = state_indices(SafetyState.BRAKING, StopReason.STALE)
+    message = topics["/safety/state"].convert(lambda kind, data: data, 0.0, stale)
+    assert message == "braking: stale"
 
 
 def ns(sec, nanosec):

@@ -243,13 +243,13 @@ def test_a_lost_override_stops_the_arm():
     np.testing.assert_array_equal(stand.allowed[-1], stand.allowed[-20])
 
 
-KINDS = ("smooth", "wild", "jump", "nan", "hold", "rejoin", "fast")
+KINDS = ("smooth", "wild", "jump", "nan", "hold", "rejoin", "outwards")
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(
     st.integers(0, 2**32 - 1),
-    st.lists(st.sampled_from(KINDS), min_size=3, max_size=12),
+    st.lists(st.sampled_from(KINDS), min_size=2, max_size=8),
     st.sampled_from([1.0, 0.7, 0.3]),
 )
 def test_nothing_that_is_commanded_breaks_a_limit(seed, kinds, override):
@@ -260,20 +260,21 @@ def test_nothing_that_is_commanded_breaks_a_limit(seed, kinds, override):
         bend = random.uniform(-1.0, 1.0, 2) * LIMITS.bend
         if kind == "rejoin":
             q, step = stand.allowed[-1], np.zeros(2)
-        for _ in range(random.integers(1, 40)):
-            factor = {"wild": 2.0, "fast": 1.0}.get(kind, 0.9)
-            step = step + factor * (
-                bend if kind != "fast" else np.sign(bend) * LIMITS.bend
-            )
-            if kind in ("smooth", "fast"):
-                step = np.clip(step, -LIMITS.step, LIMITS.step)
+        # At full speed it takes 160 periods to the nearer limit.
+        ticks = 200 if kind == "outwards" else random.integers(1, 40)
+        if kind == "outwards":
+            bend = np.sign(bend) * LIMITS.bend
+        for _ in range(ticks):
+            step = step + (2.0 if kind == "wild" else 0.9) * bend
+            if kind in ("smooth", "outwards"):
+                step = np.clip(step, -0.99 * LIMITS.step, 0.99 * LIMITS.step)
             if kind in ("hold", "rejoin"):
                 step = step - np.clip(step, -LIMITS.bend, LIMITS.bend)
             q = q + step
             command = {"nan": q * np.nan, "jump": q + random.normal(0.0, 1.0, 2)}
             stand.tick(
                 command.get(kind, q),
-                estop=float(random.random() < 0.005),
+                estop=float(random.random() < 0.002),
                 release=float(random.random() < 0.3),
             )
     allowed = np.array(stand.allowed)
