@@ -63,7 +63,11 @@ def test_a_list_may_name_the_one_object_to_place():
         ),
         ("sort_table", "task.pick=red_can", "must be all with task.place.bins, got"),
         ("sort_table", "task.pick=[red_ball, red_ball]", "must be all with task.place"),
-        ("sort_table", "task.place.bin=red_bin", "task.place: needs one of bin, bins and row"),
+        (
+            "sort_table",
+            "task.place.bin=red_bin",
+            "place: needs one of bin, bins and row",
+        ),
         ("row_table", "task.pick=all", "must be a list of names with task.place.row"),
         ("row_table", "task.place.bin=table", "needs one of bin, bins and row, got"),
         ("row_table", "task.place.row=3", "task.place.row: must be a mapping"),
