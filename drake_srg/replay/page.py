@@ -91,7 +91,7 @@ def _result(path: Path) -> tuple[bool, str] | None:
         word = "success" if success else f"failure: {metrics['failure']}"
         if "objects_total" in metrics:
             word += f", {metrics['objects_cleared']} of {metrics['objects_total']}"
-            return success, f"{word} objects in the bin, {tries} picks"
+            return success, f"{word} objects cleared, {tries} picks"
         return success, f"{word}, {tries} attempt{'' if tries == 1 else 's'}"
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -58,7 +58,8 @@ class ClearingOutcome:
         picks_per_hour: Of those that held.
         in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
         others_moved: Largest distance of any object that belongs into no bin from where
-            it was when the first pick was planned, at any time [m].
+            it was when the first pick was planned, at any time [m]; None without a pick
+            or such an object.
         bins: Number of bins.
     """
 
@@ -182,8 +183,11 @@ def _stands_at(
 def _others_moved(
     log: Mapping[str, Vector], others: Collection[str], status: PlannerStatus
 ) -> float | None:
-    """Return how far any of the others was from where it came to rest [m]."""
-    if not others:
+    """Return how far any of the others was from where it came to rest [m].
+
+    It is None if there are no others, or if nothing was picked.
+    """
+    if not (others and status.attempts):
         return None
     first = int(np.searchsorted(log["time"], status.localized_at - 1e-9))
     places = [log[_pose(name)][first:, :3] for name in sorted(others)]

@@ -133,7 +133,7 @@ class Metrics:
         rows = [
             ("scenario", f"{self.scenario}, seed {self.seed}"),
             ("result", word),
-            ("in the bin", f"{self.objects_cleared} of {self.objects_total} objects"),
+            ("cleared", f"{self.objects_cleared} of {self.objects_total} objects"),
             *self._choice_rows(),
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
             *(

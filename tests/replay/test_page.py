@@ -78,7 +78,7 @@ def test_the_page_loads_nothing_from_elsewhere(folder):
                 **{"success": True, "attempts": 7},
                 **{"objects_total": 6, "objects_cleared": 5},
             },
-            "success, 5 of 6 objects in the bin, 7 picks<",
+            "success, 5 of 6 objects cleared, 7 picks<",
         ),
         (
             {"success": False, "attempts": 2, "failure": "no_grasp"},

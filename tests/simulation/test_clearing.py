@@ -128,9 +128,11 @@ def test_what_must_stay_is_measured_from_where_it_came_to_rest(sorting):
     made = log(scenario, ends, MODES_OF_A_PICK)
     x = made["object_pose.green_block"][:, 0]
     x += [0.5, 0.0, 0.0, 0.003, 0.0]  # it falls, rests, and is pushed and back
-    status = PlannerStatus(mode=Mode.DONE, localized_at=made["time"][1])
+    status = PlannerStatus(mode=Mode.DONE, localized_at=made["time"][1], attempts=1)
     found = clearing_outcome(scenario, made, status)
     assert found.others_moved == pytest.approx(0.003)
+    idle = PlannerStatus(mode=Mode.FAILED)  # nothing was picked, so nothing rested yet
+    assert clearing_outcome(scenario, made, idle).others_moved is None
 
 
 def test_in_a_row_things_must_stand_at_their_own_places():

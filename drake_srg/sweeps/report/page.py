@@ -159,7 +159,7 @@ def _failed_trial(
 def distributions(trials: Trials) -> Element:
     """Return histograms of the metrics that trials are judged by."""
     good = trials.success
-    kinds = (
+    kinds: tuple[tuple[str, str, Vector, bool], ...] = (
         ("Cycle time", "s", trials.cycle_time, False),
         ("Placement error", "mm", 1e3 * trials.placement_error, False),
         ("Localisation error", "mm", 1e3 * trials.localization_error, False),
@@ -167,6 +167,15 @@ def distributions(trials: Trials) -> Element:
         ("Motion of other objects", "mm", 1e3 * trials.others_moved, False),
         ("Attempts", "", trials.attempts, True),
     )
+    left = trials.numbers("objects_total") - trials.numbers("objects_cleared")
+    missed = trials.numbers("picks") - trials.numbers("picks_held")
+    of_several = (
+        ("Objects left", "", left, True),
+        ("Objects in a wrong bin", "", trials.numbers("objects_in_wrong_bin"), True),
+        ("Failed picks", "", missed, True),
+        ("Picks per hour", "", trials.numbers("picks_per_hour"), False),
+    )
+    kinds += tuple(kind for kind in of_several if np.any(np.isfinite(kind[2])))
     figures = []
     for name, unit, values, whole in kinds:
         if not np.any(np.isfinite(values)):

@@ -66,6 +66,17 @@ def test_the_page_shows_success_false_reports_failures_and_causes(tmp_path):
     ) in page.text
 
 
+def test_tasks_with_several_objects_have_distributions_of_their_own(tmp_path):
+    rows = made_rows(60)
+    assert "Objects left" not in report(tmp_path / "one", rows).text
+    counts = {"objects_total": 6, "objects_cleared": 5, "picks": 8, "picks_held": 5}
+    several = rows | {name: [count] * 60 for name, count in counts.items()}
+    page = report(tmp_path / "several", several)
+    assert "Objects left median 1, 95 % quantile 1" in page.text
+    assert "Failed picks median 3, 95 % quantile 3" in page.text
+    assert "wrong bin" not in page.text
+
+
 def test_markup_in_rows_and_yaml_stays_text(tmp_path):
     page = report(tmp_path, made_rows(60))
     assert UNTRUSTED in page.text
