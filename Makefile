@@ -17,11 +17,12 @@ test: .venv/ready  ## run the test suite
 test-fast: .venv/ready  ## run the tests that take a minute, for every save
 	$(PYTEST) -m "not slow"
 
-# PIP="--index-url ..." chooses a CPU build of PyTorch where PyPI's is one for CUDA.
+# TORCH="torch==VERSION --index-url ..." chooses a build: PyPI's newest brings CUDA.
+TORCH ?= torch
 test-learn:  ## run the tests of the extra `learn`, in an environment of its own
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
-	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(PIP) torch
+	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation --editable ".[learn]"
 	.venv-learn/bin/python -m pytest tests/learning/test_sac.py
