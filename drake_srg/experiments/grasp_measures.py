@@ -1,4 +1,4 @@
-"""Measures of grasps against simulated shakes: which one tells what will hold?
+"""Measures of grasps against simulated shakes: which of them tell what will hold.
 
 Each grasp closes and lifts. The contacts then give the measures, and a shake gives the
 answer. AUC is the chance that a measure ranks a grasp that holds above one that does

@@ -55,7 +55,10 @@ TIMING_COLUMNS = (
 )
 
 # Entries of metrics.json that are not metrics, or are in the row already.
-_NO_METRICS = ("schema_version", "scenario", "seed", "artifacts", "objects")
+_NO_METRICS = (
+    *("schema_version", "scenario", "seed", "artifacts"),
+    *("objects", "safety_stops"),
+)
 
 # A key in the metadata of a file's schema; see `_checksum`.
 _CHECKSUM = b"drake_srg.crc32"

@@ -26,7 +26,9 @@ MOVING = [
     Mode.RETREAT,
     Mode.HOME,
 ]
-CYCLE = [mode for mode in Mode if mode is not Mode.FAILED]
+# Of pick-and-place, in the order of a cycle.
+MODES = [mode for mode in Mode if mode is not Mode.PUSH]
+CYCLE = [mode for mode in MODES if mode is not Mode.FAILED]
 _CLOSED = [Mode.CLOSE, Mode.VERIFY, Mode.LIFT, Mode.TRANSFER, Mode.PLACE]
 
 

@@ -20,13 +20,13 @@ from drake_srg.planning.task.planner_memory import (
 from drake_srg.planning.task.sightings import View
 from drake_srg.planning.task.transitions import Observation
 from drake_srg.types import Failure, Mode
-from planning.planning_world import MOVING, FakeTaskPlanner
+from planning.planning_world import MODES, MOVING, FakeTaskPlanner
 
 PLANNER = FakeTaskPlanner()
 TASK = PLANNER.plan(PLANNER.q_home, None, None, None)
 GRASP = TASK.grasp
 ENDS = [Mode.DONE, Mode.FAILED]
-UNDER_WAY = [mode for mode in Mode if mode not in ENDS]
+UNDER_WAY = [mode for mode in MODES if mode not in ENDS]
 NOW = 7.0  # s
 
 
@@ -76,11 +76,11 @@ def memory():
 
 def test_there_is_one_object_per_mode():
     made = modes()
-    assert list(made) == list(Mode)
+    assert list(made) == MODES
     assert all(actions.mode is mode for mode, actions in made.items())
 
 
-@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize("mode", MODES)
 def test_only_three_modes_command_the_fingers_as_they_begin(memory, mode):
     commanded = {
         Mode.PRE_GRASP: GRASP.closure_open,
@@ -102,7 +102,7 @@ def test_a_mode_begins_its_own_motion_from_where_the_arm_is(memory, mode):
 
 
 def test_only_grasp_counts_attempts(memory):
-    for mode in Mode:
+    for mode in MODES:
         after = begin(mode, memory, Mode.VERIFY)
         expected = 2 if mode is Mode.GRASP else 1
         assert after.totals.attempts == after.cycle.attempts == expected
