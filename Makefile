@@ -19,9 +19,9 @@ test-fast: .venv/ready  ## run the tests that take a minute, for every save
 
 # TORCH="torch==VERSION --index-url ..." chooses a build: PyPI's newest brings CUDA.
 TORCH ?= torch
-test-learn:  ## run the tests of the extra `learn`, in an environment of its own
+test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environment of its own
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn
-	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/uv pip install --quiet --python .venv-learn -r requirements.lock
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check $(TORCH)
 	.venv-learn/bin/python -m pip install --quiet --disable-pip-version-check \
 		--no-build-isolation --editable ".[learn]"
