@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import math
+from collections.abc import Mapping
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.stages import StageOutput, StageSystem
@@ -112,9 +113,14 @@ class UnderactuationLogic(StageSystem):
 
     Args:
         config: Parameters of the algorithm.
+        further: Sizes of further optional inputs, for a derived class's `update`.
     """
 
-    def __init__(self, config: UnderactuationConfig | None = None) -> None:
+    def __init__(
+        self,
+        config: UnderactuationConfig | None = None,
+        further: Mapping[str, int] | None = None,
+    ) -> None:
         super().__init__()
         self.config = config or UnderactuationConfig()
         self._limits = 2 * [self.config.base_limit] + 2 * [self.config.tip_limit]
@@ -125,6 +131,7 @@ class UnderactuationLogic(StageSystem):
                 "joint_position_commanded": 4,
                 "hold": 1,
                 **({"closure_messages": 1} if counted else {}),
+                **(further or {}),
             },
             outputs={
                 "position_desired": StageOutput(4, lambda time, state: state[4:8])

@@ -6,7 +6,12 @@ from helpers import port_table
 
 from drake_srg.common.fusing import FUSED
 from drake_srg.common.joint_errors import JointErrorsConfig
-from drake_srg.gripper.drivers import LinkageDriver, SrgPositionDriver, SrgTendonDriver
+from drake_srg.gripper.drivers import (
+    LinkageDriver,
+    PlantServoDriver,
+    SrgPositionDriver,
+    SrgTendonDriver,
+)
 from gripper import linkage_hand, srg_hand
 
 ERRORS = JointErrorsConfig(latency=0.013, encoder_noise=1e-4)
@@ -18,6 +23,7 @@ ERRORS = JointErrorsConfig(latency=0.013, encoder_noise=1e-4)
     [
         (lambda config: srg_hand.Hand(post=True, config=config), SrgPositionDriver),
         (lambda config: srg_hand.Hand(post=True, config=config), SrgTendonDriver),
+        (lambda config: srg_hand.Hand(post=True, config=config), PlantServoDriver),
         (lambda config: linkage_hand.Hand(radius=0.0125, config=config), LinkageDriver),
     ],
 )
