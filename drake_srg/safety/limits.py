@@ -174,6 +174,9 @@ class ToolLimits:
             config: The limits.
             position: As the attribute.
             period: The control period [s].
+
+        Raises:
+            ValueError: If the workspace is empty.
         """
         box = config.workspace
         if config.tool_speed is None and box is None:
@@ -181,6 +184,8 @@ class ToolLimits:
         speed = math.inf if config.tool_speed is None else config.tool_speed
         if box is None:
             return cls(position, period * speed)
+        if not np.all(np.less(box.min, box.max)):
+            raise ValueError("safety.workspace.min: must be less than max everywhere")
         return cls(position, period * speed, np.array(box.min), np.array(box.max))
 
     def fault(self, p_WT: Vector, last: Vector, stopped: Vector) -> StopReason:

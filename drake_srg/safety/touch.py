@@ -40,7 +40,8 @@ class TouchLimits:
         """
         if not config.feels:
             return None
-        given = config.external_torque or [math.inf]
+        given = config.external_torque
+        given = [math.inf] if given is None else given
         if len(given) not in (1, n):
             raise ValueError(
                 "safety.external_torque: needs 1 entry or one per joint of the arm "

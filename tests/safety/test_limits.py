@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from drake_srg.safety.config import SafetyConfig
-from drake_srg.safety.limits import JointLimits
+from drake_srg.safety.config import SafetyConfig, WorkspaceConfig
+from drake_srg.safety.limits import JointLimits, ToolLimits
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import MakeModelsPlant
 
@@ -44,3 +44,9 @@ def test_the_model_fills_in_what_the_configuration_leaves_open(plant):
 def test_limits_that_do_not_fit_are_refused(plant, config, message):
     with pytest.raises(ValueError, match=message):
         limits_of(plant, **config)
+
+
+def test_an_empty_workspace_is_refused():
+    box = WorkspaceConfig(min=[-1.0, 1.0, 0.0], max=[1.0, -1.0, 1.0])
+    with pytest.raises(ValueError, match=r"safety.workspace.min: must be less than"):
+        ToolLimits.of(SafetyConfig(workspace=box), lambda q: q[:3], PERIOD)

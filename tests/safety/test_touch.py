@@ -41,9 +41,10 @@ def test_unknown_regions_are_refused(regions):
         limits(*regions)
 
 
-def test_torques_must_fit_the_joints():
+@pytest.mark.parametrize("torque", [[], [1.0] * 3])
+def test_torques_must_fit_the_joints(torque):
     with pytest.raises(ValueError, match=r"safety.external_torque: needs 1 entry"):
-        TouchLimits.of(SafetyConfig(external_torque=[1.0] * 3), 2, None)
+        TouchLimits.of(SafetyConfig(external_torque=torque), 2, None)
 
 
 def test_an_impact_counts_at_once_and_a_press_once_it_lasts():
