@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from drake_srg.types import Vector
 
-# A view with fewer corners is dropped. Six corners of our board are never on one line.
+# A view with fewer corners is dropped.
 MIN_CORNERS = 6
 
 

@@ -80,7 +80,8 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
     """Estimate intrinsics, the camera's pose and the board's pose.
 
     Args:
-        views: Corners and hand poses. A view with too few corners is dropped.
+        views: Corners and hand poses. A view is dropped if it has too few corners, or
+            all of them on one line.
         focal: Approximate focal lengths [pixels], shape (2,).
         center: Approximate principal point [pixels], shape (2,).
 
@@ -88,7 +89,7 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
         ScenarioError: If too few views are left, if they are too alike to tell the
             parameters apart, or if no parameters fit them.
     """
-    few = {v.name: len(v.pixels) for v in views if len(v.pixels) < MIN_CORNERS}
+    few = {view.name: reason for view in views if (reason := _too_few(view))}
     used = tuple(view for view in views if view.name not in few)
     if len(used) < MIN_VIEWS:
         seen = sum(1 for view in views if len(view.pixels) > 0)
@@ -105,8 +106,7 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
             f"{_MOST_ERROR:g}); check the board's size and the poses of the hand"
         )
     covariance, condition = _covariance(used, estimate, noise)
-    dropped = {name: f"{count} corners" for name, count in few.items()}
-    result = Calibration(estimate, covariance, condition, rms, used, dropped)
+    result = Calibration(estimate, covariance, condition, rms, used, few)
     if (
         not np.all(np.isfinite(covariance))
         or result.position_std > MOST_POSITION_STD
@@ -120,6 +120,16 @@ def calibrate(views: Sequence[View], focal: Vector, center: Vector) -> Calibrati
             "degrees); turn the hand about two axes at least"
         )
     return result
+
+
+def _too_few(view: View) -> str:
+    """Return why a view's corners do not tell the board's pose; empty if they do."""
+    count = len(view.pixels)
+    if count < MIN_CORNERS:
+        return f"{count} corners"
+    if np.linalg.matrix_rank(view.p_B - view.p_B[0], tol=1e-6) < 2:
+        return f"{count} corners on one line"
+    return ""
 
 
 def _fit(views: Sequence[View], estimate: Unknowns) -> tuple[Unknowns, Vector]:

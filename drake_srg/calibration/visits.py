@@ -47,7 +47,8 @@ def plan_visits(
         Waypoints (K, N) [rad] that straight joint lines connect, for each posture.
 
     Raises:
-        ScenarioError: If the arm cannot show the board that often.
+        ScenarioError: If the arm cannot show the board that often, or the image is too
+            small for it.
     """
     box = Box([*mounting.board.size, THICKNESS])
     X_OB = RigidTransform([*mounting.board.center[:2], 0.5 * THICKNESS])
@@ -88,6 +89,11 @@ def _targets(
     diagonal = float(np.linalg.norm(board.size))
     far = mounting.focal.min() * board.marker / 6.0 / _CELL_PIXELS
     near = mounting.focal.max() * diagonal / (_MOST_FILLED * height)
+    if not near < far:
+        raise ScenarioError(
+            f"cameras.{mounting.camera}: images of {width} x {height} pixels are too "
+            "small to read the whole board's markers"
+        )
     X_PC = mounting.X_PB @ mounting.model.X_BC
     X_GH = scene.X_WG(home).inverse() @ mounting.X_WH(scene, home)
     for _ in range(_TRIES * count):

@@ -68,6 +68,14 @@ def test_views_with_few_corners_are_dropped_and_told():
     assert len(result.views) == 7
 
 
+def test_a_view_of_one_row_of_corners_is_dropped_and_told():
+    views = make_views(CAMERA, count=8)
+    row = np.stack([np.arange(6) * 0.03, np.zeros(6), np.zeros(6)], axis=1)
+    line = dc.replace(views[2], p_B=row, pixels=views[2].pixels[:6])
+    result = calibrate([*views[:2], line, *views[3:]], FOCAL, CENTER)
+    assert result.dropped == {"view_02": "6 corners on one line"}
+
+
 @pytest.mark.parametrize(
     ("views", "message"),
     [

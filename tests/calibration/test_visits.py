@@ -39,6 +39,12 @@ def test_the_camera_sees_the_board_from_every_posture(name, camera):
         assert X_CO.rotation().matrix()[2, 2] > 0.5  # its face is turned to the camera
 
 
+def test_images_too_small_for_the_markers_are_refused():
+    small = ["cameras.ceiling.width=160", "cameras.ceiling.height=120"]
+    with pytest.raises(ScenarioError, match=r"cameras.ceiling: .* 160 x 120 pixels"):
+        plan("kitchen", "ceiling", small, count=1)
+
+
 def test_a_camera_that_the_arm_cannot_reach_is_refused():
     away = ["cameras.ceiling.X_PB.translation=[5.0, 0.0, 1.55]"]
     with pytest.raises(
