@@ -37,7 +37,9 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     place = task.get("place")
     if not isinstance(place, Mapping):
         place = {}  # `load_typed` reports any other type
-    given = [key for key in ("bin", "bins", "row") if place.get(key)]
+    given = [key for key in ("bin", "bins") if place.get(key)]
+    if place.get("row") is not None:  # {} is a row with the defaults
+        given.append("row")
     if not given:
         return _without_bin(tree, origin)
     if len(given) > 1:
@@ -65,7 +67,9 @@ def _bins(
 ) -> Any:
     """Return what goes where: trees of SelectionConfigs by the name of the place."""
     into, bins = place.get("bin"), place.get("bins")
-    if place.get("row") and not isinstance(pick, list):
+    if into and not isinstance(into, str):
+        fail(origin, "task.place.bin", f"must be text, got {_shown(into)}")
+    if place.get("row") is not None and not isinstance(pick, list):
         problem = f"must be a list of names with task.place.row, got {_shown(pick)}"
         fail(origin, "task.pick", problem)
     if not bins:

@@ -215,6 +215,8 @@ def _attempts(
     """Return how many grasps have closed nearest to each object."""
     mode, states = log["mode"], measures.arm_states(log)
     assert states is not None
+    if not facts:  # the cameras may see a colour that no object is said to have
+        return {}
     closes = mode == MODES.index(Mode.CLOSE)
     rows = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
     counts = dict.fromkeys(facts, 0)

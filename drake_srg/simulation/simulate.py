@@ -237,7 +237,8 @@ def _run(
     with failure_time(name, simulator):
         simulator.Initialize()
     samples.add(root)
-    status, step, latest = PlannerStatus(), 0, limit
+    status, step = PlannerStatus(), 0
+    latest: float | None = None  # until when objects may settle [s]; None: no end yet
     try:
         with StatusLine(shown=progress) as line:
             while root.get_time() < end - 1e-9:
@@ -247,9 +248,10 @@ def _run(
                     advance(time)
                 samples.add(root)
                 status = status_port.Eval(context)
-                if status.mode in (Mode.DONE, Mode.FAILED) and end == limit:
-                    end = min(limit, time + _SETTLE)
-                    latest = time + _MOST_SETTLE
+                if latest is None:
+                    if status.mode in (Mode.DONE, Mode.FAILED):
+                        end = min(limit, time + _SETTLE)
+                        latest = time + _MOST_SETTLE
                 elif end - 1e-9 <= time < latest and samples.log.clearing_moves:
                     end = time + scenario.recording.period
                 mode = status.mode.value.replace("_", " ")

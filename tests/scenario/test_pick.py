@@ -66,6 +66,12 @@ def test_a_list_may_name_the_one_object_to_place():
         ("sort_table", "task.place.bin=red_bin", "needs one of bin, bins and row"),
         ("row_table", "task.pick=all", "must be a list of names with task.place.row"),
         ("row_table", "task.place.bin=table", "needs one of bin, bins and row, got"),
+        (
+            "sort_table",
+            "task.place={bin: [red_bin], bins: null}",
+            "task.place.bin: must be text, got a list",
+        ),
+        ("clear_table", "task.place.row={}", "one of bin, bins and row, got bin and"),
         ("row_table", "task.place.row=3", "task.place.row: must be a mapping"),
         ("sort_table", "task.place.bins=3", "task.place.bins: must be a mapping"),
         (

@@ -91,6 +91,14 @@ def test_a_grasp_counts_for_the_nearest_object(scenario):
     assert found.objects[A].attempts == 1  # home is over the bin
 
 
+def test_a_grasp_counts_for_nothing_where_nothing_belongs_into_a_bin():
+    overrides = ["task.pick={colour: pink}", "task.place={bin: red_bin, bins: null}"]
+    scenario = load_scenario("sort_table", overrides=overrides)
+    found = outcome(scenario, dict.fromkeys(scenario.objects, ON_TABLE))
+    assert found.objects == {}
+    assert found.honest
+
+
 RED_BIN, BLUE_BIN = [0.3, -0.55, 0.05], [0.3, 0.55, 0.05]
 
 

@@ -127,9 +127,12 @@ class ChoosingPlanner(PickPlanner):
         self._by_label, self._table = tuple(motions), table
         self._names, self._required = tuple(names), tuple(required)
 
-    def motions_with(self, grasp: TopGrasp, height_map: HeightMap) -> ClearingMotions:
-        """Return the motions to the place of what a grasp takes."""
-        return self._by_label[label_of(grasp, height_map, self._table)]
+    def motions_with(
+        self, grasp: TopGrasp, height_map: HeightMap
+    ) -> ClearingMotions | None:
+        """Return the motions to the place of what a grasp takes, None without one."""
+        label = label_of(grasp, height_map, self._table)
+        return None if label < 0 else self._by_label[label]
 
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
         """Judge the pick under way, and remember the label of what it took."""

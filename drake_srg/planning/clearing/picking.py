@@ -49,8 +49,10 @@ class PickPlanner:
         self.pushes = pushes
         self.config = config
 
-    def motions_with(self, grasp: TopGrasp, height_map: HeightMap) -> ClearingMotions:
-        """Return the motions to where what a grasp takes must go."""
+    def motions_with(
+        self, grasp: TopGrasp, height_map: HeightMap
+    ) -> ClearingMotions | None:
+        """Return the motions to where what a grasp takes must go; None if it stays."""
         return self.motions
 
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
@@ -100,8 +102,10 @@ class PickPlanner:
                 continue
             if planned == _MOST_GRASPS:
                 break
-            planned += 1
             there = self.motions_with(grasp, height_map)
+            if there is None:
+                continue
+            planned += 1
             motions = there.plan(q_start, grasp, height_map, memory.picks)
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))

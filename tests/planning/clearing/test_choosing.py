@@ -108,6 +108,14 @@ def test_a_colour_that_nothing_has_is_told():
     assert run.status.attempts == 0
 
 
+def test_a_grasp_of_nothing_that_has_a_label_is_left():
+    # The planner of grasps offers one of B, which has no label here.
+    run, to = choosing_run(labeled(table(A, B), A), required=(True, False))
+    pick(run, after=labeled(table(B), A))
+    run.until(Mode.DONE)
+    assert [motions.taken for motions in to] == [[A], []]
+
+
 def test_of_colours_one_may_be_missing():
     run, _ = choosing_run(labeled(table(A), A, B), required=(False, False))
     pick(run, after=labeled(table(), A, B))
