@@ -24,7 +24,7 @@ def execute(path: Path) -> nbformat.NotebookNode:
             cell.outputs, cell.execution_count = [], None
     NotebookClient(
         notebook,
-        timeout=120,  # s per cell
+        timeout=600,  # s per cell, on a busy machine
         kernel_name="python3",
         record_timing=False,
         resources={"metadata": {"path": str(path.parent)}},

@@ -63,9 +63,11 @@ def test_a_real_station_follows_a_short_load(wire):
     one = load_station(wire, rate=50.0, duration=2.0)
     assert one.sent == one.served.commands == 400
     assert one.last == 0.0
-    # The only warning allowed is that of a machine too busy to keep the pace.
+    # The only warnings allowed are those of a busy machine: it cannot keep the pace, or
+    # roscore takes long to start.
+    busy = re.compile("cannot keep|waiting for it")
     warnings = one.served.warnings.splitlines()
-    assert [line for line in warnings if "cannot keep" not in line] == []
+    assert [line for line in warnings if not busy.search(line)] == []
     assert len(one.delays) >= 5 and np.isfinite(one.delays).all()
 
 

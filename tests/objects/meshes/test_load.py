@@ -97,9 +97,9 @@ def test_a_caller_may_change_the_tree(tmp_path):
 
 def test_a_conversion_is_kept(tmp_path, monkeypatch, caplog):
     path = write_obj(tmp_path / "a.obj", box([0.04] * 3))
-    calls, original = [], load.convert
+    calls, original = [], conversion.convert
     monkeypatch.setattr(
-        load, "convert", lambda *args: (calls.append(args), original(*args))
+        conversion, "convert", lambda *args: (calls.append(args), original(*args))
     )
     with caplog.at_level(logging.WARNING, logger="drake_srg"):
         folder = import_model(path, 1.0, 32)

@@ -36,7 +36,9 @@ def pressed(model, depth=0.002, frictions=(0.4, 1.2)):
     for name, size, friction in zip(
         ("thing", "hand"), (0.1, 0.04), frictions, strict=True
     ):
-        body = plant.AddRigidBody(name, SpatialInertia.SolidBoxWithMass(1.0, 1, 1, 1))
+        # So heavy that the step in which Drake finds the forces moves nothing.
+        heavy = SpatialInertia.SolidBoxWithMass(1e3, 1.0, 1.0, 1.0)
+        body = plant.AddRigidBody(name, heavy)
         properties = ProximityProperties()
         AddContactMaterial(
             dissipation=0.0,
