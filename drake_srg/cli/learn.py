@@ -1,6 +1,7 @@
 """The commands `drake-srg train` and `drake-srg evaluate`."""
 
 import argparse
+import json
 import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -233,7 +234,14 @@ def keywords(items: Sequence[str]) -> dict[str, Any]:
         key, equals, value = item.partition("=")
         if not (key and equals):
             raise ScenarioError(f"--set {item}: must be KEY=VALUE")
-        found |= parse_yaml(f"{key}: {value}", f"--set {item}")
+        tree = parse_yaml(f"{key}: {value}", f"--set {item}")
+        try:
+            json.dumps(tree)  # as files of results keep it
+        except TypeError:
+            tree = None
+        if not isinstance(tree, dict):
+            raise ScenarioError(f"--set {item}: must be KEY=VALUE, without dates")
+        found |= tree
     return found
 
 

@@ -121,14 +121,16 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
     if module:
         try:
             importlib.import_module(module)  # registers its environments
-        except ModuleNotFoundError as error:
+        except (ModuleNotFoundError, TypeError) as error:  # or a relative name
             raise ScenarioError(f"ENV: {name}: {error}") from None
     if registered not in gymnasium.registry:
         ours = [i for i in gymnasium.registry if i.startswith(NAMESPACE)]
         raise ScenarioError(f"ENV: unknown environment {name!r} {suggest(name, ours)}")
     try:
         env = gymnasium.make(registered, **(keywords or {}))
-    except TypeError as error:
+    except ScenarioError:
+        raise
+    except (TypeError, ValueError) as error:
         # Gymnasium adds a sentence of its own.
         reason = one_line(error).partition(" was raised from")[0]
         raise ScenarioError(f"ENV: {name}: {reason}") from None
@@ -140,6 +142,14 @@ def make_environment(name: str, keywords: Mapping[str, Any] | None = None) -> An
             raise ScenarioError(
                 f"ENV: {name}: {kind}: learners need a flat vector "
                 f"(observation=state), got {space}"
+            )
+        # Policies scale observations by their bounds, and act within -1 .. 1.
+        if not space.is_bounded() or (
+            kind == "action"
+            and not (np.all(space.low == -1) and np.all(space.high == 1))
+        ):
+            raise ScenarioError(
+                f"ENV: {name}: {kind}: learners need finite bounds, -1 .. 1 of actions"
             )
     return env
 

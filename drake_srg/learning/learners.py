@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.random import default_rng
 
-from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.learning.baselines import rule_of
 from drake_srg.learning.cloning import clone
 from drake_srg.learning.episodes import Episode, run_episode, training_seed
@@ -102,11 +102,17 @@ class _Rounds:
 
     def restore(self, folder: Path) -> None:
         """See `Learner`."""
-        with np.load(folder / CHECKPOINT, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        self.steps, self.episodes = int(arrays["steps"]), int(arrays["episodes"])
-        self._rng.bit_generator.state = json.loads(str(arrays["rng"]))
-        self._restore(arrays)
+        path = folder / CHECKPOINT
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+            self.steps, self.episodes = int(arrays["steps"]), int(arrays["episodes"])
+            self._rng.bit_generator.state = json.loads(str(arrays["rng"]))
+            self._restore(arrays)
+        except Exception as error:  # whatever damaged archives raise: a dozen kinds
+            raise ScenarioError(
+                f"{path}: --resume: cannot be read: {one_line(error)}"
+            ) from None
 
 
 class QRounds(_Rounds):

@@ -83,6 +83,8 @@ class SacRounds:
         """See `Learner`."""
         self.done = []
         begun = self._model.num_timesteps == 0
+        # Validation has used the environment since, so the last episode is over.
+        self._model.set_env(self._model.get_env(), force_reset=True)
         self._model.learn(steps, reset_num_timesteps=begun)
         self.steps = int(self._model.num_timesteps)
         return self.done

@@ -44,6 +44,9 @@ def test_evaluate_prints_a_table_with_the_baselines(tmp_path, capsys):
     [
         (["train", "Nothing"], "unknown environment 'drake_srg/Nothing-v0'"),
         (["train", HIT, "--set", "x"], "--set x: must be KEY=VALUE"),
+        (["train", HIT, "--set", "a=2020-01-01"], "must be KEY=VALUE"),
+        (["train", HIT, "--set", "#=1"], "must be KEY=VALUE"),
+        (["train", ".toy:Hit"], "ENV: .toy:Hit-v0"),
         (["train", HIT, "--validation", "0"], "--validation 0"),
         (["evaluate", "none.npz", HIT, "--trials", "1"], "No such file"),
         (["evaluate", "rule", HIT, "--trials", "0"], "--trials 0"),

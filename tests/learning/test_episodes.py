@@ -88,3 +88,19 @@ def test_spaces_that_learners_do_not_take_are_refused():
     gymnasium.register("toy/Words-v0", _Words, disable_env_checker=True)
     with pytest.raises(ScenarioError, match="action: learners need a flat vector"):
         make_environment("toy/Words")
+
+
+@pytest.mark.parametrize(
+    ("kind", "bound"), [("observation", np.inf), ("action", np.inf), ("action", 2.0)]
+)
+def test_bounds_that_policies_do_not_know_are_refused(kind, bound):
+    class Wide(Toy):
+        def __init__(self):
+            super().__init__()
+            space = gymnasium.spaces.Box(-bound, bound, (2,), np.float32)
+            setattr(self, f"{kind}_space", space)
+
+    name = f"toy/Wide{kind}{bound:.0f}-v0"
+    gymnasium.register(name, Wide, disable_env_checker=True)
+    with pytest.raises(ScenarioError, match=f"{kind}: learners need finite bounds"):
+        make_environment(name)

@@ -72,3 +72,10 @@ def test_a_broken_log_is_one_line(tmp_path):
     (tmp_path / LOG).write_text("{")
     with pytest.raises(ScenarioError, match="invalid content"):
         train(training(), tmp_path, resume=True)
+
+
+def test_a_broken_checkpoint_is_one_line(tmp_path):
+    train(training(steps=20), tmp_path)
+    (tmp_path / "checkpoint.npz").write_bytes(b"PK")
+    with pytest.raises(ScenarioError, match="--resume: cannot be read"):
+        train(training(), tmp_path, resume=True)
