@@ -9,6 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
+from drake_srg.objects.meshes import convert as conversion
 from drake_srg.objects.meshes import load
 from drake_srg.objects.meshes.load import import_model, model_tree
 from drake_srg.objects.models import AddObject
