@@ -40,11 +40,14 @@ class CommandTopic:
             field `data` is read.
         convert: Returns values of the station's input ports for `data`; raises a
             CommandError if the command is invalid.
+        latched: Whether a value is kept until the station has seen it, even if a lower
+            one follows at once: a button may be pressed for less than a period.
     """
 
     name: str
     type: str
     convert: Callable[[Any], PortValues]
+    latched: bool = False
 
 
 class Warnings:
@@ -89,6 +92,7 @@ class CommandInbox:
         self.received = 0
         self._lock = threading.Lock()
         self._values: dict[str, Vector] = {}
+        self._next: dict[str, Vector] = {}  # follows a latched value
         self._sources: dict[str, str] = {}  # last source of each port
 
     def receive(self, topic: str, data: Any) -> None:
@@ -118,6 +122,13 @@ class CommandInbox:
             return self._sources.get(port)
 
     def _put(self, values: PortValues, source: str) -> None:
+        topic = self.topics.get(source)
+        if topic is not None and topic.latched:
+            seen = {k: np.maximum(v, self._values.get(k, v)) for k, v in values.items()}
+            lower = [port for port in values if np.any(seen[port] > values[port])]
+            self._next = {k: v for k, v in self._next.items() if k not in values}
+            self._next |= {port: values[port] for port in lower}
+            values = seen
         self._values.update(values)
         self._sources.update(dict.fromkeys(values, source))
 
@@ -136,7 +147,7 @@ class CommandInbox:
     def take(self) -> dict[str, Vector]:
         """Return the commands since the last call, by input port."""
         with self._lock:
-            values, self._values = self._values, {}
+            values, self._values, self._next = self._values, self._next, {}
         return values
 
 

@@ -43,7 +43,7 @@ def safety_topics(inputs: Iterable[str]) -> list[CommandTopic]:
         def convert(data: Any) -> PortValues:
             return {f"safety.{name}": np.array([1.0 if data else 0.0])}
 
-        return CommandTopic(f"/{name}", _BOOL, convert)
+        return CommandTopic(f"/{name}", _BOOL, convert, latched=name == "estop")
 
     return [
         *(switch(name) for name in ("estop", "release", "heartbeat")),

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from bridges.test_serve import series, serve
-from drake_srg.bridges.commands import CommandError
+from drake_srg.bridges.commands import CommandError, CommandInbox, Warnings
 from drake_srg.bridges.safety_commands import safety_topics
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
 
@@ -36,6 +36,17 @@ def run(script, until, told=None):
         wanted=lambda _: False,
     )
     return bridge
+
+
+def test_a_button_pressed_for_less_than_a_period_is_seen():
+    inbox = CommandInbox(TOPICS.values(), Warnings(print))
+    taken = []
+    for messages in ([True, False], [], [True], [False, True], [False], []):
+        for message in messages:
+            inbox.receive("/estop", message)
+        taken.append({port: value[0] for port, value in inbox.take().items()})
+    up, down = {"safety.estop": 0.0}, {"safety.estop": 1.0}
+    assert taken == [down, up, down, down, up, {}]
 
 
 def state_at(bridge, time):
