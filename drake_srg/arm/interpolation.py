@@ -11,6 +11,8 @@ from pydrake.systems.primitives import (
 
 from drake_srg.types import Vector
 
+_TICKS = 10_000  # so many commands are checked to fall on steps
+
 
 def AddLinearInterpolation(
     builder: DiagramBuilder, start: Vector, command_period: float, period: float
@@ -33,7 +35,18 @@ def AddLinearInterpolation(
         start: Positions at the start, shape (N,).
         command_period: Time between commands [s].
         period: Time between steps of the output [s].
+
+    Raises:
+        ValueError: If steps and commands do not fall on the same times. The position is
+            a sum of steps, which would drift.
     """
+    ratio, ticks = round(command_period / period), np.arange(_TICKS)
+    if ratio < 1 or np.any(ticks * command_period != ticks * ratio * period):
+        raise ValueError(
+            f"arm.command_period: must be a multiple of arm.period ({period}) whose "
+            "times are exact in binary, such as multiples of 1/1024, "
+            f"got {command_period}"
+        )
     inner = DiagramBuilder()
     n = len(start)
     eye = np.eye(n)

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
@@ -56,3 +57,9 @@ def test_it_can_be_put_at_rest_anywhere():
     SetInterpolatedPosition(arm.system, arm.context, np.array([0.5, -0.5]))
     state = arm.diagram.get_output_port().Eval(arm.context)
     assert np.array_equal(state, [0.5, -0.5, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(("command", "step"), [(0.05, 0.0015), (0.06, 0.004), (0.1, 1)])
+def test_commands_between_steps_are_refused(command, step):
+    with pytest.raises(ValueError, match=r"must be a multiple of arm\.period"):
+        AddLinearInterpolation(DiagramBuilder(), np.zeros(2), command, step)
