@@ -222,7 +222,7 @@ def evaluate(options: argparse.Namespace) -> int:
 
 
 def keywords(items: Sequence[str]) -> dict[str, Any]:
-    """Return the keywords of `--set KEY=VALUE`s.
+    """Return the keywords that `--set KEY=VALUE` options give.
 
     Raises:
         ScenarioError: If one has no `=`, or its value is not YAML.

@@ -95,7 +95,7 @@ def wrench_space(
     """Return the wrench space of a grasp.
 
     Args:
-        patches: Contacts; their `centroid`s give the measure of textbooks.
+        patches: Contacts; the `centroid` of each gives the measure of textbooks.
         body: The object.
         weighted: Whether each point presses with its present normal force, in units of
             the object's weight, instead of with 1 (Krug et al., ICRA 2017).
