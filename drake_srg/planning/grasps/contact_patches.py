@@ -92,9 +92,9 @@ def combined_friction(
     values = []
     for geometry in (a, b):
         properties = inspector.GetProximityProperties(geometry)
-        friction = properties.GetPropertyOrDefault("material", "coulomb_friction", None)
-        if friction is None:
+        if not properties.HasProperty("material", "coulomb_friction"):
             return _NO_FRICTION
+        friction = properties.GetProperty("material", "coulomb_friction")
         values.append(float(friction.dynamic_friction()))
     total = sum(values)
     return 2.0 * values[0] * values[1] / total if total else 0.0
