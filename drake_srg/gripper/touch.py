@@ -94,13 +94,19 @@ class ContactForceSensors(StageSystem):
             },
         )
 
-    def _applied(self, results: ContactResults) -> Iterator[tuple[int, float, Contact]]:
-        """Yield each contact on a link: the sensor's index, the sign of A's force."""
-        for contact in each_contact(results):
+    def _applied(
+        self,
+        contact_results: Callable[[], ContactResults],
+        body_poses: Callable[[], list[RigidTransform]],
+    ) -> Iterator[tuple[int, RigidTransform, float, Contact]]:
+        """Yield each contact on a link: sensor, link's pose, sign of A's force."""
+        poses: list[RigidTransform] = []  # read at the first contact
+        for contact in each_contact(contact_results()):
             for id_, sign in ((contact.id_A, 1.0), (contact.id_B, -1.0)):
                 sensor = self._sensor_of_geometry.get(id_)
                 if sensor is not None:
-                    yield sensor, sign, contact
+                    poses = poses or body_poses()
+                    yield sensor, poses[self._bodies[sensor]], sign, contact
 
     def _flat_wrenches(
         self,
@@ -111,11 +117,8 @@ class ContactForceSensors(StageSystem):
     ) -> Vector:
         """Return [torque; force] on each link at its origin, in its frame, (6m,)."""
         wrenches = np.zeros((len(self._bodies), 6))
-        applied = list(self._applied(contact_results()))
-        poses = body_poses() if applied else []
-        for sensor, sign, contact in applied:
+        for sensor, X_WL, sign, contact in self._applied(contact_results, body_poses):
             F_Ac_W = contact.F_Ac_W()
-            X_WL = poses[self._bodies[sensor]]
             R_LW = X_WL.rotation().matrix().T
             force = sign * F_Ac_W.translational()
             lever = contact.p_WC() - X_WL.translation()
@@ -132,10 +135,8 @@ class ContactForceSensors(StageSystem):
     ) -> Vector:
         # Without the torques, which would take four times as long.
         forces = np.zeros((len(self._bodies), 3))
-        applied = list(self._applied(contact_results()))
-        poses = body_poses() if applied else []
-        for sensor, sign, contact in applied:
-            R_WL = poses[self._bodies[sensor]].rotation().matrix()
+        for sensor, X_WL, sign, contact in self._applied(contact_results, body_poses):
+            R_WL = X_WL.rotation().matrix()
             forces[sensor] += R_WL.T @ (sign * contact.F_Ac_W().translational())
         # Pressure on the closing side pushes outwards.
         return np.maximum(-forces @ INWARD, 0.0)

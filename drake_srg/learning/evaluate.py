@@ -7,7 +7,6 @@ DIR/random/     of random actions
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import functools
 import json
@@ -20,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.common.status_line import StatusLine
 from drake_srg.learning.baselines import BASELINES, RANDOM, RULE, random_policy, rule_of
 from drake_srg.learning.episodes import (
     EVALUATION,
@@ -30,11 +28,10 @@ from drake_srg.learning.episodes import (
     run_episode,
 )
 from drake_srg.learning.policy import Policy, load_policy
-from drake_srg.sweeps.dispatch import dispatch
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.info import SweepInfo, current_versions, dump_tree
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
+from drake_srg.sweeps.trials import run_missing_trials
 
 
 def evaluate(
@@ -110,23 +107,17 @@ def evaluate(
     def submit(trial: int) -> Future[TrialResult]:
         return engine.submit(run_trial, policy, environment, plain, seed, trial)
 
-    with contextlib.closing(SweepFolder(out)) as folder:
-        rows = folder.begin(sweep, resume, tell)
-        done = set(rows["trial"].to_pylist())
-        missing = [trial for trial in range(trials) if trial not in done]
-        with contextlib.ExitStack() as stack:
-            if missing:
-                stack.enter_context(engine)
-            line = stack.enter_context(StatusLine(shown=progress))
-            begun, succeeded = len(done), sum(rows["success"].to_pylist())
-            for number, result in enumerate(
-                dispatch(engine, missing, submit, lost), begun + 1
-            ):
-                folder.add(result)
-                succeeded += result.row["success"]
-                words = f"episodes, {succeeded / number:.1%} succeeded"
-                line.count(number, trials, words, begun)
-        return folder.finish()
+    return run_missing_trials(
+        sweep,
+        engine,
+        submit,
+        lost,
+        out=out,
+        resume=resume,
+        progress=progress,
+        tell=tell,
+        noun="episodes",
+    )
 
 
 def run_trial(

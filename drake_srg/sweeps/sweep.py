@@ -7,7 +7,6 @@ DIR/recordings/000017/   recording of a trial: the files of `drake-srg run`
 
 from __future__ import annotations
 
-import contextlib
 import datetime
 import gc
 from collections.abc import Callable, Iterable, Mapping
@@ -17,15 +16,13 @@ from typing import Any
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.status_line import StatusLine
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
-from drake_srg.sweeps.dispatch import dispatch
 from drake_srg.sweeps.engines import Engine
-from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.info import RECORD, SweepInfo, current_versions, dump_tree
 from drake_srg.sweeps.rows import require_sweep
 from drake_srg.sweeps.trial import TrialResult, empty_row, run_trial, with_contents
+from drake_srg.sweeps.trials import run_missing_trials
 
 TrialFunction = Callable[[Mapping[str, Any], str, int, int, str], TrialResult]
 
@@ -102,25 +99,9 @@ def run_sweep(
             return engine.submit(*arguments)
         return engine.submit(with_contents, *arguments)
 
-    with contextlib.closing(SweepFolder(out)) as folder:
-        rows = folder.begin(info, resume, tell)
-        done = set(rows["trial"].to_pylist())
-        missing = [trial for trial in range(trials) if trial not in done]
-        with contextlib.ExitStack() as stack:
-            if missing:
-                stack.enter_context(engine)
-            line = stack.enter_context(StatusLine(shown=progress))
-            begun, succeeded = len(done), sum(rows["success"].to_pylist())
-            for number, result in enumerate(
-                dispatch(engine, missing, submit, lost), begun + 1
-            ):
-                folder.add(result)
-                if result.warning:
-                    line.interrupt(result.warning, tell)
-                succeeded += result.row["success"]
-                words = f"trials, {succeeded / number:.1%} succeeded"
-                line.count(number, trials, words, begun)
-        return folder.finish()
+    return run_missing_trials(
+        info, engine, submit, lost, out=out, resume=resume, progress=progress, tell=tell
+    )
 
 
 def check_scenario(

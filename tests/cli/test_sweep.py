@@ -14,6 +14,7 @@ from sweeps import stub
 from drake_srg.cli import sweep as cli_sweep
 from drake_srg.cli.main import main
 from drake_srg.sweeps import sweep
+from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows
 
 ABSENT = ["--set", "object.present=false"]
@@ -99,7 +100,7 @@ def test_an_existing_sweep_is_kept_and_can_be_resumed(stubbed, tmp_path, capsys)
 def test_a_full_disk_is_one_line_with_the_command_to_continue(
     stubbed, tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr(sweep.SweepFolder, "add", lambda *_: stub.no_space())
+    monkeypatch.setattr(SweepFolder, "add", lambda *_: stub.no_space())
     assert main(arguments(tmp_path, "--trials", "2", "--seed", "3")) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "cannot be written: No space left on device" in line

@@ -18,6 +18,7 @@ from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import engines, sweep
 from drake_srg.sweeps.engines import THREADS, JoblibEngine
+from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
 
 from . import stub
@@ -159,7 +160,7 @@ def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, cluster):
     from drake_srg.sweeps.ray_engine import RayEngine
 
     node = cluster.add_node(num_cpus=2)
-    add = sweep.SweepFolder.add
+    add = SweepFolder.add
     gone = []
 
     def remove_node(self, result):
@@ -167,7 +168,7 @@ def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, cluster):
         if not gone:
             gone.append(cluster.remove_node(node, allow_graceful=False))
 
-    monkeypatch.setattr(sweep.SweepFolder, "add", remove_node)
+    monkeypatch.setattr(SweepFolder, "add", remove_node)
     rows = run(tmp_path, RayEngine(cluster.address), monkeypatch, stub.slow)
     assert gone
     assert rows["trial"].to_pylist() == list(range(8))

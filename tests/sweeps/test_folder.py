@@ -10,6 +10,7 @@ import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import sweep
+from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import all_rows_path, read_rows, row_path
 
 from . import stub
@@ -24,7 +25,7 @@ def test_a_recording_without_its_row_is_replaced(tmp_path):
     video = tmp_path / "recordings/000001/video.mp4"
     video.write_text("cut off")
     (tmp_path / "recordings/.000000.partial").mkdir()
-    sweep.SweepFolder(tmp_path).add(stub.trial({}, "", 0, 0, "none"))
+    SweepFolder(tmp_path).add(stub.trial({}, "", 0, 0, "none"))
     run(tmp_path, record="failures", trials=2, resume=True)
     assert video.read_text() == "1"
     assert stub.names(tmp_path / "recordings") == ["000001"]
@@ -34,7 +35,7 @@ def test_a_broken_row_is_reported_and_its_trial_runs_again(tmp_path):
     run(tmp_path)
     all_rows_path(tmp_path).unlink()
     for trial in range(6):
-        sweep.SweepFolder(tmp_path).add(stub.trial({}, "", 0, trial, "none"))
+        SweepFolder(tmp_path).add(stub.trial({}, "", 0, trial, "none"))
     row_path(tmp_path, 3).write_bytes(b"PAR1")
     engine, told = stub.StubEngine(), []
     rows = run(tmp_path, engine, told, resume=True)
@@ -88,7 +89,7 @@ def test_an_unreadable_file_does_not_count_as_broken(
     if single:
         path.unlink()
         path = row_path(tmp_path, 3)
-        sweep.SweepFolder(tmp_path).add(stub.trial({}, "", 0, 3, "none"))
+        SweepFolder(tmp_path).add(stub.trial({}, "", 0, 3, "none"))
     content, before = path.read_bytes(), sorted(tmp_path.rglob("*"))
     read_bytes = Path.read_bytes
 

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
-from drake_srg.sweeps import sweep
+from drake_srg.sweeps import sweep, trials
+from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import all_rows_path, read_rows
 
 from . import stub
@@ -72,7 +73,7 @@ def test_resuming_runs_each_missing_trial_exactly_once(single, whole, more):
         for trial in single:
             (out / "trials").mkdir(exist_ok=True)
             result = stub.trial({}, "", 0, trial, "none")
-            sweep.SweepFolder(out).add(result)
+            SweepFolder(out).add(result)
         engine = stub.StubEngine()
         assert values(run(out, engine, trials=6 + more, resume=True)) == wanted
         assert sorted(engine.given) == sorted(set(range(6 + more)) - present)
@@ -82,7 +83,7 @@ def test_resuming_runs_each_missing_trial_exactly_once(single, whole, more):
 @pytest.mark.parametrize("after", range(4))
 def test_an_interrupted_sweep_continues(after, tmp_path, monkeypatch):
     count = 0
-    add = sweep.SweepFolder.add
+    add = SweepFolder.add
 
     def interrupted(self, result):
         nonlocal count
@@ -92,7 +93,7 @@ def test_an_interrupted_sweep_continues(after, tmp_path, monkeypatch):
         add(self, result)
 
     with monkeypatch.context() as patch:
-        patch.setattr(sweep.SweepFolder, "add", interrupted)
+        patch.setattr(SweepFolder, "add", interrupted)
         with pytest.raises(KeyboardInterrupt):
             run(tmp_path, record="failures")
     assert read_rows(tmp_path).num_rows == after
@@ -159,20 +160,20 @@ def test_warnings_of_trials_are_reported(tmp_path):
 
 
 def test_progress_shows_success_and_the_time_left(tmp_path, monkeypatch, capsys):
-    now, add = 0.0, sweep.SweepFolder.add
+    now, add = 0.0, SweepFolder.add
 
     def a_minute_each(self, result):
         nonlocal now
         now += 60
         add(self, result)
 
-    monkeypatch.setattr(sweep.SweepFolder, "add", a_minute_each)
+    monkeypatch.setattr(SweepFolder, "add", a_minute_each)
     # One after the other: if two have ended, either may come first.
     monkeypatch.setattr(stub.StubEngine, "slots", lambda _: 1)
     stream = Terminal()
     monkeypatch.setattr("sys.stderr", stream)
     line = functools.partial(StatusLine, clock=lambda: now)
-    monkeypatch.setattr(sweep, "StatusLine", line)
+    monkeypatch.setattr(trials, "StatusLine", line)
 
     def shown(trials):
         stream.seek(0)
