@@ -54,7 +54,7 @@ def resolve_pick(tree: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
     if "objects" in clear:
         fail(origin, "task.clear.objects", "must be absent: task.pick sets it")
     named = [selection.get("names") for selection in bins.values()]
-    every = [*objects]
+    every = [name for name in objects if _present(objects[name])]
     if all(isinstance(names, list) for names in named):
         every = [name for names in named for name in names]
     clear = {**clear, "objects": every}
@@ -127,6 +127,10 @@ def _selection(
         known = suggest(str(colour), COLORS)
         fail(origin, f"{key}.colour", f"unknown {_shown(colour)} {known}")
     return given
+
+
+def _present(given: Any) -> bool:
+    return not (isinstance(given, Mapping) and given.get("present") is False)
 
 
 def _shown(given: Any) -> str:

@@ -12,6 +12,13 @@ def test_all_are_the_names_of_all_objects():
     assert task.clear.objects == ["clutter_1", "clutter_2", "clutter_3"]
 
 
+def test_all_leave_out_what_is_absent():
+    overrides = ["objects.red_can.present=false"]
+    task = load_scenario("sort_table", overrides=overrides).task
+    assert len(task.clear.objects) == 6
+    assert "red_can" not in task.clear.objects
+
+
 @pytest.mark.parametrize(
     ("pick", "names", "colour", "objects"),
     [

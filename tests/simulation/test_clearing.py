@@ -13,7 +13,7 @@ from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.types import Failure, Left, Mode, PlannerStatus
 
-IN_BIN, ON_TABLE = [0.3, -0.55, 0.05], [0.6, 0.1, 0.025]
+IN_BIN, ON_TABLE = [0.34, -0.56, 0.05], [0.6, 0.1, 0.025]
 A, B = "clutter_1", "clutter_2"
 
 

@@ -52,6 +52,8 @@ class ClearingMemory:
     pick: Pick | None = None  # the one under way, or the next one
     tried: tuple[TopGrasp, ...] = ()  # grasps that failed
     stopped: tuple[TopGrasp, ...] = ()  # those of them on whose way the arm got stuck
+    # Angles of the gripper's joints since it last let go, by name [rad].
+    fingers: Mapping[str, float] = dc.field(default_factory=dict)
     astray: bool = False  # the arm is still where it got stuck or has set a thing down
     push: PlannedPush | None = None  # what is left of the push under way, or the next
     pushes: int = 0  # begun since anything was taken

@@ -179,13 +179,20 @@ class Release(ClearingMode):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Let go, judge the pick by what is seen, and plan the next one.
 
-        An arm that is stuck presses no further, and the pick has failed.
+        An arm that is stuck presses no further. The pick has failed then, unless the
+        load already stands on something.
         """
-        memory = dc.replace(memory, closure=memory.planned.grasp.closure_open)
-        if entry.observation is not None and entry.observation.stuck:
+        grasp = memory.planned.grasp
+        memory = dc.replace(
+            memory, closure=grasp.closure_open, fingers=grasp.fingers_open
+        )
+        stuck = entry.observation is not None and entry.observation.stuck
+        if stuck and entry.previous is not Mode.PLACE:
             memory = dc.replace(memory, motion=Motion(entry.senses.q.copy()))
             return self.planner.give_up(memory)
-        motion, looks = memory.motion.ended(entry.time), memory.looks + 1
+        ended = memory.motion.ended(entry.time)
+        motion = Motion(entry.senses.q.copy()) if stuck else ended
+        looks = memory.looks + 1
         memory = dc.replace(memory, motion=motion, looks=looks)
         seen = entry.senses.see()
         if memory.planned.placing:  # then the hand must first leave what it has placed

@@ -111,7 +111,7 @@ class ClearingMotions:
         moves = self._moves
         self.scene.SetFingers(fingers)
         with self.scene.reaching(_PRESSED):
-            rise = (moves.tip(self.q_over) - moves.tip(q_start))[2]
+            rise = max((moves.tip(self.q_over) - moves.tip(q_start))[2], 0.0)
             for share in (1.0, 0.5, 0.25, 0.0):  # the arm may not get that high there
                 try:
                     up = moves.straight(q_start, moves.above(q_start, share * rise))

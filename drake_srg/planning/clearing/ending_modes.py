@@ -47,8 +47,7 @@ class Retreat(LastChance):
         """Plan the way back from where the arm is, and go."""
         q = entry.senses.q.copy()
         memory = dc.replace(memory, motion=Motion(q), push=None)
-        told = memory.astray and memory.tried
-        fingers = memory.tried[-1].fingers_open if told else {}
+        fingers = memory.fingers if memory.astray else {}
         motion = self.planner.motions.plan_retreat(q, fingers)
         return self.planned(memory, entry, motion)
 

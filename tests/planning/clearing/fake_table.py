@@ -43,13 +43,13 @@ def table(*places, tall=TALL):
     return height_map
 
 
-def grasp_at(place, width=SIDE):
+def grasp_at(place, width=SIDE, half_gap=0.05):
     """Return a grasp of the thing at a place."""
     p_WC = np.array([*place, 0.5 * TALL])
     return TopGrasp(
         X_WG=palm_pose(p_WC + np.array([0.0, 0.0, 0.17]), 0.0),
         fingers=SrgFingers(),
-        half_gap=0.05,
+        half_gap=half_gap,
         width=width,
         p_WC=p_WC,
         height=TALL,
@@ -63,6 +63,7 @@ class Grasps:
     def __init__(self, places, refused=(), width=SIDE):
         self.places = places
         self.width = width
+        self.half_gap = 0.05  # of the open hand [m]
         self.refused = dict(refused)  # place: failure
 
     def plan(self, height_map, *, tried=(), seed=0):
@@ -75,7 +76,11 @@ class Grasps:
             for p in left
             if p in self.refused
         ]
-        grasps = [grasp_at(p, self.width) for p in left if p not in self.refused]
+        grasps = [
+            grasp_at(p, self.width, self.half_gap)
+            for p in left
+            if p not in self.refused
+        ]
         relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
         return GraspPlan(
             tuple(grasps), len(left), lambda: tuple(refused), relief.places

@@ -107,3 +107,19 @@ def test_retreats_over_the_bin_even_if_the_hand_presses_on_something(motions, p_
     assert not isinstance(way, PlanningFailure), way.message
     np.testing.assert_allclose(way.value(0.0)[:, 0], q, atol=1e-6)
     np.testing.assert_allclose(way.value(1e9)[:, 0], motions.q_over, atol=1e-6)
+
+
+def test_a_hand_above_the_bin_retreats_without_going_down(motions):
+    scene = motions.scene
+    over = HandTarget.from_pose(scene.X_WG(motions.q_over))
+    target = over.shifted(np.array([0.1, 0.1, 0.05]))
+    q = solve_inverse_kinematics(
+        scene, target, q_nominal=motions.q_over, check_clearance=False
+    ).q
+    way = motions.plan_retreat(q, {})
+    assert not isinstance(way, PlanningFailure), way.message
+    times = np.linspace(0.0, way.end_time(), 20)
+    p_WG = np.array([scene.X_WG(way.value(t)[:, 0]).translation() for t in times])
+    # Straight across, not down first: half the way down is half the way across.
+    across = np.linalg.norm(p_WG[:, :2] - p_WG[0, :2], axis=1)
+    assert np.interp(0.01, p_WG[0, 2] - p_WG[:, 2], across) > 0.01

@@ -16,6 +16,7 @@ from planning.clearing.fake_table import (
     Motions,
     Pushes,
     Run,
+    grasp_at,
     table,
 )
 
@@ -212,6 +213,42 @@ def test_goes_back_and_on_when_something_stops_the_arm(mode):
     stuck.until(Mode.DONE)
     assert stuck.motions.taken == [A, A, B]
     assert stuck.status.cycles == 2
+
+
+@pytest.mark.parametrize(("mode", "cycles"), [(Mode.TRANSFER, 0), (Mode.PLACE, 1)])
+def test_a_load_that_stands_early_is_placed(mode, cycles):
+    early = run(A)
+    early.motions.places = True
+    early.until(Mode.CLOSE)
+    early.feel(True)
+    early.until(mode)
+    follow, early.follow = early.follow, lambda: None
+    early.show(table())
+    early.until(Mode.RELEASE)
+    q = early.planner.GetInputPort("arm_state").Eval(early.context)[:2]
+    commanded = early.planner.GetOutputPort("position_commanded").Eval(early.context)
+    np.testing.assert_allclose(commanded, q)  # the arm presses no further
+    early.feel(False)
+    early.until(Mode.RETREAT)
+    early.follow = follow
+    early.until(Mode.DONE)
+    assert early.status.cycles == cycles
+
+
+def test_retreats_with_the_hand_as_open_as_it_is():
+    given = []
+    wide = run(A, B)
+    wide.motions.places = True
+    retreat = wide.motions.plan_retreat
+    wide.motions.plan_retreat = lambda q, fingers: (
+        given.append(fingers) or retreat(q, fingers)
+    )
+    for half_gap, after, felt in ((0.05, table(A, B), False), (0.03, table(B), True)):
+        wide.grasps.half_gap = half_gap
+        wide.until(Mode.IDLE, Mode.PRE_GRASP)
+        pick(wide, after=after, felt=felt)
+        wide.until(Mode.RETREAT)
+    assert given == [grasp_at(A, half_gap=gap).fingers_open for gap in (0.05, 0.03)]
 
 
 def test_leaves_what_the_arm_is_stopped_at_too_often():
