@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -115,6 +115,9 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
             ScenarioError: If the options or the scene are invalid.
         """
         super().reset(seed=seed)
+        if not isinstance(options, Mapping | None):
+            kind = type(options).__name__
+            raise ScenarioError(f"options: must be a mapping, got {kind}")
         for key in options or {}:
             if key != "scene":
                 raise ScenarioError(f"options: unknown key {key!r} (allowed: scene)")

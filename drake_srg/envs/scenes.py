@@ -113,7 +113,12 @@ class SceneSource:
         )
         if config.position is None:
             raise ScenarioError("scene: object.position: must be given")
-        error = np.array(tree.get("estimate_error", [0.0, 0.0]), dtype=float)
+        if config.shape is None and not config.model:
+            raise ScenarioError("scene: object: needs a shape or a model")
+        try:
+            error = np.array(tree.get("estimate_error", [0.0, 0.0]), dtype=float)
+        except (TypeError, ValueError):
+            error = np.empty(0)
         if error.shape != (2,) or not np.isfinite(error).all():
             raise ScenarioError("scene: estimate_error: must be two numbers [m]")
         return self._scene(config, error, tree)

@@ -27,11 +27,13 @@ from drake_srg.learning.episodes import (
     make_environment,
     run_episode,
 )
-from drake_srg.learning.policy import Policy, load_policy
+from drake_srg.learning.policy import Policy, load_policy, policy_digest
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.info import SweepInfo, current_versions, dump_tree
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
 from drake_srg.sweeps.trials import run_missing_trials
+
+_MOST_SEED = 2**63  # rows have 64-bit integers
 
 
 def evaluate(
@@ -75,9 +77,13 @@ def evaluate(
         raise ScenarioError(
             f"--seed {seed}: must be at least {EVALUATION}; training has those below"
         )
+    if seed > _MOST_SEED - trials:
+        raise ScenarioError(f"--seed {seed}: must be at most {_MOST_SEED - trials}")
     environment = environment_id(environment)
     keywords = dict(keywords or {})
+    content = {}
     if policy not in BASELINES:
+        content["policy_sha256"] = policy_digest(policy)
         info = load_policy(policy).info
         if info.environment != environment:
             raise ScenarioError(
@@ -93,7 +99,7 @@ def evaluate(
         trials=trials,
         record="none",
         overrides=[f"{key}={json.dumps(value)}" for key, value in keywords.items()],
-        tree=dump_tree({"environment": environment, "policy": policy, **keywords}),
+        tree=dump_tree({"environment": environment, **content, **keywords}),
         versions=current_versions(),
         engine=engine.name,
         jobs=engine.jobs,

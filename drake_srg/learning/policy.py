@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import hashlib
 import io
 import json
 import zipfile
@@ -12,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.type_check import checked_types
 from drake_srg.learning.cross_entropy import best_action
 from drake_srg.learning.network import Array, Network
 from drake_srg.recording.output import OutputFile
@@ -138,6 +140,19 @@ def load_policy(path: Path | str) -> Policy:
         raise ScenarioError(f"{path}: is not a policy: {one_line(error)}") from None
 
 
+def policy_digest(path: Path | str) -> str:
+    """Return the SHA-256 of a policy's file, whatever its name.
+
+    Raises:
+        ScenarioError: If it cannot be read.
+    """
+    path = _find(path)
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
+
+
 def shipped_policies() -> dict[str, Path]:
     """Return the policies of the package by name."""
     folder = Path(__file__).parent / "policies"
@@ -163,7 +178,8 @@ def _policy(arrays: dict[str, Any]) -> Policy:
     Raises:
         ValueError: If sizes do not fit, or it has another format.
         KeyError: If an array is missing.
-        TypeError: If an entry of the information is unknown or missing.
+        TypeError: If an entry of the information is unknown, missing or of another
+            type.
     """
     if int(arrays["format"]) != FORMAT:
         raise ValueError(f"format {arrays['format']} (allowed: {FORMAT})")
@@ -183,7 +199,7 @@ def _policy(arrays: dict[str, Any]) -> Policy:
         raise ValueError("low and high must be vectors of one size, low below high")
     if not all(np.isfinite(p).all() for p in network.parameters):
         raise ValueError("weights must be finite")
-    info = PolicyInfo(**json.loads(str(arrays["info"])))
+    info = checked_types(PolicyInfo(**json.loads(str(arrays["info"]))))
     return Policy(kind, network, low, high, actions, info)
 
 

@@ -12,6 +12,7 @@ from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.learning.episodes import training_seed
 from drake_srg.learning.network import Network
 from drake_srg.learning.policy import Kind
+from drake_srg.recording.output import OutputFile
 
 _MODEL, _BUFFER, _COUNTS = "sac.zip", "replay.pkl", "counts.npz"
 # Of Haarnoja et al., 2018, but for the learning rate and the discount: episodes of a
@@ -108,10 +109,18 @@ class SacRounds:
         )
 
     def save(self, folder: Path) -> None:
-        """Write model and replay buffer, which is Stable-Baselines3's own pickle."""
-        self._model.save(folder / _MODEL)
-        self._model.save_replay_buffer(folder / _BUFFER)
-        np.savez(folder / _COUNTS, episodes=self.episodes)
+        """Write model and replay buffer, which is Stable-Baselines3's own pickle.
+
+        All files replace the last ones together, once they are complete.
+        """
+        model, buffer, counts = (
+            OutputFile(folder / name) for name in (_MODEL, _BUFFER, _COUNTS)
+        )
+        self._model.save(model.path)
+        self._model.save_replay_buffer(buffer.path)
+        np.savez(counts.path, episodes=self.episodes)
+        for file in (model, buffer, counts):
+            file.commit()
 
     def restore(self, folder: Path) -> None:
         """Go on from what `save` wrote. Restore only files that you trust.

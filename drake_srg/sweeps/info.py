@@ -6,8 +6,6 @@ import dataclasses as dc
 import importlib.metadata
 import json
 import platform
-import types
-import typing
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +14,7 @@ import cv2
 from pydrake.common.yaml import yaml_dump, yaml_load
 
 from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.type_check import checked_types
 from drake_srg.sweeps.files import write_file
 from drake_srg.sweeps.sources import sources_hash
 
@@ -68,7 +67,7 @@ def read_sweep(folder: Path) -> SweepInfo:
                 f"{path}: schema_version: got {values['schema_version']} "
                 f"(allowed: {SCHEMA_VERSION})"
             )
-        return _checked(SweepInfo(**values))
+        return checked_types(SweepInfo(**values))
     except FileNotFoundError:
         raise ScenarioError(
             f"{folder}: contains no sweep ({FILE} is missing)"
@@ -81,21 +80,6 @@ def read_sweep(folder: Path) -> SweepInfo:
         if isinstance(error, ScenarioError):
             raise
         raise ScenarioError(f"{path}: invalid content: {one_line(error)}") from None
-
-
-def _checked(info: SweepInfo) -> SweepInfo:
-    """Return the information if its values have the right types.
-
-    Raises:
-        TypeError: If one has not.
-    """
-    for name, hint in typing.get_type_hints(SweepInfo).items():
-        union = isinstance(hint, types.UnionType)
-        kind = hint if union else typing.get_origin(hint) or hint
-        value = getattr(info, name)
-        if not isinstance(value, kind):
-            raise TypeError(f"{name}: must be {kind}, got {value!r}")
-    return info
 
 
 def dump_tree(tree: Mapping[str, Any]) -> str:

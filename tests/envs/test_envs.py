@@ -185,11 +185,19 @@ def test_a_wrong_keyword_is_one_clear_line(keywords, message):
     assert "\n" not in str(error.value)
 
 
+def scene_with(**changes):
+    shape = {"_tag": "!Sphere", "radius": 0.03}
+    return {"scene": {"object": {"shape": shape, "position": [0.5, 0.0]}} | changes}
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"scen": {}}, "options: unknown key 'scen'"),
+        (3, "options: must be a mapping, got int"),
         ({"scene": 3}, "scene: must be a mapping"),
+        (scene_with(estimate_error=["a", "b"]), "scene: estimate_error: must be two"),
+        (scene_with(object={"position": [0.5, 0.0]}), "scene: object: needs a shape"),
         ({"scene": {"objekt": {}}}, "scene: unknown key 'objekt'"),
         ({"scene": {"object": {"mass": 1.0}}}, "scene: object.position: must be given"),
     ],

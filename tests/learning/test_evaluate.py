@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
@@ -64,3 +66,20 @@ def test_interrupted_episodes_run_later(tmp_path):
     with pytest.raises(ScenarioError, match="--resume"):
         run("rule", tmp_path)
     assert run("rule", tmp_path, resume=True).num_rows == 8
+
+
+def test_another_policy_under_the_same_name_is_another_evaluation(tmp_path):
+    path = tmp_path / "policy.npz"
+    policy = made_policy(environment=HIT)
+    policy.save(path)
+    run(path, tmp_path / "out", trials=3)
+    shifted = dc.replace(policy, low=policy.low - 1.0)
+    shifted.save(path)
+    with pytest.raises(ScenarioError, match="another sweep: policy_sha256"):
+        run(path, tmp_path / "out", resume=True)
+
+
+def test_seeds_fit_into_a_row(tmp_path):
+    with pytest.raises(ScenarioError, match=r"--seed .*at most"):
+        run("rule", tmp_path / "out", seed=2**63 - 3)
+    assert not (tmp_path / "out").exists()

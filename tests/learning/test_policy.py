@@ -1,5 +1,6 @@
 import dataclasses as dc
 import io
+import json
 
 import numpy as np
 import pytest
@@ -71,6 +72,10 @@ def test_a_pickle_is_not_read(tmp_path):
         load_policy(tmp_path / "policy.npz")
 
 
+def info_with(**changes):
+    return np.array(json.dumps(dc.asdict(made_policy().info) | changes))
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -80,6 +85,8 @@ def test_a_pickle_is_not_read(tmp_path):
         ({"weight_1": np.zeros((1, 8, 5), np.float32)}, "do not fit"),
         ({"bias_1": np.full((1, 1, 2), np.nan, np.float32)}, "finite"),
         ({"info": np.array('{"what": 1}')}, "what"),
+        ({"info": info_with(keywords=[])}, "keywords: must be"),
+        ({"info": info_with(scores=3)}, "scores: must be"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told(tmp_path, changes, message):
