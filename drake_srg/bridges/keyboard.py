@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import select
+import signal
 import termios
 import threading
 import tty
@@ -33,9 +34,9 @@ class KeyboardBridge(Bridge):
     def __init__(self, inbox: CommandInbox, terminal: int) -> None:
         self._inbox, self._terminal = inbox, terminal
         self._before = termios.tcgetattr(terminal)
+        tty.setcbreak(terminal)
         self._end, self._closing = os.pipe()
         self._lock, self._open = threading.Lock(), True
-        tty.setcbreak(terminal)
         self._thread = threading.Thread(target=self._run, name="keys", daemon=True)
         self._thread.start()
 
@@ -58,8 +59,11 @@ class KeyboardBridge(Bridge):
         os.close(self._closing)
         self._thread.join()
         os.close(self._end)
+        # In the background, the signal would stop the whole process.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTTOU])
         with contextlib.suppress(termios.error):  # the terminal is gone
             termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
     def _run(self) -> None:
         while True:

@@ -83,7 +83,8 @@ def read_shots(folder: Path) -> list[Shot]:
     """
     path = folder / POSES
     try:
-        with path.open(encoding="utf-8", newline="") as file:
+        # Spreadsheets put a byte-order mark before the first column.
+        with path.open(encoding="utf-8-sig", newline="") as file:
             reader = csv.DictReader(file)
             rows = list(reader)
     except (OSError, UnicodeError, csv.Error) as error:

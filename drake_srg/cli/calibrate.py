@@ -107,14 +107,16 @@ def parse_board(text: str) -> Board:
     from drake_srg.calibration.board import Board
 
     words = text.split(",")
+    if len(words) == 4:
+        words.append("DICT_4X4_50")
     try:
-        columns, rows = int(words[0]), int(words[1])
-        square, marker = float(words[2]), float(words[3])
-    except (ValueError, IndexError):
+        first, second, side, inner, dictionary = words
+        columns, rows = int(first), int(second)
+        square, marker = float(side), float(inner)
+    except ValueError:
         raise ScenarioError(
             f"--board: must be COLUMNS,ROWS,SQUARE,MARKER[,DICTIONARY], got {text!r}"
         ) from None
-    dictionary = words[4] if len(words) > 4 else "DICT_4X4_50"
     if not (min(columns, rows) >= 3 and max(columns, rows) <= 50):
         raise ScenarioError(f"--board: needs 3 to 50 columns and rows, got {text!r}")
     if not 0.0 < marker < square <= 1.0:

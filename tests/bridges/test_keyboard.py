@@ -1,5 +1,7 @@
 import io
 import os
+import subprocess
+import sys
 import termios
 from pathlib import Path
 
@@ -12,6 +14,25 @@ from drake_srg.bridges.connecting import BridgeOptions
 from drake_srg.bridges.keyboard import KeyboardBridge, own_terminal
 from drake_srg.bridges.safety_commands import safety_topics
 from drake_srg.scenario import Scenario
+
+# A session whose only other process uses the keys and then goes to the background.
+IN_THE_BACKGROUND = """
+import os, pty, sys
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.keyboard import KeyboardBridge
+
+session, keyboard = pty.fork()
+if session:
+    sys.exit(os.waitstatus_to_exitcode(os.waitpid(session, 0)[1]))
+process = os.fork()
+if process == 0:
+    bridge = KeyboardBridge(CommandInbox([], Warnings(print)), 0)
+    os.setpgid(0, 0)
+    bridge.close()
+    os._exit(0)
+status = os.waitpid(process, os.WUNTRACED)[1]
+os._exit(1 if os.WIFSTOPPED(status) else os.waitstatus_to_exitcode(status))
+"""
 
 
 @pytest.fixture
@@ -46,6 +67,12 @@ def test_the_terminal_is_given_back(terminal, inbox):
     bridge.close()
     bridge.close()
     assert termios.tcgetattr(terminal[1]) == before
+
+
+def test_the_terminal_is_given_back_from_the_background():
+    needs_pty()
+    done = subprocess.run([sys.executable, "-c", IN_THE_BACKGROUND], timeout=60)
+    assert done.returncode == 0
 
 
 @pytest.mark.parametrize(("topics", "count"), [(["safety.estop"], 1), ([], 0)])

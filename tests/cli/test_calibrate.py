@@ -106,6 +106,7 @@ def test_bad_input_gets_one_line(words, message, tmp_path, monkeypatch, capsys):
     ("text", "message"),
     [
         ("6,5,0.04", "must be COLUMNS,ROWS,SQUARE,MARKER"),
+        ("6,5,0.04,0.03,DICT_4X4_50,6", "must be COLUMNS,ROWS,SQUARE,MARKER"),
         ("6,five,0.04,0.03", "must be COLUMNS,ROWS,SQUARE,MARKER"),
         ("2,5,0.04,0.03", "needs 3 to 50 columns and rows"),
         ("6,5,0.03,0.04", "needs 0 < MARKER < SQUARE"),
