@@ -71,8 +71,8 @@ def test_the_terminal_is_given_back(terminal, inbox):
 
 def test_the_terminal_is_given_back_from_the_background():
     needs_pty()
-    done = subprocess.run([sys.executable, "-c", IN_THE_BACKGROUND], timeout=60)
-    assert done.returncode == 0
+    command = [sys.executable, "-c", IN_THE_BACKGROUND]
+    subprocess.run(command, check=True, timeout=60)
 
 
 @pytest.mark.parametrize(("topics", "count"), [(["safety.estop"], 1), ([], 0)])
