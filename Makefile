@@ -4,7 +4,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 # Three workers keep two cores busy: some tests wait for sockets and other processes.
-PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile
+# They take the files in the order of tests/conftest.py.
+PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+# Workers, and the processes that tests start, read what others have compiled.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test test-fast test-learn coverage lint types docs models experiments package lock clean
 

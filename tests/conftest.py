@@ -22,6 +22,26 @@ settings.register_profile("drake_srg", deadline=None, derandomize=True, max_exam
 settings.load_profile("drake_srg")
 
 
+# The files that take longest, first: the workers then end together.
+LONGEST = (
+    "scenarios/test_thesis_kitchen.py",
+    "scenarios/test_assistive_arm.py",
+    "scenarios/test_fast.py",
+    "vision/test_convex_pieces.py",
+    "sweeps/test_engines.py",
+    "scenarios/test_own_cell.py",
+    "cli/test_sweep.py",
+    "test_notebooks.py",
+    "test_readme.py",
+    "vision/test_shape_fit.py",
+)
+
+
+def pytest_collection_modifyitems(items):
+    ranks = {Path(__file__).parent / name: i for i, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: ranks.get(item.path, len(ranks)))
+
+
 @pytest.fixture
 def leaked(monkeypatch):
     """Return a function that lists the test's Python systems that are still alive.

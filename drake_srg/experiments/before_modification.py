@@ -13,6 +13,7 @@ P3 and P4 are taught with either tip: they take it to the same places.
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 import itertools
 import json
 import tempfile
@@ -121,9 +122,7 @@ def overrides(case: Case, seed: int, model: Path) -> list[str]:
         seed: Of the trial; draws the cylinder's place.
         model: The gripper's SDF.
     """
-    tree = load_tree(TIPS[case.tip])
-    place = load_scenario(SCENARIO, seed=seed).objects["cylinder"].position
-    assert place is not None  # drawn
+    tree, place = _tree(case.tip), _place(seed)
     camera = tree["cameras"]["ceiling"]
     height = camera["X_PB"]["translation"][2]
     rules = {
@@ -141,6 +140,20 @@ def overrides(case: Case, seed: int, model: Path) -> list[str]:
         (tip,) = (d for d in tree["directives"] if "add_directives" in d)
         rules["directives.assistive_arm_fast_tip"] = tip
     return [*_OBJECT, *(f"{key}={json.dumps(value)}" for key, value in rules.items())]
+
+
+@functools.cache
+def _tree(tip: str) -> Mapping[str, Any]:
+    """Return the scenario whose rules a tip follows."""
+    return load_tree(TIPS[tip])
+
+
+@functools.cache
+def _place(seed: int) -> Sequence[float]:
+    """Return where a trial's cylinder stands, shape (2,) [m]."""
+    place = load_scenario(SCENARIO, seed=seed).objects["cylinder"].position
+    assert place is not None  # drawn
+    return place
 
 
 def levels(runs: _Runs) -> dict[str, dict[str, list[Cycle]]]:

@@ -64,6 +64,10 @@ def test_the_edges_must_be_beyond_the_claim(index, value):
     assert quantity.startswith("largest")
 
 
+def seated(cell, case, seed):
+    return Outcome(case, None, error=2e-4)
+
+
 @pytest.mark.slow
 def test_every_case_and_every_reason_is_in_the_tables(monkeypatch):
     for name, value in (
@@ -72,6 +76,7 @@ def test_every_case_and_every_reason_is_in_the_tables(monkeypatch):
     ):  # fmt: skip
         monkeypatch.setattr(envelope_cases, name, value)
     monkeypatch.setattr(envelope, "edges", lambda cell: EDGES)
+    monkeypatch.setattr(envelope.Cell, "run", seated)  # see test_envelope_cases.py
     result = envelope.run(quiet, runs=1)
     assert result.passed, result.table()
     poses, reasons = result.tables["poses"], result.tables["reasons"]

@@ -3,10 +3,8 @@
 import math
 import xml.etree.ElementTree as ET
 
-import mujoco
 import numpy as np
 import pytest
-import yourdfpy
 from pydrake.math import RigidTransform, RotationMatrix
 
 from .exported import SCENARIOS, exported, parsed
@@ -73,10 +71,10 @@ def _positions(plant, context, joint, value):
 
 
 @pytest.mark.parametrize(("name", "part"), CASES)
-def test_mujoco_reads_the_same_links_and_joints(name, part):
+def test_mujoco_reads_the_same_links_and_joints(mujoco, name, part):
     file = exported(name, "mjcf")[part]
     model = mujoco.MjModel.from_xml_path(str(file.path))
-    compare_with_mujoco(file.model, model)
+    compare_with_mujoco(mujoco, file.model, model)
     for joint in file.model.joints:
         if joint.kind != "fixed":
             dof = model.joint(joint.name).dofadr[0]
@@ -87,12 +85,13 @@ def test_mujoco_reads_the_same_links_and_joints(name, part):
 
 
 @pytest.mark.parametrize(("name", "part"), CASES)
-def test_mujoco_reads_the_urdf_too(name, part):
+def test_mujoco_reads_the_urdf_too(mujoco, name, part):
     file = exported(name, "urdf")[part]
-    compare_with_mujoco(file.model, mujoco.MjModel.from_xml_path(str(file.path)))
+    model = mujoco.MjModel.from_xml_path(str(file.path))
+    compare_with_mujoco(mujoco, file.model, model)
 
 
-def compare_with_mujoco(model, found):
+def compare_with_mujoco(mujoco, model, found):
     for link in links(model):
         body = found.body(link.name)
         axes = np.zeros(9)
@@ -120,7 +119,7 @@ def compare_with_mujoco(model, found):
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_mujoco_places_the_links_of_a_scene_alike(name):
+def test_mujoco_places_the_links_of_a_scene_alike(mujoco, name):
     file = exported(name, "mjcf")["scene"]
     model = mujoco.MjModel.from_xml_path(str(file.path))
     data = mujoco.MjData(model)
@@ -136,7 +135,7 @@ def test_mujoco_places_the_links_of_a_scene_alike(name):
 
 
 @pytest.mark.parametrize(("name", "part"), CASES)
-def test_a_reader_of_urdf_finds_the_same(name, part):
+def test_a_reader_of_urdf_finds_the_same(yourdfpy, name, part):
     file = exported(name, "urdf")[part]
     robot = yourdfpy.URDF.load(str(file.path), load_collision_meshes=True)
     assert robot.validate(), robot.errors

@@ -3,7 +3,6 @@ import math
 
 import numpy as np
 import pytest
-import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
@@ -48,7 +47,7 @@ def test_links_that_hold_each_other_are_refused():
     st.lists(st.sampled_from([1.0, math.inf]), min_size=4, max_size=4),
     st.sampled_from(["revolute", "prismatic"]),
 )
-def test_urdf_has_every_limit_that_its_readers_require(limits, kind):
+def test_urdf_has_every_limit_that_its_readers_require(yourdfpy, limits, kind):
     lower, upper, velocity, effort = limits
     limited = Joint(
         *("ab", kind, "a", "b", IDENTITY, IDENTITY),

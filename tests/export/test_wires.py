@@ -1,7 +1,6 @@
 import re
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
@@ -21,7 +20,7 @@ SPEED = st.floats(-2.0, 2.0)
 
 
 @pytest.fixture(scope="module")
-def hand():
+def hand(mujoco):
     """MuJoCo's model and data of the gripper alone, without weight."""
     path = exported("kitchen_tendon", "mjcf")["gripper"].path
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -47,7 +46,7 @@ def test_grippers_without_wires_have_no_tendons():
     v=st.lists(SPEED, min_size=4, max_size=4),
     stretch=st.floats(1e-3, 4e-3),
 )
-def test_taut_tendons_pull_as_the_drive_does(hand, q, v, stretch):
+def test_taut_tendons_pull_as_the_drive_does(mujoco, hand, q, v, stretch):
     model, data = hand
     config = DRIVER.drive
     slide, fingers = model.joint("wire_slide").dofadr[0], dofs(model)
@@ -67,7 +66,7 @@ def test_taut_tendons_pull_as_the_drive_does(hand, q, v, stretch):
     np.testing.assert_allclose(found, torque, rtol=0.005, atol=0.01)
 
 
-def test_a_slack_tendon_does_not_push(hand):
+def test_a_slack_tendon_does_not_push(mujoco, hand):
     model, data = hand
     mujoco.mj_resetData(model, data)
     slide, fingers = model.joint("wire_slide").dofadr[0], dofs(model)
@@ -80,7 +79,7 @@ def test_a_slack_tendon_does_not_push(hand):
     np.testing.assert_allclose(data.qfrc_passive[fingers], np.negative(back))
 
 
-def test_an_empty_hand_closes_in_mujoco_as_in_drake(hand):
+def test_an_empty_hand_closes_in_mujoco_as_in_drake(mujoco, hand):
     """At 102.8 N, Drake's pads meet at base angles of 1.769 rad, tips straight."""
     model, data = hand
     mujoco.mj_resetData(model, data)

@@ -65,9 +65,8 @@ def test_an_output_holds_until_the_next_update():
     before = stand.allowed[-1]
     stand.fix(position_commanded=curve(1, first=200)[0])
     stand.context.SetTime((stand.ticks - 0.6) * PERIOD)
-    np.testing.assert_array_equal(
-        read(stand.system, stand.context, "position_allowed"), before
-    )
+    output = read(stand.system, stand.context, "position_allowed")
+    np.testing.assert_array_equal(output, before)
 
 
 # Every limit acts: (inputs that break it, the reason)
@@ -192,9 +191,8 @@ def test_a_protective_stop_goes_on_along_the_path_once_it_is_released():
     stand.follow(curve(150, first=304))
     assert stand.state is SafetyState.RUNNING
     assert np.linalg.norm(goal - end) > 0.1
-    assert (
-        np.max(distance_to_line(stand.allowed, np.vstack([[0, 0], curve(460)]))) < 1e-9
-    )
+    path = np.vstack([[0, 0], curve(460)])
+    assert np.max(distance_to_line(stand.allowed, path)) < 1e-9
 
 
 def test_after_an_emergency_stop_the_arm_waits_for_commands_where_it_rests():
@@ -208,10 +206,8 @@ def test_after_an_emergency_stop_the_arm_waits_for_commands_where_it_rests():
     assert stand.state is SafetyState.RUNNING
     rest = stand.allowed[-1]
     stand.follow(curve(10, first=303))  # these are elsewhere
-    assert (stand.state, stand.reason) == (
-        SafetyState.PROTECTIVE_STOP,
-        StopReason.SPEED,
-    )
+    assert stand.state is SafetyState.PROTECTIVE_STOP
+    assert stand.reason is StopReason.SPEED
     stand.tick(rest, release=0.0)
     stand.tick(rest, release=1.0)
     allowed = stand.follow(rest + curve(100))

@@ -25,19 +25,24 @@ POSES = {
     "placeposition": [3.4],
     "secure_start_position": [1.6, 2.4, 1.6],
 }
-UP_TO_LIFT = (
-    "messages.sequence=[{routine: movetocup, mode: grasp},"
-    "{routine: grip, mode: close}, {routine: lift, mode: lift}]"
+GRIP_AND_LIFT = (
+    "messages.sequence=[{routine: grip, mode: close}, {routine: lift, mode: lift}]"
 )
 
 
-def faster(name, *overrides):
+def faster(name, *overrides, rate=RATE):
     counts = [
-        f"messages.routines.{routine}.{i}.count={round(time * RATE)}"
+        f"messages.routines.{routine}.{i}.count={round(time * rate)}"
         for routine, times in POSES.items()
         for i, time in enumerate(times)
     ]
-    return load_scenario(name, overrides=[f"messages.rate={RATE}", *counts, *overrides])
+    return load_scenario(name, overrides=[f"messages.rate={rate}", *counts, *overrides])
+
+
+def at_the_cup(name):
+    """Return the override that has the arm begin in the last pose of movetocup."""
+    pose = load_scenario(name).messages.routines["movetocup"][-1].kuka
+    return f"arm.home={np.deg2rad(pose).tolist()}"
 
 
 class Touched(LeafSystem):
@@ -101,7 +106,10 @@ def test_the_can_is_carried_around_and_put_back():
     ],
 )
 def test_only_friction_lifts_the_can(name, override, lifted):
-    result = Simulate(faster(name, UP_TO_LIFT, override), record=False)
+    # A can that comes back to its place within 3 mm needs slower fingers.
+    overrides = (at_the_cup(name), GRIP_AND_LIFT, override)
+    scenario = faster(name, *overrides, rate=2 * RATE)
+    result = Simulate(scenario, record=False)
     z = result.log["object_pose.soup_can"][:, 2]
     assert (z[-1] > z[0] + 0.2) == lifted
     assert result.metrics.failure == "misplaced"  # it did not come back

@@ -11,13 +11,16 @@ from make_site.commands import command_parsers, commands_page
 from make_site.python_pages import modules, page_of, public_names, python_pages
 from make_site.systems import find_blocks, system_pages
 
-COMMANDS = commands_page()
-PYTHON = python_pages()
+
+@pytest.fixture(scope="module")
+def pages():
+    """The pages of public names; making them imports the whole package."""
+    return python_pages()
 
 
 @pytest.mark.parametrize("name", sorted(command_parsers()))
 def test_every_option_of_a_command_is_shown(name):
-    section = COMMANDS.split(f"## {name}\n")[1].split("\n## ")[0]
+    section = commands_page().split(f"## {name}\n")[1].split("\n## ")[0]
     for action in command_parsers()[name]._actions:
         assert all(f"`{option}" in section for option in action.option_strings)
         assert action.help.split("%")[0].split("|")[0][:20] in section
@@ -30,9 +33,9 @@ def test_every_system_has_a_page():
         assert f"({block.name}.md)" in pages["index"]
 
 
-def test_every_public_name_is_on_a_page():
+def test_every_public_name_is_on_a_page(pages):
     for module in modules():
-        page = PYTHON[page_of(module)]
+        page = pages[page_of(module)]
         after = page.split(f".. automodule:: {module}\n", 1)[1]
         listed = after.splitlines()[0].removeprefix("   :members: ").split(", ")
         constants = re.findall(rf"^\.\. autodata:: {module}\.(\w+)$", page, re.M)
@@ -52,6 +55,6 @@ def test_public_names_are_those_that_python_finds():
     assert not any(name.startswith("_") for m in modules() for name in public_names(m))
 
 
-def test_the_face_leads_to_the_homes_of_its_names():
+def test_the_face_leads_to_the_homes_of_its_names(pages):
     for name in set(drake_srg.__all__) - {"__version__"}:
-        assert f":py:obj:`{name} <drake_srg." in PYTHON["drake_srg"]
+        assert f":py:obj:`{name} <drake_srg." in pages["drake_srg"]
