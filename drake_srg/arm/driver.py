@@ -251,9 +251,7 @@ def ExportHeld(
     inner.ExportOutput(hold.get_output_port(), name)
 
 
-def AddJerkLimits(
-    builder: DiagramBuilder, config: ArmDriver
-) -> JerkLimitedReference:
+def AddJerkLimits(builder: DiagramBuilder, config: ArmDriver) -> JerkLimitedReference:
     """Add `arm_reference`, which makes motion of targets that jump, to a diagram.
 
     It starts at the driver's home and has the driver's limits and period. Connect its

@@ -1,12 +1,18 @@
 """The arm driver for contact: an arm that yields like a spring and a damper."""
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.multibody.parsing import GetScopedFrameByName
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder
+from pydrake.multibody.tree import Joint, ModelInstanceIndex
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+)
 
 from drake_srg.arm.driver import ArmDriver, ArmSignals, ExportHeld, arm_actuators
 from drake_srg.arm.impedance_law import (
@@ -86,15 +92,22 @@ class ArmImpedanceDriver(ArmDriver):
     ) -> None:
         """See `ArmDriver`."""
         spring = self._spring(control_plant, arm)
-        self._check_stability(spring, control_plant, arm)
+        joints = _moving_joints(control_plant, arm)
+        self._check_stability(spring, joints)
         limits = signals.effort_limits
         control = inner.AddNamedSystem(
             "impedance_control",
             ImpedanceControl(
                 spring,
                 self.damping_ratio,
-                limits if self.max_torque is None else np.array(self.max_torque),
-                limits,
+                max_torque=limits
+                if self.max_torque is None
+                else np.array(self.max_torque),
+                max_acceleration=np.concatenate(
+                    [joint.acceleration_upper_limits() for joint in joints]
+                ),
+                effort_limits=limits,
+                period=self.period,
             ),
         )
         inner.Connect(signals.desired, control.GetInputPort("desired_state"))
@@ -122,19 +135,15 @@ class ArmImpedanceDriver(ArmDriver):
             self.cartesian.rotation,
         )
 
-    def _check_stability(self, spring: Spring, plant: MultibodyPlant, arm: str) -> None:
+    def _check_stability(self, spring: Spring, joints: Sequence[Joint]) -> None:
         """Refuse a stiffness that the sampled law cannot bring to rest.
 
         Raises:
             ValueError: If a natural frequency is too high for `period` in some posture.
         """
-        indices = plant.GetJointIndices(plant.GetModelInstanceByName(arm))
-        joints = [plant.get_joint(i) for i in indices]
-        moving = [joint for joint in joints if joint.num_positions()]
-        lower = np.array([joint.position_lower_limits()[0] for joint in moving])
-        upper = np.array([joint.position_upper_limits()[0] for joint in moving])
-        random = np.random.default_rng(0)
-        postures = random.uniform(
+        lower = np.concatenate([joint.position_lower_limits() for joint in joints])
+        upper = np.concatenate([joint.position_upper_limits() for joint in joints])
+        postures = np.random.default_rng(0).uniform(
             np.maximum(lower, -np.pi), np.minimum(upper, np.pi), (_POSTURES, len(lower))
         )
         fastest = 0.0
@@ -151,6 +160,13 @@ class ArmImpedanceDriver(ArmDriver):
             )
 
 
+def _moving_joints(plant: MultibodyPlant, model: str) -> list[Joint]:
+    """Return a model's joints that are not welded."""
+    indices = plant.GetJointIndices(plant.GetModelInstanceByName(model))
+    joints = [plant.get_joint(index) for index in indices]
+    return [joint for joint in joints if joint.num_positions()]
+
+
 class ImpedanceControl(LeafSystem):
     """Computes the torques of an arm that yields.
 
@@ -165,32 +181,54 @@ class ImpedanceControl(LeafSystem):
         - torque
 
     `desired_state` and `state_measured` (2N) are [q; v], the former the equilibrium of
-    the spring; the damper acts on the difference of the speeds. `gravity` (N) [N m] is
-    added to spring and damper. `torque` (N) [N m] stays within `limits`.
+    the spring; the damper acts on the difference of the speeds. Added to spring and
+    damper are `gravity` (N) [N m] and the torques that accelerate the arm with its
+    equilibrium, so that a free arm follows without lag. `torque` (N) [N m] stays within
+    the motors' limits.
 
     Args:
         spring: Of the arm.
         damping_ratio: Of every mode; 1 is critical.
         max_torque: Largest torques of spring and damper (N) [N m].
-        limits: Largest torques in all (N) [N m].
+        max_acceleration: Largest ones that the arm is given with its equilibrium (N)
+            [rad/s²]: commands may jump.
+        effort_limits: Largest torques in all (N) [N m].
+        period: Time between samples of `torque` [s].
     """
 
     def __init__(
-        self, spring: Spring, damping_ratio: float, max_torque: Vector, limits: Vector
+        self,
+        spring: Spring,
+        damping_ratio: float,
+        *,
+        max_torque: Vector,
+        max_acceleration: Vector,
+        effort_limits: Vector,
+        period: float,
     ) -> None:
         super().__init__()
-        self._spring, self._ratio = spring, damping_ratio
-        self._max_torque, self._limits = max_torque, limits
-        n = len(limits)
+        self._spring, self._ratio, self._period = spring, damping_ratio, period
+        self._max_torque, self._limits = max_torque, effort_limits
+        self._max_acceleration = max_acceleration
+        n = len(effort_limits)
         self._desired = self.DeclareVectorInputPort("desired_state", 2 * n)
         self._measured = self.DeclareVectorInputPort("state_measured", 2 * n)
         self._gravity = self.DeclareVectorInputPort("gravity", n)
+        self._last_speed = self.DeclareDiscreteState(n)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._keep_speed)
         self.DeclareVectorOutputPort(
             "torque",
             n,
             self._calc_torque,
-            prerequisites_of_calc={self.all_input_ports_ticket()},
+            prerequisites_of_calc={
+                self.all_input_ports_ticket(),
+                self.discrete_state_ticket(self._last_speed),
+            },
         )
+
+    def _keep_speed(self, context: Context, state: DiscreteValues) -> None:
+        n = len(self._limits)
+        state.set_value(self._last_speed, self._desired.Eval(context)[n:])
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
         q_0, v_0 = np.split(self._desired.Eval(context), 2)
@@ -198,6 +236,10 @@ class ImpedanceControl(LeafSystem):
         torque, K, M = self._spring.pull(q, q_0)
         torque = torque + damping_matrix(M, K, self._ratio) @ (v_0 - v)
         torque = np.clip(torque, -self._max_torque, self._max_torque)
+        last = context.get_discrete_state(self._last_speed).value()
+        acceleration = (v_0 - last) / self._period
+        bound = self._max_acceleration
+        torque = torque + M @ np.clip(acceleration, -bound, bound)
         if self._gravity.HasValue(context):
             torque = torque + self._gravity.Eval(context)
         output.SetFromVector(np.clip(torque, -self._limits, self._limits))

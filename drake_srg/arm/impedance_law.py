@@ -1,9 +1,9 @@
 """Springs and dampers that a torque-controlled arm imitates.
 
 Hogan, "Impedance Control: An Approach to Manipulation", J. Dyn. Sys., Meas., Control
-107 (1985): an arm that shall touch things behaves as a spring and a damper between
-itself and an equilibrium position. The inertia stays the arm's own, so no force needs to
-be measured; Ott, "Cartesian Impedance Control of Redundant and Flexible-Joint Robots",
+107 (1985): an arm that touches things behaves as a spring and a damper between itself
+and an equilibrium position. The inertia stays the arm's own, so that no force needs to
+be measured: Ott, "Cartesian Impedance Control of Redundant and Flexible-Joint Robots",
 Springer (2008).
 """
 
