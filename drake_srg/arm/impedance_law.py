@@ -119,14 +119,15 @@ class CartesianSpring(Spring):
         """See `Spring`."""
         p_0, R_0, _ = self._joints.forward(self._frame, self._p_FC, q_0)
         p, R, J = self._joints.forward(self._frame, self._p_FC, q)
-        own, K_own, M = self._joints.pull(q, q_0)
+        _, K_own, M = self._joints.pull(q, q_0)
         turn = RotationMatrix(R_0 @ R.T).ToAngleAxis()
         error = np.concatenate([turn.angle() * turn.axis(), p_0 - p])
         J_over_M = np.linalg.solve(M, J.T).T
         mobility = np.linalg.pinv(J @ J_over_M.T, rcond=_SINGULAR, hermitian=True)
         N = np.eye(len(q)) - J.T @ mobility @ J_over_M
-        torque = J.T @ (self._stiffness * error) + N @ own
-        K = J.T @ (self._stiffness[:, None] * J) + N @ K_own @ N.T
+        K_null = N @ K_own @ N.T
+        torque = J.T @ (self._stiffness * error) + K_null @ (q_0 - q)
+        K = J.T @ (self._stiffness[:, None] * J) + K_null
         return torque, K, M
 
 
