@@ -18,8 +18,8 @@ from pydrake.multibody.tree import Frame, JacobianWrtVariable
 
 from drake_srg.types import Vector
 
-# Directions in which the hand moves less easily than this share of the easiest count as
-# locked: near a singular posture, the null space takes them.
+# Directions in which forces move the hand by less than this share of the easiest count
+# as locked: near a singular posture, the null space takes them.
 _SINGULAR = 1e-4
 
 
@@ -123,8 +123,9 @@ class CartesianSpring(Spring):
         turn = RotationMatrix(R_0 @ R.T).ToAngleAxis()
         error = np.concatenate([turn.angle() * turn.axis(), p_0 - p])
         J_over_M = np.linalg.solve(M, J.T).T
-        mobility = np.linalg.pinv(J @ J_over_M.T, rcond=_SINGULAR, hermitian=True)
-        N = np.eye(len(q)) - J.T @ mobility @ J_over_M
+        ease, U = np.linalg.eigh(J @ J_over_M.T)
+        inverse = np.where(ease > _SINGULAR * ease[-1], 1.0 / ease, 0.0)
+        N = np.eye(len(q)) - (J.T @ U * inverse) @ (U.T @ J_over_M)
         K_null = N @ K_own @ N.T
         torque = J.T @ (self._stiffness * error) + K_null @ (q_0 - q)
         K = J.T @ (self._stiffness[:, None] * J) + K_null

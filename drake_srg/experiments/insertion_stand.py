@@ -34,6 +34,7 @@ _ABOVE = np.array([0.0, 0.0, 0.007])  # where an insertion begins, from the seat
 _LOWER, _CLOSE, _LIFT, _REST = 0.6, 1.2, 0.4, 0.3
 _ASIDE, _INSERT, _PRESS, _RELEASE = 0.1, 0.4, 0.1, 0.25
 _SAMPLE = 0.01  # between samples of the contact force [s]
+_UNLOGGED = 10.0  # a log would take an eighth of the time [s]
 _OVERRIDES = (
     "objects=null",
     "task={pick: cylinder, place: {position: [0.6, 0.0], marker: ''}}",
@@ -98,7 +99,7 @@ class InsertionStand:
         self._q_seat = self._posture(np.zeros(3), np.array(_GUESS))
         self._q_above = self._posture(_ABOVE, self._q_seat)
         scenario.arm.home = [float(x) for x in self._q_above]
-        self.rig = Rig(scenario, name="compliance")
+        self.rig = Rig(scenario, name="compliance", log_period=_UNLOGGED)
         self._take()
         self._held = self.rig.context.Clone()
 
