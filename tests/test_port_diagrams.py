@@ -146,7 +146,7 @@ def systems(tmp_path_factory):
         driver = station.GetSubsystemByName("gripper_driver")
         add(type(scenario.gripper).__name__, driver)
         arm_driver = station.GetSubsystemByName("arm_driver")
-        add("ArmPositionDriver", arm_driver)
+        add("ArmDriver", arm_driver)
         if scenario.arm.command_period is not None:
             add("Interpolation", arm_driver.GetSubsystemByName("interpolator"))
         for system in subsystems(cell):
@@ -156,7 +156,7 @@ def systems(tmp_path_factory):
     add("RemoteCameras", MakeRemoteCameras(kitchen))
     armed = MakeStation(dc.replace(kitchen, gripper=None, cameras={}))
     add("Station", armed)
-    add("ArmPositionDriver", armed.GetSubsystemByName("arm_driver"))
+    add("ArmDriver", armed.GetSubsystemByName("arm_driver"))
     add("Station", MakeStation(Scenario()))
     soft = MakeStation(load_scenario("gripper_bench", overrides=SOFT))
     add("ObjectPoses", soft.GetSubsystemByName("object_poses"))

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from drake_srg.arm.drivers import AddJerkLimits
+from drake_srg.arm.driver import AddJerkLimits
 from drake_srg.common.ports import export_outputs, input_ports, output_ports
 from drake_srg.scenario import Scenario
 from drake_srg.station import MakeStation

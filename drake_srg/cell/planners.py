@@ -6,7 +6,7 @@ import numpy as np
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.framework import DiagramBuilder, System
 
-from drake_srg.arm.drivers import AddJerkLimits
+from drake_srg.arm.driver import AddJerkLimits
 from drake_srg.cell.goals import goal_pose
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.ports import output_ports

@@ -16,7 +16,8 @@ from pydrake.multibody.plant import MultibodyPlantConfig
 from pydrake.systems.analysis import SimulatorConfig
 from pydrake.systems.sensors import CameraConfig
 
-from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.arm.driver import ArmDriver
+from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
 from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturbances import Force, Push, Topple
@@ -33,8 +34,9 @@ from drake_srg.vision.config import LocalizerThresholds
 from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
 
 if typing.TYPE_CHECKING:
-    _Driver = GripperDriver
+    _ArmDriver, _Driver = ArmDriver, GripperDriver
 else:  # the classes that a tag selects from
+    _ArmDriver = functools.reduce(operator.or_, ARM_DRIVERS)
     _Driver = functools.reduce(operator.or_, DRIVERS)
 
 
@@ -198,7 +200,7 @@ class Scenario:
     ignored_contacts: list[list[str]] = dc.field(default_factory=list)
     # All models except `objects`. The actuated ones are named `arm` and `gripper`.
     directives: list[ModelDirective] = dc.field(default_factory=list)
-    arm: ArmPositionDriver | None = None
+    arm: _ArmDriver | None = None
     gripper: _Driver | None = None
     # Limits of the arm's motion that hold whatever commands it; null: none.
     safety: SafetyConfig | None = None

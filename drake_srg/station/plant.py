@@ -25,7 +25,6 @@ from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg import parsing
-from drake_srg.arm.drivers import SetArmGains
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.objects.models import (
     AddObject,
@@ -60,7 +59,7 @@ def AddPlant(
     AddObjects(plant, scenario)
     if scenario.arm is not None:
         arm = plant.GetModelInstanceByName("arm")
-        SetArmGains(plant, arm, scenario.arm)
+        scenario.arm.prepare_plant(plant, arm)
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
         scenario.gripper.prepare_plant(plant, gripper)

@@ -7,7 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, LeafSystem
 
-from drake_srg.arm.drivers import AddArmPositionDriver, ArmPositionDriver
+from drake_srg.arm.driver import AddArmDriver, ArmDriver
 from drake_srg.arm.external_torque import AddExternalTorque
 from drake_srg.common.exceptions import scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
@@ -79,7 +79,7 @@ def MakeStation(scenario: Scenario) -> Diagram:
         - objects_asleep_cheat (with sleeping)
 
     The ports of the arm, the gripper and the cameras exist where the scenario has them.
-    `AddArmPositionDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
+    `AddArmDriver`, `AddSrgPositionDriver`, `AddSrgTendonDriver`,
     `AddLinkageDriver` and Drake's RgbdSensor describe what they carry. A gripper driver
     or finger sensor of your own adds its ports as `gripper.NAME`. Disturbances enter
     through `object_forces_cheat` (list[ExternallyAppliedSpatialForce]). With `safety`,
@@ -151,12 +151,12 @@ def _AddArm(
     plant: MultibodyPlant,
     gripper: ModelInstanceIndex | None,
     scenario: Scenario,
-    config: ArmPositionDriver,
+    config: ArmDriver,
 ) -> None:
     """Add the arm's driver and, if the planner needs it, the torque estimator."""
     arm = plant.GetModelInstanceByName("arm")
     models_plant = MakeModelsPlant(scenario)
-    driver = AddArmPositionDriver(
+    driver = AddArmDriver(
         builder, plant, arm, gripper, models_plant, config, scenario.random_seed
     )
     monitor = None
@@ -197,7 +197,7 @@ def _AddSafety(
     builder: DiagramBuilder,
     driver: Diagram,
     models_plant: MultibodyPlant,
-    config: ArmPositionDriver,
+    config: ArmDriver,
     safety: SafetyConfig,
 ) -> SafetyMonitor:
     """Add the system that stands between the commands and the arm's driver."""

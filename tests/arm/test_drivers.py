@@ -8,12 +8,8 @@ from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.drivers import (
-    AddArmPositionDriver,
-    ArmPositionDriver,
-    GravityCompensation,
-    SetArmGains,
-)
+from drake_srg.arm.driver import AddArmDriver
+from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.joint_errors import ArmErrorsConfig
 from drake_srg.scenario import load_scenario
 from drake_srg.station.plant import AddDirectives
@@ -36,13 +32,13 @@ class Arm:
         config = PlantConfig(time_step=0.002, discrete_contact_approximation="lagged")
         self.plant, _ = AddMultibodyPlant(config, builder)
         self.arm, gripper = add_models(self.plant)
-        SetArmGains(self.plant, self.arm, CONFIG)
+        CONFIG.prepare_plant(self.plant, self.arm)
         self.plant.Finalize()
         self.plant.SetDefaultPositions(self.arm, HOME)
         control_plant = MultibodyPlant(0.0)
         add_models(control_plant)
         control_plant.Finalize()
-        self.driver = AddArmPositionDriver(
+        self.driver = AddArmDriver(
             builder, self.plant, self.arm, gripper, control_plant, driven
         )
         self.simulator = Simulator(builder.Build())
@@ -134,40 +130,10 @@ def test_a_joint_stays_behind_by_half_its_backlash():
     np.testing.assert_allclose(measured, HOME + 0.02, atol=2e-4)
 
 
-def test_the_compensation_agrees_with_the_plants_gravity():
-    plant = MultibodyPlant(0.0)
-    arm, gripper = add_models(plant)
-    plant.Finalize()
-    system = GravityCompensation(plant, ["arm", "gripper"])
-    context, plant_context = system.CreateDefaultContext(), plant.CreateDefaultContext()
-    generator = np.random.default_rng(0)
-    for _ in range(5):
-        q, fingers = generator.uniform(-1.5, 1.5, 7), generator.uniform(0, 1.5, 4)
-        fix(
-            system,
-            context,
-            arm_state=np.concatenate([q, generator.normal(size=7)]),
-            gripper_state=np.concatenate([fingers, generator.normal(size=4)]),
-        )
-        plant.SetPositions(plant_context, arm, q)
-        plant.SetPositions(plant_context, gripper, fingers)
-        # The gradient of the potential energy, by central differences.
-        expected = np.zeros(7)
-        for i in range(7):
-            energy = []
-            for h in (1e-5, -1e-5):
-                plant.SetPositions(plant_context, arm, q + h * np.eye(7)[i])
-                energy.append(plant.CalcPotentialEnergy(plant_context))
-            expected[i] = (energy[0] - energy[1]) / 2e-5
-        result = system.get_output_port().Eval(context)
-        np.testing.assert_allclose(result, expected, atol=1e-5)
-        assert np.max(np.abs(result)) > 1.0
-
-
 @pytest.mark.parametrize("name", ["kp", "kd", "home"])
 def test_a_wrong_number_of_gains_is_named(name):
     plant = MultibodyPlant(0.001)
     arm, _ = add_models(plant)
     config = ArmPositionDriver(**{name: [1.0, 2.0]})
     with pytest.raises(ValueError, match=rf"arm\.{name}: needs one entry .* got 2"):
-        SetArmGains(plant, arm, config)
+        config.prepare_plant(plant, arm)

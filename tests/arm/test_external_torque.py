@@ -10,7 +10,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from drake_srg.arm.drivers import AddArmPositionDriver, ArmPositionDriver, SetArmGains
+from drake_srg.arm.driver import AddArmDriver
+from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.arm.external_torque import (
     AddExternalTorque,
     ExternalTorqueObserver,
@@ -40,13 +41,11 @@ class Arm:
         self.arm, gripper = (
             self.plant.GetModelInstanceByName(name) for name in ("arm", "gripper")
         )
-        SetArmGains(self.plant, self.arm, CONFIG)
+        CONFIG.prepare_plant(self.plant, self.arm)
         self.plant.Finalize()
         self.plant.SetDefaultPositions(self.arm, HOME)
         models = MakeModelsPlant(SCENARIO)
-        driver = AddArmPositionDriver(
-            builder, self.plant, self.arm, gripper, models, CONFIG
-        )
+        driver = AddArmDriver(builder, self.plant, self.arm, gripper, models, CONFIG)
         path = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
             [0.0, 0.5, 1.0],
             np.column_stack([HOME, HOME + 0.5 * turn, HOME + turn]),

@@ -82,7 +82,7 @@ def test_the_defaults_pass():
         ),
         (
             "arm=!Sphere {}",
-            "arm: must have the tag !ArmPositionDriver or none, got !Sphere",
+            "arm: unknown tag !Sphere (allowed: !ArmImpedanceDriver, !ArmPosition",
         ),
         ("task=3", "task: must be a mapping, got 3"),
         (

@@ -1,0 +1,266 @@
+"""Base of every arm driver: its configuration, and how the driver is built."""
+
+import abc
+import dataclasses as dc
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.primitives import (
+    PassThrough,
+    StateInterpolatorWithDiscreteDerivative,
+    ZeroOrderHold,
+)
+
+from drake_srg.arm.gravity import GravityCompensation
+from drake_srg.arm.interpolation import AddLinearInterpolation
+from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
+from drake_srg.common.fusing import FusingBuilder
+from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
+from drake_srg.types import Vector, positive
+
+
+@dc.dataclass(frozen=True)
+class ArmSignals:
+    """Signals from which a driver's control makes torques.
+
+    Attributes:
+        desired: Desired state [q; v] (2N), a step per `period`.
+        measured: Measured state [q; v] (2N).
+        gravity: Torques that hold arm and gripper (N) [N m]; None if weightless.
+        effort_limits: The motors' largest torques (N) [N m].
+    """
+
+    desired: OutputPort
+    measured: OutputPort
+    gravity: OutputPort | None
+    effort_limits: Vector
+
+
+@dc.dataclass(kw_only=True)
+class ArmDriver(abc.ABC):
+    """Configuration of an arm driver, which turns joint positions into motion.
+
+    A driver derives from this class and implements `AddControl`.
+    """
+
+    # Joint positions at the start of a simulation [rad].
+    home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
+    # Period at which commands are sampled and torques are computed [s].
+    period: float = dc.field(default=0.005, metadata=positive())
+    # Time between commands [s], a multiple of `period`: the arm moves evenly from one
+    # to the next, one such time late. Null: it takes every command as it is.
+    command_period: float | None = dc.field(default=None, metadata=positive())
+    # Whether the arm has no weight, in place of compensating for it every `period`. The
+    # gripper's weight then bends the joints: the iiwa's by 0.4 mm at the hand.
+    weightless: bool = False
+    # Limits of the motion to targets that may jump; see `AddJerkLimits`.
+    limits: JerkLimits = dc.field(default_factory=JerkLimits)
+    # Largest torque of the motors, as a fraction of the model's effort limit.
+    motor_strength: float = dc.field(default=1.0, metadata=positive())
+    errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
+    # As `gripper.fused`: whether the stages of the errors run as one system.
+    fused: bool = False
+
+    def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+        """Change what the driver needs changed in a plant that is not yet finalized.
+
+        Raises:
+            ValueError: If a list has not one entry per actuated joint of the arm.
+        """
+        actuators = arm_actuators(plant, arm)
+        self.check_length("home", self.home, len(actuators))
+        if self.motor_strength != 1.0:
+            for actuator in actuators:
+                limit = self.motor_strength * actuator.effort_limit()
+                actuator.set_effort_limit(limit)
+
+    @staticmethod
+    def check_length(key: str, values: list[float], n: int) -> None:
+        """Check that `arm.KEY` has one entry for each of the arm's `n` joints.
+
+        Raises:
+            ValueError: If it has not.
+        """
+        if len(values) != n:
+            raise ValueError(
+                f"arm.{key}: needs one entry per actuated joint of the arm "
+                f"({n}), got {len(values)}"
+            )
+
+    @abc.abstractmethod
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        control_plant: MultibodyPlant,
+        arm: str,
+        signals: ArmSignals,
+    ) -> None:
+        """Add the control, and export `desired_state`, `actuation` or both.
+
+        `desired_state` (2N), [q; v], is for PD actuators of `prepare_plant`.
+        `actuation` (N) [N m] goes to the joints besides.
+
+        Args:
+            inner: The driver under construction.
+            control_plant: A finalized plant with the arm and the gripper.
+            arm: Name of the arm's model instance.
+            signals: Already in `inner`.
+        """
+
+
+def arm_actuators(
+    plant: MultibodyPlant, arm: ModelInstanceIndex
+) -> list[JointActuator]:
+    """Return the actuators of a model instance."""
+    actuators = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
+    return [a for a in actuators if a.model_instance() == arm]
+
+
+def AddArmDriver(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    arm: ModelInstanceIndex,
+    gripper: ModelInstanceIndex | None,
+    control_plant: MultibodyPlant,
+    config: ArmDriver,
+    seed: int = 0,
+) -> Diagram:
+    """Add the driver of an arm to a diagram and connect it to the (finalized) plant.
+
+    .. pydrake_system::
+
+        name: ArmDriver
+        input_ports:
+        - position_commanded
+        - arm_state
+        - gripper_state (with a gripper, unless weightless)
+        output_ports:
+        - desired_state (ArmPositionDriver)
+        - actuation (unless ArmPositionDriver is weightless)
+        - state_measured
+
+    `position_commanded` (N) [rad] becomes the desired state [q; v] of the driver's
+    control. `desired_state` is that of the plant's PD actuators. `actuation` (N) [N m]
+    adds torques, among them those that hold arm and gripper against gravity.
+    `state_measured` (2N) is the arm's state [q; v] with the errors of `config.errors`.
+
+    Args:
+        builder: Of the diagram.
+        plant: With the arm, finalized after `config.prepare_plant`.
+        arm: Its model instance.
+        gripper: The model instance that it carries, if any.
+        control_plant: A finalized plant with the arm, the gripper and no other moving
+            body, for gravity.
+        config: Of the driver.
+        seed: Of the errors.
+    """
+    inner = FusingBuilder() if config.fused else DiagramBuilder()
+    n = plant.num_positions(arm)
+    if config.command_period is None:
+        interpolator = inner.AddNamedSystem(
+            "interpolator",
+            StateInterpolatorWithDiscreteDerivative(
+                n, config.period, suppress_initial_transient=True
+            ),
+        )
+    else:
+        interpolator = AddLinearInterpolation(
+            inner, np.array(config.home), config.command_period, config.period
+        )
+    errors = config.errors
+    if errors.encoder_noise or errors.backlash:
+        measured = inner.AddNamedSystem(
+            "encoders", EncoderErrors(n, errors, config.period, seed, "arm")
+        )
+    else:
+        measured = inner.AddNamedSystem("encoders", PassThrough(2 * n))
+    if errors.latency or errors.backlash:
+        command = inner.AddNamedSystem(
+            "command_errors",
+            CommandErrors(n, errors.latency, errors.backlash, config.period),
+        )
+        inner.ExportInput(command.get_input_port(), "position_commanded")
+        inner.Connect(command.GetOutputPort("delayed"), interpolator.get_input_port())
+        if errors.backlash:
+            inner.Connect(command.GetOutputPort("play"), measured.GetInputPort("play"))
+    else:
+        inner.ExportInput(interpolator.get_input_port(), "position_commanded")
+    inner.ExportInput(measured.get_input_port(0), "arm_state")
+    inner.ExportOutput(measured.get_output_port(), "state_measured")
+    models = {"arm": arm} if gripper is None else {"arm": arm, "gripper": gripper}
+    names = {key: plant.GetModelInstanceName(model) for key, model in models.items()}
+    gravity = None
+    if not config.weightless:
+        gravity = _AddGravityCompensation(inner, control_plant, names)
+    signals = ArmSignals(
+        interpolator.get_output_port(),
+        measured.get_output_port(),
+        gravity,
+        np.array([a.effort_limit() for a in arm_actuators(plant, arm)]),
+    )
+    config.AddControl(inner, control_plant, names["arm"], signals)
+
+    driver = builder.AddNamedSystem("arm_driver", inner.Build())
+    for name, model in models.items():
+        if driver.HasInputPort(f"{name}_state"):
+            builder.Connect(
+                plant.get_state_output_port(model), driver.GetInputPort(f"{name}_state")
+            )
+    for name, input in (
+        ("desired_state", plant.get_desired_state_input_port(arm)),
+        ("actuation", plant.get_actuation_input_port(arm)),
+    ):
+        if driver.HasOutputPort(name):
+            builder.Connect(driver.GetOutputPort(name), input)
+    return driver
+
+
+def _AddGravityCompensation(
+    inner: DiagramBuilder, control_plant: MultibodyPlant, names: dict[str, str]
+) -> OutputPort:
+    """Add the gravity compensation to a driver that has the input `arm_state`.
+
+    Args:
+        inner: The driver under construction.
+        control_plant: With the models.
+        names: Names of the models, the arm's first, by what the driver's inputs of
+            their states are named after.
+
+    Returns:
+        The arm's torques.
+    """
+    gravity = inner.AddNamedSystem(
+        "gravity_compensation", GravityCompensation(control_plant, [*names.values()])
+    )
+    for i, name in enumerate(names):
+        if i == 0:
+            inner.ConnectInput(f"{name}_state", gravity.get_input_port(i))
+        else:
+            inner.ExportInput(gravity.get_input_port(i), f"{name}_state")
+    return gravity.get_output_port()
+
+
+def ExportHeld(
+    inner: DiagramBuilder, torque: OutputPort, period: float, name: str = "actuation"
+) -> None:
+    """Sample a driver's torque every `period` [s], and export it."""
+    hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(period, torque.size()))
+    inner.Connect(torque, hold.get_input_port())
+    inner.ExportOutput(hold.get_output_port(), name)
+
+
+def AddJerkLimits(builder: DiagramBuilder, config: ArmDriver) -> JerkLimitedReference:
+    """Add `arm_reference`, which makes motion of targets that jump, to a diagram.
+
+    It starts at the driver's home and has the driver's limits and period. Connect its
+    `position_commanded` to the driver's.
+
+    Raises:
+        ValueError: If a limit has neither one entry nor one entry per joint.
+    """
+    return builder.AddNamedSystem(
+        "arm_reference",
+        JerkLimitedReference(np.array(config.home), config.limits, config.period),
+    )

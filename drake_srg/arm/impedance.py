@@ -1,0 +1,245 @@
+"""The arm driver for contact: an arm that yields like a spring and a damper."""
+
+import dataclasses as dc
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.multibody.parsing import GetScopedFrameByName
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Joint, ModelInstanceIndex
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+)
+
+from drake_srg.arm.driver import ArmDriver, ArmSignals, ExportHeld, arm_actuators
+from drake_srg.arm.impedance_law import (
+    CartesianSpring,
+    JointSpring,
+    Spring,
+    damping_matrix,
+    largest_phase,
+    natural_frequencies,
+)
+from drake_srg.lifetime import LeafSystem
+from drake_srg.types import Vector, positive
+
+_POSTURES = 100  # in which stability is checked, besides home
+
+
+@dc.dataclass(kw_only=True)
+class CartesianStiffness:
+    """Stiffness of the hand. Ranges and defaults are those of KUKA's Sunrise.OS.
+
+    (CartesianImpedanceControlMode: 0 to 5000 N/m, 0 to 300 N m/rad; by default, 2000
+    N/m and 200 N m/rad.)
+    """
+
+    # A frame of the arm or of what is welded to it, and the centre of stiffness in that
+    # frame [m]. Forces at the centre turn nothing.
+    frame: str = "arm::flange"
+    centre: list[float] = dc.field(
+        default_factory=lambda: [0.0, 0.0, 0.0], metadata={"length": 3}
+    )
+    # Along the world's axes [N/m].
+    translation: list[float] = dc.field(
+        default_factory=lambda: [2000.0, 2000.0, 2000.0],
+        metadata={"length": 3, "ge": 0.0, "le": 5000.0},
+    )
+    # About every axis [N m/rad].
+    rotation: float = dc.field(default=200.0, metadata={"ge": 0.0, "le": 300.0})
+
+
+@dc.dataclass(kw_only=True)
+class ArmImpedanceDriver(ArmDriver):
+    """Impedance control with gravity compensation, for torque-controlled arms.
+
+    The arm behaves as if springs and dampers pulled it to the commanded positions.
+    `impedance_law` has the law and its sources.
+    """
+
+    # Stiffness of the joints [N m/rad]; with `cartesian`, only in the null space, which
+    # moves the joints but not the hand. By default a quarter of ArmPositionDriver's,
+    # which are natural frequencies of about 20 rad/s.
+    joint_stiffness: list[float] = dc.field(
+        default_factory=lambda: [2400.0, 2400.0, 1800.0, 1800.0, 600.0, 500.0, 475.0],
+        metadata={"ge": 0.0},
+    )
+    # Stiffness of the hand; null: the joints' alone.
+    cartesian: CartesianStiffness | None = None
+    # 1 is critical. Range and default of Sunrise.OS.
+    damping_ratio: float = dc.field(default=0.7, metadata={"ge": 0.1, "le": 1.0})
+    # Largest torques of springs and dampers together [N m], one entry per joint; null:
+    # what the motors leave. Torques against gravity come on top of them.
+    max_torque: list[float] | None = dc.field(default=None, metadata=positive())
+
+    def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
+        """See `ArmDriver`."""
+        super().prepare_plant(plant, arm)
+        n = len(arm_actuators(plant, arm))
+        self.check_length("joint_stiffness", self.joint_stiffness, n)
+        if self.max_torque is not None:
+            self.check_length("max_torque", self.max_torque, n)
+
+    def AddControl(
+        self,
+        inner: DiagramBuilder,
+        control_plant: MultibodyPlant,
+        arm: str,
+        signals: ArmSignals,
+    ) -> None:
+        """See `ArmDriver`."""
+        spring = self._spring(control_plant, arm)
+        joints = _moving_joints(control_plant, arm)
+        self._check_stability(spring, joints)
+        limits = signals.effort_limits
+        control = inner.AddNamedSystem(
+            "impedance_control",
+            ImpedanceControl(
+                spring,
+                self.damping_ratio,
+                max_torque=limits
+                if self.max_torque is None
+                else np.array(self.max_torque),
+                max_acceleration=np.concatenate(
+                    [joint.acceleration_upper_limits() for joint in joints]
+                ),
+                effort_limits=limits,
+                period=self.period,
+            ),
+        )
+        inner.Connect(signals.desired, control.GetInputPort("desired_state"))
+        inner.Connect(signals.measured, control.GetInputPort("state_measured"))
+        if signals.gravity is not None:
+            inner.Connect(signals.gravity, control.GetInputPort("gravity"))
+        ExportHeld(inner, control.get_output_port(), self.period)
+
+    def _spring(self, plant: MultibodyPlant, arm: str) -> Spring:
+        joints = JointSpring(plant, arm, np.array(self.joint_stiffness))
+        if self.cartesian is None:
+            return joints
+        try:
+            frame = GetScopedFrameByName(plant, self.cartesian.frame)
+        except RuntimeError:
+            raise ValueError(
+                f"arm.cartesian.frame: unknown frame {self.cartesian.frame!r} "
+                "(allowed: MODEL::FRAME of a model among the directives)"
+            ) from None
+        return CartesianSpring(
+            joints,
+            frame,
+            np.array(self.cartesian.centre),
+            np.array(self.cartesian.translation),
+            self.cartesian.rotation,
+        )
+
+    def _check_stability(self, spring: Spring, joints: Sequence[Joint]) -> None:
+        """Refuse a stiffness that the sampled law cannot bring to rest.
+
+        Raises:
+            ValueError: If a natural frequency is too high for `period` in some posture.
+        """
+        lower = np.concatenate([joint.position_lower_limits() for joint in joints])
+        upper = np.concatenate([joint.position_upper_limits() for joint in joints])
+        postures = np.random.default_rng(0).uniform(
+            np.maximum(lower, -np.pi), np.minimum(upper, np.pi), (_POSTURES, len(lower))
+        )
+        fastest = 0.0
+        for q in (np.array(self.home), *postures):
+            _, K, M = spring.pull(q, q)
+            fastest = max(fastest, float(natural_frequencies(M, K)[-1]))
+        phase = largest_phase(self.damping_ratio)
+        if fastest * self.period > phase:
+            raise ValueError(
+                f"arm.period: {self.period:g} s is too long for this stiffness, with "
+                f"which the arm swings at up to {fastest:.3g} rad/s and "
+                f"damping_ratio {self.damping_ratio:g} "
+                f"(allowed: up to {phase / fastest:.2g} s, or less stiffness)"
+            )
+
+
+def _moving_joints(plant: MultibodyPlant, model: str) -> list[Joint]:
+    """Return a model's joints that are not welded."""
+    indices = plant.GetJointIndices(plant.GetModelInstanceByName(model))
+    joints = [plant.get_joint(index) for index in indices]
+    return [joint for joint in joints if joint.num_positions()]
+
+
+class ImpedanceControl(LeafSystem):
+    """Computes the torques of an arm that yields.
+
+    .. pydrake_system::
+
+        name: ImpedanceControl
+        input_ports:
+        - desired_state
+        - state_measured
+        - gravity (optional)
+        output_ports:
+        - torque
+
+    `desired_state` and `state_measured` (2N) are [q; v], the former the equilibrium of
+    the spring; the damper acts on the difference of the speeds. Added to spring and
+    damper are `gravity` (N) [N m] and the torques that accelerate the arm with its
+    equilibrium, so that a free arm follows without lag. `torque` (N) [N m] stays within
+    the motors' limits.
+
+    Args:
+        spring: Of the arm.
+        damping_ratio: Of every mode; 1 is critical.
+        max_torque: Largest torques of spring and damper (N) [N m].
+        max_acceleration: Largest ones that the arm is given with its equilibrium (N)
+            [rad/s²]: commands may jump.
+        effort_limits: Largest torques in all (N) [N m].
+        period: Time between samples of `torque` [s].
+    """
+
+    def __init__(
+        self,
+        spring: Spring,
+        damping_ratio: float,
+        *,
+        max_torque: Vector,
+        max_acceleration: Vector,
+        effort_limits: Vector,
+        period: float,
+    ) -> None:
+        super().__init__()
+        self._spring, self._ratio, self._period = spring, damping_ratio, period
+        self._max_torque, self._limits = max_torque, effort_limits
+        self._max_acceleration = max_acceleration
+        n = len(effort_limits)
+        self._desired = self.DeclareVectorInputPort("desired_state", 2 * n)
+        self._measured = self.DeclareVectorInputPort("state_measured", 2 * n)
+        self._gravity = self.DeclareVectorInputPort("gravity", n)
+        self._last_speed = self.DeclareDiscreteState(n)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._keep_speed)
+        self.DeclareVectorOutputPort(
+            "torque",
+            n,
+            self._calc_torque,
+            prerequisites_of_calc={
+                self.all_input_ports_ticket(),
+                self.discrete_state_ticket(self._last_speed),
+            },
+        )
+
+    def _keep_speed(self, context: Context, state: DiscreteValues) -> None:
+        n = len(self._limits)
+        state.set_value(self._last_speed, self._desired.Eval(context)[n:])
+
+    def _calc_torque(self, context: Context, output: BasicVector) -> None:
+        q_0, v_0 = np.split(self._desired.Eval(context), 2)
+        q, v = np.split(self._measured.Eval(context), 2)
+        torque, K, M = self._spring.pull(q, q_0)
+        torque = torque + damping_matrix(M, K, self._ratio) @ (v_0 - v)
+        torque = np.clip(torque, -self._max_torque, self._max_torque)
+        last = context.get_discrete_state(self._last_speed).value()
+        acceleration = (v_0 - last) / self._period
+        bound = self._max_acceleration
+        torque = torque + M @ np.clip(acceleration, -bound, bound)
+        if self._gravity.HasValue(context):
+            torque = torque + self._gravity.Eval(context)
+        output.SetFromVector(np.clip(torque, -self._limits, self._limits))

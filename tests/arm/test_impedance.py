@@ -1,0 +1,205 @@
+import numpy as np
+import pytest
+from helpers import fix
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import AddMultibodyPlant, ExternallyAppliedSpatialForce
+from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.arm.driver import AddArmDriver
+from drake_srg.arm.impedance import (
+    ArmImpedanceDriver,
+    CartesianStiffness,
+    ImpedanceControl,
+)
+from drake_srg.arm.impedance_law import JointSpring
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.scenario import load_scenario
+from drake_srg.station import MakeStation
+from drake_srg.station.plant import AddDirectives, MakeModelsPlant
+
+HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
+SCENARIO = load_scenario("kitchen")
+MODELS = MakeModelsPlant(SCENARIO)
+HAND = CartesianStiffness(frame="gripper::palm", centre=[0.1, 0.0, 0.0])
+
+
+class Arm:
+    """The driven arm with limp fingers, commanded to home."""
+
+    def __init__(self, **config):
+        config = ArmImpedanceDriver(home=list(HOME), **config)
+        builder = DiagramBuilder()
+        plant_config = PlantConfig(
+            time_step=0.002, discrete_contact_approximation="lagged"
+        )
+        self.plant, _ = AddMultibodyPlant(plant_config, builder)
+        AddDirectives(self.plant, SCENARIO)
+        self.arm, gripper = (
+            self.plant.GetModelInstanceByName(name) for name in ("arm", "gripper")
+        )
+        config.prepare_plant(self.plant, self.arm)
+        self.plant.Finalize()
+        self.plant.SetDefaultPositions(self.arm, HOME)
+        self.driver = AddArmDriver(
+            builder, self.plant, self.arm, gripper, MODELS, config
+        )
+        self.simulator = Simulator(builder.Build())
+        self.root = self.simulator.get_mutable_context()
+        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.root)
+        self.plant.get_actuation_input_port(gripper).FixValue(
+            self.plant_context, [0.0] * 4
+        )
+        self.command(HOME)
+
+    def command(self, q):
+        context = self.driver.GetMyMutableContextFromRoot(self.root)
+        fix(self.driver, context, position_commanded=q)
+
+    def push(self, force):
+        """Push with a force in world [N] at the hand's centre from now on."""
+        push = ExternallyAppliedSpatialForce()
+        push.body_index = self.plant.GetBodyByName("palm").index()
+        push.p_BoBq_B = np.array(HAND.centre)
+        push.F_Bq_W = SpatialForce(np.zeros(3), np.asarray(force, dtype=float))
+        port = self.plant.get_applied_spatial_force_input_port()
+        port.FixValue(self.plant_context, [push])
+
+    def advance(self, duration):
+        self.simulator.AdvanceTo(self.root.get_time() + duration)
+
+    @property
+    def q(self):
+        return self.plant.GetPositions(self.plant_context, self.arm)
+
+    @property
+    def pose(self):
+        return self.plant.GetFrameByName("palm").CalcPoseInWorld(self.plant_context)
+
+
+def test_a_pushed_hand_yields_by_force_over_stiffness_and_comes_back():
+    arm = Arm(cartesian=HAND)
+    before, centre = arm.pose, np.array(HAND.centre)
+    force = np.array([6.0, -8.0, 10.0])
+    arm.push(force)
+    arm.advance(1.5)
+    moved = arm.pose @ centre - before @ centre
+    # A percent is for the limp fingers, which swing.
+    np.testing.assert_allclose(moved, force / 2000.0, atol=0.01 * 5e-3)
+    turn = (before.rotation().inverse() @ arm.pose.rotation()).ToAngleAxis().angle()
+    assert turn < 1e-4  # a force at the centre turns nothing
+    arm.push(np.zeros(3))
+    arm.advance(1.5)
+    np.testing.assert_allclose(arm.pose @ centre, before @ centre, atol=5e-5)
+
+
+def test_pushed_joints_yield_by_torque_over_stiffness_and_come_back():
+    arm = Arm()
+    arm.advance(0.2)
+    stiffness = np.array(ArmImpedanceDriver().joint_stiffness)
+    joints = JointSpring(MODELS, "arm", stiffness)
+    force = np.array([6.0, -8.0, 10.0])
+    arm.push(force)
+    arm.advance(1.0)
+    palm = MODELS.GetFrameByName("palm")
+    _, _, J = joints.forward(palm, np.array(HAND.centre), arm.q)
+    torque = J[3:].T @ force
+    largest = np.max(np.abs(torque / stiffness))
+    np.testing.assert_allclose(arm.q - HOME, torque / stiffness, atol=0.01 * largest)
+    arm.push(np.zeros(3))
+    arm.advance(1.0)
+    np.testing.assert_allclose(arm.q, HOME, atol=1e-4)
+
+
+def test_a_free_arm_follows_without_lag():
+    arm = Arm(cartesian=HAND)
+    direction = np.array([0.3, 0.2, -0.3, 0.2, 0.3, -0.2, 0.3])
+    lag = []
+    for k in range(201):
+        s = k / 200
+        q = HOME + direction * s**3 * (10 - 15 * s + 6 * s * s)
+        arm.command(q)
+        arm.advance(0.005)
+        lag.append(np.max(np.abs(arm.q - q)))
+    # Two periods at up to 0.56 rad/s, and what the left-out Coriolis torques do.
+    assert max(lag) < 0.008
+    arm.advance(0.5)
+    np.testing.assert_allclose(arm.q, HOME + direction, atol=5e-4)
+
+
+def test_weak_springs_give_way_to_a_strong_push():
+    arm = Arm(max_torque=[5.0] * 7)
+    arm.push([0.0, 60.0, 0.0])  # 40 N m about joint 1
+    arm.advance(0.3)
+    assert arm.q[0] - HOME[0] > 0.1
+
+
+def control(**limits):
+    spring = JointSpring(MODELS, "arm", np.full(7, 1000.0))
+    system = ImpedanceControl(
+        spring,
+        0.7,
+        max_torque=np.full(7, limits.get("max_torque", 1e3)),
+        max_acceleration=np.full(7, 10.0),
+        effort_limits=np.full(7, limits.get("effort_limits", 1e3)),
+        period=0.005,
+    )
+    return system, system.CreateDefaultContext()
+
+
+def test_torques_stay_within_their_limits():
+    for most, total in ((20.0, 1e3), (1e3, 50.0)):
+        system, context = control(max_torque=most, effort_limits=total)
+        state = np.concatenate([HOME, np.zeros(7)])
+        desired = np.concatenate([HOME + np.linspace(-1.0, 1.0, 7), np.zeros(7)])
+        gravity = np.linspace(30.0, -30.0, 7)
+        fix(
+            system,
+            context,
+            desired_state=desired,
+            state_measured=state,
+            gravity=gravity,
+        )
+        torque = system.get_output_port().Eval(context)
+        spring = 1000.0 * (desired - state)[:7]
+        expected = np.clip(np.clip(spring, -most, most) + gravity, -total, total)
+        np.testing.assert_allclose(torque, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "override, message",
+    [
+        ("{joint_stiffness: [1, 2]}", "arm.joint_stiffness: needs one entry per"),
+        ("{max_torque: [1, 2]}", "arm.max_torque: needs one entry per actuated joint"),
+        ("{max_torque: [0]}", "arm.max_torque: must be greater than 0.0, got 0"),
+        ("{damping_ratio: 1.5}", "arm.damping_ratio: must be at most 1.0, got 1.5"),
+        ("{damping_ratio: 0}", "arm.damping_ratio: must be at least 0.1, got 0"),
+        ("{stiffness: 3}", "arm: unknown key 'stiffness' (did you mean"),
+        ("{cartesian: {rotation: 400}}", "rotation: must be at most 300.0, got 400"),
+        ("{cartesian: {translation: [1]}}", "translation: needs 3 numbers, got 1"),
+        (
+            "{cartesian: {frame: 'arm::finger'}}",
+            "arm.cartesian.frame: unknown frame 'arm::finger' (allowed: MODEL::FRAME",
+        ),
+        (
+            "{period: 0.02, cartesian: {}}",
+            "arm.period: 0.02 s is too long for this stiffness",
+        ),
+        ("{joint_stiffness: [9e4, 9e4, 9e4, 9e4, 9e4, 9e4, 9e4]}", "(allowed: up to"),
+    ],
+)
+def test_bad_settings_are_named_with_what_is_allowed(override, message):
+    with pytest.raises(ScenarioError) as error:
+        MakeStation(
+            load_scenario(
+                "kitchen",
+                overrides=[
+                    f"arm=!ArmImpedanceDriver {override}",
+                    "cameras={}",
+                    "localizer.cameras=[]",
+                    "recording={}",
+                ],
+            )
+        )
+    assert message in str(error.value)
