@@ -59,6 +59,8 @@ class ArmPositionDriver:
     weightless: bool = False
     # Limits of the motion to targets that may jump; see `AddJerkLimits`.
     limits: JerkLimits = dc.field(default_factory=JerkLimits)
+    # Whether the joints have servos on a bus, which `drake-srg serve --servo` emulates.
+    bus_servos: bool = False
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)

@@ -29,13 +29,13 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
     serve.add_argument(
         "--servo",
         metavar="tcp:PORT|pty",
-        help="run the gripper's servo for the real driver (or tcp:HOST:PORT)",
+        help="run the servos of gripper and arm for real drivers (or tcp:HOST:PORT)",
     )
     serve.add_argument(
         "--protocol",
         type=int,
         metavar="1|2",
-        help="Dynamixel protocol of the servo (default: 1)",
+        help="Dynamixel protocol of the servos (default: 1)",
     )
     serve.add_argument(
         "--host",

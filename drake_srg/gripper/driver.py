@@ -74,6 +74,11 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         """The motor that winds the gripper's wires; None without wires."""
         return None
 
+    @property
+    def servo_travel(self) -> float | None:
+        """Angle of the first joint at closure 1 [rad], if a bus servo drives it."""
+        return None
+
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
         """Change what the driver needs changed in a plant that is not yet finalized."""
 
