@@ -16,6 +16,8 @@ from drake_srg.types import Vector
 
 # Values of station input ports, by name.
 PortValues = Mapping[str, Vector]
+# Largest command [bytes]; commands are a thousand times smaller.
+COMMAND_LIMIT = 2**20
 
 
 class CommandError(ValueError):
@@ -36,18 +38,21 @@ class CommandTopic:
 
     Attributes:
         name: ROS topic.
-        type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32". Only its
-            field `data` is read.
-        convert: Returns values of the station's input ports for `data`; raises a
-            CommandError if the command is invalid.
+        type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32".
+        convert: Returns values of the station's input ports for the message's field
+            `data`; raises a CommandError if the command is invalid.
         latched: Whether a value is kept until the station has seen it, even if a lower
             one follows at once: a button may be pressed for less than a period.
+        whole: Whether `convert` takes the whole message in place of its `data`.
+        largest: Size of the largest message [bytes].
     """
 
     name: str
     type: str
     convert: Callable[[Any], PortValues]
     latched: bool = False
+    whole: bool = False
+    largest: int = COMMAND_LIMIT
 
 
 class Warnings:
@@ -104,6 +109,10 @@ class CommandInbox:
             return
         self.put(values, topic)
         self.count()
+
+    def receive_message(self, topic: str, message: Any) -> None:
+        """Do as `receive` with a whole message."""
+        self.receive(topic, message if self.topics[topic].whole else message.data)
 
     def put(self, values: PortValues, source: str) -> None:
         """Keep a command that its source has checked."""
