@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.cameras import Ros1Camera, Ros2Camera, RosCamera
+from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
 from drake_srg.hardware.faults import FaultsConfig
 from drake_srg.hardware.link import HardwareDriver
 from drake_srg.hardware.nodes import Ros1Config, Ros2Config
@@ -16,8 +17,8 @@ from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.scenario.yaml_typed import load_typed
 
 # The drivers that a tag selects from.
-ARMS = (Ros1Arm, Ros2Arm)
-GRIPPERS = (Ros1Gripper, Ros2Gripper)
+ARMS = (Ros1Arm, Ros2Arm, DynamixelArm)
+GRIPPERS = (Ros1Gripper, Ros2Gripper, DynamixelGripper)
 CAMERAS = (Ros1Camera, Ros2Camera)
 
 if typing.TYPE_CHECKING:

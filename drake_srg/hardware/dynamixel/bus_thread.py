@@ -40,7 +40,7 @@ class BusThread:
     def add(self, group: ServoGroup) -> None:
         """Handle another group of servos from now on."""
         self._groups = (*self._groups, group)
-        if not self._thread.is_alive():
+        if self._thread.ident is None:
             self._thread.start()
 
     def remove(self, group: ServoGroup) -> None:

@@ -1,13 +1,10 @@
 """Drivers of arms and grippers of Dynamixel servos."""
 
-from __future__ import annotations
-
 import dataclasses as dc
 import math
 from collections.abc import Sequence
 
 import numpy as np
-from drake_srg.hardware.link import HardwareDriver, Link, Mailbox, Robot
 
 from drake_srg.bridges.commands import PortValues
 from drake_srg.bridges.dynamixel.encoder import TURN
@@ -18,6 +15,7 @@ from drake_srg.hardware.dynamixel.dialects import ServoState
 from drake_srg.hardware.dynamixel.line import open_line
 from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 from drake_srg.hardware.dynamixel.servo_group import GroupConfig, ServoGroup
+from drake_srg.hardware.link import HardwareDriver, Link, Mailbox, Robot
 from drake_srg.types import Vector, positive
 
 _COUNT = math.tau / TURN  # rad
@@ -29,7 +27,7 @@ class DynamixelConfig(HardwareDriver):
     """A part of a robot with servos on a bus. Parts at the same port share the bus."""
 
     # `tcp:HOST:PORT`, a serial device or a pseudo terminal.
-    port: str
+    port: str = "/dev/ttyUSB0"
     baud: int = 1_000_000
     # Dynamixel protocol, 1 or 2.
     protocol: int = dc.field(default=1, metadata={"ge": 1, "le": 2})
@@ -71,8 +69,8 @@ class DynamixelConfig(HardwareDriver):
 class DynamixelArm(DynamixelConfig):
     """An arm with a servo per joint, in position control."""
 
-    # IDs of the servos, in the order of the joints.
-    ids: list[int]
+    # IDs of the servos, in the order of the joints; empty: 1, 2, 3 and so on.
+    ids: list[int] = dc.field(default_factory=list)
     # Position where the joint is at 0 [counts], and 1 where the position rises with the
     # joint's angle or -1: one entry for all joints, or one per joint.
     zero: list[int] = dc.field(default_factory=lambda: [TURN // 2])
@@ -86,7 +84,7 @@ class DynamixelArm(DynamixelConfig):
         """See `HardwareDriver`."""
         n = len(robot.arm_joints)
         for name, allowed in (
-            ("ids", (n,)),
+            ("ids", (0, n)),
             ("zero", (1, n)),
             ("direction", (1, n)),
             ("full_torque", (0, n)),
@@ -108,11 +106,11 @@ class _ArmLink(Link):
         self._torque = np.array(config.full_torque)
         if config.full_torque:
             self.outputs["arm.torque_measured"] = n
-        self._ids = config.ids
+        self._ids = config.ids or list(range(1, n + 1))
         self._zero, self._direction = np.array(config.zero), np.array(config.direction)
         self._mail, self._thread = Mailbox(), thread
         resume = config.resume_within / _COUNT
-        servos = GroupConfig(ids=config.ids, resume_within=resume)
+        servos = GroupConfig(ids=self._ids, resume_within=resume)
         self._group = ServoGroup(servos, self._receive, robot.warnings)
         thread.add(self._group)
 
@@ -153,9 +151,9 @@ class DynamixelGripper(DynamixelConfig):
 
     # ID of the servo.
     id: int = dc.field(default=1, metadata={"ge": 0, "le": 252})
-    # Positions with the fingers open and with closure 1 [counts].
-    open: int
-    closed: int
+    # Positions with the fingers open and with closure 1 [counts]; they must differ.
+    open: int = 0
+    closed: int = 0
     # Largest torque, as a fraction of the stall torque: the force of the grip.
     effort: float = dc.field(default=0.5, metadata=positive(le=1.0))
     # Load that tells of contact, as a fraction of the stall torque. Friction and
