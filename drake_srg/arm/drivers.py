@@ -57,10 +57,11 @@ class ArmPositionDriver:
     # Whether the arm has no weight, in place of compensating for it every `period`. The
     # gripper's weight then bends the joints: the iiwa's by 0.4 mm at the hand.
     weightless: bool = False
-    # Limits of the motion to targets that may jump; see `AddJerkLimits`.
-    limits: JerkLimits = dc.field(default_factory=JerkLimits)
     # Whether the joints have servos on a bus, which `drake-srg serve --servo` emulates.
     bus_servos: bool = False
+    # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: targets
+    # are a stream of positions, each of which the arm takes as it is.
+    limits: JerkLimits | None = dc.field(default_factory=JerkLimits)
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
@@ -274,8 +275,11 @@ def AddJerkLimits(
     `position_commanded` to the driver's.
 
     Raises:
-        ValueError: If a limit has neither one entry nor one entry per joint.
+        ValueError: If there are no limits, or a limit has neither one entry nor one
+            entry per joint.
     """
+    if config.limits is None:
+        raise ValueError("arm.limits: must be given where targets jump")
     return builder.AddNamedSystem(
         "arm_reference",
         JerkLimitedReference(np.array(config.home), config.limits, config.period),

@@ -120,7 +120,8 @@ def Serve(
             simulator = Simulator(root)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
-            _fix_defaults(station, my_context(station, simulator.get_mutable_context()))
+            context = my_context(station, simulator.get_mutable_context())
+            _fix_defaults(station, context, scenario)
             simulator.Initialize()
             advance = MakeAdvance(simulator, station, scenario)
             if out is not None and scenario.arm is not None:
@@ -172,8 +173,14 @@ def _check_ports(name: str, bridges: Sequence[Bridge], station: Diagram) -> None
         )
 
 
-def _fix_defaults(station: Diagram, context: Context) -> None:
-    """Open the gripper until somebody commands it: these ports need a value."""
+def _fix_defaults(station: Diagram, context: Context, scenario: Scenario) -> None:
+    """Leave arm and gripper alone until somebody commands them.
+
+    These ports need a value.
+    """
+    if scenario.arm is not None and scenario.arm.limits is None:
+        port = station.GetInputPort("arm.position_desired")
+        port.FixValue(context, scenario.arm.home)
     for name in ("gripper.closure_commanded", "gripper.closure_messages"):
         if station.HasInputPort(name):
             station.GetInputPort(name).FixValue(context, [0.0])

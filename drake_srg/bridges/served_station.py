@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 from collections.abc import Callable
 
-from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder, System
 from pydrake.systems.primitives import PassThrough
 
 from drake_srg.arm.drivers import AddJerkLimits
@@ -30,7 +30,8 @@ def MakeServedStation(scenario: Scenario) -> Diagram:
 
     `arm.position_desired` (N) [rad or m] reaches the arm through a
     `JerkLimitedReference` that starts at the arm's home position, and again wherever a
-    safety monitor has stopped the arm. The subsystem
+    safety monitor has stopped the arm. Without `arm.limits`, it reaches the arm as it
+    is. The subsystem
     `station` is the station without cameras; `MakeRemoteCameras` renders its plant's
     state in another process.
 
@@ -60,16 +61,19 @@ def AddServedStation(
     inputs = input_ports(station)
     if scenario.arm is not None:
         commanded = inputs.pop("arm.position_commanded")
-        reference = AddJerkLimits(builder, scenario.arm)
+        reference: System
+        if scenario.arm.limits is None:
+            reference = PassThrough(len(scenario.arm.home))
+            builder.AddNamedSystem("arm_reference", reference)
+        else:
+            reference = AddJerkLimits(builder, scenario.arm)
+            if "arm.position_held" in output_ports(station):
+                builder.Connect(
+                    station.GetOutputPort("arm.position_held"),
+                    reference.GetInputPort("position_held"),
+                )
         builder.Connect(reference.get_output_port(), commanded)
-        if "arm.position_held" in output_ports(station):
-            builder.Connect(
-                station.GetOutputPort("arm.position_held"),
-                reference.GetInputPort("position_held"),
-            )
-        builder.ExportInput(
-            reference.GetInputPort("position_desired"), "arm.position_desired"
-        )
+        builder.ExportInput(reference.get_input_port(0), "arm.position_desired")
         builder.ExportOutput(reference.get_output_port(), "arm.position_commanded")
     if scenario.gripper is not None:
         closure = inputs.pop("gripper.closure_commanded")

@@ -6,7 +6,7 @@ import abc
 import dataclasses as dc
 import threading
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drake_srg.bridges.commands import PortValues, Warnings
 from drake_srg.scenario import Scenario
@@ -85,6 +85,7 @@ class Robot:
         arm_limits: Least and greatest position of each, shape (N,) [rad or m].
         warnings: Where trouble is reported to the user, once for each kind.
         nodes: ROS nodes, which drivers share.
+        shared: Whatever else drivers share, such as a bus; empty at first.
     """
 
     scenario: Scenario
@@ -92,6 +93,7 @@ class Robot:
     arm_limits: tuple[Vector, Vector]
     warnings: Warnings
     nodes: Nodes
+    shared: dict[Any, Any] = dc.field(default_factory=dict)
 
     @property
     def gripper_joints(self) -> tuple[str, ...]:

@@ -113,6 +113,7 @@ class Album:
         self._color: dict[float, npt.NDArray[np.uint8]] = {}
         self._depth: dict[float, npt.NDArray[np.float32]] = {}
         self._newest: Picture | None = None
+        self._count = 0
 
     def add_color(self, message: Any) -> None:
         """Add a colour image; raises a CommandError if it is refused."""
@@ -132,11 +133,16 @@ class Album:
         """Return the newest picture once it is newer than a time; None: none came.
 
         Args:
-            after: By the camera's clock [s].
+            after: By the camera's clock [s]; NaN: the robot tells no time. Then it is
+                the second picture to arrive from now on, because the first may have
+                been on its way.
             patience: How long to wait [s, real].
         """
+        enough = self._count + 2
 
         def newer() -> bool:
+            if np.isnan(after):
+                return self._count >= enough
             return self._newest is not None and self._newest.stamp > after
 
         with self._changed:
@@ -145,6 +151,7 @@ class Album:
     def _pair(self, stamp: float) -> None:
         older = self._newest is None or stamp > self._newest.stamp
         if older and stamp in self._color and stamp in self._depth:
+            self._count += 1
             self._newest = Picture(stamp, self._color[stamp], self._depth[stamp])
             self._changed.notify_all()
 
