@@ -57,8 +57,8 @@ class ArmPositionDriver:
     # Whether the arm has no weight, in place of compensating for it every `period`. The
     # gripper's weight then bends the joints: the iiwa's by 0.4 mm at the hand.
     weightless: bool = False
-    # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: targets
-    # are a stream of positions, each of which the arm takes as it is.
+    # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: the arm
+    # follows a stream of targets or trajectories as it is; see `TrajectoryFollower`.
     limits: JerkLimits | None = dc.field(default_factory=JerkLimits)
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
