@@ -240,17 +240,19 @@ def station_topics(
         topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
     arrays = {}
     if joints:
-        limits = _limits(plant, "gripper", joints)
+        limits = joint_limits(plant, "gripper", joints)
         arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
     if _ARM in inputs:
-        arrays["/kuka"] = (_ARM, _limits(plant, "arm"), arm)
+        arrays["/kuka"] = (_ARM, joint_limits(plant, "arm"), arm)
     for name, (port, limits, command) in arrays.items():
-        convert = _positions(limits, partial(command, port), obeyed=port in inputs)
+        convert = checked_positions(
+            limits, partial(command, port), obeyed=port in inputs
+        )
         topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
     return topics
 
 
-def _limits(
+def joint_limits(
     plant: MultibodyPlant, instance: str, joints: list[str] | None = None
 ) -> tuple[Vector, Vector]:
     """Return the lower and upper position limits of a model's joints [rad or m]."""
@@ -267,7 +269,7 @@ def _limits(
     )
 
 
-def _positions(
+def checked_positions(
     limits: tuple[Vector, Vector],
     command: Callable[[Vector], PortValues],
     *,

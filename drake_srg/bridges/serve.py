@@ -23,6 +23,7 @@ from drake_srg.bridges.pictures import Pictures
 from drake_srg.bridges.safety_commands import SafetyGate, safety_topics
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
+from drake_srg.bridges.trajectory_topics import trajectory_topics
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
@@ -113,15 +114,15 @@ def Serve(
             joints = () if scenario.gripper is None else scenario.gripper.joint_names
             plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
             inputs = input_ports(station)
-            commands = station_topics(plant, inputs, joints) + safety_topics(inputs)
-            inbox = CommandInbox(commands, warnings)
+            commands = station_topics(plant, inputs, joints)
+            commands += trajectory_topics(plant, inputs, control_period(scenario))
+            inbox = CommandInbox(commands + safety_topics(inputs), warnings)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
             simulator = Simulator(root)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
-            context = my_context(station, simulator.get_mutable_context())
-            _fix_defaults(station, context, scenario)
+            _fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()
             advance = MakeAdvance(simulator, station, scenario)
             if out is not None and scenario.arm is not None:
@@ -173,14 +174,8 @@ def _check_ports(name: str, bridges: Sequence[Bridge], station: Diagram) -> None
         )
 
 
-def _fix_defaults(station: Diagram, context: Context, scenario: Scenario) -> None:
-    """Leave arm and gripper alone until somebody commands them.
-
-    These ports need a value.
-    """
-    if scenario.arm is not None and scenario.arm.limits is None:
-        port = station.GetInputPort("arm.position_desired")
-        port.FixValue(context, scenario.arm.home)
+def _fix_defaults(station: Diagram, context: Context) -> None:
+    """Open the gripper until somebody commands it: these ports need a value."""
     for name in ("gripper.closure_commanded", "gripper.closure_messages"):
         if station.HasInputPort(name):
             station.GetInputPort(name).FixValue(context, [0.0])

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
 def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
     """Print a result and where its files are; return the exit code."""
     metrics, say = result.metrics, options.console.say
-    done = metrics.claimed if metrics.success is None else metrics.success
+    done = metrics.success if metrics.claimed is None else metrics.claimed
     say(metrics.table())
     if result.status.message and not done:
         say("", result.status.message)

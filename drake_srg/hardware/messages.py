@@ -38,10 +38,13 @@ class JointStates:
 
     Args:
         names: Of the joints, in the wanted order.
+
+    Attributes:
+        stamp: Time of the newest message [s].
     """
 
     def __init__(self, names: Sequence[str]) -> None:
-        self._names, self._stamp = tuple(names), -math.inf
+        self._names, self.stamp = tuple(names), -math.inf
 
     def read(self, message: Any) -> tuple[float, Vector, Vector | None] | None:
         """Return stamp [s], state [q; v] and efforts; None if no joint is among it.
@@ -60,12 +63,12 @@ class JointStates:
             raise CommandError("joints", f"lacks the joints {', '.join(missing)}")
         count, stamp = len(given), stamp_of(message)
         q, v = numbers(message.position, count), numbers(message.velocity, count)
-        if stamp <= self._stamp:
+        if stamp <= self.stamp:
             raise CommandError(
                 "stamp",
-                f"needs a newer time than {self._stamp:.3f} s, got {stamp:.3f} s",
+                f"needs a newer time than {self.stamp:.3f} s, got {stamp:.3f} s",
             )
-        self._stamp = stamp
+        self.stamp = stamp
         order = [given.index(name) for name in self._names]
         effort = np.array(message.effort, dtype=np.float64)
         told = effort.shape == (count,) and bool(np.isfinite(effort[order]).all())
@@ -86,32 +89,39 @@ def percent(name: str) -> Topic:
     return Topic(name, kind, {}, convert)
 
 
-def joint_trajectory(name: str, joints: Sequence[str], horizon: float) -> Topic:
-    """Return a topic of positions as trajectory_msgs/JointTrajectory of one point.
+def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
+    """Return a topic of timed positions as trajectory_msgs/JointTrajectory.
+
+    Its `convert` takes times (K,) [s], by the robot's clock, and positions (K, N).
 
     Args:
         name: The topic's.
         joints: Names of the joints.
-        horizon: When the point is to be reached, after the message arrives [s].
     """
-    sec, nanosec = divmod(round(horizon * 1e9), 10**9)
+    kind = "trajectory_msgs/msg/JointTrajectory"
 
-    def convert(make: MakeMessage, time: float, q: Vector) -> Any:
-        point = make(
-            "trajectory_msgs/msg/JointTrajectoryPoint",
-            positions=np.array(q, dtype=np.float64),
-            velocities=np.zeros(0),
-            accelerations=np.zeros(0),
-            effort=np.zeros(0),
-            time_from_start=make(
-                "builtin_interfaces/msg/Duration", sec=sec, nanosec=nanosec
-            ),
-        )
+    def convert(make: MakeMessage, time: float, times: Vector, q: Vector) -> Any:
+        points = [
+            make(
+                "trajectory_msgs/msg/JointTrajectoryPoint",
+                positions=np.array(q_i, dtype=np.float64),
+                velocities=np.zeros(0),
+                accelerations=np.zeros(0),
+                effort=np.zeros(0),
+                time_from_start=_duration(make, t_i - times[0]),
+            )
+            for t_i, q_i in zip(times, q, strict=True)
+        ]
         return make(
-            "trajectory_msgs/msg/JointTrajectory",
-            header=header(make, time),  # time 0: from now on
+            kind,
+            header=header(make, float(times[0])),
             joint_names=list(joints),
-            points=[point],
+            points=points,
         )
 
-    return Topic(name, "trajectory_msgs/msg/JointTrajectory", {}, convert)
+    return Topic(name, kind, {}, convert)
+
+
+def _duration(make: MakeMessage, seconds: float) -> Any:
+    sec, nanosec = divmod(round(seconds * 1e9), 10**9)
+    return make("builtin_interfaces/msg/Duration", sec=sec, nanosec=nanosec)

@@ -11,6 +11,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.link import STAMP, HardwareDriver, Link, Mailbox, Robot
 from drake_srg.hardware.messages import JointStates, joint_trajectory, numbers, percent
 from drake_srg.hardware.nodes import Node
+from drake_srg.hardware.window import Window
 from drake_srg.recording.ros_topics import float64_array
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -27,15 +28,16 @@ class RosArm(HardwareDriver):
 
     # Topic of the arm's sensor_msgs/JointState. Joints have the model's names.
     state: str = "/joint_states"
-    # Topic of the commands.
-    command: str = "/kuka"
-    # `positions`: a std_msgs/Float64MultiArray each control period [rad or m].
-    # `trajectory`: a trajectory_msgs/JointTrajectory whose one point is to be reached
-    # `horizon` later [s], as a joint_trajectory_controller takes it.
+    # Topic of the commands, one each control period. `trajectory`: a
+    # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`
+    # seconds by the robot's clock, as a joint_trajectory_controller takes them. The arm
+    # follows that much later, and wires may be late or lose messages for as long.
+    # `positions`: a std_msgs/Float64MultiArray [rad or m], to be taken at once.
+    command: str = "/joint_trajectory"
     stream: str = dc.field(
-        default="positions", metadata={"among": ("positions", "trajectory")}
+        default="trajectory", metadata={"among": ("trajectory", "positions")}
     )
-    horizon: float = dc.field(default=0.02, metadata={"gt": 0.0})
+    lead: float = dc.field(default=0.05, metadata={"gt": 0.0})
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""
@@ -60,12 +62,14 @@ class _ArmLink(Link):
         self.outputs = {"arm.state_measured": 2 * n, "arm.torque_measured": n}
         self._node, self._mail = node, Mailbox()
         self._joints = JointStates(robot.arm_joints)
+        self._window: Window | None = None
         if config.stream == "positions":
             self._topic = float64_array(config.command, "arm.position_commanded", n)
         else:
-            self._topic = joint_trajectory(
-                config.command, robot.arm_joints, config.horizon
-            )
+            arm = robot.scenario.arm
+            assert arm is not None
+            self._topic = joint_trajectory(config.command, robot.arm_joints)
+            self._window = Window(config.lead, arm.period)
         node.subscribe(config.state, _JOINT_STATE, self._receive)
         node.publish(self._topic)
 
@@ -78,7 +82,13 @@ class _ArmLink(Link):
 
     def send(self, commands: PortValues) -> None:
         """See `Link`."""
-        self._node.send(self._topic, 0.0, commands["arm.position_commanded"])
+        q = commands["arm.position_commanded"]
+        if self._window is None:
+            self._node.send(self._topic, 0.0, q)
+        else:
+            self._node.send(
+                self._topic, 0.0, *self._window.after(q, self._joints.stamp)
+            )
 
     def _receive(self, message: Any) -> None:
         read = self._joints.read(message)

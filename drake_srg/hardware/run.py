@@ -55,8 +55,8 @@ def RunOnHardware(
 
     The control loop (measurements, safety monitor, commands) and the planner run in two
     processes; see `planner_process`. The files are those of `Simulate`, but for video
-    and replay. Nobody knows where the objects are: `metrics.success` is None, and
-    `metrics.claimed` is the planner's word.
+    and replay. Nobody knows where the objects are: `metrics.claimed` is the planner's
+    word.
 
     A safety stop ends the run. Disturbances are left out.
 
@@ -198,7 +198,7 @@ def _metrics(
     )
     return dc.replace(
         metrics,
-        success=None,
+        success=False,
         claimed=status.mode is Mode.DONE,
         failure=None if status.failure is None else status.failure.value,
     )

@@ -36,7 +36,7 @@ class Metrics:
 
     scenario: str
     seed: int
-    success: bool | None  # None on hardware, where nobody knows
+    success: bool
     # The planner's reason, or `misplaced` if it reported success and was wrong.
     failure: str | None
     attempts: int
@@ -86,7 +86,8 @@ class Metrics:
     # Only with a safety monitor: when the arm was stopped, and why; see
     # `measures.safety_stops`.
     safety_stops: list[dict[str, float | str]] | None = None
-    # Only on hardware: whether the planner says that it has done the task.
+    # Only on hardware: whether the planner says that it has done the task. Nobody knows
+    # whether it has: `success` is False here, and null in metrics.json.
     claimed: bool | None = None
 
     def table(self) -> str:
@@ -163,6 +164,8 @@ class Metrics:
         fields = dc.asdict(self)
         if self.objects is None:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
+        if self.claimed is not None:
+            fields["success"] = None
         for name in ("safety_stops", "claimed"):
             if fields[name] is None:
                 del fields[name]

@@ -10,6 +10,7 @@ from drake_srg.bridges.commands import PortValues
 from drake_srg.bridges.dynamixel.encoder import TURN
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.gripper.driver import GripperDriver
+from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
 from drake_srg.hardware.dynamixel.bus_thread import BusThread
 from drake_srg.hardware.dynamixel.dialects import ServoState
 from drake_srg.hardware.dynamixel.line import open_line
@@ -37,28 +38,37 @@ class DynamixelConfig(HardwareDriver):
     # How often an instruction is repeated where no intact reply comes.
     retries: int = dc.field(default=1, metadata={"ge": 0})
 
-    def bus_of(self, robot: Robot) -> BusThread:
-        """Return the thread of the bus, which all parts at the port share.
+    def bus_of(self, robot: Robot) -> BusCycle:
+        """Return what talks to the bus, which all parts at the port share.
 
         Raises:
             ScenarioError: If the port is invalid, or another part has other settings.
             OSError: If the bus cannot be opened.
         """
-        bus = (self.baud, self.protocol, self.period, self.timeout, self.retries)
         key = ("dynamixel", self.port)
-        known, thread = robot.shared.get(key, (None, None))
-        if thread is None or thread.closed:
-            try:
-                thread = BusThread(self._open, self.period, robot.warnings)
-            except ValueError as error:
-                raise ScenarioError(f"hardware: {error}") from None
-            robot.shared[key] = bus, thread
-        elif known != bus:
+        settings = (self.baud, self.protocol, self.period, self.timeout, self.retries)
+        known, bus = robot.shared.get(key, (settings, None))
+        if known != settings:
             raise ScenarioError(
                 f"hardware: {self.port}: arm and gripper need the same baud, protocol, "
                 "period, timeout and retries"
             )
-        return thread
+        if bus is None or bus.closed:
+            try:
+                bus = self.make_bus(robot)
+            except ValueError as error:
+                raise ScenarioError(f"hardware: {error}") from None
+            robot.shared[key] = settings, bus
+        return bus
+
+    def make_bus(self, robot: Robot) -> BusCycle:
+        """Return what talks to the bus in a thread of its own.
+
+        Raises:
+            ValueError: If the port is invalid.
+            OSError: If the bus cannot be opened.
+        """
+        return BusThread(self._open, self.period, robot.warnings)
 
     def _open(self) -> ServoBus:
         line = open_line(self.port, self.baud)
@@ -100,7 +110,7 @@ class DynamixelArm(DynamixelConfig):
 
 
 class _ArmLink(Link):
-    def __init__(self, config: DynamixelArm, robot: Robot, thread: BusThread) -> None:
+    def __init__(self, config: DynamixelArm, robot: Robot, bus: BusCycle) -> None:
         n = len(robot.arm_joints)
         self.outputs = {"arm.state_measured": 2 * n}
         self._torque = np.array(config.full_torque)
@@ -108,11 +118,11 @@ class _ArmLink(Link):
             self.outputs["arm.torque_measured"] = n
         self._ids = config.ids or list(range(1, n + 1))
         self._zero, self._direction = np.array(config.zero), np.array(config.direction)
-        self._mail, self._thread = Mailbox(), thread
+        self._mail, self._bus = Mailbox(), bus
         resume = config.resume_within / _COUNT
         servos = GroupConfig(ids=self._ids, resume_within=resume)
         self._group = ServoGroup(servos, self._receive, robot.warnings)
-        thread.add(self._group)
+        bus.add(self._group)
 
     def take(self) -> PortValues:
         """See `Link`."""
@@ -128,7 +138,7 @@ class _ArmLink(Link):
 
     def close(self) -> None:
         """See `Link`."""
-        self._thread.remove(self._group)
+        self._bus.remove(self._group)
 
     def _receive(self, states: Sequence[ServoState]) -> None:
         counts = np.array([state.position for state in states])
@@ -181,7 +191,7 @@ class _GripperLink(Link):
         config: DynamixelGripper,
         gripper: GripperDriver,
         robot: Robot,
-        thread: BusThread,
+        bus: BusCycle,
     ) -> None:
         n, self._m = len(gripper.joint_names), len(gripper.sensor_names)
         self.outputs = {
@@ -195,10 +205,10 @@ class _GripperLink(Link):
         self._closure = np.linspace(0.0, 1.0, _ENTRIES)
         ways, joints = zip(*map(gripper.empty_hand, self._closure), strict=True)
         self._way, self._joints = np.array(ways) / ways[-1], np.array(joints)
-        self._mail, self._thread = Mailbox(), thread
+        self._mail, self._bus = Mailbox(), bus
         servo = GroupConfig(ids=[config.id], effort=config.effort)
         self._group = ServoGroup(servo, self._receive, robot.warnings)
-        thread.add(self._group)
+        bus.add(self._group)
 
     def take(self) -> PortValues:
         """See `Link`."""
@@ -215,7 +225,7 @@ class _GripperLink(Link):
 
     def close(self) -> None:
         """See `Link`."""
-        self._thread.remove(self._group)
+        self._bus.remove(self._group)
 
     def _receive(self, states: Sequence[ServoState]) -> None:
         (state,) = states

@@ -8,9 +8,13 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.gripper.drivers import SrgPositionDriver, SrgTendonDriver
 from drake_srg.hardware.config import parse_hardware
-from drake_srg.hardware.dynamixel import drivers
-from drake_srg.hardware.dynamixel.bus_thread import BusThread
-from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
+from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
+from drake_srg.hardware.dynamixel.drivers import (
+    DynamixelArm,
+    DynamixelConfig,
+    DynamixelGripper,
+)
+from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 from drake_srg.hardware.link import Robot
 from drake_srg.scenario import load_scenario
 from hardware.dynamixel.emulated_line import TRAVEL, EmulatedLine
@@ -40,11 +44,11 @@ class Bench:
             "arm.position_commanded": np.array(q),
             "gripper.closure_commanded": np.array([closure]),
         }
-        (_, thread) = next(iter(self.robot.shared.values()))
+        (_, bus) = next(iter(self.robot.shared.values()))
         for _ in range(3):
             self.arm.send(commands)
             self.gripper.send(commands)
-            thread.cycle()
+            bus.cycle()
             self.line.step()
         return self.arm.take() | self.gripper.take()
 
@@ -52,11 +56,11 @@ class Bench:
 @pytest.fixture
 def bench(monkeypatch):
     """A function that connects drivers with these options to emulated servos."""
-    monkeypatch.setattr(BusThread, "_run", lambda self: None)  # the tests do
     benches = []
 
-    def open_line(port, baud):
-        return benches[-1].line
+    def make_bus(config, robot):  # without a thread
+        line = benches[-1].line
+        return BusCycle(lambda: ServoBus(line, config.protocol), robot.warnings)
 
     def connect(arm=None, gripper=None):
         benches.append(Bench.__new__(Bench))
@@ -65,7 +69,7 @@ def bench(monkeypatch):
         )
         return benches[-1]
 
-    monkeypatch.setattr(drivers, "open_line", open_line)
+    monkeypatch.setattr(DynamixelConfig, "make_bus", make_bus)
     return connect
 
 

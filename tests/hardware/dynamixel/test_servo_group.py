@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.dynamixel.encoder import JOINT
-from drake_srg.hardware.dynamixel.bus_thread import BusThread
+from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
 from drake_srg.hardware.dynamixel.servo_bus import ServoBus
 from drake_srg.hardware.dynamixel.servo_group import GroupConfig, ServoGroup
 from hardware.dynamixel.emulated_line import EmulatedLine
@@ -13,17 +13,17 @@ PROTOCOLS = pytest.mark.parametrize("protocol", [1, 2])
 
 
 class Robot:
-    """A thread's cycles, called one by one, for the joints of an emulated arm."""
+    """Exchanges, one by one, with the joints of an emulated arm."""
 
     def __init__(self, protocol, resume_within=30):
         self.line = EmulatedLine(protocol)
         self.opened, self.told, self.reports = 0, [], []
         self.protocol = protocol
         warnings = Warnings(self.told.append)
-        self.cycles = BusThread(self.open, 0.01, warnings)
+        self.cycles = BusCycle(self.open, warnings)
         config = GroupConfig(ids=[1, 2, 3], effort=0.8, resume_within=resume_within)
         self.group = ServoGroup(config, self.reports.append, warnings)
-        self.cycles._groups = (self.group,)  # without a thread
+        self.cycles.add(self.group)
 
     def open(self):
         self.opened += 1
