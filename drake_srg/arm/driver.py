@@ -49,14 +49,17 @@ class ArmDriver(abc.ABC):
     home: list[float] = dc.field(default_factory=lambda: [0.0] * 7)
     # Period at which commands are sampled and torques are computed [s].
     period: float = dc.field(default=0.005, metadata=positive())
+    # Whether the joints have servos on a bus, which `drake-srg serve --servo` emulates.
+    bus_servos: bool = False
     # Time between commands [s], a multiple of `period`: the arm moves evenly from one
     # to the next, one such time late. Null: it takes every command as it is.
     command_period: float | None = dc.field(default=None, metadata=positive())
     # Whether the arm has no weight, in place of compensating for it every `period`. The
     # gripper's weight then bends the joints: the iiwa's by 0.4 mm at the hand.
     weightless: bool = False
-    # Limits of the motion to targets that may jump; see `AddJerkLimits`.
-    limits: JerkLimits = dc.field(default_factory=JerkLimits)
+    # Limits of the motion to targets that may jump; see `AddJerkLimits`. Null: the arm
+    # follows a stream of targets or trajectories as it is; see `TrajectoryFollower`.
+    limits: JerkLimits | None = dc.field(default_factory=JerkLimits)
     # Largest torque of the motors, as a fraction of the model's effort limit.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
     errors: ArmErrorsConfig = dc.field(default_factory=ArmErrorsConfig)
@@ -258,8 +261,11 @@ def AddJerkLimits(builder: DiagramBuilder, config: ArmDriver) -> JerkLimitedRefe
     `position_commanded` to the driver's.
 
     Raises:
-        ValueError: If a limit has neither one entry nor one entry per joint.
+        ValueError: If there are no limits, or a limit has neither one entry nor one
+            entry per joint.
     """
+    if config.limits is None:
+        raise ValueError("arm.limits: must be given where targets jump")
     return builder.AddNamedSystem(
         "arm_reference",
         JerkLimitedReference(np.array(config.home), config.limits, config.period),

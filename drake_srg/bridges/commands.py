@@ -16,6 +16,8 @@ from drake_srg.types import Vector
 
 # Values of station input ports, by name.
 PortValues = Mapping[str, Vector]
+# Largest command [bytes]; commands are a thousand times smaller.
+COMMAND_LIMIT = 2**20
 
 
 class CommandError(ValueError):
@@ -36,18 +38,21 @@ class CommandTopic:
 
     Attributes:
         name: ROS topic.
-        type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32". Only its
-            field `data` is read.
-        convert: Returns values of the station's input ports for `data`; raises a
-            CommandError if the command is invalid.
+        type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32".
+        convert: Returns values of the station's input ports for the message's field
+            `data`; raises a CommandError if the command is invalid.
         latched: Whether a value is kept until the station has seen it, even if a lower
             one follows at once: a button may be pressed for less than a period.
+        whole: Whether `convert` takes the whole message in place of its `data`.
+        largest: Size of the largest message [bytes].
     """
 
     name: str
     type: str
     convert: Callable[[Any], PortValues]
     latched: bool = False
+    whole: bool = False
+    largest: int = COMMAND_LIMIT
 
 
 class Warnings:
@@ -104,6 +109,10 @@ class CommandInbox:
             return
         self.put(values, topic)
         self.count()
+
+    def receive_message(self, topic: str, message: Any) -> None:
+        """Do as `receive` with a whole message."""
+        self.receive(topic, message if self.topics[topic].whole else message.data)
 
     def put(self, values: PortValues, source: str) -> None:
         """Keep a command that its source has checked."""
@@ -231,17 +240,19 @@ def station_topics(
         topics.append(CommandTopic("/startgrasp", "std_msgs/msg/Bool", hold))
     arrays = {}
     if joints:
-        limits = _limits(plant, "gripper", joints)
+        limits = joint_limits(plant, "gripper", joints)
         arrays["/position_grasp"] = (_SINGLE_JOINTS, limits, gripper)
     if _ARM in inputs:
-        arrays["/kuka"] = (_ARM, _limits(plant, "arm"), arm)
+        arrays["/kuka"] = (_ARM, joint_limits(plant, "arm"), arm)
     for name, (port, limits, command) in arrays.items():
-        convert = _positions(limits, partial(command, port), obeyed=port in inputs)
+        convert = checked_positions(
+            limits, partial(command, port), obeyed=port in inputs
+        )
         topics.append(CommandTopic(name, "std_msgs/msg/Float64MultiArray", convert))
     return topics
 
 
-def _limits(
+def joint_limits(
     plant: MultibodyPlant, instance: str, joints: list[str] | None = None
 ) -> tuple[Vector, Vector]:
     """Return the lower and upper position limits of a model's joints [rad or m]."""
@@ -258,7 +269,7 @@ def _limits(
     )
 
 
-def _positions(
+def checked_positions(
     limits: tuple[Vector, Vector],
     command: Callable[[Vector], PortValues],
     *,

@@ -23,8 +23,9 @@ class BridgeOptions:
         master: URI of the ROS 1 master; None takes it from the environment.
         ros2: Whether to be a node of ROS 2.
         domain: ROS 2 domain; None takes it from the environment.
-        servo: tcp:PORT, tcp:HOST:PORT or pty; None for no servo.
-        protocol: Dynamixel protocol of the servo, 1 or 2; None means 1.
+        servo: Where the bus of the servos is, tcp:PORT, tcp:HOST:PORT or pty; None for
+            no servos.
+        protocol: Dynamixel protocol of the servos, 1 or 2; None means 1.
         host: Address of this machine that peers reach.
         name: Name of the nodes.
         terminal: Descriptor of a terminal whose keys command a safety monitor, if the
@@ -47,7 +48,7 @@ class BridgeOptions:
         """Return the bridges to a scenario's station.
 
         Raises:
-            ScenarioError: If an option is invalid, or the gripper has no servo.
+            ScenarioError: If an option is invalid, or the station has no servos.
             OSError: If an address is in use.
             ImportError: If a package is missing.
         """
@@ -97,16 +98,13 @@ class BridgeOptions:
                     raise ValueError("--protocol: needs --servo")
                 if self.servo is not None:
                     from drake_srg.bridges.dynamixel.bridge import ServoBridge
+                    from drake_srg.bridges.dynamixel.mechanisms import (
+                        station_mechanisms,
+                    )
 
-                    gripper = scenario.gripper
-                    motor = None if gripper is None else gripper.wire_motor
-                    if motor is None:
-                        raise ValueError(
-                            "--servo: needs a gripper with a wire motor "
-                            "(!SrgTendonDriver, as in kitchen_tendon)"
-                        )
                     protocol = 1 if self.protocol is None else self.protocol
-                    add(ServoBridge(inbox, self.servo, motor, protocol))
+                    mechanisms = station_mechanisms(scenario)
+                    add(ServoBridge(inbox, self.servo, mechanisms, protocol))
             except ValueError as error:
                 raise ScenarioError(f"serve: {error}") from error
             stack.pop_all()

@@ -14,9 +14,10 @@ from drake_srg.bridges.commands import (
     PortValues,
     Warnings,
 )
+from drake_srg.bridges.trajectory_topics import TRAJECTORY
 from drake_srg.common.safety_states import SafetyState, safety_state
 
-_ARM = "arm.position_desired"
+_ARM_PORTS = ("arm.position_desired", TRAJECTORY)
 _BOOL = "std_msgs/msg/Bool"
 
 
@@ -66,7 +67,8 @@ class SafetyGate:
         self._state = None
         if station.HasOutputPort("safety.state"):
             self._state = station.GetOutputPort("safety.state")
-            self._nowhere = np.full(station.GetInputPort(_ARM).size(), np.nan)
+            (self._arm,) = filter(station.HasInputPort, _ARM_PORTS)
+            self._nowhere = np.full(station.GetInputPort(self._arm).size(), np.nan)
 
     def admit(self, values: PortValues, context: Context) -> PortValues:
         """Return the values of input ports to set.
@@ -90,4 +92,4 @@ class SafetyGate:
         self._warnings.warn(
             "stop", f"the arm is stopped ({reason.value}); /kuka waits for a /release"
         )
-        return {**values, _ARM: self._nowhere}
+        return {**values, self._arm: self._nowhere}

@@ -23,6 +23,7 @@ from drake_srg.bridges.pictures import Pictures
 from drake_srg.bridges.safety_commands import SafetyGate, safety_topics
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
+from drake_srg.bridges.trajectory_topics import trajectory_topics
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
@@ -113,8 +114,9 @@ def Serve(
             joints = () if scenario.gripper is None else scenario.gripper.joint_names
             plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
             inputs = input_ports(station)
-            commands = station_topics(plant, inputs, joints) + safety_topics(inputs)
-            inbox = CommandInbox(commands, warnings)
+            commands = station_topics(plant, inputs, joints)
+            commands += trajectory_topics(plant, inputs, control_period(scenario))
+            inbox = CommandInbox(commands + safety_topics(inputs), warnings)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
             simulator = Simulator(root)

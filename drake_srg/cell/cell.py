@@ -138,6 +138,8 @@ def AddDisturber(
 
     The system is connected to the station and to the planner's `mode`.
     """
+    if not scenario.disturbances:
+        return
     plant = station.GetSubsystemByName("plant")
     disturbances = []
     for disturbance in scenario.disturbances:

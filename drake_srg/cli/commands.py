@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli import doctor as machine
+from drake_srg.cli.hardware import run_on_hardware
 from drake_srg.cli.objects import list_objects
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
@@ -23,13 +24,16 @@ from drake_srg.common.status_line import StatusLine
 
 if TYPE_CHECKING:
     from drake_srg.scenario import Scenario
+    from drake_srg.simulation.simulate import Result
 
 
 def run(options: argparse.Namespace) -> int:
-    """Simulate a scenario, and print its metrics and where the files are."""
+    """Do a scenario's task, and print its metrics and where the files are."""
     from drake_srg.scenario import load_scenario
     from drake_srg.simulation import Simulate
 
+    if options.hardware is not None:
+        return _tell(options, *run_on_hardware(options))
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name
@@ -42,15 +46,21 @@ def run(options: argparse.Namespace) -> int:
             record=not options.no_record,
             progress=options.console.progress,
         )
+    return _tell(options, result, out)
+
+
+def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
+    """Print a result and where its files are; return the exit code."""
     metrics, say = result.metrics, options.console.say
+    done = metrics.success if metrics.claimed is None else metrics.claimed
     say(metrics.table())
-    if result.status.message and not metrics.success:
+    if result.status.message and not done:
         say("", result.status.message)
     say("")
     for path in ("metrics.json", *filter(None, metrics.artifacts.values())):
         say(out / Path(path).name)
     options.console.answer(json.loads((out / "metrics.json").read_text("utf-8")))
-    return SUCCESS if metrics.success else TASK_FAILED
+    return SUCCESS if done else TASK_FAILED
 
 
 def demo(options: argparse.Namespace) -> int:

@@ -12,6 +12,7 @@ from drake_srg.cli import commands
 from drake_srg.cli import completion as cli_completion
 from drake_srg.cli import experiment as cli_experiment
 from drake_srg.cli import export as cli_export
+from drake_srg.cli import hardware as cli_hardware
 from drake_srg.cli import identify as cli_identify
 from drake_srg.cli import learn as cli_learn
 from drake_srg.cli import new as cli_new
@@ -55,19 +56,11 @@ def make_parser() -> argparse.ArgumentParser:
     run = add(
         "run",
         commands.run,
-        "simulate a scenario and record it",
+        "do a scenario's task in simulation or on hardware, and record it",
         "Exit code: 0 success, 1 the task failed, 2 bad input.",
     )
     _add_scenario(run)
-    run.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="folder for the results (default: out/SCENARIO)",
-    )
-    run.add_argument(
-        "--no-record", action="store_true", help="write only metrics.json and log.npz"
-    )
+    cli_hardware.add_run_arguments(run)
 
     demo = add(
         "demo",

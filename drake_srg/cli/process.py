@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 
@@ -44,3 +45,26 @@ def writing(
         message = f"{option} {path}: cannot be written: {reason}"
         advice = advise() if advise is not None else ""
         raise ScenarioError(f"{message}; {advice}" if advice else message) from error
+
+
+@contextlib.contextmanager
+def stop_on_signals() -> Iterator[threading.Event]:
+    """Yield an event that Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set.
+
+    A second signal of the same kind has its usual effect.
+    """
+    stop = threading.Event()
+    before: dict[int, Any] = {}
+
+    def end(number: int, _: object) -> None:
+        stop.set()
+        signal.signal(number, before[number])
+
+    if threading.current_thread() is threading.main_thread():  # Python's own limit
+        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = {number: signal.signal(number, end) for number in numbers}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

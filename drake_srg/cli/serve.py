@@ -5,13 +5,10 @@ import contextlib
 import dataclasses as dc
 import functools
 import math
-import signal
 import sys
-import threading
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
+from drake_srg.cli.process import stop_on_signals
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 
@@ -29,13 +26,13 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
     serve.add_argument(
         "--servo",
         metavar="tcp:PORT|pty",
-        help="run the gripper's servo for the real driver (or tcp:HOST:PORT)",
+        help="run the servos of gripper and arm for real drivers (or tcp:HOST:PORT)",
     )
     serve.add_argument(
         "--protocol",
         type=int,
         metavar="1|2",
-        help="Dynamixel protocol of the servo (default: 1)",
+        help="Dynamixel protocol of the servos (default: 1)",
     )
     serve.add_argument(
         "--host",
@@ -86,7 +83,7 @@ def serve(options: argparse.Namespace) -> int:
     status = StatusLine(
         sys.stderr if output.json else sys.stdout, shown=output.progress, at_once=True
     )
-    with _stop_on_signals() as stop, contextlib.closing(status):
+    with stop_on_signals() as stop, contextlib.closing(status):
         # Imported here, under the signal handlers, so that a signal during the import
         # of Drake ends the command cleanly.
         from drake_srg.bridges.connecting import BridgeOptions
@@ -137,26 +134,3 @@ def serve(options: argparse.Namespace) -> int:
     output.say(*filter(None, [served.recording, served.replay]))
     output.answer(dc.asdict(served))
     return 0
-
-
-@contextlib.contextmanager
-def _stop_on_signals() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C, SIGTERM and SIGHUP (a closed terminal) set.
-
-    A second signal of the same kind has its usual effect.
-    """
-    stop = threading.Event()
-    before: dict[int, Any] = {}
-
-    def end(number: int, _: object) -> None:
-        stop.set()
-        signal.signal(number, before[number])
-
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        before = {number: signal.signal(number, end) for number in numbers}
-    try:
-        yield stop
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from drake_srg.bridges.dynamixel.motor import SpoolMotor
 from drake_srg.bridges.dynamixel.mx64 import Mx64
 from drake_srg.bridges.dynamixel.protocol import Instruction
 from drake_srg.bridges.dynamixel.protocol1 import Packet1
@@ -42,7 +43,7 @@ class ServoStand:
         if motor is None:
             raise ScenarioError(f"{name}: gripper: needs !SrgTendonDriver")
         self.rig = Rig(scenario, name=name)
-        self._servo = Mx64(motor, self._refuse)
+        self._servo = Mx64(SpoolMotor(motor), self._refuse)
         self._name = name
 
     def _refuse(self, kind: str, message: str) -> None:

@@ -9,6 +9,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, InputPort, OutputPort
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.fusing import FusingBuilder
 from drake_srg.common.joint_errors import AddLatency
 from drake_srg.gripper.finger_sensing import (
@@ -19,6 +20,7 @@ from drake_srg.gripper.finger_sensing import (
 from drake_srg.gripper.motor_temperature import MotorTemperatureConfig
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.tendon import TendonDriveConfig
+from drake_srg.types import Vector
 
 # Commands that arrive late if the driver has latency.
 _DELAYED = ("closure_commanded", "closure_messages")
@@ -73,6 +75,26 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
     def wire_motor(self) -> WireMotor | None:
         """The motor that winds the gripper's wires; None without wires."""
         return None
+
+    @property
+    def servo_travel(self) -> float | None:
+        """Angle of the first joint at closure 1 [rad], if a bus servo drives it."""
+        return None
+
+    def empty_hand(self, closure: float) -> tuple[float, Vector]:
+        """Return how far one motor closes an empty hand, and its joints there [rad].
+
+        The way is in any unit. The joints are in the order of `joint_names`.
+
+        Args:
+            closure: 0 open .. 1 closed.
+
+        Raises:
+            ScenarioError: If no one motor closes this gripper.
+        """
+        raise ScenarioError(
+            f"gripper: no single servo closes the gripper of !{type(self).__name__}"
+        )
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
         """Change what the driver needs changed in a plant that is not yet finalized."""

@@ -3,6 +3,7 @@
 import dataclasses as dc
 from typing import ClassVar
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
@@ -14,7 +15,7 @@ from drake_srg.gripper.joint_servos import AddJointServos
 from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
-from drake_srg.types import positive
+from drake_srg.types import Vector, positive
 
 
 def _default_servo() -> GripperServoConfig:
@@ -56,6 +57,16 @@ class LinkageDriver(GripperDriver):
     # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
     # and motors differ.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    @property
+    def servo_travel(self) -> float | None:
+        """See `GripperDriver`."""
+        return self.master_slave.full_scale
+
+    def empty_hand(self, closure: float) -> tuple[float, Vector]:
+        """See `GripperDriver`."""
+        angle = closure * self.master_slave.full_scale
+        return angle, np.full(2, angle)
 
     def AddControl(
         self,

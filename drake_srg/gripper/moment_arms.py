@@ -10,6 +10,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from drake_srg.types import Vector
+
 # Coefficients, lowest power first [m, m/rad, ...].
 _BASE = (
     *(6.482929e-3, 7.294326e-3, -3.261617e-4, -2.293250e-3),
@@ -40,6 +44,24 @@ def wire_travel(base: Any, tip: Any) -> Any:
         tip: Tip angle [rad].
     """
     return _polynomial(_BASE_TRAVEL, base) + _polynomial(_TIP_TRAVEL, tip)
+
+
+def empty_hand(
+    closure: float, full_scale: float, base_limit: float
+) -> tuple[float, Vector]:
+    """Return the wire travel [m] and the joints [rad] of an SRG that closes on nothing.
+
+    A wire moves the base to its limit and then the tip, as Algorithm 1 does.
+
+    Args:
+        closure: 0 open .. 1 closed, clipped.
+        full_scale: Base plus tip angle at closure 1 [rad].
+        base_limit: Limit of the base, beyond which the tip closes [rad].
+    """
+    total = full_scale * min(max(closure, 0.0), 1.0)
+    base = min(total, base_limit)
+    tip = total - base
+    return float(wire_travel(base, tip)), np.array([base, base, tip, tip])
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Any) -> Any:

@@ -16,6 +16,7 @@ from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
 from drake_srg.gripper.grasp_detector import GraspDetectorConfig
 from drake_srg.gripper.joint_servos import gripper_actuators, joint_to_actuator
+from drake_srg.gripper.moment_arms import empty_hand
 from drake_srg.gripper.plant_servo import PlantServoLogic
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
@@ -73,6 +74,11 @@ class PlantServoDriver(GripperDriver):
     # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
     # and motors differ.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    def empty_hand(self, closure: float) -> tuple[float, Vector]:
+        """See `GripperDriver`."""
+        config = self.underactuation
+        return empty_hand(closure, config.full_scale, config.base_limit)
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
         """Give the joints their gains, limits and back-EMF.

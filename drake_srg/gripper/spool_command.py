@@ -7,7 +7,7 @@ import numpy as np
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.common.stages import StageOutput, StageSystem
-from drake_srg.gripper.moment_arms import wire_travel
+from drake_srg.gripper.moment_arms import empty_hand
 from drake_srg.types import Vector, positive
 
 
@@ -28,17 +28,15 @@ def spool_angle(
 ) -> float:
     """Return the spool angle that closes an empty hand as closure asks [rad].
 
-    A wire that closes a finger on nothing moves the base to its limit and then the tip,
-    as Algorithm 1 does. So closure means the same for both drivers.
+    So closure means the same for both drivers, see `empty_hand`.
 
     Args:
         closure: 0 open .. 1 closed, clipped.
         spool_radius: [m].
         config: How closure becomes an angle.
     """
-    total = config.full_scale * min(max(closure, 0.0), 1.0)
-    base = min(total, config.base_limit)
-    return float(wire_travel(base, total - base)) / spool_radius
+    travel, _ = empty_hand(closure, config.full_scale, config.base_limit)
+    return travel / spool_radius
 
 
 class SpoolCommand(StageSystem):

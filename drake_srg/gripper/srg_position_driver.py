@@ -14,6 +14,7 @@ from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
 from drake_srg.gripper.joint_servos import AddJointServos
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
+from drake_srg.gripper.moment_arms import empty_hand
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.gripper.underactuation import (
     JOINT_NAMES,
@@ -69,6 +70,11 @@ class SrgPositionDriver(GripperDriver):
     # Torque at full PWM, as a fraction of the model's effort limit: supply voltages sag
     # and motors differ.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
+
+    def empty_hand(self, closure: float) -> tuple[float, Vector]:
+        """See `GripperDriver`."""
+        config = self.underactuation
+        return empty_hand(closure, config.full_scale, config.base_limit)
 
     def AddControl(
         self,

@@ -14,6 +14,7 @@ from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
 from drake_srg.gripper.joint_servos import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
+from drake_srg.gripper.moment_arms import empty_hand
 from drake_srg.gripper.motor_temperature import (
     MotorTemperature,
     MotorTemperatureConfig,
@@ -22,6 +23,7 @@ from drake_srg.gripper.servo import GripperServo, GripperServoConfig
 from drake_srg.gripper.spool_command import SpoolCommand, SpoolCommandConfig
 from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
 from drake_srg.gripper.torque_control import TorqueControl
+from drake_srg.types import Vector
 
 
 def _default_motor_servo() -> GripperServoConfig:
@@ -75,6 +77,11 @@ class SrgTendonDriver(GripperDriver):
     def wire_motor(self) -> WireMotor | None:
         """That motor."""
         return self
+
+    def empty_hand(self, closure: float) -> tuple[float, Vector]:
+        """See `GripperDriver`."""
+        config = self.spool
+        return empty_hand(closure, config.full_scale, config.base_limit)
 
     def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
         """See `GripperDriver` and `SetTendonDynamics`."""

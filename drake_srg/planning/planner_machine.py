@@ -85,9 +85,13 @@ class PlannerMachine(
             prerequisites={self.state_ticket},
         )
 
+    def motion(self, context: Context) -> Motion:
+        """Return the arm's motion under way, which `position_commanded` follows."""
+        return self.state(context).memory.motion
+
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        motion = self.state(context).memory.motion
-        output.SetFromVector(motion.position(context.get_time()))
+        position = self.motion(context).position(context.get_time())
+        output.SetFromVector(position)
 
     def _calc_closure(self, context: Context, output: BasicVector) -> None:
         output[0] = self.state(context).memory.closure

@@ -86,6 +86,9 @@ class Metrics:
     # Only with a safety monitor: when the arm was stopped, and why; see
     # `measures.safety_stops`.
     safety_stops: list[dict[str, float | str]] | None = None
+    # Only on hardware: whether the planner says that it has done the task. Nobody knows
+    # whether it has: `success` is False here, and null in metrics.json.
+    claimed: bool | None = None
 
     def table(self) -> str:
         """Return the most important metrics as text."""
@@ -102,6 +105,8 @@ class Metrics:
             return ", ".join(f"{1e3 * x:.2f}" for x in vector) + " mm"
 
         word = "success" if self.success else f"failure: {self.failure}"
+        if self.claimed:
+            word = "done, by the planner's word"
         if self.objects is not None:
             return self._objects_table(self.objects)
         rows = [
@@ -159,8 +164,11 @@ class Metrics:
         fields = dc.asdict(self)
         if self.objects is None:
             fields = {k: v for k, v in fields.items() if k not in OF_SEVERAL}
-        if self.safety_stops is None:
-            del fields["safety_stops"]
+        if self.claimed is not None:
+            fields["success"] = None
+        for name in ("safety_stops", "claimed"):
+            if fields[name] is None:
+                del fields[name]
         text = json.dumps(fields)
         values = json.loads(text, parse_constant=lambda name: None)
         output = OutputFile(path)

@@ -1,7 +1,7 @@
 """The log of a run."""
 
 import numpy as np
-from pydrake.systems.framework import Context, Diagram, PortDataType
+from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
 from drake_srg.common.ports import output_ports
 from drake_srg.objects.contact_reader import ContactReader
@@ -41,7 +41,8 @@ class RunLog:
     Args:
         scenario: The scenario of the run.
         cell: A cell with the ports of `MakeCell`'s, or a station, whose mode is always
-            idle. The vector ports that exist are logged.
+            idle. The vector ports that exist are logged. On hardware, nothing tells
+            poses of objects and contact forces.
 
     Attributes:
         touching: Names of the bodies that touch the picked object in the latest sample
@@ -60,8 +61,8 @@ class RunLog:
         names = [name for name in _LOGGED if name in ports] + others
         self._ports = {name: ports[name] for name in names}
         self._mode = ports.get("planner.mode")
-        self._poses = cell.GetOutputPort("object_poses_cheat")
-        self._contacts = cell.GetOutputPort("contact_results_cheat")
+        self._poses = ports.get("object_poses_cheat")
+        self._contacts = ports.get("contact_results_cheat")
         self._asleep = ports.get("objects_asleep_cheat")
         self._pick, clear = scenario.task.pick, scenario.task.clear
         # Where many objects are picked, the gripper's own contacts are read.
@@ -84,11 +85,19 @@ class RunLog:
         }
         for name, port in self._ports.items():
             row[name] = np.array(port.Eval(context))
-        for name, X_WO in self._poses.Eval(context).items():
-            row[f"object_pose.{name}"] = pose_to_row(X_WO)
+        if self._poses is not None:
+            for name, X_WO in self._poses.Eval(context).items():
+                row[f"object_pose.{name}"] = pose_to_row(X_WO)
+        if self._contacts is not None:
+            self._sample_contacts(self._contacts, context, row)
+        self._rows.append(row)
+
+    def _sample_contacts(
+        self, port: OutputPort, context: Context, row: dict[str, Vector | float]
+    ) -> None:
         forces = {}
         if self._present or self._grasped:
-            contacts = self._contacts.Eval(context)
+            contacts = port.Eval(context)
             if self._reader is None:
                 whose = "gripper" if self._grasped else self._pick
                 self._reader = ContactReader(contacts.plant(), whose)
@@ -99,7 +108,6 @@ class RunLog:
         )
         if self._asleep is None or self._pick not in self._asleep.Eval(context):
             self.touching = set(forces)
-        self._rows.append(row)
 
     @property
     def clearing_moves(self) -> bool:

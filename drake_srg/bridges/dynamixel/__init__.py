@@ -1,1 +1,1 @@
-"""The gripper's Dynamixel servo, for the real gripper's driver."""
+"""The station's Dynamixel servos, for the drivers of real ones."""

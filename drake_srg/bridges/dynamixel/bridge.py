@@ -1,6 +1,6 @@
-"""The bridge to a driver of the gripper's servo, over TCP or a pseudo terminal.
+"""The bridge to masters of a station's servos, over TCP or a pseudo terminal.
 
-Clients talk to it as to a Dynamixel MX-64 on a serial line, at a pyserial URL such as
+Clients talk to them as to Dynamixel MX-64 on a serial line, at a pyserial URL such as
 socket://127.0.0.1:4001 or at the device /dev/pts/N.
 """
 
@@ -14,28 +14,24 @@ import os
 import socket
 import threading
 import tty
-from collections.abc import Callable, Coroutine, Mapping
+from collections.abc import Coroutine, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.commands import CommandInbox, PortValues, gripper_command
-from drake_srg.bridges.dynamixel.motor import MotorCommand
+from drake_srg.bridges.commands import CommandInbox
+from drake_srg.bridges.dynamixel.emulated_bus import EmulatedBus
+from drake_srg.bridges.dynamixel.mechanisms import Mechanism, WiredGripper
 from drake_srg.bridges.dynamixel.mx64 import Mx64
 from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
 from drake_srg.bridges.dynamixel.protocol import Packet, PacketReader
 from drake_srg.bridges.io_thread import IoThread
-from drake_srg.gripper.driver import WireMotor
 from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.types import Vector
 
 # Firmware by protocol.
-_SERVOS = {1: Mx64, 2: Mx64P2}
+_SERVOS: dict[int, type[Mx64] | type[Mx64P2]] = {1: Mx64, 2: Mx64P2}
 _CHUNK = 4096  # bytes read at once
 _PAUSE = 1.0  # before the next attempt after a client could not be accepted [s, real]
-_SOURCE = "servo"
-_POSITION = "gripper.motor_position_commanded"
 
 
 def _set_ready(ready: asyncio.Future[None]) -> None:
@@ -50,43 +46,47 @@ def _close(connection: socket.socket, _: asyncio.Task[None]) -> None:
 
 
 class ServoBridge(Bridge):
-    """An MX-64 that drives the motor of an `SrgTendonDriver`.
+    """MX-64 servos on one bus that drive the motors of a station.
 
-    It replies at once, with the motor's state at the last `update`, and ignores the
-    return delay in its registers. The most recent source of gripper commands wins, see
-    `gripper_command`.
+    They reply at once, with the motors' state at the last `update`, and ignore the
+    return delay in their registers. The most recent source of commands wins, see
+    `EmulatedBus`.
 
     Args:
         inbox: Where its commands go.
         where: `tcp:PORT`, `tcp:HOST:PORT` or `pty`. HOST is 127.0.0.1 by default, an
             IPv6 address needs brackets, PORT 0 takes a free port.
-        motor: The motor to drive; None takes that of a default `SrgTendonDriver`.
+        mechanisms: What the servos move; None takes a default `SrgTendonDriver`.
         protocol: Dynamixel protocol, 1 or 2.
 
     Attributes:
-        address: Where clients find the servo, "HOST:PORT" or a device.
+        address: Where clients find the servos, "HOST:PORT" or a device.
+        bus: The servos.
 
     Raises:
         ValueError: If `where` or `protocol` is invalid.
-        OSError: If the servo cannot listen there.
+        OSError: If the servos cannot listen there.
     """
-
-    ports = ("gripper.motor_state", "gripper.pwm", "gripper.motor_temperature")
 
     def __init__(
         self,
         inbox: CommandInbox,
         where: str,
-        motor: WireMotor | None = None,
+        mechanisms: Sequence[Mechanism] | None = None,
         protocol: int = 1,
     ):
         endpoint = _parse(where)
         if protocol not in _SERVOS:
             raise ValueError(f"protocol: must be 1 or 2, got {protocol}")
         self._inbox = inbox
-        self._servo = _SERVOS[protocol](motor or SrgTendonDriver(), self._warn)
-        self._lock = threading.Lock()  # guards the servo
-        self._commanded: MotorCommand | None = None
+        self.bus = EmulatedBus(
+            inbox,
+            mechanisms or [WiredGripper(SrgTendonDriver())],
+            _SERVOS[protocol],
+            inbox.warnings.warn,
+        )
+        self.ports = self.bus.ports
+        self._lock = threading.Lock()  # guards the bus
         self._tasks: set[asyncio.Task[None]] = set()
         self._stack = contextlib.ExitStack()
         self._io = IoThread("servo")
@@ -107,7 +107,9 @@ class ServoBridge(Bridge):
             self._stack.close()
             reason = os.strerror(error.errno) if error.errno else str(error)
             raise OSError(error.errno, f"servo: {where}: {reason}") from None
-        self._status = f"servo at {'tcp:' if endpoint else ''}{self.address}"
+        count = len(self.bus.servos)
+        servos = "servo" if count == 1 else f"{count} servos"
+        self._status = f"{servos} at {'tcp:' if endpoint else ''}{self.address}"
 
     @property
     def status(self) -> str:
@@ -115,12 +117,9 @@ class ServoBridge(Bridge):
         return self._status
 
     def update(self, time: float, values: Mapping[str, Vector]) -> None:
-        """Pass the motor's state to the servo; called every control period."""
-        motor, pwm, temperature = (values[name].tolist() for name in ServoBridge.ports)
+        """Pass the motors' state to the servos; called every control period."""
         with self._lock:
-            self._yield_motor()
-            self._servo.sense(time, *motor, *pwm, *temperature)
-            self._command(self._inbox.amend)
+            self.bus.sense(time, values)
 
     def close(self) -> None:
         """Disconnect all clients. A second call does nothing."""
@@ -135,39 +134,16 @@ class ServoBridge(Bridge):
         """Report an unexpected error; the loop goes on."""
         self._warn("fault", repr(context.get("exception") or context["message"]))
 
-    def _yield_motor(self) -> None:
-        """Release the motor if another source has commanded it since."""
-        if self._commanded and self._inbox.source(_POSITION) != _SOURCE:
-            self._servo.release()
-            self._commanded = None
-
-    def _command(self, keep: Callable[[PortValues, str], None]) -> None:
-        """Pass the servo's command, if it is new, to a method of the inbox."""
-        command = self._servo.command()
-        if command is None or command.same(self._commanded):
-            return
-        self._commanded = command
-        values = {
-            _POSITION: np.array([command.position]),
-            "gripper.motor_torque_commanded": np.array([command.torque]),
-            "gripper.force_limit": np.array([command.limit]),
-        }
-        keep(gripper_command(values, values), _SOURCE)
-
     def _reader(self) -> PacketReader[Packet]:
-        return PacketReader(self._servo.packets)
+        return PacketReader(self.bus.kind.packets)
 
     def _answer(self, reader: PacketReader[Packet], data: bytes) -> list[bytes]:
         """Take bytes from a client and return the packets for it."""
-        dropped, servo = reader.dropped, self._servo
+        dropped = reader.dropped
         # Before the lock: the simulation waits for it, and noise takes time.
         packets = list(reader.feed(data, asyncio.get_running_loop().time()))
         with self._lock:
-            self._yield_motor()
-            written = servo.writes
-            replies = [servo.answer(packet) for packet in packets]
-            self._command(self._inbox.put)
-            self._inbox.count(servo.writes - written)
+            replies = self.bus.answer(packets)
         if reader.dropped > dropped:
             self._warn("noise", "ignored bytes that are not a complete packet")
         return replies

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import ClassVar
 
-from drake_srg.bridges.dynamixel.encoder import TURN, to_angle, to_counts
-from drake_srg.bridges.dynamixel.motor import MotorCommand
+from drake_srg.bridges.dynamixel.encoder import TURN
+from drake_srg.bridges.dynamixel.motor import Motor, MotorCommand
 from drake_srg.bridges.dynamixel.protocol import Instruction, Packet, Refusal
 from drake_srg.bridges.dynamixel.protocol1 import ERRORS, Packet1
 from drake_srg.bridges.dynamixel.registers1 import (
@@ -19,7 +19,6 @@ from drake_srg.bridges.dynamixel.registers1 import (
     encode_directed,
 )
 from drake_srg.bridges.dynamixel.servo import Fault, Servo
-from drake_srg.gripper.driver import WireMotor
 
 
 class Mx64(Servo):
@@ -42,9 +41,18 @@ class Mx64(Servo):
     packets: ClassVar[type[Packet]] = Packet1
     width: ClassVar[int] = 1
 
-    def __init__(self, motor: WireMotor, warn: Callable[[str, str], None]):
+    def __init__(self, motor: Motor, warn: Callable[[str, str], None], number: int = 1):
         self.table: ControlTable1 = ControlTable1()
-        super().__init__(motor, warn)
+        super().__init__(motor, warn, number)
+
+    def reboot(self) -> None:
+        """See `Servo`."""
+        table = self.table
+        table.reset(r.name for r in table.registers if r.address >= table.ram)
+        self._registered = b""
+        self._recover()
+        self._show()
+        self._follow(0.0)
 
     # Motor.
 
@@ -70,15 +78,15 @@ class Mx64(Servo):
 
     @property
     def _goal(self) -> float:
-        """Spool angle of the goal position [rad]."""
+        """Angle of the goal position [rad]."""
         table, counts = self.table, self.table["goal_position"]
         if table.multi_turn:
             counts = (counts - table["multi_turn_offset"]) * table["resolution_divider"]
-        return to_angle(counts)
+        return self._motor.encoder.to_angle(counts)
 
     def _show(self) -> None:
         table, state, motor = self.table, self._state, self._motor
-        counts = to_counts(state.angle)
+        counts = motor.encoder.to_counts(state.angle)
         if table.multi_turn:
             position = round(counts / table["resolution_divider"])
             table["present_position"] = position + table["multi_turn_offset"]
@@ -117,15 +125,16 @@ class Mx64(Servo):
         error = self._faults | (ERRORS[refused] if refused else 0)
         return Packet1(number, error, data).encode()
 
-    def _execute(self, packet: Packet) -> bytes | None:
+    @classmethod
+    def asked(cls, packet: Packet) -> list[tuple[int, int, int]]:
+        """See `Servo`."""
         if packet.code != Instruction.BULK_READ:
-            return super()._execute(packet)
-        parameters = packet.parameters
-        for start in range(1, len(parameters) - 2, 3):
-            length, number, address = parameters[start : start + 3]
-            if number == self.table["id"]:
-                return self.table.read(address, length)
-        return None
+            return []
+        blocks = packet.parameters[1:]
+        return [
+            (blocks[k + 1], blocks[k + 2], blocks[k])
+            for k in range(0, len(blocks) - 2, 3)
+        ]
 
     def _wrote(self, written: set[str]) -> None:
         table = self.table

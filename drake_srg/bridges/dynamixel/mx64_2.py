@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 from typing import ClassVar
 
-from drake_srg.bridges.dynamixel.encoder import TURN, to_angle, to_counts
-from drake_srg.bridges.dynamixel.motor import MotorCommand
+from drake_srg.bridges.dynamixel.encoder import TURN
+from drake_srg.bridges.dynamixel.motor import Motor, MotorCommand
 from drake_srg.bridges.dynamixel.profile import Profile, Shape
 from drake_srg.bridges.dynamixel.protocol import (
     BROADCAST,
@@ -25,7 +25,6 @@ from drake_srg.bridges.dynamixel.registers2 import (
     Mode,
 )
 from drake_srg.bridges.dynamixel.servo import Fault, Servo
-from drake_srg.gripper.driver import WireMotor
 
 _WATCHDOG_UNIT = 0.02  # s
 # Velocity control moves a target that is never further ahead: by then, the gripper's
@@ -61,13 +60,13 @@ class Mx64P2(Servo):
     packets: ClassVar[type[Packet]] = Packet2
     width: ClassVar[int] = 2
 
-    def __init__(self, motor: WireMotor, warn: Callable[[str, str], None]):
+    def __init__(self, motor: Motor, warn: Callable[[str, str], None], number: int = 1):
         self.table: ControlTable2 = ControlTable2()
-        super().__init__(motor, warn)
-        self._boot()
+        super().__init__(motor, warn, number)
+        self.reboot()
 
-    def _boot(self) -> None:
-        """Start anew, with the values of the EEPROM."""
+    def reboot(self) -> None:
+        """See `Servo`."""
         table = self.table
         table.reset(r.name for r in table.registers if r.address >= table.ram)
         self._registered = b""
@@ -106,13 +105,13 @@ class Mx64P2(Servo):
 
     @property
     def _goal(self) -> float:
-        """Spool angle of the goal position [rad]."""
+        """Angle of the goal position [rad]."""
         counts = self.table["goal_position"] - self.table.offset + self._turns
-        return to_angle(-counts if self.table.reverse else counts)
+        return self._motor.encoder.to_angle(-counts if self.table.reverse else counts)
 
     def _counts(self, angle: float) -> int:
-        """Return the encoder's counts at a spool angle [rad], in the drive's sense."""
-        counts = round(to_counts(angle))
+        """Return the encoder's counts at an angle [rad], in the drive's sense."""
+        counts = round(self._motor.encoder.to_counts(angle))
         return -counts if self.table.reverse else counts
 
     def _show(self) -> None:
@@ -147,7 +146,7 @@ class Mx64P2(Servo):
 
     @property
     def _goal_velocity(self) -> float:
-        """Velocity of the spool that the goal velocity asks for [rad/s]."""
+        """Velocity that the goal velocity asks for [rad/s]."""
         return self.table.direction * self.table["goal_velocity"] * VELOCITY_UNIT
 
     def _follow(self, step: float) -> None:
@@ -223,12 +222,10 @@ class Mx64P2(Servo):
     def _execute(self, packet: Packet) -> bytes | None:
         parameters, own = packet.parameters, self.table["id"]
         match packet.code:
-            case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ if parameters[4:]:
-                return self._read_own(packet, [(k, parameters) for k in parameters[4:]])
-            case Instruction.BULK_READ | Instruction.FAST_BULK_READ if parameters[4:]:
-                starts = range(0, len(parameters) - 4, 5)
-                blocks = [(parameters[k], parameters[k + 1 :]) for k in starts]
-                return self._read_own(packet, blocks)
+            # Servos share the reply to a fast read. Only one that asks a servo alone
+            # is answered here.
+            case code if code in _FAST and len(self.asked(packet)) > 1:
+                return None
             case Instruction.BULK_WRITE if parameters[4:]:
                 start = 0
                 while start + 5 <= len(parameters):
@@ -238,7 +235,7 @@ class Mx64P2(Servo):
                         self._write(block[:2] + block[4:end])
                     start += 1 + end
             case Instruction.REBOOT if not parameters:
-                self._boot()
+                self.reboot()
             case Instruction.FACTORY_RESET if len(parameters) == 1:
                 self._reset(packet)
             case Instruction.CLEAR if parameters == _CLEAR_TURNS:
@@ -251,20 +248,19 @@ class Mx64P2(Servo):
                 return super()._execute(packet)
         return b""
 
-    def _read_own(
-        self, packet: Packet, blocks: list[tuple[int, bytes]]
-    ) -> bytes | None:
-        """Read what a group read asks of this servo.
-
-        Servos share the reply to a fast read. With others on no bus, only one that asks
-        this servo alone can have a complete reply.
-        """
-        if packet.code in _FAST and len(blocks) > 1:
-            return None
-        for number, block in blocks:
-            if number == self.table["id"]:
-                return self.table.read(*self._words(block))
-        return None
+    @classmethod
+    def asked(cls, packet: Packet) -> list[tuple[int, int, int]]:
+        """See `Servo`."""
+        parameters = packet.parameters
+        match packet.code:
+            case Instruction.SYNC_READ | Instruction.FAST_SYNC_READ:
+                return [(number, *cls._words(parameters)) for number in parameters[4:]]
+            case Instruction.BULK_READ | Instruction.FAST_BULK_READ:
+                starts = range(0, len(parameters) - 4, 5)
+                return [
+                    (parameters[k], *cls._words(parameters[k + 1 :])) for k in starts
+                ]
+        return []
 
     def _reset(self, packet: Packet) -> None:
         """Restore the factory's values."""
@@ -275,7 +271,7 @@ class Mx64P2(Servo):
         table.reset(register.name for register in table.registers)
         for name, value in kept.items():
             table[name] = value
-        self._boot()
+        self.reboot()
 
     def _wrote(self, written: set[str]) -> None:
         table = self.table

@@ -102,3 +102,9 @@ def encode_directed(value: float) -> int:
     """Encode a value as size and direction; positive winds, which is clockwise."""
     size = min(abs(round(value)), FULL_TORQUE)
     return size | CLOCKWISE if size and value > 0 else size
+
+
+def decode_directed(value: int) -> int:
+    """Return the number that `encode_directed` has encoded, positive clockwise."""
+    size = value & FULL_TORQUE
+    return size if value & CLOCKWISE else -size

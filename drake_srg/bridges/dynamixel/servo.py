@@ -17,7 +17,6 @@ from drake_srg.bridges.dynamixel.protocol import (
     RefusedError,
 )
 from drake_srg.bridges.dynamixel.registers import VOLTAGE_UNIT, ControlTable
-from drake_srg.gripper.driver import WireMotor
 
 # The e-manual defines an overload as "persistent load exceeds maximum output". Here:
 # the output is at its limit, and above a fifth of the stall torque (what ROBOTIS
@@ -60,11 +59,12 @@ class Servo(abc.ABC):
     It commands nothing until a master writes a register that moves the motor. After
     `release` it again commands nothing and ignores the load, until the next such write.
 
-    Turning clockwise lowers the position and closes the gripper.
+    Angles and speeds are positive clockwise, which lowers the position.
 
     Args:
         motor: The motor.
         warn: Called with a kind and a message for each refusal and each shutdown.
+        number: Its ID.
 
     Attributes:
         table: The registers.
@@ -77,9 +77,10 @@ class Servo(abc.ABC):
 
     table: ControlTable
 
-    def __init__(self, motor: WireMotor, warn: Callable[[str, str], None]):
+    def __init__(self, motor: Motor, warn: Callable[[str, str], None], number: int = 1):
         self.writes = 0
-        self._motor = Motor(motor)
+        self.table["id"] = number
+        self._motor = motor
         self._warn = warn
         self._registered = b""  # parameters of a write that waits for an action
         self._engaged = False  # whether a master commands the motor
@@ -97,8 +98,8 @@ class Servo(abc.ABC):
 
         Args:
             time: Simulated time [s].
-            angle: Angle of the spool [rad].
-            speed: Speed of the spool [rad/s].
+            angle: Of the output shaft [rad].
+            speed: Of the output shaft [rad/s].
             pwm: Fraction of full scale.
             temperature: Temperature of the motor [degrees Celsius].
         """
@@ -120,6 +121,10 @@ class Servo(abc.ABC):
     def release(self) -> None:
         """Leave the motor to another source of commands."""
         self._engaged = False
+
+    @abc.abstractmethod
+    def reboot(self) -> None:
+        """Start anew, as after a loss of power: torque off, RAM at its defaults."""
 
     @abc.abstractmethod
     def _show(self) -> None:
@@ -226,6 +231,11 @@ class Servo(abc.ABC):
                     if parameters[start] == self.table["id"]:
                         data = parameters[start + 1 : start + 1 + length]
                         self._write(parameters[: self.width] + data)
+            case code if code in _GROUP_READING and (asked := self.asked(packet)):
+                for number, address, length in asked:
+                    if number == self.table["id"]:
+                        return self.table.read(address, length)
+                return None
             case _:
                 raise RefusedError(
                     Refusal.INSTRUCTION,
@@ -234,13 +244,22 @@ class Servo(abc.ABC):
                 )
         return b""
 
+    @classmethod
+    @abc.abstractmethod
+    def asked(cls, packet: Packet) -> list[tuple[int, int, int]]:
+        """Return what a packet asks several servos for: ID, address, length of each.
+
+        In the order in which they reply. Empty if the packet is no group read.
+        """
+
     def _identity(self) -> bytes:
         """Return the data of the reply to a ping."""
         return b""
 
-    def _words(self, data: bytes) -> tuple[int, int]:
+    @classmethod
+    def _words(cls, data: bytes) -> tuple[int, int]:
         """Return the two numbers, such as address and length, at the start of data."""
-        width = self.width
+        width = cls.width
         first, second = data[:width], data[width : 2 * width]
         return int.from_bytes(first, "little"), int.from_bytes(second, "little")
 

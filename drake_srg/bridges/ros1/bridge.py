@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.commands import CommandInbox
+from drake_srg.bridges.commands import CommandInbox, CommandTopic
 from drake_srg.bridges.io_thread import IoThread
 from drake_srg.bridges.ros1.node import Ros1Node
 from drake_srg.bridges.ros1.publication import Publication
@@ -75,10 +75,7 @@ class Ros1Bridge(Bridge):
             master or os.environ.get("ROS_MASTER_URI") or _DEFAULT_MASTER,
             host,
             list(self._publications.values()),
-            [
-                self._subscription(name, topic.name, topic.type)
-                for topic in inbox.topics.values()
-            ],
+            [self._subscription(name, topic) for topic in inbox.topics.values()],
             inbox.warnings,
             self._timing,
         )
@@ -133,7 +130,8 @@ class Ros1Bridge(Bridge):
                 self._io.call(self._node.close(), timeout=1.0)
             self._io.stop()
 
-    def _subscription(self, node: str, topic: str, type: str) -> Subscription:
+    def _subscription(self, node: str, subscribed: CommandTopic) -> Subscription:
+        topic, type = subscribed.name, subscribed.type
         ros1_type = self._type(type)
 
         def receive(content: bytes) -> None:
@@ -143,10 +141,16 @@ class Ros1Bridge(Bridge):
                 reason = f"must be a {ros1_type.name}: {one_line(error)}"
                 self._inbox.refuse(topic, "message", reason)
             else:
-                self._inbox.receive(topic, message.data)
+                self._inbox.receive_message(topic, message)
 
         return Subscription(
-            node, topic, ros1_type, receive, self._inbox.warnings, self._timing
+            node,
+            topic,
+            ros1_type,
+            receive,
+            self._inbox.warnings,
+            self._timing,
+            subscribed.largest,
         )
 
     def _type(self, type: str) -> MessageType:

@@ -10,6 +10,7 @@ from drake_srg.bridges.addresses import Resolver
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.ros1.tcpros import (
     ANY,
+    FRAME_LIMIT,
     Connection,
     Frames,
     MessageType,
@@ -48,6 +49,7 @@ class Subscription:
         receive: Called with each message, serialized.
         warnings: Where unsuitable publishers are reported.
         timing: Has the times between attempts.
+        largest: Size of the largest message [bytes].
 
     Attributes:
         topic, type: The arguments.
@@ -62,10 +64,11 @@ class Subscription:
         receive: Callable[[bytes], None],
         warnings: Warnings,
         timing: Timing,
+        largest: int = FRAME_LIMIT,
     ):
         self.topic, self.type = topic, type
         self._name, self._receive, self._warnings = name, receive, warnings
-        self._timing = timing
+        self._timing, self._largest = timing, largest
         self._publishers: dict[str, _Publisher] = {}
         self._listed: set[str] = set()
         self.updates = 0
@@ -147,7 +150,7 @@ class Subscription:
                     }
                 )
             )
-            frames = Frames()
+            frames = Frames(self._largest)
             while data := await reader.read(_CHUNK):
                 for content in frames.feed(data):
                     if publisher.connection is None:

@@ -82,10 +82,14 @@ def decode_header(content: bytes) -> dict[str, str]:
 
 
 class Frames:
-    """Finds the frames in a stream of bytes, whatever pieces it arrives in."""
+    """Finds the frames in a stream of bytes, whatever pieces it arrives in.
 
-    def __init__(self) -> None:
-        self._bytes = bytearray()
+    Args:
+        limit: Size of the largest frame [bytes].
+    """
+
+    def __init__(self, limit: int = FRAME_LIMIT) -> None:
+        self._bytes, self._limit = bytearray(), limit
 
     @property
     def pending(self) -> int:
@@ -103,9 +107,9 @@ class Frames:
         try:
             while len(self._bytes) >= start + _LENGTH.size:
                 (size,) = _LENGTH.unpack_from(self._bytes, start)
-                if size > FRAME_LIMIT:
+                if size > self._limit:
                     raise TcprosError(
-                        f"invalid frame: must have at most {FRAME_LIMIT} bytes, "
+                        f"invalid frame: must have at most {self._limit} bytes, "
                         f"got {size}"
                     )
                 end = start + _LENGTH.size + size

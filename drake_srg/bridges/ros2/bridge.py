@@ -22,8 +22,8 @@ except ImportError as error:
     ) from error
 
 from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.commands import CommandInbox
-from drake_srg.bridges.ros2.commands import COMMAND_LIMIT, CommandReader
+from drake_srg.bridges.commands import COMMAND_LIMIT, CommandInbox
+from drake_srg.bridges.ros2.commands import CommandReader
 from drake_srg.bridges.ros2.dds_domain import domain_id, open_participant
 from drake_srg.bridges.ros2.dds_types import payload_type
 from drake_srg.recording.ros_topics import MakeMessage, Topic
@@ -49,8 +49,8 @@ class Ros2Bridge(Bridge):
     buffer of 208 KiB: Fast DDS may lose half of them unless it gets 4 MiB (`sysctl
     net.core.rmem_default`, or its own settings). Cyclone DDS asks for a larger buffer.
 
-    Commands may have up to 1 MiB, pictures up to four bytes for each pixel of the
-    largest CameraInfo. Larger messages are dropped.
+    Commands may have up to their topic's `largest` size, pictures up to four bytes for
+    each pixel of the largest CameraInfo. Larger messages are dropped.
 
     The node does not publish `ros_discovery_info`, because Humble and Jazzy encode it
     differently and each throws on the other's. So `ros2 topic` finds all topics, but
@@ -86,7 +86,8 @@ class Ros2Bridge(Bridge):
     ):
         self._store = get_typestore(Stores.ROS2_HUMBLE)
         self.domain = domain_id(domain)
-        limit = largest_message(topics, self._make)
+        received = [topic.largest for topic in inbox.topics.values()]
+        limit = max([largest_message(topics, self._make), *received])
         with contextlib.ExitStack() as stack:
             self._participant = stack.enter_context(
                 open_participant(self.domain, interface, name, limit)

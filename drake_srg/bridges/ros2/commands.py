@@ -23,7 +23,7 @@ from cyclonedds.util import duration
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 
-from drake_srg.bridges.commands import CommandInbox
+from drake_srg.bridges.commands import COMMAND_LIMIT, CommandInbox, CommandTopic
 from drake_srg.bridges.ros2.dds_types import type_name
 
 # Reliable first: its samples show which writers need no best-effort reader.
@@ -31,12 +31,12 @@ _RELIABILITIES = {
     "reliable": Policy.Reliability.Reliable(max_blocking_time=0),
     "best effort": Policy.Reliability.BestEffort,
 }
-# Largest command [bytes], as for TCPROS frames; commands are a thousand times smaller.
-COMMAND_LIMIT = 2**20
 # Samples that may wait per topic, in case this thread does not get to run: 0.1 s at
 # 1 kHz. Beyond that the oldest are lost. Not more, because only the domain's limit
 # bounds their size.
 QUEUE_DEPTH = 100
+# The same for topics of larger messages, pictures, of which only the newest counts.
+_PICTURES_DEPTH = 2
 # Samples taken at once, all of which are then in memory.
 _BATCH = 10
 # Writers whose reliability is remembered. Beyond that, the oldest are looked up again.
@@ -75,9 +75,9 @@ class CommandReader:
             (
                 name,
                 mode,
-                make_reader(name, policy, Policy.History.KeepLast(QUEUE_DEPTH)),
+                make_reader(name, policy, Policy.History.KeepLast(_depth(topic))),
             )
-            for name in inbox.topics
+            for name, topic in inbox.topics.items()
             for mode, policy in _RELIABILITIES.items()
         ]
         self._is_best_effort: dict[int, bool] = {}  # by publication handle
@@ -129,8 +129,9 @@ class CommandReader:
                     self._remember(info.publication_handle, best_effort=False)
                 elif not self._offers_best_effort(reader, info.publication_handle):
                     continue
-                if len(sample.cdr) > COMMAND_LIMIT:
-                    reason = f"must have at most {COMMAND_LIMIT} bytes, got "
+                largest = self._inbox.topics[name].largest
+                if len(sample.cdr) > largest:
+                    reason = f"must have at most {largest} bytes, got "
                     self._inbox.refuse(name, "size", f"{reason}{len(sample.cdr)}")
                 else:
                     yield info.source_timestamp, name, sample.cdr
@@ -142,7 +143,7 @@ class CommandReader:
         except SerdeError:
             self._inbox.refuse(topic, "malformed", f"must be a {type}")
         else:
-            self._inbox.receive(topic, message.data)
+            self._inbox.receive_message(topic, message)
 
     def _offers_best_effort(self, reader: DataReader[Any], handle: int) -> bool:
         """Return whether a writer does not match the reliable reader."""
@@ -175,3 +176,7 @@ class CommandReader:
                     f"{topic.name}: must be {topic.type}, but a node publishes it as "
                     f"{writer.type_name}",
                 )
+
+
+def _depth(topic: CommandTopic) -> int:
+    return QUEUE_DEPTH if topic.largest <= COMMAND_LIMIT else _PICTURES_DEPTH

@@ -1,5 +1,6 @@
 """An MX-64 of either protocol whose registers tests write and read through packets."""
 
+from drake_srg.bridges.dynamixel.motor import SpoolMotor
 from drake_srg.bridges.dynamixel.mx64 import Mx64
 from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
 from drake_srg.bridges.dynamixel.protocol import BROADCAST, Instruction, PacketReader
@@ -18,7 +19,8 @@ class WithMaster:
 
     def __init__(self, **heat):
         self.warned = []
-        motor = SrgTendonDriver(temperature=MotorTemperatureConfig(**heat))
+        driver = SrgTendonDriver(temperature=MotorTemperatureConfig(**heat))
+        motor = SpoolMotor(driver)
         super().__init__(motor, lambda kind, message: self.warned.append(kind))
         self.now = 0.0
         self.register = {register.name: register for register in self.table.registers}

@@ -57,8 +57,6 @@ class SimulatedGripper:
         seen = self
 
         class Watched(ServoBridge):
-            ports = (*ServoBridge.ports, "gripper.state_measured", "gripper.wire_force")
-
             def update(self, time, values):
                 super().update(time, values)
                 seen.q = values["gripper.state_measured"][:4].copy()
@@ -66,5 +64,7 @@ class SimulatedGripper:
                 seen.time = time
 
         self.bridge = Watched(inbox, self._where, protocol=self._protocol)
+        more = ("gripper.state_measured", "gripper.wire_force")
+        self.bridge.ports = (*self.bridge.ports, *more)
         self._ready.set()
         return [self.bridge]

@@ -9,6 +9,7 @@ from bridges.dynamixel.servo_client import ServoClient
 from bridges.dynamixel.simulated_gripper import SimulatedGripper
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.dynamixel.bridge import ServoBridge
+from drake_srg.bridges.dynamixel.mechanisms import WiredGripper
 
 # SAKE's driver.
 
@@ -71,11 +72,8 @@ def quiet():
 
 
 def motor(angle=0.0):
-    return dict(
-        zip(
-            ServoBridge.ports, map(np.array, ([angle, 0.0], [0.0], [25.0])), strict=True
-        )
-    )
+    values = map(np.array, ([angle, 0.0], [0.0], [25.0]))
+    return dict(zip(WiredGripper.ports, values, strict=True))
 
 
 def test_a_repeated_write_wins_over_another_source(quiet):

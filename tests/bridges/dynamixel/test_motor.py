@@ -2,10 +2,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.bridges.dynamixel.motor import Motor
+from drake_srg.bridges.dynamixel.motor import SpoolMotor
 from drake_srg.gripper.drivers import SrgTendonDriver
 
-MOTOR = Motor(SrgTendonDriver())  # 4.1 A at stall, full PWM is a duty of 800/1023
+MOTOR = SpoolMotor(SrgTendonDriver())  # 4.1 A at stall, full PWM is a duty of 800/1023
 FULL = 800 / 1023
 
 

@@ -1,0 +1,89 @@
+"""Topics that command a served arm that follows trajectories."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_srg.arm.trajectory_follower import CAPACITY, trajectory_piece
+from drake_srg.bridges.commands import (
+    CommandError,
+    CommandTopic,
+    PortValues,
+    checked_positions,
+    joint_limits,
+)
+from drake_srg.types import Vector
+
+TRAJECTORY = "arm.trajectory_desired"
+_KIND = "trajectory_msgs/msg/JointTrajectory"
+
+
+def trajectory_topics(
+    plant: MultibodyPlant, inputs: Iterable[str], period: float
+) -> list[CommandTopic]:
+    """Return the topics of an arm that follows trajectories; none for another.
+
+    `/joint_trajectory` (JointTrajectory): the arm moves evenly from point to point. The
+    joints may come in any order. `/kuka` (Float64MultiArray, rad, one number per
+    joint): the arm is there one period later.
+
+    Args:
+        plant: Has the model instance `arm`.
+        inputs: Names of the station's input ports.
+        period: Of the arm's driver [s].
+    """
+    if TRAJECTORY not in inputs:
+        return []
+    limits = joint_limits(plant, "arm")
+    names = _joint_names(plant)
+
+    def at_once(q: Vector) -> PortValues:
+        return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
+
+    check = checked_positions(limits, lambda q: {"": q}, obeyed=True)
+
+    def trajectory(message: Any) -> PortValues:
+        given, points = list(message.joint_names), message.points
+        if sorted(given) != sorted(names):
+            raise CommandError("joints", f"needs the joints {', '.join(names)}")
+        if not 0 < len(points) <= CAPACITY:
+            raise CommandError(
+                "points", f"needs 1 to {CAPACITY} points, got {len(points)}"
+            )
+        order = [given.index(name) for name in names]
+        positions = []
+        for point in points:
+            if len(point.positions) != len(names):
+                raise CommandError("length", f"needs {len(names)} positions per point")
+            positions.append(check(np.array(point.positions)[order])[""])
+        times = np.array([_seconds(point.time_from_start) for point in points])
+        if np.any(np.diff(times, prepend=-1e-9) <= 0.0):
+            raise CommandError("times", "needs points in the order of their times")
+        start = _seconds(message.header.stamp)
+        return {TRAJECTORY: trajectory_piece(times, np.array(positions), start)}
+
+    return [
+        CommandTopic("/joint_trajectory", _KIND, trajectory, whole=True),
+        CommandTopic(
+            "/kuka",
+            "std_msgs/msg/Float64MultiArray",
+            checked_positions(limits, at_once, obeyed=True),
+        ),
+    ]
+
+
+def _seconds(time: Any) -> float:
+    return float(time.sec) + 1e-9 * float(time.nanosec)
+
+
+def _joint_names(plant: MultibodyPlant) -> list[str]:
+    """Return the names of the arm's joints, in the order of its positions."""
+    model = plant.GetModelInstanceByName("arm")
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    joints.sort(key=lambda joint: joint.position_start())
+    return [joint.name() for joint in joints]

@@ -1,0 +1,63 @@
+"""The command `drake-srg run`: its arguments, and running on hardware."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drake_srg.cli.process import stop_on_signals, writing
+
+if TYPE_CHECKING:
+    from drake_srg.simulation.simulate import Result
+
+
+def add_run_arguments(run: argparse.ArgumentParser) -> None:
+    """Add the command's arguments, except the scenario."""
+    run.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results (default: out/SCENARIO; out/hardware/SCENARIO)",
+    )
+    run.add_argument(
+        "--no-record", action="store_true", help="write only metrics.json and log.npz"
+    )
+    run.add_argument(
+        "--hardware",
+        type=Path,
+        metavar="FILE.yaml",
+        help="do the task on a robot, through the drivers of this file",
+    )
+
+
+def run_on_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
+    """Do a scenario's task on a robot; return the result and the folder of its files.
+
+    Raises:
+        ScenarioError: If the input is bad, or the robot cannot be reached.
+    """
+    # Imported under the signal handlers, so that a signal ends the command cleanly.
+    with stop_on_signals() as stop:
+        from drake_srg.hardware import RunOnHardware, load_hardware
+        from drake_srg.scenario import load_scenario
+
+        config = load_hardware(options.hardware)
+        scenario = load_scenario(
+            options.scenario, seed=options.seed, overrides=options.set
+        )
+        name = Path(options.scenario).stem
+        out: Path = options.out or Path("out") / "hardware" / name
+        with writing("--out", out):
+            result = RunOnHardware(
+                scenario,
+                config,
+                name=name,
+                out=out,
+                record=not options.no_record,
+                progress=options.console.progress,
+                stop=stop,
+                tell=lambda text: print(f"drake-srg: warning: {text}", file=sys.stderr),
+            )
+    return result, out

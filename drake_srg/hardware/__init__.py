@@ -1,0 +1,18 @@
+"""Robots in place of the simulation: drivers, the station, and runs on hardware."""
+
+from drake_srg.hardware.config import HardwareConfig, load_hardware
+from drake_srg.hardware.link import HardwareDriver, Link
+from drake_srg.hardware.opening import Hardware, open_hardware
+from drake_srg.hardware.run import RunOnHardware
+from drake_srg.hardware.station import MakeHardwareStation
+
+__all__ = [
+    "Hardware",
+    "HardwareConfig",
+    "HardwareDriver",
+    "Link",
+    "MakeHardwareStation",
+    "RunOnHardware",
+    "load_hardware",
+    "open_hardware",
+]

@@ -1,0 +1,1 @@
+"""Robots whose joints and grippers are Dynamixel servos on a bus."""

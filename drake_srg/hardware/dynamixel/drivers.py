@@ -1,0 +1,250 @@
+"""Drivers of arms and grippers of Dynamixel servos."""
+
+import dataclasses as dc
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from drake_srg.bridges.commands import PortValues
+from drake_srg.bridges.dynamixel.encoder import TURN
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.gripper.driver import GripperDriver
+from drake_srg.hardware.dynamixel.bus_cycle import BusCycle
+from drake_srg.hardware.dynamixel.bus_thread import BusThread
+from drake_srg.hardware.dynamixel.dialects import ServoState
+from drake_srg.hardware.dynamixel.line import open_line
+from drake_srg.hardware.dynamixel.servo_bus import ServoBus
+from drake_srg.hardware.dynamixel.servo_group import GroupConfig, ServoGroup
+from drake_srg.hardware.link import HardwareDriver, Link, Mailbox, Robot
+from drake_srg.types import Vector, positive
+
+_COUNT = math.tau / TURN  # rad
+_ENTRIES = 201  # of the table of a gripper's positions
+
+
+@dc.dataclass(kw_only=True)
+class DynamixelConfig(HardwareDriver):
+    """A part of a robot with servos on a bus. Parts at the same port share the bus."""
+
+    # `tcp:HOST:PORT`, a serial device or a pseudo terminal.
+    port: str = "/dev/ttyUSB0"
+    baud: int = 1_000_000
+    # Dynamixel protocol, 1 or 2.
+    protocol: int = dc.field(default=1, metadata={"ge": 1, "le": 2})
+    # Time between exchanges with all servos, and the longest silence in one [s].
+    period: float = dc.field(default=0.01, metadata=positive())
+    timeout: float = dc.field(default=0.01, metadata=positive())
+    # How often an instruction is repeated where no intact reply comes.
+    retries: int = dc.field(default=1, metadata={"ge": 0})
+
+    def bus_of(self, robot: Robot) -> BusCycle:
+        """Return what talks to the bus, which all parts at the port share.
+
+        Raises:
+            ScenarioError: If the port is invalid, or another part has other settings.
+            OSError: If the bus cannot be opened.
+        """
+        key = ("dynamixel", self.port)
+        settings = (self.baud, self.protocol, self.period, self.timeout, self.retries)
+        known, bus = robot.shared.get(key, (settings, None))
+        if known != settings:
+            raise ScenarioError(
+                f"hardware: {self.port}: arm and gripper need the same baud, protocol, "
+                "period, timeout and retries"
+            )
+        if bus is None or bus.closed:
+            try:
+                bus = self.make_bus(robot)
+            except ValueError as error:
+                raise ScenarioError(f"hardware: {error}") from None
+            robot.shared[key] = settings, bus
+        return bus
+
+    def make_bus(self, robot: Robot) -> BusCycle:
+        """Return what talks to the bus in a thread of its own.
+
+        Raises:
+            ValueError: If the port is invalid.
+            OSError: If the bus cannot be opened.
+        """
+        return BusThread(self._open, self.period, robot.warnings)
+
+    def _open(self) -> ServoBus:
+        line = open_line(self.port, self.baud)
+        return ServoBus(line, self.protocol, self.timeout, self.retries)
+
+
+@dc.dataclass(kw_only=True)
+class DynamixelArm(DynamixelConfig):
+    """An arm with a servo per joint, in position control."""
+
+    # IDs of the servos, in the order of the joints; empty: 1, 2, 3 and so on.
+    ids: list[int] = dc.field(default_factory=list)
+    # Position where the joint is at 0 [counts], and 1 where the position rises with the
+    # joint's angle or -1: one entry for all joints, or one per joint.
+    zero: list[int] = dc.field(default_factory=lambda: [TURN // 2])
+    direction: list[int] = dc.field(default_factory=lambda: [1])
+    # Torque of a joint at full load, one entry per joint [N m]; empty: not told.
+    full_torque: list[float] = dc.field(default_factory=list)
+    # How far a joint whose servo has rebooted may be from its target, to go on [rad].
+    resume_within: float = dc.field(default=0.05, metadata=positive())
+
+    def connect(self, robot: Robot) -> Link:
+        """See `HardwareDriver`."""
+        n = len(robot.arm_joints)
+        for name, allowed in (
+            ("ids", (0, n)),
+            ("zero", (1, n)),
+            ("direction", (1, n)),
+            ("full_torque", (0, n)),
+        ):
+            if len(getattr(self, name)) not in allowed:
+                raise ScenarioError(
+                    f"hardware: arm.{name}: needs {' or '.join(map(str, allowed))} "
+                    f"entries, got {len(getattr(self, name))}"
+                )
+        if not set(self.direction) <= {-1, 1}:
+            raise ScenarioError("hardware: arm.direction: entries must be 1 or -1")
+        return _ArmLink(self, robot, self.bus_of(robot))
+
+
+class _ArmLink(Link):
+    def __init__(self, config: DynamixelArm, robot: Robot, bus: BusCycle) -> None:
+        n = len(robot.arm_joints)
+        self.outputs = {"arm.state_measured": 2 * n}
+        self._torque = np.array(config.full_torque)
+        if config.full_torque:
+            self.outputs["arm.torque_measured"] = n
+        self._ids = config.ids or list(range(1, n + 1))
+        self._zero, self._direction = np.array(config.zero), np.array(config.direction)
+        self._mail, self._bus = Mailbox(), bus
+        resume = config.resume_within / _COUNT
+        servos = GroupConfig(ids=self._ids, resume_within=resume)
+        self._group = ServoGroup(servos, self._receive, robot.warnings)
+        bus.add(self._group)
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        return self._mail.take()
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+        q = commands["arm.position_commanded"]
+        if np.isfinite(q).all():
+            counts = np.rint(self._zero + self._direction * q / _COUNT)
+            goals = np.clip(counts, 0, TURN - 1).astype(int).tolist()
+            self._group.goals = dict(zip(self._ids, goals, strict=True))
+
+    def close(self) -> None:
+        """See `Link`."""
+        self._bus.remove(self._group)
+
+    def _receive(self, states: Sequence[ServoState]) -> None:
+        counts = np.array([state.position for state in states])
+        q = self._direction * (counts - self._zero) * _COUNT
+        v = self._direction * [state.velocity for state in states]
+        values = {"arm.state_measured": np.concatenate([q, v])}
+        if self._torque.size:
+            load = self._direction * [state.load for state in states]
+            values["arm.torque_measured"] = self._torque * load
+        self._mail.put(values)
+
+
+@dc.dataclass(kw_only=True)
+class DynamixelGripper(DynamixelConfig):
+    """A gripper with one servo and no finger sensors, such as the SRG.
+
+    Its joints are taken to be where the servo's position puts those of an empty hand.
+    All fingers have something where the servo presses with `contact_load`.
+    """
+
+    # ID of the servo.
+    id: int = dc.field(default=1, metadata={"ge": 0, "le": 252})
+    # Positions with the fingers open and with closure 1 [counts]; they must differ.
+    open: int = 0
+    closed: int = 0
+    # Largest torque, as a fraction of the stall torque: the force of the grip.
+    effort: float = dc.field(default=0.5, metadata=positive(le=1.0))
+    # Load that tells of contact, as a fraction of the stall torque. Friction and
+    # springs must stay below it, `effort` above.
+    contact_load: float = dc.field(default=0.15, metadata=positive(le=1.0))
+
+    def connect(self, robot: Robot) -> Link:
+        """See `HardwareDriver`."""
+        gripper = robot.scenario.gripper
+        if gripper is None:
+            raise ScenarioError("hardware: gripper: the scenario has none")
+        if self.open == self.closed:
+            raise ScenarioError("hardware: gripper.closed: must differ from open")
+        if self.contact_load >= self.effort:
+            raise ScenarioError(
+                "hardware: gripper.contact_load: must be below effort "
+                f"({self.effort:g}), got {self.contact_load:g}"
+            )
+        return _GripperLink(self, gripper, robot, self.bus_of(robot))
+
+
+class _GripperLink(Link):
+    def __init__(
+        self,
+        config: DynamixelGripper,
+        gripper: GripperDriver,
+        robot: Robot,
+        bus: BusCycle,
+    ) -> None:
+        n, self._m = len(gripper.joint_names), len(gripper.sensor_names)
+        self.outputs = {
+            "gripper.state_measured": 2 * n,
+            "gripper.triggered": self._m,
+            "gripper.proximity": self._m,
+        }
+        self._far = gripper.proximity.range
+        self._config = config
+        # Closure, the share of the servo's way and the joints that belong together.
+        self._closure = np.linspace(0.0, 1.0, _ENTRIES)
+        ways, joints = zip(*map(gripper.empty_hand, self._closure), strict=True)
+        self._way, self._joints = np.array(ways) / ways[-1], np.array(joints)
+        self._mail, self._bus = Mailbox(), bus
+        servo = GroupConfig(ids=[config.id], effort=config.effort)
+        self._group = ServoGroup(servo, self._receive, robot.warnings)
+        bus.add(self._group)
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        return self._mail.take()
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+        (closure,) = commands["gripper.closure_commanded"]
+        if math.isfinite(closure):
+            way = np.interp(closure, self._closure, self._way)
+            travel = self._config.closed - self._config.open
+            goal = round(float(self._config.open + travel * way))
+            self._group.goals = {self._config.id: goal}
+
+    def close(self) -> None:
+        """See `Link`."""
+        self._bus.remove(self._group)
+
+    def _receive(self, states: Sequence[ServoState]) -> None:
+        (state,) = states
+        travel = self._config.closed - self._config.open
+        way = (state.position - self._config.open) / travel
+        speed = state.velocity / _COUNT / travel
+        q = self._joints_at(way)
+        v = (self._joints_at(way + _NEARBY) - q) / _NEARBY * speed
+        pressing = state.load * math.copysign(1.0, travel) >= self._config.contact_load
+        self._mail.put(
+            {
+                "gripper.state_measured": np.concatenate([q, v]),
+                "gripper.triggered": np.full(self._m, float(pressing)),
+                "gripper.proximity": np.full(self._m, 0.0 if pressing else self._far),
+            }
+        )
+
+    def _joints_at(self, way: float) -> Vector:
+        return np.array([np.interp(way, self._way, q) for q in self._joints.T])
+
+
+_NEARBY = 1e-3  # step of a difference quotient over the servo's way

@@ -1,0 +1,253 @@
+"""The master of a bus of Dynamixel servos."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from drake_srg.bridges.dynamixel.protocol import (
+    BROADCAST,
+    Instruction,
+    Packet,
+    PacketReader,
+    Refusal,
+)
+from drake_srg.bridges.dynamixel.registers import Register
+from drake_srg.hardware.dynamixel.dialects import DIALECTS, ServoState
+
+
+class BusError(Exception):
+    """Communication with a servo has failed."""
+
+
+class NoReplyError(BusError):
+    """A servo does not reply, or only with noise."""
+
+
+class RefusedByServoError(BusError):
+    """A servo refuses an instruction."""
+
+
+class ByteLine(Protocol):
+    """What a master needs of a line; see `Line`."""
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes."""
+
+    def read(self, timeout: float) -> bytes:
+        """Return what arrives within a time [s], perhaps nothing."""
+
+    def drain(self, silence: float = 0.0) -> None:
+        """Ignore what arrives until the line is silent for a time [s]."""
+
+    def close(self) -> None:
+        """Close the line."""
+
+
+@dc.dataclass(frozen=True)
+class Reply:
+    """What a servo reports.
+
+    Attributes:
+        values: Of the registers that were asked for, by name.
+        fault: What is wrong with the servo; empty if nothing is.
+    """
+
+    values: Mapping[str, int]
+    fault: str
+
+
+class ServoBus:
+    """Reads and writes the registers of servos by name.
+
+    A reply counts only if no byte of the exchange was noise: every packet intact, from
+    the right servos, in their order, with the right number of bytes. Otherwise, the
+    instruction is repeated, which changes nothing because all of them are idempotent.
+
+    A reply is never older than `timeout` times the number of tries. Open a new line
+    after a `NoReplyError`, so that no reply may still be on its way.
+
+    Args:
+        line: The line to the bus.
+        protocol: Dynamixel protocol, 1 or 2.
+        timeout: Longest silence before and within a reply [s].
+        retries: How often an instruction is repeated.
+
+    Attributes:
+        dialect: The protocol.
+
+    Raises:
+        ValueError: If `protocol` is unknown.
+    """
+
+    def __init__(
+        self,
+        line: ByteLine,
+        protocol: int = 1,
+        timeout: float = 0.02,
+        retries: int = 2,
+    ) -> None:
+        if protocol not in DIALECTS:
+            raise ValueError(f"protocol: must be 1 or 2, got {protocol}")
+        self.dialect = DIALECTS[protocol]
+        self._line, self._timeout, self._retries = line, timeout, retries
+        self._registers = {r.name: r for r in self.dialect.table.registers}
+
+    def ping(self, number: int) -> bool:
+        """Return whether a servo replies, even if only to refuse."""
+        packet = self._packet(number, Instruction.PING)
+        try:
+            self._exchange(packet, [(number, self.dialect.identity)])
+        except NoReplyError:
+            return False
+        return True
+
+    def read(self, number: int, *names: str) -> Reply:
+        """Return registers of a servo, all read at once.
+
+        Raises:
+            BusError: If the servo does not reply, or refuses.
+        """
+        first, size = self._block(names)
+        data = self._number(first) + self._number(size)
+        packet = self._packet(number, Instruction.READ, data)
+        return self._replies(packet, [number], names)[number]
+
+    def read_all(self, numbers: Sequence[int], *names: str) -> dict[int, Reply]:
+        """Return the same registers of several servos, by ID, by one group read.
+
+        Raises:
+            BusError: If one of the servos does not reply, or refuses.
+        """
+        code, data = self.dialect.group_read(numbers, *self._block(names))
+        return self._replies(self._packet(BROADCAST, code, data), numbers, names)
+
+    def write(self, number: int, name: str, value: int) -> None:
+        """Write a register of a servo.
+
+        Raises:
+            BusError: If the servo does not reply, or refuses.
+        """
+        register = self._registers[name]
+        data = self._number(register.address) + _encode(register, value)
+        packet = self._packet(number, Instruction.WRITE, data)
+        self._exchange(packet, [(number, 0)])
+
+    def sync_write(self, name: str, values: Mapping[int, int]) -> None:
+        """Write a register of several servos, values by ID, which do not reply.
+
+        Raises:
+            OSError: If the line is closed.
+        """
+        register = self._registers[name]
+        data = self._number(register.address) + self._number(register.size)
+        for number, value in values.items():
+            data += bytes([number]) + _encode(register, value)
+        self._line.write(self._packet(BROADCAST, Instruction.SYNC_WRITE, data).encode())
+
+    def read_states(self, numbers: Sequence[int]) -> dict[int, ServoState]:
+        """Return the states of several servos, by ID.
+
+        Raises:
+            BusError: If one of the servos does not reply, or refuses.
+        """
+        replies = self.read_all(numbers, *self.dialect.reads)
+        state = self.dialect.state
+        return {k: state(reply.values, reply.fault) for k, reply in replies.items()}
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _packet(self, number: int, code: Instruction, data: bytes = b"") -> Packet:
+        return self.dialect.packets(number, code, data)
+
+    def _number(self, value: int) -> bytes:
+        return value.to_bytes(self.dialect.width, "little")
+
+    def _block(self, names: Sequence[str]) -> tuple[int, int]:
+        """Return address and size of the block that contains these registers."""
+        registers = [self._registers[name] for name in names]
+        first = min(register.address for register in registers)
+        return first, max(register.places.stop for register in registers) - first
+
+    def _replies(
+        self, packet: Packet, numbers: Sequence[int], names: Sequence[str]
+    ) -> dict[int, Reply]:
+        first, size = self._block(names)
+        statuses = self._exchange(packet, [(number, size) for number in numbers])
+        return {
+            number: Reply(
+                {name: _decode(self._registers[name], data, first) for name in names},
+                fault,
+            )
+            for number, (fault, data) in zip(numbers, statuses, strict=True)
+        }
+
+    def _exchange(
+        self, packet: Packet, expected: Sequence[tuple[int, int]]
+    ) -> list[tuple[str, bytes]]:
+        """Send an instruction and return fault and data of each reply.
+
+        Args:
+            packet: The instruction.
+            expected: IDs, in the order of the replies, and number of data bytes.
+
+        Raises:
+            BusError: If a servo does not reply, or refuses.
+        """
+        for tried in range(1 + self._retries):
+            self._line.drain(self._timeout if tried else 0.0)
+            self._line.write(packet.encode())
+            statuses = self._collect(expected)
+            if statuses is not None:
+                return statuses
+        asked = ", ".join(str(number) for number, _ in expected)
+        raise NoReplyError(
+            f"servo {asked}: no intact reply within {1e3 * self._timeout:g} ms, tried "
+            f"{1 + self._retries} times"
+        )
+
+    def _collect(
+        self, expected: Sequence[tuple[int, int]]
+    ) -> list[tuple[str, bytes]] | None:
+        """Return fault and data of each reply, None if something was noise.
+
+        Raises:
+            RefusedByServoError: If a servo refuses.
+        """
+        reader: PacketReader[Packet] = PacketReader(self.dialect.packets)
+        replies: list[Packet] = []
+        while len(replies) < len(expected):
+            data = self._line.read(self._timeout)
+            replies += reader.feed(data, 0.0)
+            if not data or reader.dropped:
+                return None
+        if len(replies) > len(expected) or reader.pending:
+            return None
+        statuses = []
+        for reply, (number, size) in zip(replies, expected, strict=True):
+            status = self.dialect.status(reply)
+            if status is None or reply.id != number:
+                return None
+            if status.refusal is Refusal.CHECKSUM:
+                return None
+            if status.refusal is not None:
+                reason = status.refusal.name.lower()
+                raise RefusedByServoError(f"servo {number}: refuses ({reason})")
+            if len(status.data) != size:
+                return None
+            statuses.append((status.fault, status.data))
+        return statuses
+
+
+def _encode(register: Register, value: int) -> bytes:
+    return value.to_bytes(register.size, "little", signed=register.signed)
+
+
+def _decode(register: Register, data: bytes, first: int) -> int:
+    """Return a register's value from the data that begin at an address."""
+    start = register.address - first
+    part = data[start : start + register.size]
+    return int.from_bytes(part, "little", signed=register.signed)

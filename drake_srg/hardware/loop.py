@@ -1,0 +1,105 @@
+"""The control loop of a run on hardware."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+
+from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
+from drake_srg.lifetime import my_context
+from drake_srg.scenario import Scenario
+from drake_srg.simulation.run_log import RunLog
+from drake_srg.simulation.simulate import failure_time
+from drake_srg.types import Failure, Mode, PlannerStatus
+
+# A run goes on for this time after the planner has ended [s].
+_SETTLE = 0.5
+_STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
+_WHY = {
+    StopReason.STALE: "nothing arrives from the robot any more",
+    StopReason.FOLLOWING_ERROR: "the joints are not where they were sent",
+    StopReason.MEASURED_SPEED: "a joint moves too fast",
+    StopReason.EMERGENCY_STOP: "stopped by the user",
+}
+
+
+class ControlLoop:
+    """Advances a cell one control period at a time, until the run has ended.
+
+    Only `advance` touches the context, so all of it happens in one thread. It never
+    waits for the robot or the planner.
+
+    Args:
+        name: The scenario's.
+        scenario: That runs on the hardware.
+        diagram: The root, with the cell in it.
+        cell: Of `MakeHardwareCell`.
+
+    Attributes:
+        log: Of the run so far.
+        status: The planner's last report, or that the arm was stopped.
+        period: Of the loop [s].
+    """
+
+    def __init__(
+        self, name: str, scenario: Scenario, diagram: Diagram, cell: Diagram
+    ) -> None:
+        assert scenario.arm is not None
+        self.period = scenario.arm.period
+        self.log = RunLog(scenario, cell)
+        self.status = PlannerStatus()
+        self._name, self._cell, self._simulator = name, cell, Simulator(diagram)
+        self._root = self._simulator.get_mutable_context()
+        self._context = my_context(cell, self._root)
+        self._safety = cell.GetOutputPort("safety.state")
+        self._status = cell.GetOutputPort("planner.status")
+        self._sampling, self._next_sample = scenario.recording.period, 0.0
+        self._steps = 0
+        self._end: float | None = None  # when the run ends, once that is known
+        with failure_time(name, self._simulator):
+            self._simulator.Initialize()
+
+    @property
+    def time(self) -> float:
+        """Time since the start [s]."""
+        return float(self._root.get_time())
+
+    @property
+    def safety(self) -> tuple[SafetyState, StopReason]:
+        """What the safety monitor does, and why."""
+        return safety_state(self._safety.Eval(self._context))
+
+    def press_estop(self) -> None:
+        """Stop the arm; the run ends once it rests."""
+        port = self._cell.GetInputPort("safety.estop")
+        port.FixValue(self._context, [1.0])
+
+    def advance(self) -> bool:
+        """Advance by one period; return whether the run goes on.
+
+        Raises:
+            ScenarioError: If Drake fails.
+        """
+        self._steps += 1
+        with failure_time(self._name, self._simulator):
+            self._simulator.AdvanceTo(self._steps * self.period)
+        if self.time >= self._next_sample - 1e-9:
+            self._next_sample += self._sampling
+            self.log.sample(self._context)
+        self.status = self._status.Eval(self._context)
+        state, reason = self.safety
+        if state in _STOPPED:
+            why = _WHY.get(reason, "a limit was reached")
+            self.status = dc.replace(
+                self.status,
+                mode=Mode.FAILED,
+                failure=Failure.STOPPED,
+                message=f"the arm was stopped ({reason.value}): {why}",
+            )
+            self.log.sample(self._context)
+            return False
+        if self._end is None and self.status.mode in (Mode.DONE, Mode.FAILED):
+            self._end = self.time + _SETTLE
+        return self._end is None or self.time < self._end

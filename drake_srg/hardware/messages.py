@@ -1,0 +1,127 @@
+"""What ROS messages carry from and to a robot, checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_srg.bridges.commands import CommandError
+from drake_srg.recording.ros_topics import MakeMessage, Topic, header
+from drake_srg.types import Vector
+
+
+def stamp_of(message: Any) -> float:
+    """Return the time in a message's header [s]."""
+    stamp = message.header.stamp
+    return float(stamp.sec) + 1e-9 * float(stamp.nanosec)
+
+
+def numbers(data: Any, size: int) -> Vector:
+    """Return the finite numbers of a message, shape (size,).
+
+    Raises:
+        CommandError: If there are more or fewer, or one of them is not finite.
+    """
+    values = np.array(data, dtype=np.float64)
+    if values.shape != (size,):
+        raise CommandError("length", f"needs {size} numbers, got {values.size}")
+    if not np.isfinite(values).all():
+        raise CommandError("finite", "needs finite numbers, got NaN or infinity")
+    return values
+
+
+class JointStates:
+    """Reads the states of some joints from sensor_msgs/JointState messages.
+
+    Args:
+        names: Of the joints, in the wanted order.
+
+    Attributes:
+        stamp: Time of the newest message [s].
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names, self.stamp = tuple(names), -math.inf
+
+    def read(self, message: Any) -> tuple[float, Vector, Vector | None] | None:
+        """Return stamp [s], state [q; v] and efforts; None if no joint is among it.
+
+        Efforts are None where a message lacks them, or they are not finite.
+
+        Raises:
+            CommandError: If the message is not newer than the last one, or lacks some
+                of the joints or their finite positions and velocities.
+        """
+        given = list(message.name)
+        if not set(self._names) & set(given):
+            return None
+        missing = sorted(set(self._names) - set(given))
+        if missing:
+            raise CommandError("joints", f"lacks the joints {', '.join(missing)}")
+        count, stamp = len(given), stamp_of(message)
+        q, v = numbers(message.position, count), numbers(message.velocity, count)
+        if stamp <= self.stamp:
+            raise CommandError(
+                "stamp",
+                f"needs a newer time than {self.stamp:.3f} s, got {stamp:.3f} s",
+            )
+        self.stamp = stamp
+        order = [given.index(name) for name in self._names]
+        effort = np.array(message.effort, dtype=np.float64)
+        told = effort.shape == (count,) and bool(np.isfinite(effort[order]).all())
+        return (
+            stamp,
+            np.concatenate([q[order], v[order]]),
+            effort[order] if told else None,
+        )
+
+
+def percent(name: str) -> Topic:
+    """Return a topic of closures 0 .. 1 as std_msgs/Int32, 0 open .. 100 closed."""
+    kind = "std_msgs/msg/Int32"
+
+    def convert(make: MakeMessage, time: float, closure: float) -> Any:
+        return make(kind, data=round(100.0 * min(max(closure, 0.0), 1.0)))
+
+    return Topic(name, kind, {}, convert)
+
+
+def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
+    """Return a topic of timed positions as trajectory_msgs/JointTrajectory.
+
+    Its `convert` takes times (K,) [s], by the robot's clock, and positions (K, N).
+
+    Args:
+        name: The topic's.
+        joints: Names of the joints.
+    """
+    kind = "trajectory_msgs/msg/JointTrajectory"
+
+    def convert(make: MakeMessage, time: float, times: Vector, q: Vector) -> Any:
+        points = [
+            make(
+                "trajectory_msgs/msg/JointTrajectoryPoint",
+                positions=np.array(q_i, dtype=np.float64),
+                velocities=np.zeros(0),
+                accelerations=np.zeros(0),
+                effort=np.zeros(0),
+                time_from_start=_duration(make, t_i - times[0]),
+            )
+            for t_i, q_i in zip(times, q, strict=True)
+        ]
+        return make(
+            kind,
+            header=header(make, float(times[0])),
+            joint_names=list(joints),
+            points=points,
+        )
+
+    return Topic(name, kind, {}, convert)
+
+
+def _duration(make: MakeMessage, seconds: float) -> Any:
+    sec, nanosec = divmod(round(seconds * 1e9), 10**9)
+    return make("builtin_interfaces/msg/Duration", sec=sec, nanosec=nanosec)

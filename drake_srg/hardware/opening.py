@@ -1,0 +1,149 @@
+"""Connect to the hardware that a file describes."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+import time as wall
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+
+from drake_srg.bridges.commands import PortValues, Warnings
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.cameras import Camera
+from drake_srg.hardware.config import HardwareConfig
+from drake_srg.hardware.faults import FaultyLink
+from drake_srg.hardware.link import Link, Robot
+from drake_srg.hardware.nodes import Nodes
+from drake_srg.scenario import Scenario
+from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.types import Vector
+
+# Measurements that a planner cannot do without.
+_NEEDED = ("arm.state_measured", "gripper.state_measured")
+_POLL = 0.02  # s
+
+
+@dc.dataclass(frozen=True)
+class Hardware:
+    """A robot's live connections, and where it was at first.
+
+    Attributes:
+        links: To the parts of the robot.
+        cameras: By name.
+        start: The first measurements, by the station's output port.
+    """
+
+    links: Sequence[Link]
+    cameras: Mapping[str, Camera]
+    start: PortValues
+
+
+@contextlib.contextmanager
+def open_hardware(
+    scenario: Scenario,
+    config: HardwareConfig,
+    warnings: Warnings,
+    *,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Iterator[Hardware]:
+    """Connect to the arm and the gripper, and wait for their first measurements.
+
+    Args:
+        scenario: That runs on the hardware.
+        config: Of the drivers.
+        warnings: Where trouble is reported.
+        stopped: Whether to give up waiting.
+
+    Raises:
+        ScenarioError: If the drivers do not fit the scenario, or nothing arrives.
+        OSError: If an address is in use, or the hardware cannot be reached.
+        ImportError: If a package is missing.
+    """
+    if scenario.arm is None or scenario.gripper is None:
+        raise ScenarioError("hardware: the scenario needs an arm and a gripper")
+    period = scenario.arm.period
+    with contextlib.ExitStack() as stack:
+        robot = _robot(scenario, config, warnings)
+        links: list[Link] = []
+        for driver in (config.arm, config.gripper):
+            link = driver.connect(robot)
+            stack.callback(link.close)
+            if config.faults is not None:
+                link = FaultyLink(link, config.faults, period)
+            links.append(link)
+        stack.callback(robot.nodes.close)
+        robot.nodes.open()
+        yield Hardware(links, {}, _first(links, config.patience, stopped))
+
+
+@contextlib.contextmanager
+def open_cameras(
+    scenario: Scenario, config: HardwareConfig, warnings: Warnings
+) -> Iterator[Mapping[str, Camera]]:
+    """Connect to the localizer's cameras, and wait for a picture of each.
+
+    Raises:
+        ScenarioError: If a camera is missing from the hardware file, does not fit the
+            scenario, or sends nothing.
+        OSError: If an address is in use.
+        ImportError: If a package is missing.
+    """
+    robot = _robot(scenario, config, warnings, "_cameras")
+    with contextlib.closing(robot.nodes):
+        cameras = {}
+        for name in scenario.localizer.cameras:
+            if name not in config.cameras:
+                raise ScenarioError(
+                    f"hardware: cameras.{name}: missing, but the localizer needs it"
+                )
+            cameras[name] = config.cameras[name].connect(name, robot)
+        robot.nodes.open()
+        for camera in cameras.values():
+            camera.picture(-np.inf, config.patience)
+        yield cameras
+
+
+def _robot(
+    scenario: Scenario, config: HardwareConfig, warnings: Warnings, suffix: str = ""
+) -> Robot:
+    plant = MakeModelsPlant(scenario)
+    joints, lower, upper = _arm(plant)
+    nodes = Nodes(config.ros1, config.ros2, warnings, suffix)
+    return Robot(scenario, joints, (lower, upper), warnings, nodes)
+
+
+def _arm(plant: MultibodyPlant) -> tuple[tuple[str, ...], Vector, Vector]:
+    """Return names and limits of the arm's joints, in the order of its state."""
+    model = plant.GetModelInstanceByName("arm")
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]
+    joints = [joint for joint in joints if joint.num_positions() == 1]
+    joints.sort(key=lambda joint: joint.position_start())
+    return (
+        tuple(joint.name() for joint in joints),
+        np.array([joint.position_lower_limit() for joint in joints]),
+        np.array([joint.position_upper_limit() for joint in joints]),
+    )
+
+
+def _first(
+    links: Sequence[Link], patience: float, stopped: Callable[[], bool]
+) -> PortValues:
+    """Return the first measurements, once the needed ones have arrived."""
+    wanted = {name for link in links for name in link.outputs}
+    needed = wanted & set(_NEEDED)
+    found: dict[str, Vector] = {}
+    end = wall.monotonic() + patience
+    while needed - found.keys():
+        if stopped() or wall.monotonic() > end:
+            missing = ", ".join(sorted(needed - found.keys()))
+            raise ScenarioError(
+                f"hardware: no {missing} within {patience:g} s: does the robot run, "
+                "and are the topics, the domain and the joints' names right?"
+            )
+        wall.sleep(_POLL)
+        for link in links:
+            found |= link.take()
+    return found

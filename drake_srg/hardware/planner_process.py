@@ -1,0 +1,239 @@
+"""Localizer and planner in a process of their own.
+
+Both take long: images tenths of a second, plans seconds. In the process of the control
+loop they would hold it up, whatever thread they are in. So they run as a cell of their
+own, with a station that mirrors the robot's, and the clock of that cell is moved by
+messages: a tick with the newest measurements lets it advance by one planner period, and
+an answer goes back. While the planner thinks it takes no ticks, so its clock stands
+still, as it does in simulation, where planning takes no simulated time either.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing as mp
+import signal
+import threading
+from collections import deque
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from typing import Any
+
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from drake_srg.bridges.commands import PortValues, Warnings
+from drake_srg.cell import MakeCell
+from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.hardware.config import HardwareConfig
+from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
+from drake_srg.hardware.link import Link
+from drake_srg.hardware.opening import Hardware, open_cameras
+from drake_srg.hardware.station import AddHardwareStation
+from drake_srg.lifetime import my_context
+from drake_srg.planning.planner_machine import PlannerMachine
+from drake_srg.scenario import Scenario
+
+# Ticks under way. More would let the planner's clock run behind the robot's, fewer
+# would leave it waiting for each message.
+_UNDER_WAY = 2
+_PATIENCE = 2.0  # how long to wait for process and thread to end [s]
+
+
+class PlannerProcess(PlannerLink):
+    """Runs the localizer and the planner of a scenario in a process.
+
+    Args:
+        scenario: That runs on the hardware.
+        config: Of the drivers; the process opens the cameras.
+        outputs: Sizes of the measurements in the ticks, by name.
+        start: The first measurements.
+        warnings: Where the process's warnings are reported.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        config: HardwareConfig,
+        outputs: dict[str, int],
+        start: PortValues,
+        warnings: Warnings,
+    ) -> None:
+        self._warnings = warnings
+        self._answers: deque[Answer | Ended] = deque()
+        self._under_way = 0
+        self._ready = threading.Event()
+        self._closing = False
+        context = mp.get_context("spawn")  # threads do not survive a fork
+        self._connection, theirs = context.Pipe()
+        # Drake's schema objects do not pickle, but their YAML does.
+        texts = (yaml_dump_typed(scenario), yaml_dump_typed(config))
+        self._process = context.Process(
+            target=_run, args=(theirs, *texts, outputs, dict(start)), daemon=True
+        )
+        # Ctrl-C in a terminal is meant for the control loop, which stops the arm.
+        signals = {signal.SIGINT, signal.SIGHUP}
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+        try:
+            self._process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        theirs.close()
+        self._thread = threading.Thread(
+            target=self._receive, name="planner", daemon=True
+        )
+        self._thread.start()
+
+    def wait(self, patience: float) -> None:
+        """Wait until the planner is ready for ticks.
+
+        Args:
+            patience: How long [s, real].
+
+        Raises:
+            ScenarioError: If it does not get ready.
+        """
+        if not self._ready.wait(patience):
+            raise ScenarioError(f"hardware: the planner is not ready in {patience:g} s")
+        for message in self.take():
+            if isinstance(message, Ended):
+                raise ScenarioError(message.reason)
+
+    def post(self, tick: Tick) -> None:
+        """See `PlannerLink`."""
+        if self._under_way < _UNDER_WAY:
+            self._under_way += 1
+            with contextlib.suppress(OSError):  # it has ended; _receive tells
+                self._connection.send(tick)
+
+    def take(self) -> Sequence[Answer | Ended]:
+        """See `PlannerLink`."""
+        taken = []
+        while self._answers:
+            taken.append(self._answers.popleft())
+        self._under_way -= sum(isinstance(message, Answer) for message in taken)
+        return taken
+
+    def close(self) -> None:
+        """End the process."""
+        self._closing = True
+        self._process.terminate()
+        self._process.join(_PATIENCE)
+        self._process.kill()  # in case it did not react
+        self._process.join()
+        self._thread.join(_PATIENCE)
+        self._connection.close()
+
+    def _receive(self) -> None:
+        while True:
+            try:
+                message = self._connection.recv()
+            except (EOFError, OSError):
+                message = Ended("the planner's process has ended unexpectedly")
+            if isinstance(message, str):
+                self._warnings.warn(message, message)
+                continue
+            if message is None:
+                self._ready.set()
+                continue
+            self._answers.append(message)
+            if isinstance(message, Ended):
+                self._ready.set()
+                return
+
+
+class MirrorLink(Link):
+    """A link whose measurements come from ticks; it drops the commands.
+
+    Args:
+        outputs: Sizes of the measurements, by name.
+    """
+
+    def __init__(self, outputs: dict[str, int]) -> None:
+        self.outputs = outputs
+        self.values: PortValues = {}
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        return self.values
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+
+    def close(self) -> None:
+        """See `Link`."""
+
+
+class PlannerCell:
+    """A cell whose clock ticks move.
+
+    Args:
+        scenario: That runs on the hardware.
+        hardware: With a `MirrorLink` as its only link, and the cameras.
+    """
+
+    def __init__(self, scenario: Scenario, hardware: Hardware) -> None:
+        (mirror,) = hardware.links
+        assert isinstance(mirror, MirrorLink)
+        self._mirror, self._period = mirror, scenario.planner.period
+
+        def make_station(scenario: Scenario) -> Diagram:
+            builder = DiagramBuilder()
+            AddHardwareStation(builder, scenario, hardware, None, self._period)
+            return builder.Build()
+
+        cell = MakeCell(scenario, make_station)
+        self._cell = cell
+        self._planner = cell.GetSubsystemByName("planner")
+        if not isinstance(self._planner, PlannerMachine):
+            raise ScenarioError(
+                "script: must be empty on hardware, where motions are planned"
+            )
+        self._simulator = Simulator(cell)
+        self._simulator.Initialize()
+        self._motion: Any = None
+        self._ticks = 0
+
+    def answer(self, tick: Tick) -> Answer:
+        """Advance by one planner period, and return what is commanded then."""
+        self._mirror.values = tick.values
+        self._ticks += 1
+        self._simulator.AdvanceTo(self._ticks * self._period)
+        root = self._simulator.get_context()
+        context = my_context(self._planner, root)
+        motion = self._planner.motion(context)
+        new = motion is not self._motion
+        self._motion = motion
+        return Answer(
+            root.get_time() - self._period,  # when the planner was last updated
+            motion if new else None,
+            float(self._planner.GetOutputPort("closure_commanded").Eval(context)[0]),
+            self._planner.GetOutputPort("status").Eval(context),
+        )
+
+
+def _run(
+    connection: Connection,
+    scenario_text: str,
+    hardware_text: str,
+    outputs: dict[str, int],
+    start: PortValues,
+) -> None:
+    """Run the process: answer ticks until the connection or the planner ends."""
+    try:
+        scenario = yaml_load_typed(schema=Scenario, data=scenario_text)
+        config = yaml_load_typed(schema=HardwareConfig, data=hardware_text)
+        warnings = Warnings(connection.send)
+        with open_cameras(scenario, config, warnings) as cameras:
+            hardware = Hardware([MirrorLink(outputs)], cameras, start)
+            cell = PlannerCell(scenario, hardware)
+            connection.send(None)  # ready
+            while True:
+                connection.send(cell.answer(connection.recv()))
+    except (EOFError, OSError) as error:
+        reason = one_line(error)
+    except Exception as error:  # the robot must not be left without a word
+        reason = one_line(error) or repr(error)
+    with contextlib.suppress(OSError):  # the control loop is gone
+        connection.send(Ended(reason))

@@ -1,0 +1,176 @@
+"""A planner that thinks elsewhere, as a system that never waits."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
+
+from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
+from drake_srg.lifetime import LeafSystem
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.types import Failure, Mode, PlannerStatus, Vector
+
+
+@dc.dataclass(frozen=True)
+class Plan:
+    """What the planner last said.
+
+    Attributes:
+        motion: The arm's motion, by the planner's clock.
+        behind: The planner's clock lags this much behind ours in `motion` [s].
+        closure: Of the gripper.
+        status: The planner's report.
+        answered: When the last answer arrived [s].
+    """
+
+    motion: Motion
+    behind: float = 0.0
+    closure: float = 0.0
+    status: PlannerStatus = dc.field(default_factory=PlannerStatus)
+    answered: float = 0.0
+
+    def position(self, time: float) -> Vector:
+        """Return the commanded position at a time [s], shape (N,)."""
+        return self.motion.position(time - self.behind)
+
+    def after(self, answer: Answer, time: float) -> Plan:
+        """Return the plan that follows from an answer at a time [s]."""
+        plan = dc.replace(
+            self, closure=answer.closure, status=answer.status, answered=time
+        )
+        motion = answer.motion
+        if motion is None:
+            return plan
+        if self._goes_on(motion):
+            # The planner stops this motion. It may have got farther than the planner
+            # knew: it must not jump back.
+            assert motion.stopped_at is not None
+            reached = time - self.behind - motion.departed
+            stop = max(motion.stopped_at, reached)
+            return dc.replace(plan, motion=dc.replace(motion, stopped_at=stop))
+        return dc.replace(plan, motion=motion, behind=time - answer.time)
+
+    def broken_off(self, time: float, reason: str) -> Plan:
+        """Return the plan without a planner: the arm stops along its path."""
+        status = dc.replace(
+            self.status, mode=Mode.FAILED, failure=Failure.STOPPED, message=reason
+        )
+        motion = self.motion.stopped(time - self.behind)
+        return dc.replace(self, motion=motion, status=status)
+
+    def _goes_on(self, motion: Motion) -> bool:
+        """Return whether a motion is this one, but for the stop that it ends with."""
+        return (
+            motion.stopped_at is not None
+            and self.motion.stopped_at is None
+            and self.motion.trajectory is not None
+            and motion.departed == self.motion.departed
+        )
+
+
+class RemotePlanner(LeafSystem):
+    """Stands in for a planner in another process.
+
+    .. pydrake_system::
+
+        name: RemotePlanner
+        input_ports:
+        - (each measurement)
+        output_ports:
+        - position_commanded
+        - closure_commanded
+        - mode
+        - status
+
+    Every `planner_period`, the inputs go to the planner as a `Tick`. Every `period`,
+    its answers are taken. `position_commanded` (N) [rad] follows the motion of the last
+    answer whether or not the planner is busy; `closure_commanded` (1), `mode` and
+    `status` are the last answer's. Where the planner ends, or says nothing for
+    `patience`, the arm comes to rest along its path and the task has failed.
+
+    Args:
+        planner: The connection.
+        home: Where the arm rests at first, shape (N,) [rad].
+        sizes: Of the measurements, by name.
+        period: Time between commands [s].
+        planner_period: The planner's own period [s].
+        patience: Longest time for a plan [s].
+    """
+
+    def __init__(
+        self,
+        planner: PlannerLink,
+        home: Vector,
+        sizes: Mapping[str, int],
+        period: float,
+        planner_period: float,
+        patience: float = math.inf,
+    ) -> None:
+        super().__init__()
+        self._planner, self._patience = planner, patience
+        self._names = list(sizes)
+        for name, size in sizes.items():
+            self.DeclareVectorInputPort(name=name, size=size)
+        self._plan = self.DeclareAbstractState(AbstractValue.Make(Plan(Motion(home))))
+        ticket = self.abstract_state_ticket(self._plan)
+        AddPlannerOutputs(
+            self,
+            len(home),
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
+            prerequisites={ticket},
+        )
+        self.DeclareAbstractOutputPort(
+            name="mode",
+            alloc=lambda: AbstractValue.Make(Mode.IDLE),
+            calc=self._calc_mode,
+            prerequisites_of_calc={ticket},
+        )
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        self.DeclarePeriodicPublishEvent(planner_period, 0.0, self._post)
+
+    def plan(self, context: Context) -> Plan:
+        """Return what the planner last said."""
+        plan: Plan = context.get_abstract_state(int(self._plan)).get_value()
+        return plan
+
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self.plan(context).position(context.get_time()))
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        output[0] = self.plan(context).closure
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.plan(context).status.mode)
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self.plan(context).status)
+
+    def _update(self, context: Context, state: State) -> EventStatus:
+        before = plan = self.plan(context)
+        time = context.get_time()
+        if plan.status.mode in (Mode.DONE, Mode.FAILED):
+            return EventStatus.DidNothing()
+        for message in self._planner.take():
+            if isinstance(message, Ended):
+                plan = plan.broken_off(time, message.reason)
+                break
+            plan = plan.after(message, time)
+        if time - plan.answered > self._patience:
+            reason = f"the planner has not answered for {self._patience:g} s"
+            plan = plan.broken_off(time, reason)
+        if plan is before:
+            return EventStatus.DidNothing()
+        state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
+        return EventStatus.Succeeded()
+
+    def _post(self, context: Context) -> None:
+        values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
+        self._planner.post(Tick({name: np.array(v) for name, v in values.items()}))

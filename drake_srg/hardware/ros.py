@@ -1,0 +1,197 @@
+"""Drivers of an arm and a gripper that speak ROS 1 or ROS 2."""
+
+import dataclasses as dc
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from drake_srg.bridges.commands import PortValues
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.link import STAMP, HardwareDriver, Link, Mailbox, Robot
+from drake_srg.hardware.messages import JointStates, joint_trajectory, numbers, percent
+from drake_srg.hardware.nodes import Node
+from drake_srg.hardware.window import Window
+from drake_srg.recording.ros_topics import float64_array
+
+_JOINT_STATE = "sensor_msgs/msg/JointState"
+_ARRAY = "std_msgs/msg/Float64MultiArray"
+# Control periods between two equal gripper commands, in case one gets lost.
+_REPEAT = 20
+
+
+@dc.dataclass(kw_only=True)
+class RosArm(HardwareDriver):
+    """An arm that publishes joint states and obeys a stream of positions."""
+
+    version: ClassVar[int]
+
+    # Topic of the arm's sensor_msgs/JointState. Joints have the model's names.
+    state: str = "/joint_states"
+    # Topic of the commands, one each control period. `trajectory`: a
+    # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`
+    # seconds by the robot's clock, as a joint_trajectory_controller takes them. The arm
+    # follows that much later, and wires may be late or lose messages for as long.
+    # `positions`: a std_msgs/Float64MultiArray [rad or m], to be taken at once.
+    command: str = "/joint_trajectory"
+    stream: str = dc.field(
+        default="trajectory", metadata={"among": ("trajectory", "positions")}
+    )
+    lead: float = dc.field(default=0.05, metadata={"gt": 0.0})
+
+    def connect(self, robot: Robot) -> Link:
+        """See `HardwareDriver`."""
+        return _ArmLink(self, robot, robot.nodes.of(self.version))
+
+
+class Ros1Arm(RosArm):
+    """An arm that speaks ROS 1."""
+
+    version = 1
+
+
+class Ros2Arm(RosArm):
+    """An arm that speaks ROS 2."""
+
+    version = 2
+
+
+class _ArmLink(Link):
+    def __init__(self, config: RosArm, robot: Robot, node: Node) -> None:
+        n = len(robot.arm_joints)
+        self.outputs = {"arm.state_measured": 2 * n, "arm.torque_measured": n}
+        self._node, self._mail = node, Mailbox()
+        self._joints = JointStates(robot.arm_joints)
+        self._window: Window | None = None
+        if config.stream == "positions":
+            self._topic = float64_array(config.command, "arm.position_commanded", n)
+        else:
+            arm = robot.scenario.arm
+            assert arm is not None
+            self._topic = joint_trajectory(config.command, robot.arm_joints)
+            self._window = Window(config.lead, arm.period)
+        node.subscribe(config.state, _JOINT_STATE, self._receive)
+        node.publish(self._topic)
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        return self._mail.take()
+
+    def close(self) -> None:
+        """See `Link`; the node that it shares is closed elsewhere."""
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+        q = commands["arm.position_commanded"]
+        if self._window is None:
+            self._node.send(self._topic, 0.0, q)
+        else:
+            self._node.send(
+                self._topic, 0.0, *self._window.after(q, self._joints.stamp)
+            )
+
+    def _receive(self, message: Any) -> None:
+        read = self._joints.read(message)
+        if read is None:
+            return
+        stamp, state, effort = read
+        values = {"arm.state_measured": state, STAMP: np.array([stamp])}
+        if effort is not None:
+            values["arm.torque_measured"] = effort
+        self._mail.put(values)
+
+
+@dc.dataclass(kw_only=True)
+class RosGripper(HardwareDriver):
+    """The SRG behind the topics of its thesis."""
+
+    version: ClassVar[int]
+
+    # Topic of the gripper's sensor_msgs/JointState; it may be the arm's.
+    state: str = "/joint_states"
+    # Topics of the finger sensors, std_msgs/Float64MultiArray: distances [m] and normal
+    # forces [N]. Empty: the gripper has no such sensors.
+    proximity: str = "/gripper/proximity"
+    contact_force: str = "/gripper/contact_force"
+    # Topic of the commands, std_msgs/Int32: 0 open .. 100 closed.
+    command: str = "/grasp"
+
+    def connect(self, robot: Robot) -> Link:
+        """See `HardwareDriver`."""
+        return _GripperLink(self, robot, robot.nodes.of(self.version))
+
+
+class Ros1Gripper(RosGripper):
+    """The SRG behind ROS 1."""
+
+    version = 1
+
+
+class Ros2Gripper(RosGripper):
+    """The SRG behind ROS 2."""
+
+    version = 2
+
+
+class _GripperLink(Link):
+    def __init__(self, config: RosGripper, robot: Robot, node: Node) -> None:
+        gripper = robot.scenario.gripper
+        if gripper is None:
+            raise ScenarioError("gripper: the scenario has none")
+        if gripper.trigger not in ("proximity", "touch"):
+            raise ScenarioError(
+                f"gripper.trigger: must be proximity or touch, got {gripper.trigger}"
+            )
+        n, m = len(gripper.joint_names), len(gripper.sensor_names)
+        self.outputs = {
+            "gripper.state_measured": 2 * n,
+            "gripper.triggered": m,
+            "gripper.proximity": m,
+        }
+        self._node, self._mail, self._m = node, Mailbox(), m
+        self._gripper = gripper
+        self._joints = JointStates(gripper.joint_names)
+        self._topic = percent(config.command)
+        self._sent, self._ticks = math.nan, 0
+        node.subscribe(config.state, _JOINT_STATE, self._receive_state)
+        node.subscribe(config.proximity, _ARRAY, self._receive_proximity)
+        if config.contact_force:
+            self.outputs["gripper.contact_force"] = m
+            node.subscribe(config.contact_force, _ARRAY, self._receive_force)
+        node.publish(self._topic)
+
+    def take(self) -> PortValues:
+        """See `Link`."""
+        return self._mail.take()
+
+    def close(self) -> None:
+        """See `Link`; the node that it shares is closed elsewhere."""
+
+    def send(self, commands: PortValues) -> None:
+        """See `Link`."""
+        closure = float(commands["gripper.closure_commanded"][0])
+        self._ticks += 1
+        if closure != self._sent or self._ticks >= _REPEAT:
+            self._node.send(self._topic, 0.0, closure)
+            self._sent, self._ticks = closure, 0
+
+    def _receive_state(self, message: Any) -> None:
+        read = self._joints.read(message)
+        if read is not None:
+            self._mail.put({"gripper.state_measured": read[1]})
+
+    def _receive_proximity(self, message: Any) -> None:
+        distance = numbers(message.data, self._m)
+        values = {"gripper.proximity": distance}
+        if self._gripper.trigger == "proximity":
+            near = distance < self._gripper.proximity.trigger_distance
+            values["gripper.triggered"] = near.astype(float)
+        self._mail.put(values)
+
+    def _receive_force(self, message: Any) -> None:
+        force = numbers(message.data, self._m)
+        values = {"gripper.contact_force": force}
+        if self._gripper.trigger == "touch":
+            touched = force >= self._gripper.touch.trigger_force
+            values["gripper.triggered"] = touched.astype(float)
+        self._mail.put(values)

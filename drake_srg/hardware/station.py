@@ -1,0 +1,165 @@
+"""The hardware station: the ports of a station, with a robot behind them."""
+
+from __future__ import annotations
+
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.gripper.grasp_detector import GraspDetector
+from drake_srg.hardware.camera_feed import CameraFeed
+from drake_srg.hardware.link import STAMP
+from drake_srg.hardware.opening import Hardware
+from drake_srg.hardware.reader import HardwareReader
+from drake_srg.hardware.writer import HardwareWriter
+from drake_srg.safety.adding import AddSafetyMonitor
+from drake_srg.safety.config import SafetyConfig
+from drake_srg.scenario import Scenario
+from drake_srg.station.plant import MakeModelsPlant
+
+_TRIGGERED = "gripper.triggered"
+_MONITORED = ("estop", "release", "speed_override")
+
+
+@scenario_errors()
+def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
+    """Build the station of a robot: `MakeStation`'s ports, without those of a plant.
+
+    .. pydrake_system::
+
+        name: HardwareStation
+        input_ports:
+        - arm.position_commanded
+        - gripper.closure_commanded
+        - safety.estop (optional)
+        - safety.release (optional)
+        - safety.speed_override (optional)
+        output_ports:
+        - (each measurement of the links)
+        - gripper.grasped
+        - hardware.stamp
+        - arm.position_allowed
+        - arm.position_held
+        - safety.state
+        - safety.speed_scale
+        - camera_NAME.color_image (with cameras)
+        - camera_NAME.depth_image (with cameras)
+        - camera_NAME.body_pose_in_world (with cameras)
+
+    A `SafetyMonitor` stands between the commands and the robot, also where the scenario
+    has no `safety`: it stops the arm when a link falls silent. Advance it in real time,
+    in steps of `arm.period` at most. No system waits for the robot, but cameras do when
+    they are looked through.
+
+    Args:
+        scenario: That runs on the hardware.
+        hardware: The connections; they must stay open.
+
+    Raises:
+        ScenarioError: If the models or limits do not fit the scenario.
+    """
+    builder = DiagramBuilder()
+    AddHardwareStation(builder, scenario, hardware, scenario.safety or SafetyConfig())
+    diagram = builder.Build()
+    diagram.set_name("hardware_station")
+    return diagram
+
+
+def AddHardwareStation(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    hardware: Hardware,
+    safety: SafetyConfig | None,
+    period: float | None = None,
+) -> None:
+    """Add the systems of `MakeHardwareStation` to a diagram, and export their ports.
+
+    Args:
+        builder: Of the diagram.
+        scenario: That runs on the hardware.
+        hardware: The connections.
+        safety: Limits; None where a monitor stands elsewhere on the way to the robot.
+        period: Time between readings and commands [s]; None: the arm driver's.
+
+    Raises:
+        ScenarioError: If the models or limits do not fit the scenario.
+    """
+    arm, gripper = scenario.arm, scenario.gripper
+    assert arm is not None
+    assert gripper is not None
+    felt = safety is not None and safety.feels
+    if felt or scenario.planner.max_external_torque is not None:
+        raise ScenarioError(
+            "safety.external_torque, safety.force and planner.max_external_torque: "
+            "must be null on hardware, which does not tell external torques"
+        )
+    period = period or arm.period
+    links = hardware.links
+    reader = builder.AddNamedSystem(
+        "hardware_reader", HardwareReader(links, period, hardware.start)
+    )
+    sizes = {"arm.position_commanded": len(arm.home), "gripper.closure_commanded": 1}
+    writer = builder.AddNamedSystem(
+        "hardware_writer", HardwareWriter(links, period, sizes)
+    )
+    for name, output in output_ports(reader).items():
+        if name not in ("heartbeat", _TRIGGERED):
+            builder.ExportOutput(output, name)
+    if reader.HasOutputPort(_TRIGGERED):
+        detector = builder.AddNamedSystem(
+            "grasp_detector",
+            GraspDetector(gripper.layout.fingers, gripper.grasp_detector),
+        )
+        builder.Connect(reader.GetOutputPort(_TRIGGERED), detector.get_input_port())
+        builder.ExportOutput(detector.get_output_port(), "gripper.grasped")
+    commands = input_ports(writer)
+    if safety is not None:
+        allowed = commands.pop("arm.position_commanded")
+        monitor = AddSafetyMonitor(
+            builder, MakeModelsPlant(scenario), arm.home, safety, arm.period
+        )
+        builder.Connect(monitor.GetOutputPort("position_allowed"), allowed)
+        for name, port in (
+            ("arm.state_measured", "state_measured"),
+            ("heartbeat", "heartbeat"),
+        ):
+            builder.Connect(reader.GetOutputPort(name), monitor.GetInputPort(port))
+        builder.ExportInput(
+            monitor.GetInputPort("position_commanded"), "arm.position_commanded"
+        )
+        for name in _MONITORED:
+            builder.ExportInput(monitor.GetInputPort(name), f"safety.{name}")
+        for name, room in (
+            ("position_allowed", "arm"),
+            ("position_held", "arm"),
+            ("state", "safety"),
+            ("speed_scale", "safety"),
+        ):
+            builder.ExportOutput(monitor.GetOutputPort(name), f"{room}.{name}")
+    for name, port in commands.items():
+        builder.ExportInput(port, name)
+    for name, camera in hardware.cameras.items():
+        feed = builder.AddNamedSystem(
+            f"camera_{name}", CameraFeed(camera, camera_pose(scenario, name))
+        )
+        builder.Connect(reader.GetOutputPort(STAMP), feed.get_input_port())
+        for image, output in output_ports(feed).items():
+            builder.ExportOutput(output, f"camera_{name}.{image}")
+
+
+def camera_pose(scenario: Scenario, name: str) -> RigidTransform:
+    """Return the pose in world of a camera's body, by its calibration if it has one.
+
+    Raises:
+        ScenarioError: If the camera is not fixed to the world.
+    """
+    calibration = scenario.camera_calibrations.get(name)
+    pose = (calibration or scenario.cameras[name]).X_PB
+    if pose.base_frame not in (None, "", "world"):
+        raise ScenarioError(
+            f"cameras.{name}.X_PB.base_frame: must be world on hardware, "
+            f"got {pose.base_frame}"
+        )
+    X_WB: RigidTransform = pose.GetDeterministicValue()
+    return X_WB
