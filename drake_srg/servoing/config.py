@@ -51,3 +51,18 @@ class ServoConfig:
     least_jacobian: float = dc.field(default=0.05, metadata=positive())
     # Images to heed; 0: all. With 1, the hand goes where the first one showed the goal.
     looks: int = dc.field(default=0, metadata={"ge": 0})
+
+
+@dc.dataclass(kw_only=True)
+class ServoingConfig(ServoConfig):
+    """A visual servo that takes over in front of the object, until it is grasped."""
+
+    # `pbvs`: by the object's pose; `ibvs`: by its silhouette in the image.
+    method: str = dc.field(default="pbvs", metadata={"among": ("pbvs", "ibvs")})
+    # Name of the camera, which is fixed to the hand.
+    camera: str = "hand"
+    # How the goal is known. `shown`: by what the camera saw of an object in the hand;
+    # where the camera is need not be known. `calibrated`: by the camera's calibration.
+    goal: str = dc.field(default="shown", metadata={"among": ("shown", "calibrated")})
+    # Time after which the servo counts as failed [s].
+    time_limit: float = dc.field(default=6.0, metadata=positive())

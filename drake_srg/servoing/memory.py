@@ -58,9 +58,9 @@ class Memory:
         status = ServoStatus(ServoState.TRACKING, q=q)
         return cls(status, R_WG_goal=R_WG, next_look=time)
 
-    def following(self) -> Memory:
+    def blind(self, state: ServoState) -> Memory:
         """Return the memory of a servo that needs no images any more."""
-        return self._reporting(state=ServoState.FOLLOWING, fault=None)
+        return self._reporting(state=state, fault=None)
 
     def compared(
         self, frame: int, p_WG: Vector, config: ServoConfig
@@ -130,7 +130,7 @@ class Memory:
         """Return the memory after a step of the arm towards a twist of the hand."""
         moves = np.linalg.norm(twist[:3]) > _SLOW
         stuck = self.stuck + 1 if moves and made.achieved < _NO_STEP else 0
-        memory = self._reporting(q=made.q)
+        memory = self._reporting(q=made.q, at_rest=not np.any(twist))
         if stuck * config.period >= config.patience * config.camera_period:
             memory = memory._reporting(state=ServoState.FAILED, fault=ServoFault.STUCK)
         return dc.replace(memory, twist=twist, stuck=stuck)

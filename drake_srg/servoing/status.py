@@ -17,6 +17,7 @@ class ServoCommand(enum.Enum):
     PASS = "pass"  # pass on the planned positions
     TRACK = "track"  # drive the hand by what the camera shows
     FOLLOW = "follow"  # go on as the goal last moved, without the camera
+    HOLD = "hold"  # brake, and hold the hand
 
 
 class ServoState(enum.Enum):
@@ -26,6 +27,7 @@ class ServoState(enum.Enum):
     TRACKING = "tracking"
     REACHED = "reached"  # tracking, with the hand at its goal
     FOLLOWING = "following"
+    HOLDING = "holding"
     FAILED = "failed"  # stopped, for the reason that `ServoStatus.fault` names
 
 
@@ -47,6 +49,7 @@ class ServoStatus:
     fault: ServoFault | None = None
     # Joint positions commanded by the servo, shape (N,) [rad]; empty while it passes.
     q: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    at_rest: bool = True  # whether the commands have come to rest
     error: float = np.inf  # distance from the goal in the last image [m]
     # Velocity of the goal in world, shape (3,) [m/s].
     velocity: Vector = dc.field(default_factory=lambda: np.zeros(3))

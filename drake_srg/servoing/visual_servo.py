@@ -24,6 +24,11 @@ from drake_srg.servoing.status import (
 )
 from drake_srg.types import Vector
 
+# The commands that need no image, and what the servo then does.
+_BLIND = {
+    ServoCommand.FOLLOW: ServoState.FOLLOWING,
+    ServoCommand.HOLD: ServoState.HOLDING,
+}
 _ROUNDING = 1e-9  # of times of updates, which are multiples of the period [s]
 
 
@@ -54,7 +59,8 @@ class VisualServo(LeafSystem):
     With PASS, `position_planned` passes at once and unchanged. With TRACK, every image
     gives the hand's goal in world. An alpha-beta filter follows the goal and its
     velocity, and every `config.period` the hand moves towards where it is by now. With
-    FOLLOW, no image counts, and the hand moves on with the goal's last velocity.
+    FOLLOW, no image counts, and the hand moves on with the goal's last velocity. With
+    HOLD, it brakes and rests.
 
     The hand is held while the object is not wholly in the image or the features do not
     determine the motion. After `config.patience` such images, or as many equal images
@@ -144,8 +150,8 @@ class VisualServo(LeafSystem):
                 q = self._planned.Eval(context).copy()
                 memory = Memory.begun(q, self._arm.X_WG(q).rotation(), time)
             if memory.status.state is not ServoState.FAILED:
-                if command is ServoCommand.FOLLOW:
-                    memory = memory.following()
+                if command in _BLIND:
+                    memory = memory.blind(_BLIND[command])
                 elif time > memory.next_look - _ROUNDING:
                     memory = self._looked(context, memory, time)
             memory = self._moved(memory, time)
@@ -194,7 +200,8 @@ class VisualServo(LeafSystem):
     def _wanted(self, memory: Memory, time: float) -> Vector:
         """Return the twist that the hand should have now, shape (6,)."""
         config, goal = self.config, memory.goal
-        if goal is None or memory.status.fault is not None:
+        held = memory.status.state in (ServoState.HOLDING, ServoState.FAILED)
+        if goal is None or held or memory.status.fault is not None:
             return np.zeros(6)
         X_WG = self._arm.X_WG(memory.status.q)
         axis_W = X_WG.rotation() @ self._axis_G
