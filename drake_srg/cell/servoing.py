@@ -23,22 +23,22 @@ from drake_srg.scenario import Scenario
 from drake_srg.servoing.arm import ServoArm
 from drake_srg.servoing.config import ServoingConfig
 from drake_srg.servoing.image_based import ImageBasedServo
-from drake_srg.servoing.pose_tracker import PoseTracker
 from drake_srg.servoing.position_based import PositionBasedServo
 from drake_srg.servoing.servoing_planner import ServoingPlanner
 from drake_srg.servoing.sightings import FeatureSighting
 from drake_srg.servoing.silhouette import SilhouetteTracker
+from drake_srg.servoing.surface_tracker import SurfaceTracker
 from drake_srg.servoing.visual_servo import VisualServo
 from drake_srg.station.plant import MakeModelsPlant, Models
 from drake_srg.station.station import MakeStation
-from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
+from drake_srg.vision.blob_localizer import BlobTarget
 from drake_srg.vision.calibrated_camera import calibrated_model
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.camera_errors import X_BE_believed
 
 _AHEAD = np.array([1.0, 0.0, 0.0])  # of the palm: where the fingers point
 _UP = np.array([0.0, 0.0, 1.0])
-_IMAGES = ("color_image", "depth_image", "body_pose_in_world")
+_IMAGES = ("color_image", "depth_image")
 
 
 def MakeServoingPlanner(scenario: Scenario) -> Diagram:
@@ -51,13 +51,12 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
         - (those of ServoingPlanner, without servo_status)
         - CAMERA.color_image
         - CAMERA.depth_image
-        - CAMERA.body_pose_in_world (pbvs)
         output_ports:
         - (those of ServoingPlanner, without servo_command)
         - servo_status
 
-    The subsystems are `planner`, `servo`, `tracker` and, with pbvs, `hand_localizer`.
-    `position_commanded` is the servo's.
+    The subsystems are `planner`, `servo` and `tracker`, a `SurfaceTracker` (pbvs) or a
+    `SilhouetteTracker` (ibvs). `position_commanded` is the servo's.
 
     Raises:
         ScenarioError: If the planner's hand knows no grasp of the object or more than
@@ -168,43 +167,24 @@ def _AddServo(
     X_CO_goal = X_GC.inverse() @ grasp.X_GO
     (target,) = (t for t in blob_targets(scenario) if t.name == name)
     servo: VisualServo
+    tracker: System
     if config.method == "ibvs":
         goal = _silhouette_at(scenario, mount, target, grasp, X_CO_goal)
         servo = ImageBasedServo(arm, mount.X_GC_believed, _AHEAD, goal, config)
         tracker = SilhouetteTracker(target.color, mount.model)
-        builder.AddNamedSystem("tracker", tracker)
-        for port in _IMAGES[:2]:
-            builder.ExportInput(tracker.GetInputPort(port), f"{config.camera}.{port}")
     else:
-        servo = PositionBasedServo(
-            arm, mount.X_GC_believed, _AHEAD, X_CO_goal, config
+        servo = PositionBasedServo(arm, mount.X_GC_believed, _AHEAD, X_CO_goal, config)
+        tracker = SurfaceTracker(
+            target.shape,
+            np.array(target.p_OC),
+            target.color,
+            X_CO_goal.rotation(),
+            mount.model,
         )
-        tracker = PoseTracker(name, mount.model.X_BC)
-        builder.AddNamedSystem("tracker", tracker)
-        _AddHandLocalizer(builder, scenario, config, mount.model, target, tracker)
-    return builder.AddNamedSystem("servo", servo), tracker
-
-
-def _AddHandLocalizer(
-    builder: DiagramBuilder,
-    scenario: Scenario,
-    config: ServoingConfig,
-    model: CameraModel,
-    target: BlobTarget,
-    tracker: PoseTracker,
-) -> None:
-    localizer = builder.AddNamedSystem(
-        "hand_localizer",
-        BlobLocalizer(
-            [target], {config.camera: model}, config=scenario.localizer.thresholds
-        ),
-    )
+    builder.AddNamedSystem("tracker", tracker)
     for port in _IMAGES:
-        exported = f"{config.camera}.{port}"
-        builder.ExportInput(localizer.GetInputPort(exported), exported)
-    for port in ("color_image", "body_pose_in_world"):
-        builder.ConnectInput(f"{config.camera}.{port}", tracker.GetInputPort(port))
-    builder.Connect(localizer.get_output_port(), tracker.GetInputPort("blobs"))
+        builder.ExportInput(tracker.GetInputPort(port), f"{config.camera}.{port}")
+    return builder.AddNamedSystem("servo", servo), tracker
 
 
 def _grasp(scenario: Scenario) -> Grasp:
@@ -287,7 +267,7 @@ def _rendered(shown: _Shown) -> FeatureSighting:
     tracker = builder.AddNamedSystem(
         "tracker", SilhouetteTracker(shown.target.color, shown.model)
     )
-    for port in _IMAGES[:2]:
+    for port in _IMAGES:
         builder.Connect(
             station.GetOutputPort(f"camera_{camera}.{port}"), tracker.GetInputPort(port)
         )

@@ -205,7 +205,7 @@ class VisualServo(LeafSystem):
             return np.zeros(6)
         X_WG = self._arm.X_WG(memory.status.q)
         axis_W = X_WG.rotation() @ self._axis_G
-        p_goal = goal.at(time)
+        p_goal = goal.at(time + config.lag)
         back = behind(
             p_goal - X_WG.translation(),
             axis_W,
