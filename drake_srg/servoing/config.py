@@ -43,7 +43,11 @@ class ServoConfig:
     # The goal is reached once this many images in a row show the hand within this
     # distance of it [m].
     tolerance: float = dc.field(default=0.003, metadata=positive())
-    settled: int = dc.field(default=3, metadata={"ge": 1})
+    settled: int = dc.field(default=6, metadata={"ge": 1})
+    # How high the hand goes before it brakes, with what it has grasped [m], and how fast
+    # [m/s].
+    rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
+    rise_speed: float = dc.field(default=0.1, metadata=positive())
     # Images without a usable sighting, or equal images of a moving hand, after which
     # the servo gives up; and how far the hand must have moved meanwhile [m].
     patience: int = dc.field(default=5, metadata={"ge": 1})

@@ -17,6 +17,8 @@ from drake_srg.types import Vector
 # A step that makes less than this share of the hand's motion counts as none, unless the
 # motion is slower than this [m/s].
 _NO_STEP, _SLOW = 0.1, 0.005
+# Below its top, at which a rising hand brakes [m]: it comes up to 3 mm higher.
+_THERE = 1e-3
 
 
 @dc.dataclass(frozen=True)
@@ -34,6 +36,7 @@ class Memory:
         same: Number of images equal to it since.
         missed: Images in a row without a usable sighting.
         near_goal: Images in a row with the hand at its goal.
+        top: Height at which a hand that is raised stops [m]; None before that.
         stuck: Steps in a row in which the arm did not move the hand as it should.
     """
 
@@ -47,6 +50,7 @@ class Memory:
     same: int = 0
     missed: int = 0
     near_goal: int = 0
+    top: float | None = None
     stuck: int = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Memory:
@@ -58,9 +62,16 @@ class Memory:
         status = ServoStatus(ServoState.TRACKING, q=q)
         return cls(status, R_WG_goal=R_WG, next_look=time)
 
-    def blind(self, state: ServoState) -> Memory:
+    def following(self) -> Memory:
         """Return the memory of a servo that needs no images any more."""
-        return self._reporting(state=state, fault=None)
+        return self._reporting(state=ServoState.FOLLOWING, fault=None)
+
+    def raising(self, height: float, config: ServoConfig) -> Memory:
+        """Return the memory of a servo that raises the hand, now at a height [m]."""
+        top = height + config.rise if self.top is None else self.top
+        there = self.status.state is ServoState.HOLDING or height > top - _THERE
+        state = ServoState.HOLDING if there else ServoState.RAISING
+        return dc.replace(self._reporting(state=state, fault=None), top=top)
 
     def compared(
         self, frame: int, p_WG: Vector, config: ServoConfig

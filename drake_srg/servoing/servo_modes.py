@@ -35,7 +35,7 @@ COMMANDS: Mapping[Mode, ServoCommand] = {
     Mode.GRASP: ServoCommand.TRACK,
     Mode.CLOSE: ServoCommand.FOLLOW,
     Mode.VERIFY: ServoCommand.FOLLOW,
-    Mode.LIFT: ServoCommand.HOLD,  # until the motions from there are planned
+    Mode.LIFT: ServoCommand.RAISE,  # until the motions from there are planned
 }
 # Those transitions that picking and placing does not have go first.
 SERVO_TRANSITIONS: Table = {
@@ -144,7 +144,7 @@ class ServoVerify(Servoed, Verify):
 
 
 class ServoLift(Lift):
-    """Brings the hand to rest, plans the rest of the cycle from there, and lifts."""
+    """Lets the servo raise the hand a little, plans the rest from there, and lifts."""
 
     mode = Mode.LIFT
 

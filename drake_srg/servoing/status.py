@@ -17,7 +17,7 @@ class ServoCommand(enum.Enum):
     PASS = "pass"  # pass on the planned positions
     TRACK = "track"  # drive the hand by what the camera shows
     FOLLOW = "follow"  # go on as the goal last moved, without the camera
-    HOLD = "hold"  # brake, and hold the hand
+    RAISE = "raise"  # the same, but upwards; then brake, and hold the hand
 
 
 class ServoState(enum.Enum):
@@ -27,6 +27,7 @@ class ServoState(enum.Enum):
     TRACKING = "tracking"
     REACHED = "reached"  # tracking, with the hand at its goal
     FOLLOWING = "following"
+    RAISING = "raising"
     HOLDING = "holding"
     FAILED = "failed"  # stopped, for the reason that `ServoStatus.fault` names
 

@@ -24,11 +24,7 @@ from drake_srg.servoing.status import (
 )
 from drake_srg.types import Vector
 
-# The commands that need no image, and what the servo then does.
-_BLIND = {
-    ServoCommand.FOLLOW: ServoState.FOLLOWING,
-    ServoCommand.HOLD: ServoState.HOLDING,
-}
+_UP = np.array([0.0, 0.0, 1.0])
 _ROUNDING = 1e-9  # of times of updates, which are multiples of the period [s]
 
 
@@ -60,7 +56,7 @@ class VisualServo(LeafSystem):
     gives the hand's goal in world. An alpha-beta filter follows the goal and its
     velocity, and every `config.period` the hand moves towards where it is by now. With
     FOLLOW, no image counts, and the hand moves on with the goal's last velocity. With
-    HOLD, it brakes and rests.
+    RAISE, it does so upwards by `config.rise`, and then brakes and rests.
 
     The hand is held while the object is not wholly in the image or the features do not
     determine the motion. After `config.patience` such images, or as many equal images
@@ -150,8 +146,11 @@ class VisualServo(LeafSystem):
                 q = self._planned.Eval(context).copy()
                 memory = Memory.begun(q, self._arm.X_WG(q).rotation(), time)
             if memory.status.state is not ServoState.FAILED:
-                if command in _BLIND:
-                    memory = memory.blind(_BLIND[command])
+                if command is ServoCommand.FOLLOW:
+                    memory = memory.following()
+                elif command is ServoCommand.RAISE:
+                    height = self._arm.X_WG(memory.status.q).translation()[2]
+                    memory = memory.raising(float(height), self.config)
                 elif time > memory.next_look - _ROUNDING:
                     memory = self._looked(context, memory, time)
             memory = self._moved(memory, time)
@@ -220,5 +219,7 @@ class VisualServo(LeafSystem):
             speed=config.speed,
             turning=config.turning,
         )
+        if memory.status.state is ServoState.RAISING:
+            twist[:3] = config.rise_speed * _UP
         twist[:3] += goal.v_W
         return twist

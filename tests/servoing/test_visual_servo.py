@@ -201,3 +201,17 @@ def test_a_context_can_be_copied():
     copy = hand.context.Clone()
     fix(hand.servo, copy, command=AbstractValue.Make(ServoCommand.FOLLOW))
     np.testing.assert_array_equal(read(hand.servo, copy, "position_commanded"), hand.q)
+
+
+def test_a_raised_hand_follows_the_object_brakes_and_rests():
+    hand = IdealHand("pbvs", object_at([0.0, -0.05, -0.05]), (0.0, 0.05, 0.0))
+    hand.run(2.0)
+    p = arm().X_WG(hand.q).translation()
+    hand.fix(ServoCommand.RAISE)
+    states = [status.state for status in hand.run(0.6)]
+    assert states[0] is ServoState.RAISING
+    assert states[-1] is ServoState.HOLDING
+    assert hand.status.at_rest
+    rise = arm().X_WG(hand.q).translation() - p
+    assert rise[2] == pytest.approx(CONFIG.rise, abs=0.004)
+    assert rise[1] > 0.05 * CONFIG.rise / CONFIG.rise_speed
