@@ -13,6 +13,7 @@ STOREYS = [
     {"types", "lifetime", "parsing"},
     {"common"},
     {"arm", "gripper", "vision", "planning", "objects", "recording", "safety"},
+    {"servoing"},
     {"scenario"},
     {"station", "replay"},
     {"cell", "export"},

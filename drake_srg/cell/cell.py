@@ -9,6 +9,7 @@ from drake_srg.cell.choosing import AddThingLabeler, chooses
 from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
+from drake_srg.cell.servoing import ConnectHandCamera, MakeServoingPlanner
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import export_outputs, input_ports
 from drake_srg.objects.disturbance_forces import Target
@@ -54,9 +55,10 @@ def MakeCell(
     `AddCell` is kept short for that purpose.
 
     If the scenario has a `script`, the planner plays it, and there is no localizer. If
-    it has `taught` waypoints, the planner is a `TaughtPlanner`. If it clears the table,
-    a `height_mapper` stands in for the localizer, and the planner is a
-    `ClearingPlanner`.
+    it has `taught` waypoints, the planner is a `TaughtPlanner`. With `servoing`, it is
+    a diagram of a `ServoingPlanner` and a visual servo; see `MakeServoingPlanner`. If
+    the scenario clears the table, a `height_mapper` stands in for the localizer, and
+    the planner is a `ClearingPlanner`.
 
     Args:
         scenario: The scenario of the cell.
@@ -115,9 +117,14 @@ def AddCell(
         builder.ExportOutput(seen, "height_mapper.height_map")
     else:
         localizer = AddLocalizer(builder, scenario, station)
-        make_planner = MakePlanner if scenario.taught is None else MakeTaughtPlanner
+        make_planner: Callable[[Scenario], System] = MakePlanner
+        if scenario.taught is not None:
+            make_planner = MakeTaughtPlanner
+        elif scenario.servoing is not None:
+            make_planner = MakeServoingPlanner
         planner = builder.AddNamedSystem("planner", make_planner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
+        ConnectHandCamera(builder, station, planner)
         if scenario.localizer.obstacles:
             finder = AddObstacleFinder(builder, scenario, station, localizer)
             builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))

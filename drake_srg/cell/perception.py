@@ -39,7 +39,7 @@ def AddLocalizer(
     localizer = builder.AddNamedSystem(
         "localizer",
         BlobLocalizer(
-            _targets(scenario),
+            blob_targets(scenario),
             cameras,
             min_area=config.min_area,
             period=config.period,
@@ -164,7 +164,13 @@ def _around_goal(scenario: Scenario) -> Surface:
     return Surface((x - around, y - around), (x + around, y + around), height)
 
 
-def _targets(scenario: Scenario) -> list[BlobTarget]:
+def blob_targets(scenario: Scenario) -> list[BlobTarget]:
+    """Return the objects that a scenario's localizer looks for.
+
+    Raises:
+        ScenarioError: If there are none, if two look alike, or if a range of colours is
+            invalid.
+    """
     targets: list[BlobTarget] = []
     for name, config in scenario.objects.items():
         solid = known_solid(name, config)

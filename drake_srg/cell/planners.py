@@ -1,6 +1,7 @@
 """Planners of a scenario, for its task or for its script."""
 
 import functools
+from typing import Any
 
 import numpy as np
 from pydrake.planning import RobotDiagramBuilder
@@ -24,22 +25,27 @@ from drake_srg.station.plant import Models
 
 def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
     """Make the planner of a scenario's task."""
+    return PickAndPlacePlanner(**planner_arguments(scenario))
+
+
+def planner_arguments(scenario: Scenario) -> dict[str, Any]:
+    """Return the arguments of a scenario's `PickAndPlacePlanner` by name."""
     name, place = scenario.task.pick, scenario.task.place
     shape = object_shape(name, scenario.objects[name])
-    return PickAndPlacePlanner(
-        MakeTaskPlanner(scenario),
-        name,
-        shape,
-        goal_pose(scenario, shape),
-        place.tolerance,
-        obstacles={
+    return {
+        "task_planner": MakeTaskPlanner(scenario),
+        "object_name": name,
+        "shape": shape,
+        "goal": goal_pose(scenario, shape),
+        "tolerance": place.tolerance,
+        "obstacles": {
             other: known
             for other, config in scenario.objects.items()
             if other != name and (known := known_shape(other, config)) is not None
         },
-        repeat=scenario.task.repeat,
-        config=scenario.planner,
-    )
+        "repeat": scenario.task.repeat,
+        "config": scenario.planner,
+    }
 
 
 def MakeScriptedPlanner(scenario: Scenario) -> System:

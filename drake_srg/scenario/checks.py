@@ -13,6 +13,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.disturbances import Topple
 from drake_srg.scenario.pick import clear_problems
+from drake_srg.scenario.servoing import servoing_problems
 from drake_srg.types import Box
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ def _problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     yield from _taught_problems(scenario)
     yield from _disturbance_problems(scenario)
     yield from _camera_problems(scenario)
+    yield from servoing_problems(scenario)
 
 
 def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
@@ -69,8 +71,7 @@ def _config_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     if name not in known:
         key = "plant_config.discrete_contact_approximation"
         yield key, f"unknown {name!r} (allowed: {', '.join(known)})"
-    start = simulator.start_time
-    if start != 0.0:  # every run starts then
+    if (start := simulator.start_time) != 0.0:  # every run starts then
         yield "simulator_config.start_time", f"must be 0.0, got {start}"
     for i, pair in enumerate(scenario.ignored_contacts):
         if len(pair) != 2:
@@ -117,7 +118,7 @@ def _periods(scenario: Scenario) -> Iterator[tuple[str, float]]:
     yield "recording.bag_camera_period", scenario.recording.bag_camera_period
     yield "recording.video_fps", 1.0 / scenario.recording.video_fps
     planner = () if scenario.script else ("planner", "localizer")
-    for key in ("arm", "gripper", *planner):
+    for key in ("arm", "gripper", "servoing", *planner):
         yield from _periods_of(key, getattr(scenario, key))
 
 
@@ -125,8 +126,8 @@ def _periods_of(key: str, config: object) -> Iterator[tuple[str, float]]:
     if dc.is_dataclass(config):
         for field in dc.fields(config):
             value = getattr(config, field.name)
-            if field.name == "period":
-                yield f"{key}.period", value
+            if field.name in ("period", "camera_period"):
+                yield f"{key}.{field.name}", value
             else:
                 yield from _periods_of(f"{key}.{field.name}", value)
 
@@ -215,10 +216,8 @@ def _region_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         return
     region, table = scenario.task.region, scenario.table
     if any(a > b for a, b in zip(region.min, region.max, strict=True)):
-        yield (
-            "task.region",
-            f"min must not be above max, got {region.min} .. {region.max}",
-        )
+        problem = f"min must not be above max, got {region.min} .. {region.max}"
+        yield "task.region", problem
     if any(a > b for a, b in zip(table.min, region.min, strict=True)) or any(
         a > b for a, b in zip(region.max, table.max, strict=True)
     ):

@@ -21,11 +21,13 @@ from drake_srg.arm.drivers import DRIVERS as ARM_DRIVERS
 from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturbances import Force, Push, Topple
+from drake_srg.objects.slides import SlideConfig
 from drake_srg.planning.script.messages import MessagesConfig
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.safety.config import SafetyConfig
+from drake_srg.servoing.config import ServoingConfig
 from drake_srg.types import positive
 from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
 from drake_srg.vision.camera_errors import CameraErrorsConfig
@@ -225,11 +227,16 @@ class Scenario:
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
     # Taught waypoints, in place of planned grasps and goals.
     taught: TaughtConfig | None = None
+    # A visual servo for the grasp, in place of the planned motion; null: none.
+    servoing: ServoingConfig | None = None
     # Steps for arm and gripper, in place of localizer and planner.
     script: list[ScriptStep] = dc.field(default_factory=list)
     # Messages to arm and gripper, as the thesis's client sends them; once loaded, they
     # are the script. The arm moves to its targets within `arm.limits`.
     messages: MessagesConfig | None = None
+    # Motions of furniture that carries objects, by the name of a model among
+    # `directives` with one actuated joint.
+    slides: dict[str, SlideConfig] = dc.field(default_factory=dict)
     # Forces on objects that the robot does not exert.
     disturbances: list[Push | Topple | Force] = dc.field(default_factory=list)
     recording: RecordingConfig = dc.field(default_factory=RecordingConfig)

@@ -198,6 +198,8 @@ def _written_on_error(write: Callable[[], object]) -> Iterator[None]:
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     """Return the scenario with only those cameras that are used, to save time."""
     used = set(scenario.localizer.cameras)
+    if scenario.servoing is not None:
+        used.add(scenario.servoing.camera)
     if recorded:
         used |= {scenario.recording.video_camera, *scenario.recording.bag_cameras}
     seen = {name: c for name, c in scenario.cameras.items() if name in used}

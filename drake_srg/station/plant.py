@@ -32,6 +32,7 @@ from drake_srg.objects.models import (
     X_FO_start,
     simple_shape,
 )
+from drake_srg.objects.slides import SetSlideGains
 from drake_srg.scenario import Scenario
 from drake_srg.station.drops import Drops
 from drake_srg.station.occlusion import AddCard
@@ -63,6 +64,8 @@ def AddPlant(
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")
         scenario.gripper.prepare_plant(plant, gripper)
+    for name in scenario.slides:
+        SetSlideGains(plant, name)
     if scenario.arm is not None and scenario.arm.weightless:
         plant.set_gravity_enabled(arm, False)
     plant.Finalize()

@@ -17,6 +17,7 @@ from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.models import object_body
 from drake_srg.objects.poses import ObjectPoses
 from drake_srg.objects.sleeping import SleepMonitor
+from drake_srg.objects.slides import AddSlide
 from drake_srg.safety.adding import AddSafetyMonitor
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.safety.monitor import SafetyMonitor
@@ -86,8 +87,8 @@ def MakeStation(scenario: Scenario) -> Diagram:
     a `SafetyMonitor` stands between `arm.position_commanded` and the arm's driver,
     which gets `arm.position_allowed`. The subsystems
     are named `plant`, `scene_graph`, `arm_driver`, `gripper_driver`,
-    `rgbd_sensor_NAME`, `object_poses`, with safety `safety_monitor` and, with sleeping,
-    `sleep_monitor`. Objects
+    `rgbd_sensor_NAME`, `object_poses`, with slides `slide_NAME`, with safety
+    `safety_monitor` and, with sleeping, `sleep_monitor`. Objects
     sleep where the caller advances with `simulation.sleeping.MakeAdvance`, as
     `Simulate`, `Rig` and `Serve` do.
 
@@ -108,6 +109,8 @@ def AddStation(builder: DiagramBuilder, scenario: Scenario) -> None:
         ScenarioError: If the models do not fit the scenario.
     """
     plant, scene_graph = AddPlant(builder, scenario)
+    for name, slide in scenario.slides.items():
+        AddSlide(builder, plant, name, slide)
     gripper = None
     if scenario.gripper is not None:
         gripper = plant.GetModelInstanceByName("gripper")

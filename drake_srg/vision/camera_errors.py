@@ -63,6 +63,14 @@ class CameraErrorsConfig:
     depth_dropout: float = dc.field(default=0.0, metadata={"ge": 0.0, "le": 0.5})
 
 
+def X_BE_believed(config: CameraErrorsConfig) -> RigidTransform:
+    """Return where a camera is believed to be, in its body [m]."""
+    turn = cv2.Rodrigues(np.array(config.rotation, dtype=float))[0]
+    return RigidTransform(
+        RotationMatrix.ProjectToRotationMatrix(turn), config.translation
+    )
+
+
 class CameraErrors(LeafSystem):
     """Adds a real camera's errors to the output of an ideal one.
 
@@ -96,11 +104,7 @@ class CameraErrors(LeafSystem):
         super().__init__()
         self._config, self._focal = config, focal
         self._seed = (seed, zlib.crc32(name.encode()))
-        turn = cv2.Rodrigues(np.array(config.rotation, dtype=float))[0]
-        # From the camera's body to where it is believed to be.
-        self._X_BE = RigidTransform(
-            RotationMatrix.ProjectToRotationMatrix(turn), config.translation
-        )
+        self._X_BE = X_BE_believed(config)
         for port, model, calc in (
             ("color_image", ImageRgba8U(), self._calc_color),
             ("depth_image", ImageDepth32F(), self._calc_depth),

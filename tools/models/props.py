@@ -1,4 +1,4 @@
-"""Props around the robots: tables, floor, pedestal, marker, lid, cradle, bin, can."""
+"""Props around the robots: tables, floor, pedestal, tray, marker, lid, bin, can."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ WOOD = Proximity(rigid=True, friction=0.6)
 # on it rebounds at 1 / dissipation = 3 mm/s at most. `drake-srg experiment resting`.
 MAT = Proximity(rigid=False, friction=0.6, modulus=5e4, dissipation=300.0)
 SHEET = Proximity(rigid=True, friction=0.4)
+
+# Of the tray above the table [m].
+TRAY_HEIGHT = 0.02
 
 # YCB object set, 005_tomato_soup_can.
 CAN_RADIUS, CAN_LENGTH, CAN_MASS = 0.0339, 0.1018, 0.349
@@ -55,6 +58,40 @@ def floor() -> Files:
     low, high = (-3, -3, -0.85), (3, 3, -0.75)
     model.AddLink("floor", [box_piece("floor", "floor", low, high, 0, WOOD)], None)
     return model.finish("sdf/floor.sdf")
+
+
+def tray() -> Files:
+    """Return a tray on a linear axis along y; its origin is the middle of its top.
+
+    It moves 2 mm above its rails, which lie TRAY_HEIGHT below the origin.
+    """
+    looks = {"tray": (0.30, 0.34, 0.40), "rail": (0.62, 0.63, 0.65)}
+    model = Model("tray", looks, "A tray on a linear axis; tools/models/props.py.")
+    rails = [
+        box_piece(
+            f"rail_{side}",
+            "rail",
+            (x - 0.01, -0.30, -TRAY_HEIGHT),
+            (x + 0.01, 0.62, -TRAY_HEIGHT + 0.008),
+            0.0,
+            WOOD,
+        )
+        for side, x in (("near", -0.08), ("far", 0.08))
+    ]
+    low, high = (-0.15, -0.2, -TRAY_HEIGHT + 0.01), (0.15, 0.2, 0.0)
+    plate = [box_piece("plate", "tray", low, high, 0.0015, WOOD)]
+    # Welded to the world, so the rails' mass [kg] has no effect. The plate is of
+    # aluminium honeycomb.
+    rail_mass = union_properties([p.solid for p in rails])
+    model.AddLink("rails", rails, Inertial.uniform(1.0, rail_mass))
+    plate_mass = union_properties([p.solid for p in plate])
+    model.AddLink("plate", plate, Inertial.uniform(2.0, plate_mass))
+    limits = {"lower": -0.05, "upper": 0.45, "effort": 200.0, "velocity": 0.5}
+    model.AddJoint(
+        "slide", "rails", "plate", [0.0, 1.0, 0.0], limits, 0.0, kind="prismatic"
+    )
+    model.AddFrame("top", "plate")
+    return model.finish("sdf/tray.sdf")
 
 
 def pedestal() -> Files:
@@ -196,4 +233,5 @@ def build() -> Files:
         **cradle(),
         **bin_(),
         **pedestal(),
+        **tray(),
     }

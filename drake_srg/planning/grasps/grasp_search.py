@@ -10,10 +10,11 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.grasps.grasps import Grasp, Hand
-from drake_srg.planning.motion.failure import PlanningFailure
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
+    IkSolution,
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
@@ -112,13 +113,7 @@ class GraspSearch:
             if isinstance(pick, IkFailure):
                 no_pick.append((grasp, pick))
                 continue
-            with carrying(self._scene, shape, grasp, supported=True):
-                place = solve_inverse_kinematics(
-                    self._scene,
-                    place_target(grasp, X_WO_goal, self._place_height),
-                    q_nominal=self._q_home,
-                    q_guess=pick.q,
-                )
+            place = self._place(pick.q, grasp, shape, X_WO_goal)
             if isinstance(place, IkFailure):
                 no_place.append((grasp, place))
                 continue
@@ -139,6 +134,38 @@ class GraspSearch:
             for grasp, ik in sorted(missed, key=lambda miss: miss[1].violation)
         ]
         return sorted(candidates, key=lambda c: c.score), failures
+
+    def grasped(
+        self, q_grasp: Vector, grasp: Grasp, shape: Shape, X_WO_goal: RigidTransform
+    ) -> Candidate:
+        """Return the candidate of a grasp that holds its object.
+
+        Args:
+            q_grasp: Where the arm is, shape (N,) [rad].
+            grasp: The grasp.
+            shape: The object's shape.
+            X_WO_goal: The goal's pose [m].
+
+        Raises:
+            NoPathError: If the arm does not reach the goal.
+        """
+        place = self._place(q_grasp, grasp, shape, X_WO_goal)
+        if isinstance(place, IkFailure):
+            message = f"place {grasp.name}: {place.message}"
+            raise NoPathError(PlanningFailure(place.failure, message))
+        X_WO = self._scene.X_WG(q_grasp) @ grasp.X_GO
+        return Candidate(grasp, X_WO, q_grasp, place.q, score=0.0)
+
+    def _place(
+        self, q_grasp: Vector, grasp: Grasp, shape: Shape, X_WO_goal: RigidTransform
+    ) -> IkSolution | IkFailure:
+        with carrying(self._scene, shape, grasp, supported=True):
+            return solve_inverse_kinematics(
+                self._scene,
+                place_target(grasp, X_WO_goal, self._place_height),
+                q_nominal=self._q_home,
+                q_guess=q_grasp,
+            )
 
     def _pick_targets(
         self, grasp: Grasp, X_WO: RigidTransform, turned: bool

@@ -79,6 +79,23 @@ class GraspMotions:
                 self._moves.joint_path(q_start, back[-1]), self._moves.free
             )
 
+        return motions | self.carry(shape, X_WO_goal, candidate)
+
+    def carry(
+        self, shape: Shape, X_WO_goal: RigidTransform, candidate: Candidate
+    ) -> dict[Mode, Trajectory]:
+        """Plan the motions that follow a grasp, from lifting to home.
+
+        Args:
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            candidate: The grasp.
+
+        Raises:
+            NoPathError: If a motion does not exist.
+        """
+        scene, grasp = self._scene, candidate.grasp
+        motions: dict[Mode, Trajectory] = {}
         with carrying(scene, shape, grasp, supported=True):
             q_pick = candidate.q_grasp
             up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)

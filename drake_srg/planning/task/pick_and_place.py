@@ -1,6 +1,7 @@
 """The state machine that picks an object and places it, as a system."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
@@ -14,9 +15,15 @@ from drake_srg.planning.task.observing import Senses
 from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View
+from drake_srg.planning.task.task_mode import TaskMode
 from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.planning.task.transitions import Observation, transition
-from drake_srg.types import Shape
+from drake_srg.types import Mode, Shape
+
+MakeModes: TypeAlias = Callable[
+    [PlannerConfig, Replanner, int], Mapping[Mode, TaskMode]
+]
+Transition: TypeAlias = Callable[[Mode, Observation, float, PlannerConfig], Mode]
 
 
 class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
@@ -77,6 +84,8 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
         repeat: How many cycles. Every second one takes the object back to where it was
             first found.
         config: Times, speeds and limits.
+        make_modes: Makes what the planner does in each mode.
+        transition: Says which mode follows.
 
     Raises:
         ValueError: If `config.max_external_torque` lacks one entry per joint.
@@ -92,6 +101,8 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
         obstacles: Mapping[str, Shape] | None = None,
         repeat: int = 1,
         config: PlannerConfig | None = None,
+        make_modes: MakeModes = task_modes,
+        transition: Transition = transition,
     ) -> None:
         config = config or PlannerConfig()
         hand, n = task_planner.hand, len(task_planner.q_home)
@@ -105,7 +116,7 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
         sightings = Sightings(object_name, shape, others, hand.upright_within)
         replanner = Replanner(task_planner, sightings, goal, tolerance, config)
         super().__init__(
-            task_modes(config, replanner, repeat),
+            make_modes(config, replanner, repeat),
             memory=PlannerMemory(Motion(q_rest=task_planner.q_home)),
             transition=transition,
             config=config,

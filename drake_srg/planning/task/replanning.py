@@ -120,9 +120,9 @@ class Replanner:
         message = f"no {self._sightings.object_name} in any image"
         memory = _failed(memory, Failure.NOT_SEEN, message)
         memory = dc.replace(memory, attempt=dc.replace(attempt, ready_at=time))
-        # The arm may hide it.
-        at_home = self._at_home(memory.motion.q_rest)
-        return memory if at_home else self.escape(memory, time)
+        if self._at_home(memory.motion.q_rest):
+            return memory
+        return self.escape(memory, time)  # the arm may hide it
 
     def compare(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See whether the object is still where the motions take it, and they free."""
@@ -182,6 +182,18 @@ class Replanner:
         corrected = dc.replace(result, motions=rest)
         return dc.replace(memory, attempt=dc.replace(memory.attempt, motions=corrected))
 
+    def carry(self, memory: PlannerMemory, time: float) -> PlannerMemory:
+        """Plan the rest of the cycle from where the arm rests with the object held."""
+        start, obstacles = wall.perf_counter(), memory.seen.obstacles
+        q, grasp = memory.motion.q_rest, memory.attempt.planned.grasp
+        result = self._task_planner.plan_carry(
+            q, grasp, self._shape, self.goal(memory), obstacles
+        )
+        memory = self._planned(memory, start, time, obstacles)
+        if isinstance(result, PlanningFailure):
+            return _trapped(memory, result)
+        return dc.replace(memory, attempt=dc.replace(memory.attempt, motions=result))
+
     def escape(self, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Plan back from where the arm is, and home; else the arm is trapped."""
         start = wall.perf_counter()
@@ -189,14 +201,9 @@ class Replanner:
             memory.motion.q_rest, memory.grip.fingers_open, memory.seen.obstacles
         )
         memory = self._planned(memory, start, time, memory.seen.obstacles)
-        attempt = memory.attempt
         if isinstance(escape, PlanningFailure):
-            return dc.replace(
-                memory,
-                attempt=dc.replace(attempt, trapped=True),
-                trouble=dc.replace(memory.trouble, message=escape.message),
-            )
-        return dc.replace(memory, attempt=dc.replace(attempt, escape=escape))
+            return _trapped(memory, escape)
+        return dc.replace(memory, attempt=dc.replace(memory.attempt, escape=escape))
 
     def _planned(
         self, memory: PlannerMemory, start: float, time: float, obstacles: Obstacles
@@ -261,6 +268,14 @@ def _looked(
     totals = dc.replace(memory.totals, looks=memory.totals.looks + 1)
     attempt = dc.replace(memory.attempt, looked=True, **noticed)
     return dc.replace(memory, attempt=attempt, totals=totals)
+
+
+def _trapped(memory: PlannerMemory, why: PlanningFailure) -> PlannerMemory:
+    """Return the memory of an arm that has no way out."""
+    failure = memory.trouble.failure or why.failure
+    trouble = dc.replace(memory.trouble, failure=failure, message=why.message)
+    attempt = dc.replace(memory.attempt, trapped=True)
+    return dc.replace(memory, attempt=attempt, trouble=trouble)
 
 
 def _detour(memory: PlannerMemory) -> PlannerMemory:

@@ -97,6 +97,31 @@ class TaskPlanner:
         with self._standing(obstacles):
             return self._plan(q_start, X_WO, shape, X_WO_goal, tried)
 
+    def plan_carry(
+        self,
+        q_grasp: Vector,
+        grasp: Grasp,
+        shape: Shape,
+        X_WO_goal: RigidTransform,
+        obstacles: Obstacles = (),
+    ) -> TaskMotions | PlanningFailure:
+        """Plan from a grasp that holds the object, wherever that is, until home.
+
+        Args:
+            q_grasp: Where the arm is, at rest, shape (N,) [rad].
+            grasp: The grasp.
+            shape: The object's shape.
+            X_WO_goal: Where the object must go [m].
+            obstacles: Other objects and their poses [m].
+        """
+        try:
+            with self._standing(obstacles):
+                candidate = self._search.grasped(q_grasp, grasp, shape, X_WO_goal)
+                motions = self._grasp_motions.carry(shape, X_WO_goal, candidate)
+        except NoPathError as error:
+            return error.failure
+        return TaskMotions(grasp, motions)
+
     def plan_place(
         self,
         q_start: Vector,

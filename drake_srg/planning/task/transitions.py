@@ -1,7 +1,8 @@
 """The transition table of picking and placing."""
 
 import dataclasses as dc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeAlias
 
 from drake_srg.planning.state_machine import next_mode
 from drake_srg.planning.task.config import PlannerConfig
@@ -26,8 +27,9 @@ class Observation:
 
 # mode: [(condition on the observation o, the time t in the mode [s] and the planner's
 #         configuration c; next mode)]. The first condition that holds decides.
-_Condition = Callable[[Observation, float, PlannerConfig], bool]
-TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
+Condition: TypeAlias = Callable[[Observation, float, PlannerConfig], bool]
+Table: TypeAlias = Mapping[Mode, Sequence[tuple[Condition, Mode]]]
+TRANSITIONS: Table = {
     Mode.IDLE: [
         (lambda o, t, c: o.failure is not None, Mode.FAILED),
         (lambda o, t, c: o.ready, Mode.PRE_GRASP),
@@ -80,9 +82,13 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
 
 
 def transition(
-    mode: Mode, observation: Observation, t: float, config: PlannerConfig | None = None
+    mode: Mode,
+    observation: Observation,
+    t: float,
+    config: PlannerConfig | None = None,
+    table: Table = TRANSITIONS,
 ) -> Mode:
-    """Return the mode that follows, by the table `TRANSITIONS`.
+    """Return the mode that follows, by a table.
 
     From every mode, a spent time budget and a stop lead to FAILED.
 
@@ -91,7 +97,8 @@ def transition(
         observation: What is known now.
         t: Time since the mode began [s].
         config: The waits and the times of the gripper count here.
+        table: The transitions.
     """
     if observation.failure in (Failure.TIME_BUDGET, Failure.STOPPED):
         return mode if mode in (Mode.DONE, Mode.FAILED) else Mode.FAILED
-    return next_mode(TRANSITIONS, mode, observation, t, config or PlannerConfig())
+    return next_mode(table, mode, observation, t, config or PlannerConfig())

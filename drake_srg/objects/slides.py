@@ -1,0 +1,102 @@
+"""Slides: furniture that moves objects, such as a tray on a linear axis."""
+
+import dataclasses as dc
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import JointActuator, PdControllerGains
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from drake_srg.types import positive
+
+# Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s as the
+# arm's, critically damped.
+_FREQUENCY = 40.0
+
+
+@dc.dataclass(kw_only=True)
+class SlideConfig:
+    """How the one actuated joint of a model moves, whatever the robot does."""
+
+    # Speed along the joint's axis [m/s] or about it [rad/s].
+    speed: float = 0.05
+    # When it begins to move [s], and how long it takes to get up to speed and to stop.
+    start: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    ramp: float = dc.field(default=0.25, metadata=positive())
+    # How far it moves before it stops, either way [m or rad].
+    travel: float = dc.field(default=0.4, metadata=positive())
+
+
+def SetSlideGains(plant: MultibodyPlant, name: str) -> None:
+    """Give a slide's actuator its gains, before the plant is finalized.
+
+    Args:
+        plant: With the slide's model.
+        name: Of the model instance.
+
+    Raises:
+        ValueError: If there is no such model, or it does not have exactly one actuator.
+    """
+    if not plant.HasModelInstanceNamed(name):
+        raise ValueError(f"slides.{name}: no model of that name among the directives")
+    actuator = _actuator(plant, name)
+    inertia = actuator.joint().child_body().default_mass()
+    kp, kd = inertia * _FREQUENCY**2, 2.0 * inertia * _FREQUENCY
+    actuator.set_controller_gains(PdControllerGains(p=kp, d=kd))
+
+
+def AddSlide(
+    builder: DiagramBuilder, plant: MultibodyPlant, name: str, config: SlideConfig
+) -> TrajectorySource:
+    """Add `slide_NAME`, which moves a slide of a finalized plant.
+
+    Args:
+        builder: Of the diagram that contains the plant.
+        plant: With the slide's gains set by `SetSlideGains`.
+        name: Of the model instance.
+        config: How it moves.
+    """
+    actuator = _actuator(plant, name)
+    q_start = float(actuator.joint().default_positions()[0])
+    source = builder.AddNamedSystem(
+        f"slide_{name}",
+        TrajectorySource(slide_motion(config, q_start), output_derivative_order=1),
+    )
+    desired = plant.get_desired_state_input_port(actuator.model_instance())
+    builder.Connect(source.get_output_port(), desired)
+    return source
+
+
+def slide_motion(config: SlideConfig, q_start: float) -> PiecewisePolynomial:
+    """Return the joint's position over time: up to speed, evenly, and to rest.
+
+    Args:
+        config: How it moves.
+        q_start: Where it begins [m or rad].
+    """
+    speed = abs(config.speed)
+    if speed == 0.0:
+        return PiecewisePolynomial(np.array([[q_start]]))
+    # The ramps take `ramp` each and together speed * ramp of the way.
+    ramp = min(config.ramp, config.travel / speed)
+    even = config.travel / speed - ramp
+    way = np.cumsum([0.0, 0.0, 0.5 * speed * ramp, speed * even, 0.5 * speed * ramp])
+    times = np.cumsum([0.0, max(config.start, 1e-3), ramp, max(even, 1e-6), ramp])
+    velocities = np.array([0.0, 0.0, speed, speed, 0.0])
+    sign = np.sign(config.speed)
+    return PiecewisePolynomial.CubicHermite(
+        times, (q_start + sign * way)[np.newaxis], (sign * velocities)[np.newaxis]
+    )
+
+
+def _actuator(plant: MultibodyPlant, name: str) -> JointActuator:
+    model = plant.GetModelInstanceByName(name)
+    every = map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    found = [actuator for actuator in every if actuator.model_instance() == model]
+    if len(found) != 1:
+        raise ValueError(
+            f"slides.{name}: needs exactly one actuated joint, got {len(found)}"
+        )
+    return found[0]

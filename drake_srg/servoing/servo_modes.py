@@ -1,0 +1,203 @@
+"""The modes of picking and placing in which a visual servo moves the arm."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+from collections.abc import Mapping
+from typing import TypeAlias
+
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning import state_machine
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.task.modes import Close, Grasp, Lift, Verify, task_modes
+from drake_srg.planning.task.observing import Senses
+from drake_srg.planning.task.planner_memory import Attempt, PlannerMemory, Trouble
+from drake_srg.planning.task.replanning import Replanner
+from drake_srg.planning.task.task_mode import Entry, Now, TaskMode
+from drake_srg.planning.task.transitions import (
+    TRANSITIONS,
+    Observation,
+    Table,
+    transition,
+)
+from drake_srg.servoing.status import (
+    ServoCommand,
+    ServoFault,
+    ServoState,
+    ServoStatus,
+)
+from drake_srg.types import Failure, Mode
+
+# What the servo is told in each mode; it passes in all others.
+COMMANDS: Mapping[Mode, ServoCommand] = {
+    Mode.GRASP: ServoCommand.TRACK,
+    Mode.CLOSE: ServoCommand.FOLLOW,
+    Mode.VERIFY: ServoCommand.FOLLOW,
+    Mode.LIFT: ServoCommand.RAISE,  # until the motions from there are planned
+}
+# Those transitions that picking and placing does not have go first.
+SERVO_TRANSITIONS: Table = {
+    **TRANSITIONS,
+    Mode.GRASP: [
+        (lambda o, t, c: o.stuck, Mode.RETREAT),
+        *TRANSITIONS[Mode.GRASP],
+    ],
+    Mode.LIFT: [
+        (lambda o, t, c: o.failure is not None, Mode.FAILED),
+        *TRANSITIONS[Mode.LIFT],
+    ],
+}
+_LATE = "it does not reach the object in time"
+
+
+@dc.dataclass(frozen=True)
+class ServoSenses(Senses):
+    """Measurements at one time, and what the servo reports."""
+
+    servo: ServoStatus = dc.field(default_factory=ServoStatus)
+
+
+def servo_transition(
+    mode: Mode, observation: Observation, t: float, config: PlannerConfig
+) -> Mode:
+    """Return the mode that follows, by the table `SERVO_TRANSITIONS`."""
+    return transition(mode, observation, t, config, SERVO_TRANSITIONS)
+
+
+def servo_command(mode: Mode, memory: PlannerMemory) -> ServoCommand:
+    """Return what the servo must do in a mode."""
+    if mode is Mode.LIFT and memory.attempt.looked:
+        return ServoCommand.PASS
+    return COMMANDS.get(mode, ServoCommand.PASS)
+
+
+class Servoed(TaskMode):
+    """A mode in which the servo moves the arm, and the planner's motion follows it."""
+
+    def trajectory(self, attempt: Attempt) -> Trajectory | None:
+        """Return None: the servo knows the way."""
+        return None
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Rest where the servo has taken the arm."""
+        memory = super().update(memory, now)
+        q = _servo(now).q
+        return dc.replace(memory, motion=Motion(q)) if len(q) else memory
+
+
+class ServoGrasp(Servoed, Grasp):
+    """Lets the servo move the open hand around the object.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+        time_limit: Time after which the servo counts as failed [s].
+    """
+
+    mode = Mode.GRASP
+
+    def __init__(
+        self,
+        config: PlannerConfig,
+        replanner: Replanner,
+        repeat: int,
+        time_limit: float,
+    ) -> None:
+        super().__init__(config, replanner, repeat)
+        self.time_limit = time_limit
+
+    def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Plan a way out once the servo has failed."""
+        memory, servo = super().update(memory, now), _servo(now)
+        attempt = memory.attempt
+        late = now.time - attempt.ready_at > self.time_limit
+        failed = servo.state is ServoState.FAILED and servo.at_rest
+        if attempt.escape is not None or not (failed or late):
+            return memory
+        seen = servo.fault not in (None, ServoFault.STUCK)
+        why = servo.fault.value if servo.fault is not None and failed else _LATE
+        failure = Failure.NOT_SEEN if seen else Failure.OUT_OF_REACH
+        trouble = Trouble(failure, f"visual servo: {why}")
+        return self.replanner.escape(dc.replace(memory, trouble=trouble), now.time)
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report that the hand has reached the object, or that there is a way out."""
+        attempt = memory.attempt
+        if attempt.escape is not None:
+            return Observation(stuck=now.time >= attempt.ready_at)
+        return Observation(arrived=_servo(now).state is ServoState.REACHED)
+
+
+class ServoClose(Servoed, Close):
+    """Closes the fingers on the object while the hand follows it."""
+
+    mode = Mode.CLOSE
+
+
+class ServoVerify(Servoed, Verify):
+    """Makes sure that the fingers hold the object while the hand follows it."""
+
+    mode = Mode.VERIFY
+
+
+class ServoLift(Lift):
+    """Lets the servo raise the hand a little, plans the rest from there, and lifts."""
+
+    mode = Mode.LIFT
+
+    def enter(self, memory: PlannerMemory, entry: Entry) -> PlannerMemory:
+        """Remember how the fingers hold the object, and brake."""
+        memory = super().enter(memory, entry)
+        return dc.replace(memory, motion=Motion(_servo(entry).q))
+
+    def look(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
+        """Plan once the hand is at rest; the motion begins when the plan is ready."""
+        servo = _servo(now)
+        memory = dc.replace(memory, motion=Motion(servo.q))
+        if servo.state is not ServoState.HOLDING or not servo.at_rest:
+            return memory
+        memory = self.replanner.carry(memory, now.time)
+        attempt = dc.replace(memory.attempt, looked=True)
+        if attempt.trapped:
+            return dc.replace(memory, attempt=attempt)
+        motion = memory.motion.followed_by(
+            attempt.planned.motions[self.mode], attempt.ready_at, self.wait
+        )
+        return dc.replace(memory, attempt=attempt, motion=motion)
+
+    def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
+        """Report a plan that failed, and then what every lift reports."""
+        if memory.attempt.trapped:
+            return Observation(failure=memory.trouble.failure)
+        if not memory.attempt.looked:
+            return Observation()
+        return super().observe_mode(memory, now)
+
+
+def servo_modes(
+    config: PlannerConfig, replanner: Replanner, repeat: int, *, time_limit: float
+) -> dict[Mode, TaskMode]:
+    """Return what the planner does in each mode.
+
+    Args:
+        config: Times and limits.
+        replanner: Plans from what is seen.
+        repeat: How many cycles the task has.
+        time_limit: Time after which the servo counts as failed [s].
+    """
+    modes = task_modes(config, replanner, repeat)
+    modes[Mode.GRASP] = ServoGrasp(config, replanner, repeat, time_limit)
+    for kind in (ServoClose, ServoVerify, ServoLift):
+        modes[kind.mode] = kind(config, replanner, repeat)
+    return modes
+
+
+_Senses: TypeAlias = state_machine.Moment[Senses]
+
+
+def _servo(now: _Senses) -> ServoStatus:
+    assert isinstance(now.senses, ServoSenses), "these modes need a servo"
+    return now.senses.servo
