@@ -47,6 +47,9 @@ def brief(name):
         step = ScriptStep(mode="home", duration=0.1)
         scenario = dc.replace(scenario, script=[step], messages=None)
     scenario.planner.time_budget = 0.1
+    clutter = [n for n in scenario.objects if n.startswith("clutter_")]
+    for extra in clutter[1:]:
+        del scenario.objects[extra]  # one is enough
     scenario.sleeping = None  # that needs a subsystem `station`
     return scenario
 
