@@ -5,6 +5,8 @@ A tree consists of dicts, lists and scalars. A tag is the entry `_tag` of its ma
 
 from __future__ import annotations
 
+import copy
+import functools
 import typing
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -26,7 +28,7 @@ def parse_yaml(text: str, origin: str) -> Any:
             a part that contains itself.
     """
     try:
-        tree = yaml_load(data=text or "null")
+        tree = copy.deepcopy(_parse(text or "null"))
     except AttributeError:  # Drake looks for a prefix in the top-level keys
         raise ScenarioError(f"{origin}: keys must be text") from None
     except Exception as error:
@@ -34,6 +36,12 @@ def parse_yaml(text: str, origin: str) -> Any:
         raise ScenarioError(f"{origin}: not valid YAML: {lines[:200]}") from None
     _check_is_tree(tree, origin)
     return tree
+
+
+@functools.lru_cache(maxsize=64)
+def _parse(text: str) -> Any:
+    """Parse YAML text; scenarios share bases, whose text takes tens of milliseconds."""
+    return yaml_load(data=text)
 
 
 def merge(base: Any, override: Any, origin: str = "", key: str = "") -> Any:

@@ -48,8 +48,8 @@ def brief(name):
         scenario = dc.replace(scenario, script=[step], messages=None)
     scenario.planner.time_budget = 0.1
     clutter = [n for n in scenario.objects if n.startswith("clutter_")]
-    for name in clutter[1:]:
-        del scenario.objects[name]  # one is enough
+    for extra in clutter[1:]:
+        del scenario.objects[extra]  # one is enough
     scenario.sleeping = None  # that needs a subsystem `station`
     return scenario
 
