@@ -6,7 +6,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.driver import ArmDriver, ArmSignals, AddActuation, arm_actuators
+from drake_srg.arm.driver import AddActuation, ArmDriver, ArmSignals, arm_actuators
 from drake_srg.arm.impedance import ArmImpedanceDriver
 
 

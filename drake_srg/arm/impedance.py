@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     DiscreteValues,
 )
 
-from drake_srg.arm.driver import ArmDriver, ArmSignals, AddActuation, arm_actuators
+from drake_srg.arm.driver import AddActuation, ArmDriver, ArmSignals, arm_actuators
 from drake_srg.arm.impedance_law import (
     CartesianSpring,
     JointSpring,
