@@ -34,7 +34,8 @@ from drake_srg.vision.config import LocalizerThresholds
 from drake_srg.vision.thesis_blob_localizer import ThesisBlobConfig
 
 if typing.TYPE_CHECKING:
-    _ArmDriver, _Driver = ArmDriver, GripperDriver
+    _ArmDriver = ArmDriver
+    _Driver = GripperDriver
 else:  # the classes that a tag selects from
     _ArmDriver = functools.reduce(operator.or_, ARM_DRIVERS)
     _Driver = functools.reduce(operator.or_, DRIVERS)
