@@ -40,6 +40,7 @@ CELLS = {
         "camera_calibrations={ceiling: {}}",
     ],
     "kitchen_tendon": [],
+    "kitchen_impedance": [],
     "kitchen_varied": WIRED,
     "kitchen_varied_accurate": WIRED,
     "clear_table": [],

@@ -245,13 +245,11 @@ def _AddGravityCompensation(
     return gravity.get_output_port()
 
 
-def ExportHeld(
-    inner: DiagramBuilder, torque: OutputPort, period: float, name: str = "actuation"
-) -> None:
-    """Sample a driver's torque every `period` [s], and export it."""
+def AddActuation(inner: DiagramBuilder, torque: OutputPort, period: float) -> None:
+    """Sample a driver's torque every `period` [s], and export it as `actuation`."""
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(period, torque.size()))
     inner.Connect(torque, hold.get_input_port())
-    inner.ExportOutput(hold.get_output_port(), name)
+    inner.ExportOutput(hold.get_output_port(), "actuation")
 
 
 def AddJerkLimits(builder: DiagramBuilder, config: ArmDriver) -> JerkLimitedReference:

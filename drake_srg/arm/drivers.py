@@ -6,7 +6,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.arm.driver import ArmDriver, ArmSignals, ExportHeld, arm_actuators
+from drake_srg.arm.driver import AddActuation, ArmDriver, ArmSignals, arm_actuators
 from drake_srg.arm.impedance import ArmImpedanceDriver
 
 
@@ -51,7 +51,7 @@ class ArmPositionDriver(ArmDriver):
         """See `ArmDriver`."""
         inner.ExportOutput(signals.desired, "desired_state")
         if signals.gravity is not None:
-            ExportHeld(inner, signals.gravity, self.period)
+            AddActuation(inner, signals.gravity, self.period)
 
 
 DRIVERS: tuple[type[ArmDriver], ...] = (ArmPositionDriver, ArmImpedanceDriver)

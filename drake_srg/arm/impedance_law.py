@@ -124,7 +124,8 @@ class CartesianSpring(Spring):
         error = np.concatenate([turn.angle() * turn.axis(), p_0 - p])
         J_over_M = np.linalg.solve(M, J.T).T
         ease, U = np.linalg.eigh(J @ J_over_M.T)
-        inverse = np.where(ease > _SINGULAR * ease[-1], 1.0 / ease, 0.0)
+        moves = ease > _SINGULAR * ease[-1]
+        inverse = np.where(moves, 1.0 / np.where(moves, ease, 1.0), 0.0)
         N = np.eye(len(q)) - (J.T @ U * inverse) @ (U.T @ J_over_M)
         K_null = N @ K_own @ N.T
         torque = J.T @ (self._stiffness * error) + K_null @ (q_0 - q)
