@@ -1,4 +1,4 @@
-"""Tables cleared into a bin, sorted into two, or set in a row.
+"""A table cleared into a bin: spread objects, poured heaps, noisy depth.
 
 The seeds are not those that the planner was tuned on (0 to 99). Published rates are not
 comparable as they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took
@@ -16,12 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.objects.config import ObjectConfig
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
-from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import Simulate
 from drake_srg.sweeps.statistics import wilson_interval
@@ -29,29 +27,10 @@ from drake_srg.sweeps.statistics import wilson_interval
 # Of structured light: the standard deviation of depth [m], and the share of pixels
 # without depth.
 _NOISE = "camera_errors.ceiling={depth_noise: 0.001, depth_dropout: 0.01}"
-# For each experiment, scenes by name: a scenario and its overrides.
-SCENES: Mapping[str, Mapping[str, tuple[str, tuple[str, ...]]]] = {
-    "clearing": {
-        "spread": ("clear_table_fast", ()),
-        "spread, noise": ("clear_table_fast", (_NOISE,)),
-        "heap, noise": ("clear_heap_fast", (_NOISE,)),
-    },
-    "sorting": {
-        "by colour": ("sort_table", ()),
-        "in a row": ("row_table", ()),
-        "varied": ("clear_table_varied", ()),
-        "linkage gripper": ("clear_table_linkage", ()),
-    },
-}
-EXPERIMENTS = {
-    "clearing": (
-        "A table cleared into a bin: spread objects, poured heaps, noisy depth.",
-        {},
-    ),
-    "sorting": (
-        "Objects sorted by colour, set in a row, varied, or taken by another gripper.",
-        {"scenes": "sorting"},
-    ),
+SCENES: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "spread": ("clear_table_fast", ()),
+    "spread, noise": ("clear_table_fast", (_NOISE,)),
+    "heap, noise": ("clear_heap_fast", (_NOISE,)),
 }
 
 
@@ -62,36 +41,23 @@ class Case:
     scene: str
     seed: int
 
-    def load(self) -> tuple[str, Scenario]:
-        """Return the scenario's name, and the scenario."""
-        scenes = {
-            name: scene for group in SCENES.values() for name, scene in group.items()
-        }
-        name, overrides = scenes[self.scene]
-        return name, load_scenario(name, seed=self.seed, overrides=overrides)
-
     def __str__(self) -> str:
         return f"{self.scene}, seed {self.seed}"
 
 
-def run(
-    track: Track, *, scenes: str = "clearing", trials: int = 8, seed: int = 8000
-) -> ExperimentResult:
+def run(track: Track, *, trials: int = 8, seed: int = 8000) -> ExperimentResult:
     """Clear the table in every scene.
 
     Args:
         track: Shows progress.
-        scenes: Which ones: `clearing` or `sorting`.
         trials: Of each scene.
         seed: Of the first trial.
     """
     runs: dict[Case, Metrics] = {}
     # All scenes with one seed before any with the next.
-    if scenes not in SCENES:
-        raise ScenarioError(f"scenes: unknown {scenes!r} {suggest(scenes, SCENES)}")
-    cases = [Case(s, seed + i) for i in range(trials) for s in SCENES[scenes]]
-    for case in track(cases):
-        name, scenario = case.load()
+    for case in track([Case(s, seed + i) for i in range(trials) for s in SCENES]):
+        name, overrides = SCENES[case.scene]
+        scenario = load_scenario(name, seed=case.seed, overrides=overrides)
         runs[case] = Simulate(scenario, name=name).metrics
     tables = {"trials": trial_columns(runs), "objects": object_columns(runs)}
     return ExperimentResult(judge(runs), tables, draw(runs))
@@ -122,7 +88,7 @@ def shares(runs: Sequence[Metrics]) -> dict[str, Share]:
         for key in ("objects_total", "objects_cleared", "picks", "picks_held")
     }
     return {
-        "objects in place": Share(total["objects_cleared"], total["objects_total"]),
+        "objects in the bin": Share(total["objects_cleared"], total["objects_total"]),
         "picks held": Share(total["picks_held"], total["picks"]),
     }
 
@@ -164,7 +130,7 @@ def judge(runs: Mapping[Case, Metrics]) -> list[Row]:
             max((m.picks_held or 0) - (m.objects_cleared or 0), 0) for m in own
         )
         rows.append(
-            Row.at_most(scene, "claimed, not in place", 0.0, claimed, "objects")
+            Row.at_most(scene, "claimed, not in the bin", 0.0, claimed, "objects")
         )
     return rows
 
@@ -179,7 +145,7 @@ def trial_columns(runs: Mapping[Case, Metrics]) -> dict[str, list[Any]]:
             ("success", int(m.success)),
             ("failure", m.failure or ""),
             ("objects", m.objects_total),
-            ("in place", m.objects_cleared),
+            ("in the bin", m.objects_cleared),
             ("picks", m.picks),
             ("held", m.picks_held),
             ("picks per hour", m.picks_per_hour or np.nan),
@@ -193,12 +159,13 @@ def object_columns(runs: Mapping[Case, Metrics]) -> dict[str, list[Any]]:
     """Return a line of the table for each object."""
     table: dict[str, list[Any]] = {}
     for case, m in runs.items():
-        objects = case.load()[1].objects
+        name, overrides = SCENES[case.scene]
+        objects = load_scenario(name, seed=case.seed, overrides=overrides).objects
         for thing, outcome in (m.objects or {}).items():
             for column, value in (
                 ("scene", case.scene),
                 ("seed", case.seed),
-                ("object", _kind(thing, objects[thing])),
+                ("object", str(objects[thing].model).rpartition("/")[2][:-4]),
                 ("outcome", outcome["outcome"]),
                 ("attempts", outcome["attempts"]),
             ):
@@ -206,21 +173,14 @@ def object_columns(runs: Mapping[Case, Metrics]) -> dict[str, list[Any]]:
     return table
 
 
-def _kind(name: str, config: ObjectConfig) -> str:
-    """Return the name of an object's model; its own where it has none."""
-    return config.model.rpartition("/")[2][:-4] if config.model else name
-
-
 def draw(runs: Mapping[Case, Metrics]) -> Any:
     """Draw the shares of each scene with their intervals."""
     scenes = list(dict.fromkeys(case.scene for case in runs))
-    figure = make_figure(
-        8.0, 1.6 + 0.5 * len(scenes), "Tables cleared, sorted or set in a row"
-    )
+    figure = make_figure(8.0, 1.6 + 0.5 * len(scenes), "Tables cleared into a bin")
     axes = figure.subplots()
     style_axes(axes, xlabel="share, with its 95 % interval")
     y = np.arange(len(scenes))[::-1]
-    for i, what in enumerate(("objects in place", "picks held")):
+    for i, what in enumerate(("objects in the bin", "picks held")):
         found = [shares(of_scene(runs, scene))[what] for scene in scenes]
         values = np.array([share.value for share in found])
         bounds = np.array([share.bounds for share in found]).T
