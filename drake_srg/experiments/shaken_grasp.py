@@ -15,7 +15,6 @@ import numpy as np
 from numpy.random import default_rng
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.envs.episode_station import EpisodeStation
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.grasping import GraspConfig, present
 from drake_srg.experiments.household import Case
@@ -137,11 +136,10 @@ def _drawn(case: Case, rng: np.random.Generator) -> tuple[GraspConfig, Any, floa
     return grasp, thing, force
 
 
-def read_grasp(rig: Rig | EpisodeStation) -> tuple[list[Patch], Body]:
+def read_grasp(rig: Rig) -> tuple[list[Patch], Body]:
     """Return the hand's contacts with the picked object, and the object."""
     plant, context = rig.plant, rig.plant_context
-    # Of the context, where shapes may have been replaced.
-    inspector = plant.get_geometry_query_input_port().Eval(context).inspector()
+    inspector = rig.station.GetSubsystemByName("scene_graph").model_inspector()
 
     def geometries(model: str) -> set[Any]:
         bodies = plant.GetBodyIndices(plant.GetModelInstanceByName(model))
