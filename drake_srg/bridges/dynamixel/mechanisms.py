@@ -162,6 +162,8 @@ def station_mechanisms(scenario: Scenario) -> list[Mechanism]:
     arm, gripper = scenario.arm, scenario.gripper
     mechanisms: list[Mechanism] = []
     if arm is not None and arm.bus_servos:
+        if arm.limits is None:
+            raise ValueError("--servo: arm.limits: must be given, got null")
         plant = MakeModelsPlant(scenario)
         model = plant.GetModelInstanceByName("arm")
         motors = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]

@@ -45,10 +45,8 @@ class DynamixelConfig(HardwareDriver):
             ScenarioError: If the port is invalid, or another part has other settings.
             OSError: If the bus cannot be opened.
         """
-        key = ("dynamixel", self.port)
-        settings = (self.baud, self.protocol, self.period, self.timeout, self.retries)
-        known, bus = robot.shared.get(key, (settings, None))
-        if known != settings:
+        known, bus = robot.shared.get(self._key, (self._settings, None))
+        if known != self._settings:
             raise ScenarioError(
                 f"hardware: {self.port}: arm and gripper need the same baud, protocol, "
                 "period, timeout and retries"
@@ -58,8 +56,20 @@ class DynamixelConfig(HardwareDriver):
                 bus = self.make_bus(robot)
             except ValueError as error:
                 raise ScenarioError(f"hardware: {error}") from None
-            robot.shared[key] = settings, bus
+            self.share(robot, bus)
         return bus
+
+    def share(self, robot: Robot, bus: BusCycle) -> None:
+        """Have `bus_of` return an open bus."""
+        robot.shared[self._key] = self._settings, bus
+
+    @property
+    def _key(self) -> tuple[str, str]:
+        return "dynamixel", self.port
+
+    @property
+    def _settings(self) -> tuple[float, ...]:
+        return (self.baud, self.protocol, self.period, self.timeout, self.retries)
 
     def make_bus(self, robot: Robot) -> BusCycle:
         """Return what talks to the bus in a thread of its own.
