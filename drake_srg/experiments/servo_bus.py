@@ -18,7 +18,7 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.servo_runs import Wire, run_over_servos
-from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.recording.figure import make_figure, style_axes
 
 _SCENARIO = "assistive_arm"
 _WITHOUT = "without a bus"
@@ -52,7 +52,7 @@ def run(
     cases += [(name, seed) for name, most in count.items() for seed in range(most)]
     runs: dict[str, list[Mapping[str, Any]]] = {}
     for name, seed in track(cases, lambda case: f"{case[0]}, seed {case[1]}"):
-        trial = kept(f"{name}, {seed}", lambda name=name, seed=seed: _trial(name, seed))
+        trial = kept(f"{name}, {seed}", functools.partial(_trial, name, seed))
         runs.setdefault(name, []).append(trial)
     rows = [row for name, trials in runs.items() for row in judge(name, trials, runs)]
     lines = [
@@ -124,18 +124,17 @@ def judge(
 
 def draw(runs: Mapping[str, Sequence[Mapping[str, Any]]]) -> Any:
     """Return a figure of the placement errors of each wire."""
-    figure = make_figure()
+    figure = make_figure(8.0, 3.6, "The five-axis arm's task over a servo bus")
     axes = figure.add_subplot()
+    style_axes(axes, ylabel="placement error, larger of x and y [mm]")
     for k, trials in enumerate(runs.values()):
         errors = [1e3 * t["error"] for t in trials if t["placed"]]
-        across = k + np.linspace(-0.2, 0.2, len(errors)) if errors else []
-        axes.plot(across, errors, "o", color=COLORS[k % len(COLORS)], alpha=0.7)
+        across = np.linspace(k - 0.2, k + 0.2, len(errors))
+        axes.plot(across, errors, "o", ms=4)
     labels = [
         f"{name}\n{sum(t['placed'] for t in trials)} of {len(trials)}"
         for name, trials in runs.items()
     ]
     axes.set_xticks(range(len(runs)), labels, fontsize=7)
     axes.set_ylim(0.0, None)
-    axes.set_ylabel("placement error, larger of x and y [mm]")
-    style_axes(axes)
     return figure
