@@ -8,6 +8,7 @@ result depends on the machine's speed.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
