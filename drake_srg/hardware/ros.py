@@ -85,10 +85,9 @@ class _ArmLink(Link):
         q = commands["arm.position_commanded"]
         if self._window is None:
             self._node.send(self._topic, 0.0, q)
-        else:
-            self._node.send(
-                self._topic, 0.0, *self._window.after(q, self._joints.stamp)
-            )
+        elif math.isfinite(self._joints.stamp):
+            times, positions = self._window.after(q, self._joints.stamp)
+            self._node.send(self._topic, 0.0, times, positions)
 
     def _receive(self, message: Any) -> None:
         read = self._joints.read(message)
