@@ -112,8 +112,9 @@ def judge(
     rows = [
         Row.at_most(name, "claimed, but not placed", 0, wrong, ""),
         Row.at_most(name, "neither placed nor told why", 0, silent, ""),
-        Row.at_most(name, what, limit, worst, unit),
     ]
+    if errors or name in _CLEAN:
+        rows.append(Row.at_most(name, what, limit, worst, unit))
     if name in _CLEAN:
         rows.append(
             Row.at_least(name, f"placed, of {len(trials)}", len(trials), placed, "")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -70,15 +71,18 @@ class Run:
     told: list[str]
 
 
-def run_over_servos(name: str, seed: int, wire: Wire) -> Run:
+def run_over_servos(
+    name: str, seed: int, wire: Wire, overrides: Sequence[str] = ()
+) -> Run:
     """Run a scenario's task, with everything but pictures over a servo bus.
 
     Args:
         name: Of a scenario with an arm of bus servos.
         seed: Of the scenario, and of the losses.
         wire: What is on the way.
+        overrides: Of the scenario, `KEY=VALUE` each.
     """
-    scenario = load_scenario(name, seed=seed)
+    scenario = load_scenario(name, seed=seed, overrides=overrides)
     arm = scenario.arm
     assert arm is not None
     told: list[str] = []
