@@ -176,6 +176,9 @@ class DynamixelGripper(DynamixelConfig):
     closed: int = 0
     # Largest torque, as a fraction of the stall torque: the force of the grip.
     effort: float = dc.field(default=0.5, metadata=positive(le=1.0))
+    # How far the servo goes on at full load while the fingers stand still, because
+    # wires stretch [counts].
+    stretch: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Load that tells of contact, as a fraction of the stall torque. Friction and
     # springs must stay below it, `effort` above.
     contact_load: float = dc.field(default=0.15, metadata=positive(le=1.0))
@@ -240,7 +243,8 @@ class _GripperLink(Link):
     def _receive(self, states: Sequence[ServoState]) -> None:
         (state,) = states
         travel = self._config.closed - self._config.open
-        way = (state.position - self._config.open) / travel
+        relaxed = state.position - self._config.stretch * state.load
+        way = (relaxed - self._config.open) / travel
         speed = state.velocity / _COUNT / travel
         q = self._joints_at(way)
         v = (self._joints_at(way + _NEARBY) - q) / _NEARBY * speed
