@@ -40,7 +40,7 @@ _CATCH_UP = 0.02
 _PLANNING = 60.0
 
 
-def RunOnHardware(
+def run_on_hardware(
     scenario: Scenario,
     config: HardwareConfig,
     *,

@@ -36,8 +36,9 @@ def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
         - safety.release (optional)
         - safety.speed_override (optional)
         output_ports:
-        - (each measurement of the links)
-        - gripper.grasped
+        - arm.MEASUREMENT (each of the arm's link)
+        - gripper.MEASUREMENT (each of the gripper's link)
+        - gripper.grasped (with finger sensors)
         - hardware.stamp
         - arm.position_allowed
         - arm.position_held
