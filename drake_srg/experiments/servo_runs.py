@@ -141,8 +141,7 @@ def _connect(
     arm, gripper = scenario.arm, scenario.gripper
     assert arm is not None
     assert gripper is not None
-    travel = gripper.servo_travel
-    assert travel is not None
+    travel, _ = gripper.empty_hand(1.0)
     line = DirectLine(robot, wire.loss, seed)
     cycle = BusCycle(lambda: ServoBus(line, wire.protocol), warnings)
     plant = MakeModelsPlant(scenario)
