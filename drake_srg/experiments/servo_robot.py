@@ -116,9 +116,13 @@ class DirectLine:
         robot: The robot.
         loss: Share of the packets that lose a byte, in both directions.
         seed: Of the losses.
+
+    Attributes:
+        silent: Whether all replies are lost.
     """
 
     def __init__(self, robot: ServoRobot, loss: float, seed: int) -> None:
+        self.silent = False
         self._bus, self._loss = robot.bus, loss
         self._random = np.random.default_rng(seed)
         kind: type[Packet] = robot.bus.kind.packets
@@ -135,7 +139,7 @@ class DirectLine:
     def read(self, timeout: float) -> bytes:
         """Return the replies; nothing else ever arrives."""
         replies, self._replies = self._replies, b""
-        return replies
+        return b"" if self.silent else replies
 
     def drain(self, silence: float = 0.0) -> None:
         """Forget replies."""

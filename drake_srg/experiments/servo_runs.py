@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,10 +27,11 @@ from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.station.plant import MakeModelsPlant
-from drake_srg.types import Mode
+from drake_srg.types import Mode, Vector
 
 _PORT = "tcp:127.0.0.1:1"  # a name only: nothing connects there
 _SETTLE = 0.5  # after the planner has ended [s]
+_TRIES = 10  # exchanges before the start, which measurements may take to arrive
 _MAX_TILT = np.deg2rad(5.0)
 
 
@@ -42,12 +44,14 @@ class Wire:
         latency: Of measurements, and of commands [s].
         loss: Share of the packets that lose a byte.
         reboot: When a servo of the arm reboots [s], after the start; None: never.
+        silence: How long the bus is silent meanwhile [s].
     """
 
     protocol: int = 1
     latency: float = 0.0
     loss: float = 0.0
     reboot: float | None = None
+    silence: float = 0.0
 
 
 @dc.dataclass(frozen=True)
@@ -88,7 +92,8 @@ def run_over_servos(
     told: list[str] = []
     robot = ServoRobot(scenario, wire.protocol, Warnings(told.append))
     start = robot.pose()
-    cycle, hardware = _connect(scenario, robot, wire, seed, Warnings(told.append))
+    line = DirectLine(robot, wire.loss, seed)
+    cycle, hardware = _connect(scenario, robot, line, wire, Warnings(told.append))
     safety = scenario.safety or SafetyConfig()
 
     def make_station(scenario: Scenario) -> Diagram:
@@ -103,12 +108,12 @@ def run_over_servos(
     status = cell.GetOutputPort("planner.status")
     state = cell.GetOutputPort("safety.state")
     end, stopped = scenario.planner.time_budget, ""
-    rebooted = wire.reboot is None
+    reboot = math.inf if wire.reboot is None else wire.reboot
     while robot.time < end and not stopped:
         time = robot.time + arm.period
-        if not rebooted and wire.reboot is not None and time >= wire.reboot:
+        if robot.time < reboot <= time:
             robot.bus.servos[2].reboot()
-            rebooted = True
+        line.silent = reboot <= time < reboot + wire.silence
         cycle.cycle()
         simulator.AdvanceTo(time)
         robot.advance(time)
@@ -135,14 +140,17 @@ def run_over_servos(
 
 
 def _connect(
-    scenario: Scenario, robot: ServoRobot, wire: Wire, seed: int, warnings: Warnings
+    scenario: Scenario,
+    robot: ServoRobot,
+    line: DirectLine,
+    wire: Wire,
+    warnings: Warnings,
 ) -> tuple[BusCycle, Hardware]:
     """Return the exchange with a robot's servos, and the links to them."""
     arm, gripper = scenario.arm, scenario.gripper
     assert arm is not None
     assert gripper is not None
     travel, _ = gripper.empty_hand(1.0)
-    line = DirectLine(robot, wire.loss, seed)
     cycle = BusCycle(lambda: ServoBus(line, wire.protocol), warnings)
     plant = MakeModelsPlant(scenario)
     n = len(arm.home)
@@ -170,8 +178,11 @@ def _connect(
         if wire.latency:
             link = FaultyLink(link, FaultsConfig(latency=wire.latency), arm.period)
         links.append(link)
-    cycle.cycle()  # sets the servos up where they are
-    found = {name: value for link in links for name, value in link.take().items()}
+    found: dict[str, Vector] = {}
+    for _ in range(_TRIES):  # the first sets the servos up where they are
+        cycle.cycle()
+        for link in links:
+            found |= link.take()
     cameras = {
         name: SimulatedCamera(robot, name) for name in scenario.localizer.cameras
     }
