@@ -26,10 +26,10 @@ _WITHOUT = "without a bus"
 WIRES: Mapping[str, Wire] = {
     "Protocol 1.0": Wire(),
     "Protocol 2.0": Wire(protocol=2),
-    "20 ms later each way": Wire(latency=0.02),
-    "5 % of packets damaged": Wire(loss=0.05),
-    "a servo reboots": Wire(reboot=3.0),
-    "and is silent for 0.2 s": Wire(reboot=3.0, silence=0.2),
+    "20 ms each way": Wire(latency=0.02),
+    "5 % damaged": Wire(loss=0.05),
+    "servo reboots": Wire(reboot=3.0),
+    "reboot, 0.2 s silent": Wire(reboot=3.0, silence=0.2),
 }
 _CLEAN = ("Protocol 1.0", "Protocol 2.0")
 # Placement may be off by this many times what it is without a bus.

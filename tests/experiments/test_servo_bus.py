@@ -28,8 +28,8 @@ def test_every_wire_passes_that_places_as_well_as_none(monkeypatch):
         ("Protocol 1.0", WRONG, [0, 1, 2, 3]),
         ("Protocol 1.0", STOPPED, [2, 3]),
         ("Protocol 2.0", {**PLACED, "error": 0.9e-3}, [2]),
-        ("a servo reboots", STOPPED, []),
-        ("a servo reboots", {**STOPPED, "reason": ""}, [1]),
+        ("servo reboots", STOPPED, []),
+        ("servo reboots", {**STOPPED, "reason": ""}, [1]),
     ],
 )
 def test_what_is_wrong_fails(monkeypatch, name, trial, failing):
