@@ -70,6 +70,7 @@ class _ArmLink(Link):
             assert arm is not None
             self._topic = joint_trajectory(config.command, robot.arm_joints)
             self._window = Window(config.lead, arm.period)
+            self.lag = config.lead
         node.subscribe(config.state, _JOINT_STATE, self._receive)
         node.publish(self._topic)
 

@@ -108,7 +108,7 @@ def run_on_hardware(
             if out is not None and record:
                 stack.enter_context(AddRosbagRecorder(builder, cell, scenario, out))
             loop = ControlLoop(name, scenario, builder.Build(), cell)
-            planner.wait(_PLANNING + config.patience)
+            planner.wait(_PLANNING + config.patience, stop.is_set)
         try:
             elapsed = _run(loop, name, config.rate, stop, warnings, progress)
         finally:

@@ -1,7 +1,7 @@
 """Whatever messages arrive, the arm is never sent beyond the monitor's limits."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg.hardware.ros import Ros2Arm, Ros2Gripper
@@ -50,6 +50,7 @@ def message(event, stamp, q):
     return joint_state(stamp, names, position, speed)
 
 
+@settings(max_examples=15)  # each builds a station
 @given(st.lists(st.tuples(events, st.integers(1, 15)), min_size=1, max_size=8))
 def test_no_stream_of_messages_moves_the_arm_beyond_its_limits(stream):
     node = FakeNode()

@@ -1,7 +1,7 @@
 import itertools
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
 
@@ -15,6 +15,7 @@ def path(time):
     return np.array([np.sin(3.0 * time) * min(time, 1.0)])
 
 
+@settings(max_examples=10)  # each simulates 150 periods
 @given(
     st.lists(st.integers(0, 3), min_size=150, max_size=150),  # periods of delay
     st.lists(st.booleans(), min_size=150, max_size=150).map(
