@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hardware.stand import FakeArm, FakeGripper, FakePlanner, kitchen
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.bridges.served_station import MakeServedStation
@@ -15,6 +16,9 @@ from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.torque_control import TorqueControl
+from drake_srg.hardware.cell import MakeHardwareCell
+from drake_srg.hardware.opening import Hardware
+from drake_srg.hardware.station import MakeHardwareStation
 from drake_srg.learning.policy_planner import PolicyPlanner
 from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.scenario import Scenario, load_scenario
@@ -122,6 +126,24 @@ def make_machine():
     )
 
 
+def hardware_systems():
+    """The systems of a robot in place of the simulation, by name."""
+    scenario = kitchen()
+    cameras = {"ceiling": None}
+    hardware = Hardware([FakeArm(), FakeGripper()], cameras, {})
+    seeing = MakeHardwareStation(scenario, hardware)
+    blind = MakeHardwareStation(scenario, dc.replace(hardware, cameras={}))
+    cell = MakeHardwareCell(scenario, blind, FakePlanner(), 1.0)
+    return {
+        "HardwareStation": seeing,
+        "HardwareReader": seeing.GetSubsystemByName("hardware_reader"),
+        "HardwareWriter": seeing.GetSubsystemByName("hardware_writer"),
+        "CameraFeed": seeing.GetSubsystemByName("camera_ceiling"),
+        "HardwareCell": cell,
+        "RemotePlanner": cell.GetSubsystemByName("planner"),
+    }
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -173,6 +195,12 @@ def systems(tmp_path_factory):
     still = SimpleNamespace(pose=lambda q: q)
     box = Box([0.05, 0.05, 0.1])
     add("PolicyPlanner", PolicyPlanner(np.tanh, still, np.zeros(4), box, 0.0))
+    following = load_scenario("kitchen", overrides=["arm.limits=null"])
+    served = MakeServedStation(following)
+    add("ServedStation", served)
+    add("TrajectoryFollower", served.GetSubsystemByName("arm_reference"))
+    for name, system in hardware_systems().items():
+        add(name, system)
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:
         recorder.__exit__(None, None, None)

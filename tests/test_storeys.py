@@ -19,7 +19,7 @@ STOREYS = [
     {"cell", "export"},
     {"simulation"},
     {"sweeps", "bridges", "identification", "calibration"},
-    {"envs"},
+    {"envs", "hardware"},
     {"learning"},
     {"experiments"},
     {"cli"},

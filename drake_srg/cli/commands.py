@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli import doctor as machine
-from drake_srg.cli.hardware import run_on_hardware
+from drake_srg.cli.hardware import run_hardware
 from drake_srg.cli.objects import list_objects
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> int:
     from drake_srg.simulation import Simulate
 
     if options.hardware is not None:
-        return _tell(options, *run_on_hardware(options))
+        return _tell(options, *run_hardware(options))
     scenario = load_scenario(options.scenario, seed=options.seed, overrides=options.set)
     name = Path(options.scenario).stem
     out: Path = options.out or Path("out") / name

@@ -32,7 +32,7 @@ def add_run_arguments(run: argparse.ArgumentParser) -> None:
     )
 
 
-def run_on_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
+def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
     """Do a scenario's task on a robot; return the result and the folder of its files.
 
     Raises:
@@ -40,7 +40,7 @@ def run_on_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
     """
     # Imported under the signal handlers, so that a signal ends the command cleanly.
     with stop_on_signals() as stop:
-        from drake_srg.hardware import RunOnHardware, load_hardware
+        from drake_srg.hardware import load_hardware, run_on_hardware
         from drake_srg.scenario import load_scenario
 
         config = load_hardware(options.hardware)
@@ -50,7 +50,7 @@ def run_on_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
         name = Path(options.scenario).stem
         out: Path = options.out or Path("out") / "hardware" / name
         with writing("--out", out):
-            result = RunOnHardware(
+            result = run_on_hardware(
                 scenario,
                 config,
                 name=name,

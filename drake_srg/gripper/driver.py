@@ -76,11 +76,6 @@ class GripperDriver(FingerSensingConfig, abc.ABC):
         """The motor that winds the gripper's wires; None without wires."""
         return None
 
-    @property
-    def servo_travel(self) -> float | None:
-        """Angle of the first joint at closure 1 [rad], if a bus servo drives it."""
-        return None
-
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
         """Return how far one motor closes an empty hand, and its joints there [rad].
 

@@ -58,11 +58,6 @@ class LinkageDriver(GripperDriver):
     # and motors differ.
     motor_strength: float = dc.field(default=1.0, metadata=positive())
 
-    @property
-    def servo_travel(self) -> float | None:
-        """See `GripperDriver`."""
-        return self.master_slave.full_scale
-
     def empty_hand(self, closure: float) -> tuple[float, Vector]:
         """See `GripperDriver`."""
         angle = closure * self.master_slave.full_scale

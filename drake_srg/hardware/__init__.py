@@ -3,7 +3,7 @@
 from drake_srg.hardware.config import HardwareConfig, load_hardware
 from drake_srg.hardware.link import HardwareDriver, Link
 from drake_srg.hardware.opening import Hardware, open_hardware
-from drake_srg.hardware.run import RunOnHardware
+from drake_srg.hardware.run import run_on_hardware
 from drake_srg.hardware.station import MakeHardwareStation
 
 __all__ = [
@@ -12,7 +12,7 @@ __all__ = [
     "HardwareDriver",
     "Link",
     "MakeHardwareStation",
-    "RunOnHardware",
     "load_hardware",
     "open_hardware",
+    "run_on_hardware",
 ]

@@ -33,9 +33,11 @@ def MakeHardwareCell(
 
         name: HardwareCell
         input_ports:
-        - (the station's, of its safety monitor)
+        - safety.estop (optional)
+        - safety.release (optional)
+        - safety.speed_override (optional)
         output_ports:
-        - (all of the station's)
+        - ROOM.OUTPUT (all of the station's)
         - planner.mode
         - planner.status
         - arm.position_commanded

@@ -27,9 +27,11 @@ class Link(abc.ABC):
 
     Attributes:
         outputs: Sizes of the station's output ports that the link measures, by name.
+        lag: How long after a command the hardware is to be there [s].
     """
 
     outputs: Mapping[str, int] = {}
+    lag: float = 0.0
 
     @abc.abstractmethod
     def take(self) -> PortValues:

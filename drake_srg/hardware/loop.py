@@ -14,7 +14,8 @@ from drake_srg.simulation.run_log import RunLog
 from drake_srg.simulation.simulate import failure_time
 from drake_srg.types import Failure, Mode, PlannerStatus
 
-# A run goes on for this time after the planner has ended [s].
+# A run goes on for this time after its end is known, so that the last commands arrive
+# and are recorded [s].
 _SETTLE = 0.5
 _STOPPED = (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP)
 _WHY = {
@@ -98,8 +99,6 @@ class ControlLoop:
                 failure=Failure.STOPPED,
                 message=f"the arm was stopped ({reason.value}): {why}",
             )
-            self.log.sample(self._context)
-            return False
         if self._end is None and self.status.mode in (Mode.DONE, Mode.FAILED):
             self._end = self.time + _SETTLE
         return self._end is None or self.time < self._end

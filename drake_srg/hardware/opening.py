@@ -137,7 +137,9 @@ def _first(
     found: dict[str, Vector] = {}
     end = wall.monotonic() + patience
     while needed - found.keys():
-        if stopped() or wall.monotonic() > end:
+        if stopped():
+            raise ScenarioError("hardware: stopped before anything arrived")
+        if wall.monotonic() > end:
             missing = ", ".join(sorted(needed - found.keys()))
             raise ScenarioError(
                 f"hardware: no {missing} within {patience:g} s: does the robot run, "

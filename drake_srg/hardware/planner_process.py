@@ -14,8 +14,9 @@ import contextlib
 import multiprocessing as mp
 import signal
 import threading
+import time as wall
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -38,6 +39,7 @@ from drake_srg.scenario import Scenario
 # Ticks under way. More would let the planner's clock run behind the robot's, fewer
 # would leave it waiting for each message.
 _UNDER_WAY = 2
+_POLL = 0.1  # s
 _PATIENCE = 2.0  # how long to wait for process and thread to end [s]
 
 
@@ -85,17 +87,24 @@ class PlannerProcess(PlannerLink):
         )
         self._thread.start()
 
-    def wait(self, patience: float) -> None:
+    def wait(self, patience: float, stopped: Callable[[], bool]) -> None:
         """Wait until the planner is ready for ticks.
 
         Args:
             patience: How long [s, real].
+            stopped: Whether to give up waiting.
 
         Raises:
             ScenarioError: If it does not get ready.
         """
-        if not self._ready.wait(patience):
-            raise ScenarioError(f"hardware: the planner is not ready in {patience:g} s")
+        end = wall.monotonic() + patience
+        while not self._ready.wait(_POLL):
+            if stopped():
+                raise ScenarioError("hardware: stopped before the planner was ready")
+            if wall.monotonic() > end:
+                raise ScenarioError(
+                    f"hardware: the planner is not ready after {patience:g} s"
+                )
         for message in self.take():
             if isinstance(message, Ended):
                 raise ScenarioError(message.reason)
@@ -221,19 +230,25 @@ def _run(
     start: PortValues,
 ) -> None:
     """Run the process: answer ticks until the connection or the planner ends."""
+    sending = threading.Lock()  # warnings come from any thread
+
+    def send(message: Any) -> None:
+        with sending:
+            connection.send(message)
+
     try:
         scenario = yaml_load_typed(schema=Scenario, data=scenario_text)
         config = yaml_load_typed(schema=HardwareConfig, data=hardware_text)
-        warnings = Warnings(connection.send)
+        warnings = Warnings(send)
         with open_cameras(scenario, config, warnings) as cameras:
             hardware = Hardware([MirrorLink(outputs)], cameras, start)
             cell = PlannerCell(scenario, hardware)
-            connection.send(None)  # ready
+            send(None)  # ready
             while True:
-                connection.send(cell.answer(connection.recv()))
+                send(cell.answer(connection.recv()))
     except (EOFError, OSError) as error:
         reason = one_line(error)
     except Exception as error:  # the robot must not be left without a word
         reason = one_line(error) or repr(error)
     with contextlib.suppress(OSError):  # the control loop is gone
-        connection.send(Ended(reason))
+        send(Ended(reason))

@@ -19,7 +19,7 @@ class HardwareReader(LeafSystem):
 
         name: HardwareReader
         output_ports:
-        - (each measurement of the links)
+        - ROOM.MEASUREMENT (each of the links)
         - heartbeat
         - hardware.stamp
 

@@ -81,7 +81,7 @@ class RemotePlanner(LeafSystem):
 
         name: RemotePlanner
         input_ports:
-        - (each measurement)
+        - ROOM.MEASUREMENT (each of the station)
         output_ports:
         - position_commanded
         - closure_commanded

@@ -70,6 +70,7 @@ class _ArmLink(Link):
             assert arm is not None
             self._topic = joint_trajectory(config.command, robot.arm_joints)
             self._window = Window(config.lead, arm.period)
+            self.lag = config.lead
         node.subscribe(config.state, _JOINT_STATE, self._receive)
         node.publish(self._topic)
 
@@ -85,10 +86,9 @@ class _ArmLink(Link):
         q = commands["arm.position_commanded"]
         if self._window is None:
             self._node.send(self._topic, 0.0, q)
-        else:
-            self._node.send(
-                self._topic, 0.0, *self._window.after(q, self._joints.stamp)
-            )
+        elif math.isfinite(self._joints.stamp):
+            times, positions = self._window.after(q, self._joints.stamp)
+            self._node.send(self._topic, 0.0, times, positions)
 
     def _receive(self, message: Any) -> None:
         read = self._joints.read(message)

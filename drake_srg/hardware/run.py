@@ -36,11 +36,11 @@ from drake_srg.types import Mode, Vector
 _HOME = 0.05
 # A lag of the control loop up to this is caught up with [s].
 _CATCH_UP = 0.02
-# Longest time for a plan, and until the planner is ready [s].
+# Longest time for a plan, and until the planner is ready once its cameras are [s].
 _PLANNING = 60.0
 
 
-def RunOnHardware(
+def run_on_hardware(
     scenario: Scenario,
     config: HardwareConfig,
     *,
@@ -108,7 +108,7 @@ def RunOnHardware(
             if out is not None and record:
                 stack.enter_context(AddRosbagRecorder(builder, cell, scenario, out))
             loop = ControlLoop(name, scenario, builder.Build(), cell)
-            planner.wait(_PLANNING)
+            planner.wait(_PLANNING + config.patience, stop.is_set)
         try:
             elapsed = _run(loop, name, config.rate, stop, warnings, progress)
         finally:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
+
+import numpy as np
 from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
@@ -36,8 +40,9 @@ def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
         - safety.release (optional)
         - safety.speed_override (optional)
         output_ports:
-        - (each measurement of the links)
-        - gripper.grasped
+        - arm.MEASUREMENT (each of the arm's link)
+        - gripper.MEASUREMENT (each of the gripper's link)
+        - gripper.grasped (with finger sensors)
         - hardware.stamp
         - arm.position_allowed
         - arm.position_held
@@ -116,8 +121,10 @@ def AddHardwareStation(
     commands = input_ports(writer)
     if safety is not None:
         allowed = commands.pop("arm.position_commanded")
+        plant = MakeModelsPlant(scenario)
+        lag = max(link.lag for link in links)
         monitor = AddSafetyMonitor(
-            builder, MakeModelsPlant(scenario), arm.home, safety, arm.period
+            builder, plant, arm.home, _lenient(safety, plant, lag), arm.period
         )
         builder.Connect(monitor.GetOutputPort("position_allowed"), allowed)
         for name, port in (
@@ -146,6 +153,17 @@ def AddHardwareStation(
         builder.Connect(reader.GetOutputPort(STAMP), feed.get_input_port())
         for image, output in output_ports(feed).items():
             builder.ExportOutput(output, f"camera_{name}.{image}")
+
+
+def _lenient(safety: SafetyConfig, plant: MultibodyPlant, lag: float) -> SafetyConfig:
+    """Return limits that let the joints follow their commands with a lag [s]."""
+    if safety.following_error is None:
+        return safety
+    arm = plant.GetModelInstanceByName("arm")
+    speeds = plant.GetVelocitiesFromArray(arm, plant.GetVelocityUpperLimits())
+    return dc.replace(
+        safety, following_error=safety.following_error + lag * float(np.max(speeds))
+    )
 
 
 def camera_pose(scenario: Scenario, name: str) -> RigidTransform:

@@ -17,7 +17,7 @@ class HardwareWriter(LeafSystem):
 
         name: HardwareWriter
         input_ports:
-        - (each command)
+        - ROOM.COMMAND (each command)
 
     Args:
         links: The links; each gets all commands.

@@ -15,7 +15,7 @@ import numpy as np
 from drake_srg.bridges.commands import PortValues, gripper_command
 from drake_srg.bridges.dynamixel.encoder import JOINT
 from drake_srg.bridges.dynamixel.motor import Motor, MotorCommand, SpoolMotor
-from drake_srg.gripper.driver import GripperDriver, WireMotor
+from drake_srg.gripper.driver import WireMotor
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
@@ -156,12 +156,17 @@ class ServoGripper(Mechanism):
 def station_mechanisms(scenario: Scenario) -> list[Mechanism]:
     """Return what the servos of a scenario's station move, in the order of their IDs.
 
+    An arm of servos has its gripper's on the same bus.
+
     Raises:
+        ScenarioError: If no one servo closes the gripper of an arm of servos.
         ValueError: If the station has no servos.
     """
     arm, gripper = scenario.arm, scenario.gripper
     mechanisms: list[Mechanism] = []
     if arm is not None and arm.bus_servos:
+        if arm.limits is None:
+            raise ValueError("--servo: arm.limits: must be given, got null")
         plant = MakeModelsPlant(scenario)
         model = plant.GetModelInstanceByName("arm")
         motors = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
@@ -170,20 +175,14 @@ def station_mechanisms(scenario: Scenario) -> list[Mechanism]:
         upper = [motor.joint().position_upper_limits()[0] for motor in motors]
         effort = [arm.motor_strength * motor.effort_limit() for motor in motors]
         mechanisms.append(Arm(np.array(lower), np.array(upper), np.array(effort)))
-    hand = None if gripper is None else _gripper_mechanism(gripper)
-    if hand is not None:
-        mechanisms.append(hand)
+    if gripper is not None and gripper.wire_motor is not None:
+        mechanisms.append(WiredGripper(gripper.wire_motor))
+    elif gripper is not None and mechanisms:
+        _, joints = gripper.empty_hand(1.0)
+        mechanisms.append(ServoGripper(float(joints[0]), len(joints)))
     if not mechanisms:
         raise ValueError(
             "--servo: needs a gripper with a wire motor (!SrgTendonDriver, as in "
             "kitchen_tendon) or an arm of servos (arm.bus_servos, as in assistive_arm)"
         )
     return mechanisms
-
-
-def _gripper_mechanism(gripper: GripperDriver) -> Mechanism | None:
-    if gripper.wire_motor is not None:
-        return WiredGripper(gripper.wire_motor)
-    if gripper.servo_travel is not None:
-        return ServoGripper(gripper.servo_travel, len(gripper.joint_names))
-    return None

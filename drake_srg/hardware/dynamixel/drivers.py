@@ -45,10 +45,8 @@ class DynamixelConfig(HardwareDriver):
             ScenarioError: If the port is invalid, or another part has other settings.
             OSError: If the bus cannot be opened.
         """
-        key = ("dynamixel", self.port)
-        settings = (self.baud, self.protocol, self.period, self.timeout, self.retries)
-        known, bus = robot.shared.get(key, (settings, None))
-        if known != settings:
+        known, bus = robot.shared.get(self._key, (self._settings, None))
+        if known != self._settings:
             raise ScenarioError(
                 f"hardware: {self.port}: arm and gripper need the same baud, protocol, "
                 "period, timeout and retries"
@@ -58,8 +56,20 @@ class DynamixelConfig(HardwareDriver):
                 bus = self.make_bus(robot)
             except ValueError as error:
                 raise ScenarioError(f"hardware: {error}") from None
-            robot.shared[key] = settings, bus
+            self.share(robot, bus)
         return bus
+
+    def share(self, robot: Robot, bus: BusCycle) -> None:
+        """Have `bus_of` return an open bus."""
+        robot.shared[self._key] = self._settings, bus
+
+    @property
+    def _key(self) -> tuple[str, str]:
+        return "dynamixel", self.port
+
+    @property
+    def _settings(self) -> tuple[float, ...]:
+        return (self.baud, self.protocol, self.period, self.timeout, self.retries)
 
     def make_bus(self, robot: Robot) -> BusCycle:
         """Return what talks to the bus in a thread of its own.
@@ -166,6 +176,9 @@ class DynamixelGripper(DynamixelConfig):
     closed: int = 0
     # Largest torque, as a fraction of the stall torque: the force of the grip.
     effort: float = dc.field(default=0.5, metadata=positive(le=1.0))
+    # How far the servo goes on at full load while the fingers stand still, because
+    # wires stretch [counts].
+    stretch: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Load that tells of contact, as a fraction of the stall torque. Friction and
     # springs must stay below it, `effort` above.
     contact_load: float = dc.field(default=0.15, metadata=positive(le=1.0))
@@ -230,7 +243,8 @@ class _GripperLink(Link):
     def _receive(self, states: Sequence[ServoState]) -> None:
         (state,) = states
         travel = self._config.closed - self._config.open
-        way = (state.position - self._config.open) / travel
+        relaxed = state.position - self._config.stretch * state.load
+        way = (relaxed - self._config.open) / travel
         speed = state.velocity / _COUNT / travel
         q = self._joints_at(way)
         v = (self._joints_at(way + _NEARBY) - q) / _NEARBY * speed

@@ -35,17 +35,16 @@ def test_the_five_axis_arm_has_a_servo_per_joint_and_one_for_the_gripper():
     assert (type(gripper), len(gripper.motors)) == (ServoGripper, 1)
 
 
-def test_an_arm_without_bus_servos_leaves_the_gripper_s():
+def test_only_an_arm_of_servos_has_its_joints_on_the_bus():
     (wires,) = station_mechanisms(load_scenario("kitchen_tendon"))
     assert isinstance(wires, WiredGripper)
-    plain = dc.replace(FIVE_AXES, arm=dc.replace(FIVE_AXES.arm, bus_servos=False))
-    (gripper,) = station_mechanisms(plain)
-    assert isinstance(gripper, ServoGripper)
 
 
-def test_a_station_without_servos_is_refused():
-    with pytest.raises(ValueError, match=r"arm of servos \(arm.bus_servos"):
-        station_mechanisms(load_scenario("kitchen"))
+@pytest.mark.parametrize("changes", [{"bus_servos": False}, {"limits": None}])
+def test_a_station_without_servos_is_refused(changes):
+    plain = dc.replace(FIVE_AXES, arm=dc.replace(FIVE_AXES.arm, **changes))
+    with pytest.raises(ValueError, match=r"--servo: (needs .* an arm of serv|arm.lim)"):
+        station_mechanisms(plain)
 
 
 def test_joints_turn_against_the_clock(arm):

@@ -123,6 +123,14 @@ def test_the_gripper_tells_of_contact_by_its_load(bench, protocol):
     assert robot.cycle(closure=0.6)["gripper.triggered"].tolist() == [0.0] * 2
 
 
+def test_a_servo_that_stretches_wires_moves_no_finger(bench):
+    robot = bench({}, {"stretch": 100.0})
+    robot.line.load = 0.3
+    q = robot.cycle(closure=0.6)["gripper.state_measured"][0]
+    stretched = 0.3 * 100.0 / 4096 * 2 * np.pi
+    assert q == pytest.approx(0.6 * TRAVEL - stretched, abs=2e-3)
+
+
 @pytest.mark.parametrize("gripper", [SrgPositionDriver(), SrgTendonDriver()])
 @given(closure=st.floats(0.0, 1.0))
 def test_joints_of_an_empty_srg_add_up_to_its_closure(gripper, closure):

@@ -1,0 +1,37 @@
+import pytest
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.config import load_hardware, parse_hardware
+from drake_srg.hardware.ros import Ros1Gripper, Ros2Arm
+
+GOOD = "arm: !Ros2Arm {lead: 0.1}\ngripper: !Ros1Gripper {}\n"
+
+
+def test_tags_choose_the_drivers():
+    config = parse_hardware(GOOD + "cameras: {top: !Ros2Camera {}}\n", "robot.yaml")
+    assert type(config.arm) is Ros2Arm
+    assert config.arm.lead == 0.1
+    assert type(config.gripper) is Ros1Gripper
+    assert [*config.cameras] == ["top"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "arm: missing (allowed: !Ros1Arm"),
+        ("arm: !Ros2Arm {}", "gripper: missing (allowed: !Ros1Gripper"),
+        ("arm: !Arm {}\ngripper: !Ros2Gripper {}", "unknown tag !Arm"),
+        (GOOD + "speed: 1", "unknown key 'speed'"),
+        (GOOD + "ros2: {domain: 300}", "ros2.domain: must be at most 232"),
+        (GOOD + "faults: {loss: 2}", "faults.loss: must be at most 1"),
+    ],
+)
+def test_mistakes_are_named(text, words):
+    with pytest.raises(ScenarioError, match=r"^robot.yaml: ") as error:
+        parse_hardware(text, "robot.yaml")
+    assert words in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ScenarioError, match=r"none\.yaml: cannot be read"):
+        load_hardware(tmp_path / "none.yaml")

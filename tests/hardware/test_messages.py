@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+
+from drake_srg.bridges.commands import CommandError
+from drake_srg.hardware.messages import JointStates, joint_trajectory, percent
+from hardware.stand import joint_state, make
+
+NAMES = ["a", "b"]
+
+
+def test_joints_are_found_by_name():
+    joints = JointStates(NAMES)
+    message = joint_state(1.0, ["b", "x", "a"], [2.0, 9.0, 1.0], [4.0, 9.0, 3.0])
+    stamp, state, effort = joints.read(message)
+    assert stamp == 1.0
+    np.testing.assert_array_equal(state, [1.0, 2.0, 3.0, 4.0])
+    assert effort is None
+
+
+def test_messages_about_other_joints_are_none_of_ours():
+    assert JointStates(NAMES).read(joint_state(1.0, ["x"], [0.0], [0.0])) is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind"),
+    [
+        ((2.0, ["a"], [0.0], [0.0]), "joints"),
+        ((2.0, NAMES, [0.0], [0.0, 0.0]), "length"),
+        ((2.0, NAMES, [0.0, np.nan], [0.0, 0.0]), "finite"),
+        ((1.0, NAMES, [0.0, 0.0], [0.0, 0.0]), "stamp"),
+        ((0.5, NAMES, [0.0, 0.0], [0.0, 0.0]), "stamp"),
+    ],
+)
+def test_what_is_refused(arguments, kind):
+    joints = JointStates(NAMES)
+    joints.read(joint_state(1.0, NAMES, [0.0, 0.0], [0.0, 0.0]))
+    with pytest.raises(CommandError) as error:
+        joints.read(joint_state(*arguments))
+    assert error.value.kind == kind
+    assert joints.stamp == 1.0
+
+
+def test_a_trajectory_says_when_each_point_is_due():
+    topic = joint_trajectory("/j", NAMES)
+    times = np.array([3.5, 3.75])
+    message = topic.convert(make, 0.0, times, np.array([[0.0, 1.0], [2.0, 3.0]]))
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (3, 500000000)
+    assert [p.time_from_start.nanosec for p in message.points] == [0, 250000000]
+    np.testing.assert_array_equal(message.points[1].positions, [2.0, 3.0])
+
+
+def test_closures_become_percent():
+    topic = percent("/grasp")
+    assert [topic.convert(make, 0.0, c).data for c in (0.0, 0.374, 1.2)] == [0, 37, 100]
