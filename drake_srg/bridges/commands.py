@@ -16,8 +16,7 @@ from drake_srg.types import Vector
 
 # Values of station input ports, by name.
 PortValues = Mapping[str, Vector]
-# Largest command [bytes]; commands are a thousand times smaller.
-COMMAND_LIMIT = 2**20
+COMMAND_LIMIT = 2**20  # Largest command [bytes]; most are a thousand times smaller.
 
 
 class CommandError(ValueError):
@@ -39,8 +38,8 @@ class CommandTopic:
     Attributes:
         name: ROS topic.
         type: Message type in ROS 2's notation, such as "std_msgs/msg/Int32".
-        convert: Returns values of the station's input ports for the message's field
-            `data`; raises a CommandError if the command is invalid.
+        convert: Returns values of input ports for the message's field `data`; raises a
+            CommandError if the command is invalid.
         latched: Whether a value is kept until the station has seen it, even if a lower
             one follows at once: a button may be pressed for less than a period.
         whole: Whether `convert` takes the whole message in place of its `data`.

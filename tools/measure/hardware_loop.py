@@ -42,6 +42,7 @@ def run(
     loss: float = 0.0,
     rate: float = 1.0,
     watchdog: float = 0.05,
+    lead: float = 0.05,
     keep: str = "",
 ) -> ExperimentResult:
     """Do the task of a scenario through a wire.
@@ -56,16 +57,18 @@ def run(
         loss: Share of messages lost in both directions.
         rate: Seconds of both sides per real second, for a machine that is too slow.
         watchdog: Of the safety monitor [s].
+        lead: How far ahead commands are sent [s]; it must exceed the way there and
+            back.
         keep: File of finished runs; with it, an experiment that was cut off goes on.
     """
     kept = KeptTrials(keep)
-    setting = f"{scenario} {wire} {latency} {loss} {rate} {watchdog}"
+    setting = f"{scenario} {wire} {latency} {loss} {rate} {watchdog} {lead}"
     results: list[dict[str, Any]] = []
     for number in track(range(seed, seed + seeds), label=lambda s: f"seed {s}"):
         faults = {"latency": latency, "loss": loss, "seed": number}
 
         def trial(number: int = number, faults: dict[str, Any] = faults) -> Any:
-            return run_trial(scenario, wire, number, faults, rate, watchdog)
+            return run_trial(scenario, wire, number, faults, rate, watchdog, lead)
 
         results.append(dict(kept(f"{setting} {number}", trial)))
     placed = [r for r in results if r["placed"]]
@@ -105,6 +108,7 @@ def run_trial(
     faults: dict[str, Any],
     rate: float,
     watchdog: float,
+    lead: float,
 ) -> dict[str, Any]:
     """Serve a cell, do its task from another process, and judge where the object is.
 
@@ -115,6 +119,7 @@ def run_trial(
         faults: As in a hardware file.
         rate: Seconds of both sides per real second.
         watchdog: Of the safety monitor [s].
+        lead: How far ahead commands are sent [s].
     """
     with TemporaryDirectory() as folder, open_wire(wire, "hardware_loop") as opened:
         served, ran = Path(folder, "served"), Path(folder, "ran")
@@ -126,7 +131,7 @@ def run_trial(
         )
         try:
             file = Path(folder, "robot.yaml")
-            file.write_text(robot_file(wire, opened.arguments, faults, rate))
+            file.write_text(robot_file(wire, opened.arguments, faults, rate, lead))
             safety = f"safety={{watchdog: {watchdog}}}"
             command = [sys.executable, "-m", "drake_srg", "run", *common, "--json"]
             command += ["--hardware", str(file), "--out", str(ran), "--set", safety]
@@ -144,6 +149,7 @@ def run_trial(
         "seed": seed,
         "claimed": bool(answer.get("claimed")),
         "failure": answer.get("failure") or answer.get("error") or "",
+        "stops": ", ".join(stop["reason"] for stop in answer.get("safety_stops") or ()),
         "attempts": answer.get("attempts", 0),
         "placed": error <= loaded.task.place.tolerance,
         "error_m": error,
@@ -154,7 +160,11 @@ def run_trial(
 
 
 def robot_file(
-    wire: str, serve_arguments: Any, faults: dict[str, Any], rate: float
+    wire: str,
+    serve_arguments: Any,
+    faults: dict[str, Any],
+    rate: float,
+    lead: float,
 ) -> str:
     """Return the text of the hardware file for a served cell."""
     ros = "Ros1" if wire == "ROS 1" else "Ros2"
@@ -163,7 +173,7 @@ def robot_file(
     nodes = {node[key]: yaml.safe_load(value) for key, value in given.items()}
     rest = {ros.lower(): nodes, "faults": faults, "rate": rate, "patience": 120.0}
     tags = (
-        f"arm: !{ros}Arm {{}}\ngripper: !{ros}Gripper {{}}\n"
+        f"arm: !{ros}Arm {{lead: {lead}}}\ngripper: !{ros}Gripper {{}}\n"
         f"cameras: {{ceiling: !{ros}Camera {{}}}}\n"
     )
     return tags + yaml.safe_dump(rest)

@@ -8,12 +8,13 @@ FAULTS = {"latency": 0.02, "loss": 0.05, "seed": 3}
 
 
 def test_the_hardware_file_of_a_run_can_be_loaded():
-    text = robot_file("ROS 1", ("--ros1", "--master", "http://x:1"), FAULTS, 1.0)
+    text = robot_file("ROS 1", ("--ros1", "--master", "http://x:1"), FAULTS, 1.0, 0.1)
     config = parse_hardware(text, "robot.yaml")
     assert isinstance(config.arm, Ros1Arm)
+    assert config.arm.lead == 0.1
     assert config.ros1.master == "http://x:1"
     assert config.faults.latency == pytest.approx(0.02)
-    text = robot_file("ROS 2", ("--ros2", "--domain", "9"), FAULTS, 0.5)
+    text = robot_file("ROS 2", ("--ros2", "--domain", "9"), FAULTS, 0.5, 0.1)
     config = parse_hardware(text, "robot.yaml")
     assert isinstance(config.gripper, Ros2Gripper)
     assert (config.ros2.domain, config.rate) == (9, 0.5)
