@@ -150,13 +150,14 @@ class ArmImpedanceDriver(ArmDriver):
         for q in (np.array(self.home), *postures):
             _, K, M = spring.pull(q, q)
             fastest = max(fastest, float(natural_frequencies(M, K)[-1]))
-        phase = largest_phase(self.damping_ratio)
-        if fastest * self.period > phase:
+        longest = largest_phase(self.damping_ratio) / max(fastest, 1e-9)
+        if self.period > longest:
+            longest = np.floor(1e4 * longest) / 1e4
             raise ValueError(
                 f"arm.period: {self.period:g} s is too long for this stiffness, with "
                 f"which the arm swings at up to {fastest:.3g} rad/s and "
                 f"damping_ratio {self.damping_ratio:g} "
-                f"(allowed: up to {phase / fastest:.2g} s, or less stiffness)"
+                f"(allowed: up to {longest:g} s, or less stiffness)"
             )
 
 

@@ -69,7 +69,7 @@ def run(
     *,
     grasps: int = 20,
     insertions: int = 10,
-    time_step: float = 0.005,
+    time_step: float = 0.002,
     keep: str = "",
     quick: bool = False,
 ) -> ExperimentResult:

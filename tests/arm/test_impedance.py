@@ -184,7 +184,7 @@ def test_torques_stay_within_their_limits():
         ),
         (
             "{period: 0.02, cartesian: {}}",
-            "arm.period: 0.02 s is too long for this stiffness",
+            "arm.period: 0.02 s is too long for this stiffness, with which the arm ",
         ),
         ("{joint_stiffness: [9e4, 9e4, 9e4, 9e4, 9e4, 9e4, 9e4]}", "(allowed: up to"),
     ],
