@@ -11,6 +11,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.bridges.served_station import MakeServedStation
 from drake_srg.cell import MakeCell
+from drake_srg.cell.servoing import MakeServoingPlanner
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.gripper.tendon import TendonDriveConfig
@@ -150,6 +151,15 @@ def systems(tmp_path_factory):
         if scenario.arm.command_period is not None:
             add("Interpolation", arm_driver.GetSubsystemByName("interpolator"))
         for system in subsystems(cell):
+            add(type(system).__name__, system)
+    key = "servoing.method"
+    for method in ("pbvs", "ibvs"):
+        servoing = load_scenario("kitchen_servoing", overrides=[f"{key}={method}"])
+        planner = MakeServoingPlanner(servoing)
+        alive.append(planner)
+        add("ServoedPlanner", planner)
+        add("VisualServo", planner.GetSubsystemByName("servo"))
+        for system in subsystems(planner):
             add(type(system).__name__, system)
     kitchen = load_scenario("kitchen")
     add("ServedStation", MakeServedStation(kitchen))

@@ -47,14 +47,23 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
 
     .. pydrake_system::
 
-        name: ServoingPlannerWithServo
+        name: ServoedPlanner
         input_ports:
-        - (those of ServoingPlanner, without servo_status)
+        - blobs
+        - arm_state
+        - gripper_state
+        - grasped
+        - proximity
+        - obstacles (optional)
+        - external_torque (optional)
         - CAMERA.color_image
         - CAMERA.depth_image
         output_ports:
-        - (those of ServoingPlanner, without servo_command)
+        - position_commanded
         - servo_status
+        - closure_commanded
+        - mode
+        - status
 
     The subsystems are `planner`, `servo` and `tracker`, a `SurfaceTracker` (pbvs) or a
     `SilhouetteTracker` (ibvs). `position_commanded` is the servo's.

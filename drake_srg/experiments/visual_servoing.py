@@ -8,6 +8,7 @@ trial ends once the can is lifted and held, or the first attempt has failed. See
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -60,12 +61,10 @@ def run(
     ]
     results: dict[tuple[Case, str], list[Grasped]] = {}
     for case, method, seed in track(order, lambda o: f"{o[0]}, {o[1]}"):
-        result = kept(
-            f"{case}/{method}/{seed}",
-            lambda at=(case, method, seed): dc.asdict(grasp_once(*at)),
-        )
+        trial = functools.partial(_trial, case, method, seed)
+        result = kept(f"{case}/{method}/{seed}", trial)
         results.setdefault((case, method), []).append(Grasped(**result))
-    lines = [
+    lines: list[dict[str, Any]] = [
         {
             "case": str(case),
             "method": method,
@@ -78,8 +77,12 @@ def run(
         for (case, method), made in results.items()
         for i, grasped in enumerate(made)
     ]
-    table = {key: [line[key] for line in lines] for key in lines[0]}
+    table: dict[str, Any] = {key: [line[key] for line in lines] for key in lines[0]}
     return ExperimentResult(_rows(results), {"trials": table}, _figure(results))
+
+
+def _trial(case: Case, method: str, seed: int) -> dict[str, Any]:
+    return dc.asdict(grasp_once(case, method, seed))
 
 
 def _rows(results: _Results) -> list[Row]:
