@@ -122,6 +122,13 @@ def make_machine():
     )
 
 
+def servoed_planners():
+    """The planner of a scenario with each of the visual servos."""
+    for method in ("pbvs", "ibvs"):
+        settings = [f"servoing.method={method}"]
+        yield MakeServoingPlanner(load_scenario("kitchen_servoing", overrides=settings))
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -152,10 +159,7 @@ def systems(tmp_path_factory):
             add("Interpolation", arm_driver.GetSubsystemByName("interpolator"))
         for system in subsystems(cell):
             add(type(system).__name__, system)
-    key = "servoing.method"
-    for method in ("pbvs", "ibvs"):
-        servoing = load_scenario("kitchen_servoing", overrides=[f"{key}={method}"])
-        planner = MakeServoingPlanner(servoing)
+    for planner in servoed_planners():
         alive.append(planner)
         add("ServoedPlanner", planner)
         add("VisualServo", planner.GetSubsystemByName("servo"))

@@ -55,7 +55,7 @@ def see(mask, depth=0.2):
 
 
 def test_points_are_those_of_a_pinhole_camera():
-    seen = see(disc(79.5, 59.5, 20))  # Drake's pixel (79.5, 59.5) is in the middle
+    seen = see(disc(79, 59, 20))  # the middle of the image; see DRAKE_PIXEL_CENTER
     focal = CAMERA.color.focal_x()
     expected = np.array([[20, 0], [-20, 0], [0, 20], [0, -20]]) / focal
     np.testing.assert_allclose(seen.points, expected, atol=0.2 / focal)
