@@ -152,5 +152,5 @@ def _figure(results: _Results) -> Any:
     lower.set_yscale("log")
     lower.set_xticks(at, [str(case) for case in cases], fontsize=8)
     upper.set_ylim(0.0, 1.05)
-    upper.legend(fontsize=8, ncols=4, loc="lower left")
+    upper.legend(fontsize=8, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
