@@ -12,6 +12,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.bridges.served_station import MakeServedStation
 from drake_srg.cell import MakeCell
+from drake_srg.cell.servoing import MakeServoingPlanner
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.gripper.tendon import TendonDriveConfig
@@ -144,6 +145,13 @@ def hardware_systems():
     }
 
 
+def servoed_planners():
+    """The planner of a scenario with each of the visual servos."""
+    for method in ("pbvs", "ibvs"):
+        settings = [f"servoing.method={method}"]
+        yield MakeServoingPlanner(load_scenario("kitchen_servoing", overrides=settings))
+
+
 @pytest.fixture(scope="module")
 def systems(tmp_path_factory):
     """Real systems by the names of the blocks that document them."""
@@ -173,6 +181,12 @@ def systems(tmp_path_factory):
         if scenario.arm.command_period is not None:
             add("Interpolation", arm_driver.GetSubsystemByName("interpolator"))
         for system in subsystems(cell):
+            add(type(system).__name__, system)
+    for planner in servoed_planners():
+        alive.append(planner)
+        add("ServoedPlanner", planner)
+        add("VisualServo", planner.GetSubsystemByName("servo"))
+        for system in subsystems(planner):
             add(type(system).__name__, system)
     kitchen = load_scenario("kitchen")
     add("ServedStation", MakeServedStation(kitchen))

@@ -10,6 +10,7 @@ from pydrake.common.schema import Rotation, Transform
 from pydrake.common.yaml import yaml_dump_typed
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import GetScopedFrameByName
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.cell.hands import MakeHand
@@ -46,14 +47,23 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
 
     .. pydrake_system::
 
-        name: ServoingPlannerWithServo
+        name: ServoedPlanner
         input_ports:
-        - (those of ServoingPlanner, without servo_status)
+        - blobs
+        - arm_state
+        - gripper_state
+        - grasped
+        - proximity
+        - obstacles (optional)
+        - external_torque (optional)
         - CAMERA.color_image
         - CAMERA.depth_image
         output_ports:
-        - (those of ServoingPlanner, without servo_command)
+        - position_commanded
         - servo_status
+        - closure_commanded
+        - mode
+        - status
 
     The subsystems are `planner`, `servo` and `tracker`, a `SurfaceTracker` (pbvs) or a
     `SilhouetteTracker` (ibvs). `position_commanded` is the servo's.
@@ -69,8 +79,9 @@ def MakeServoingPlanner(scenario: Scenario) -> Diagram:
         "planner",
         ServoingPlanner(**planner_arguments(scenario), time_limit=config.time_limit),
     )
-    mount = CameraMount.of(scenario)
-    servo, tracker = _AddServo(builder, scenario, config, mount)
+    plant = MakeModelsPlant(scenario)
+    mount = CameraMount.of(scenario, plant)
+    servo, tracker = _AddServo(builder, scenario, config, mount, plant)
     for source, target in (
         (planner.GetOutputPort("servo_command"), servo.GetInputPort("command")),
         (
@@ -119,8 +130,12 @@ class CameraMount:
     model: CameraModel
 
     @classmethod
-    def of(cls, scenario: Scenario) -> CameraMount:
+    def of(cls, scenario: Scenario, plant: MultibodyPlant) -> CameraMount:
         """Return the mount of the servo's camera.
+
+        Args:
+            scenario: With `servoing`.
+            plant: Of the scenario's models.
 
         Raises:
             ScenarioError: If the camera is not fixed to the hand.
@@ -128,7 +143,6 @@ class CameraMount:
         assert scenario.servoing is not None
         name = scenario.servoing.camera
         config = scenario.cameras[name]
-        plant = MakeModelsPlant(scenario)
         palm = plant.GetBodyByName("palm", plant.GetModelInstanceByName("gripper"))
         base = config.X_PB.base_frame or "world"
         frame = GetScopedFrameByName(plant, base)
@@ -157,11 +171,11 @@ def _AddServo(
     scenario: Scenario,
     config: ServoingConfig,
     mount: CameraMount,
+    plant: MultibodyPlant,
 ) -> tuple[VisualServo, System]:
     """Add servo and tracker; export what the tracker needs of the camera."""
-    plant, name = MakeModelsPlant(scenario), scenario.task.pick
-    arm = ServoArm(plant)
-    grasp = _grasp(scenario)
+    name, arm = scenario.task.pick, ServoArm(plant)
+    grasp = _grasp(scenario, plant)
     shown = config.goal == "shown"
     X_GC = mount.X_GC if shown else mount.X_GC_believed
     X_CO_goal = X_GC.inverse() @ grasp.X_GO
@@ -187,11 +201,11 @@ def _AddServo(
     return builder.AddNamedSystem("servo", servo), tracker
 
 
-def _grasp(scenario: Scenario) -> Grasp:
+def _grasp(scenario: Scenario, plant: MultibodyPlant) -> Grasp:
     """Return the one way in which the hand may take the object."""
     name = scenario.task.pick
     shape = object_shape(name, scenario.objects[name])
-    grasps = MakeHand(scenario, MakeModelsPlant(scenario)).grasps(shape, _UP)
+    grasps = MakeHand(scenario, plant).grasps(shape, _UP)
     if len(grasps) != 1:
         found = ", ".join(grasp.name for grasp in grasps) or "none"
         raise ScenarioError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Sequence
 
 import numpy as np
@@ -125,8 +126,7 @@ def _run(scenario: Scenario) -> Grasped:
     ApplySimulatorConfig(scenario.simulator_config, simulator)
     root = simulator.get_mutable_context()
     context = my_context(cell, root)
-    arm = ServoArm(MakeModelsPlant(scenario))
-    p_GO_planned = _p_GO_planned(scenario)
+    arm, p_GO_planned = _hand()
     name = scenario.task.pick
 
     def X_WO() -> Vector:
@@ -141,7 +141,7 @@ def _run(scenario: Scenario) -> Grasped:
     while root.get_time() < _LONGEST:
         try:
             with failure_time(SCENARIO, simulator):
-                simulator.AdvanceTo(root.get_time() + scenario.planner.period)
+                simulator.AdvanceTo(root.get_time() + 2.0 * scenario.planner.period)
         except ScenarioError:
             return _ended(False, off, "simulation")
         status = cell.GetOutputPort("planner.status").Eval(context)
@@ -156,13 +156,14 @@ def _run(scenario: Scenario) -> Grasped:
     return _ended(False, off, "time")
 
 
-def _p_GO_planned(scenario: Scenario) -> Vector:
-    """Return where the object must be in the hand, shape (3,) [m]."""
-    name = scenario.task.pick
+@functools.cache
+def _hand() -> tuple[ServoArm, Vector]:
+    """Return the arm, and where the object must be in the hand, shape (3,) [m]."""
+    scenario = load_scenario(SCENARIO)
+    name, plant = scenario.task.pick, MakeModelsPlant(scenario)
     shape = object_shape(name, scenario.objects[name])
-    hand = MakeHand(scenario, MakeModelsPlant(scenario))
-    (grasp,) = hand.grasps(shape, np.array([0.0, 0.0, 1.0]))
-    return grasp.p_GO
+    (grasp,) = MakeHand(scenario, plant).grasps(shape, np.array([0.0, 0.0, 1.0]))
+    return ServoArm(plant), grasp.p_GO
 
 
 def _reason(mode: Mode, off: Vector | None) -> str:

@@ -44,7 +44,7 @@ class ServoConfig:
     # distance of it [m].
     tolerance: float = dc.field(default=0.003, metadata=positive())
     settled: int = dc.field(default=6, metadata={"ge": 1})
-    # How high the hand goes before it brakes, with what it has grasped [m], and how fast
+    # How high the hand goes with what it has grasped before it brakes [m], and how fast
     # [m/s].
     rise: float = dc.field(default=0.02, metadata={"ge": 0.0})
     rise_speed: float = dc.field(default=0.1, metadata=positive())

@@ -104,7 +104,7 @@ def joint_step(
         upper: Upper limits of the joints, shape (N,) [rad].
     """
     velocity = damped_solution(jacobian, twist, least).x
-    velocity = velocity / max(1.0, float(np.max(np.abs(velocity) / speed)))
-    following = np.clip(q + period * velocity, lower, upper)
+    slower: float = max(1.0, float(np.max(np.abs(velocity) / speed)))
+    following = np.clip(q + period / slower * velocity, lower, upper)
     made = jacobian @ (following - q) / period
-    return JointStep(following, float(made @ twist / max(twist @ twist, 1e-12)))
+    return JointStep(following, float(made @ twist) / max(float(twist @ twist), 1e-12))

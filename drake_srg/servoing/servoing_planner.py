@@ -50,9 +50,9 @@ class ServoingPlanner(PickAndPlacePlanner):
 
     In front of the object, the planner hands over to the servo, and closes the fingers
     once that has reached the object. Meanwhile the servo follows the object as it last
-    moved. Once the grasp is verified, the servo raises the hand a little and brakes, and
-    the planner plans the rest of the cycle from there. If the servo fails, the planner draws the hand
-    back, goes home and tries again.
+    moved. Once the grasp is verified, the servo raises the hand a little and brakes,
+    and the planner plans the rest of the cycle from there. If the servo fails, the
+    planner draws the hand back, goes home and tries again.
 
     Args:
         task_planner: Plans the motions.

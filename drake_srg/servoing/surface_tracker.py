@@ -39,8 +39,8 @@ def fit_translation(
 ) -> Vector | None:
     """Return where a solid of known orientation is whose surface has the points.
 
-    Gauss-Newton on the robustly weighted distances from the surface, from half a size
-    behind the middle of the points.
+    Gauss-Newton on the robustly weighted distances from the surface, from half of the
+    least extent behind the middle of the points.
 
     Args:
         points: In the camera's frame, shape (n, 3) [m].
@@ -56,7 +56,7 @@ def fit_translation(
     R = R_CO.matrix()
     middle = np.median(points, axis=0)
     ray = middle / np.linalg.norm(middle)
-    p_CO = middle + solid.half_extent(R.T @ ray) * ray
+    p_CO = middle + 0.5 * float(np.min(solid.bounding_size)) * ray
     for _ in range(_STEPS):
         distance, normals = signed_distance(solid, (points - p_CO) @ R)
         soft = max(_SOFT, float(np.median(np.abs(distance))))

@@ -1,0 +1,156 @@
+"""Grasping by looking once, looking twice and visual servoing: motion, calibration.
+
+The can stands on a tray that moves, or the camera is not where it is believed to be. A
+trial ends once the can is lifted and held, or the first attempt has failed. See
+`servo_trials` for what the four ways of looking are.
+"""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from drake_srg.experiments.kept_trials import KeptTrials
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.servo_trials import METHODS, Case, Grasped, grasp_once
+from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.sweeps.statistics import wilson_interval
+from drake_srg.types import Vector
+
+CASES = (
+    Case(0.0),
+    Case(0.02),
+    Case(0.05),
+    Case(distance=0.010, angle=np.deg2rad(2.5)),
+    Case(distance=0.020, angle=np.deg2rad(5.0)),
+)
+SERVOS = ("pbvs", "ibvs")
+# The criteria, set before the first run: a servo must grasp in every case, as all
+# methods must an object at rest with a good calibration, and it must be within the
+# distance at which `servoing.tolerance` lets the fingers close.
+_LEAST_HELD, _MOST_OFF = 0.95, 3e-3
+_RESAMPLES = 2000
+
+_Results = Mapping[tuple[Case, str], Sequence[Grasped]]
+
+
+def run(
+    track: Track, *, trials: int = 200, first_seed: int = 910_000, keep: str = ""
+) -> ExperimentResult:
+    """Run the experiment.
+
+    Args:
+        track: Shows progress.
+        trials: Grasps per case and method.
+        first_seed: Seed of the first trial; the others follow.
+        keep: File of finished trials, with which a run that was cut off goes on.
+    """
+    kept = KeptTrials(keep)
+    # All cases of one seed before the next seed, so that a file of a run that was cut
+    # off has as many trials of each.
+    order = [
+        (case, method, seed)
+        for seed in range(first_seed, first_seed + trials)
+        for case in CASES
+        for method in METHODS
+    ]
+    results: dict[tuple[Case, str], list[Grasped]] = {}
+    for case, method, seed in track(order, lambda o: f"{o[0]}, {o[1]}"):
+        trial = functools.partial(_trial, case, method, seed)
+        result = kept(f"{case}/{method}/{seed}", trial)
+        results.setdefault((case, method), []).append(Grasped(**result))
+    lines: list[dict[str, Any]] = [
+        {
+            "case": str(case),
+            "method": method,
+            "seed": first_seed + i,
+            "held": int(grasped.held),
+            "error [m]": np.nan if grasped.error is None else grasped.error,
+            "across [m]": np.nan if grasped.across is None else grasped.across,
+            "reason": grasped.reason,
+        }
+        for (case, method), made in results.items()
+        for i, grasped in enumerate(made)
+    ]
+    table: dict[str, Any] = {key: [line[key] for line in lines] for key in lines[0]}
+    return ExperimentResult(_rows(results), {"trials": table}, _figure(results))
+
+
+def _trial(case: Case, method: str, seed: int) -> dict[str, Any]:
+    return dc.asdict(grasp_once(case, method, seed))
+
+
+def _rows(results: _Results) -> list[Row]:
+    rows = []
+    for (case, method), made in results.items():
+        name = f"{case}, {method}"
+        held = [grasped.held for grasped in made]
+        low, high = wilson_interval(sum(held), len(held))
+        share, servo = float(np.mean(held)), method in SERVOS
+        if servo or case == CASES[0]:
+            rows.append(Row.at_least(name, "held", _LEAST_HELD, share, "", spread=0.05))
+        else:
+            rows.append(Row.info(name, "held", share, "", spread=0.05))
+        rows.append(Row.info(name, "held, at least", low, "", spread=0.05))
+        rows.append(Row.info(name, "held, at most", high, "", spread=0.05))
+        errors = _errors(made)
+        if not len(errors):
+            continue
+        median, (low, high) = float(np.median(errors)), _interval(errors)
+        if servo:
+            rows.append(Row.at_most(name, "grasp error", _MOST_OFF, median, "m"))
+        else:
+            rows.append(Row.info(name, "grasp error", median, "m"))
+        rows.append(Row.info(name, "grasp error, at least", low, "m"))
+        rows.append(Row.info(name, "grasp error, at most", high, "m"))
+    return rows
+
+
+def _errors(made: Sequence[Grasped]) -> Vector:
+    """Return the errors of the grasps in which the fingers closed [m]."""
+    return np.array([g.error for g in made if g.error is not None], dtype=float)
+
+
+def _interval(errors: Vector) -> tuple[float, float]:
+    """Return the 95 % interval of the median, by the bootstrap [m]."""
+    drawn = np.random.default_rng(0).choice(errors, (_RESAMPLES, len(errors)))
+    low, high = np.quantile(np.median(drawn, axis=1), (0.025, 0.975))
+    return float(low), float(high)
+
+
+def _figure(results: _Results) -> Any:
+    figure = make_figure(8.0, 6.0)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    style_axes(upper, ylabel="lifted and held, 95 % interval")
+    style_axes(lower, ylabel="grasp error [mm]")
+    cases = list(dict.fromkeys(case for case, _ in results))
+    at, width = np.arange(len(cases)), 0.8 / len(METHODS)
+    for i, method in enumerate(METHODS):
+        x = at + (i - 0.5 * (len(METHODS) - 1)) * width
+        made = [results[case, method] for case in cases]
+        share = np.array([np.mean([g.held for g in m]) for m in made])
+        bounds = [wilson_interval(sum(g.held for g in m), len(m)) for m in made]
+        low, high = np.array(bounds).T
+        style = {"color": COLORS[i], "label": method}
+        upper.bar(
+            x, share, width=0.9 * width, yerr=[share - low, high - share], **style
+        )
+        for j, m in enumerate(made):
+            errors = 1e3 * _errors(m)
+            if len(errors):
+                box = lower.boxplot(
+                    errors, positions=[x[j]], widths=0.8 * width, whis=(5, 95), sym=""
+                )
+                for part in (*box["boxes"], *box["medians"], *box["whiskers"]):
+                    part.set_color(COLORS[i])
+    lower.axhline(1e3 * _MOST_OFF, color="#333333", lw=0.8, ls="--")
+    lower.set_yscale("log")
+    lower.set_xticks(at, [str(case) for case in cases], fontsize=8)
+    upper.set_ylim(0.0, 1.05)
+    upper.legend(fontsize=8, ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    return figure

@@ -1,0 +1,60 @@
+"""Slides: how they move, and what they carry."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg import parsing
+from drake_srg.objects.slides import AddSlide, SetSlideGains, SlideConfig, slide_motion
+
+speeds = st.floats(0.005, 0.2)
+
+
+@given(speeds, st.sampled_from([-1.0, 1.0]), st.floats(0.0, 2.0), st.floats(0.01, 0.4))
+def test_a_slide_gets_up_to_speed_and_stops_after_its_travel(speed, sign, start, way):
+    config = SlideConfig(speed=sign * speed, start=start, travel=way)
+    motion = slide_motion(config, 0.1)
+    times = np.linspace(0.0, motion.end_time(), 2000)
+    q = motion.vector_values(times)[0]
+    v = motion.MakeDerivative().vector_values(times)[0]
+    assert q[0] == 0.1
+    assert q[-1] == pytest.approx(0.1 + sign * way, abs=1e-9)
+    assert np.all(sign * v >= -1e-9)
+    assert np.max(np.abs(v)) <= speed * (1 + 1e-6)
+    assert np.all(v[times < start] == 0.0)
+
+
+def test_a_slide_without_speed_stays():
+    assert slide_motion(SlideConfig(speed=0.0), 0.2).value(7.0)[0, 0] == 0.2
+
+
+def make_plant(name="tray"):
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.005)
+    parsing.AddModel(plant, "package://drake_srg/sdf/tray.sdf", "tray")
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("rails"))
+    SetSlideGains(plant, name)
+    plant.Finalize()
+    return builder, plant
+
+
+def test_the_tray_keeps_its_speed():
+    builder, plant = make_plant()
+    AddSlide(builder, plant, "tray", SlideConfig(speed=0.05))
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(2.0)
+    context = plant.GetMyContextFromRoot(simulator.get_context())
+    joint = plant.GetJointByName("slide")
+    assert joint.get_translation_rate(context) == pytest.approx(0.05, abs=1e-4)
+    expected = 0.05 * (2.0 - 0.5 * SlideConfig().ramp)
+    assert joint.get_translation(context) == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["rail", "WorldModelInstance"])
+def test_what_is_no_slide_is_refused(name):
+    with pytest.raises(ValueError, match=rf"slides\.{name}: "):
+        make_plant(name)
