@@ -145,6 +145,16 @@ def hardware_systems():
     }
 
 
+def served_systems():
+    """The systems of a served station, and their names."""
+    following = load_scenario("kitchen", overrides=["arm.limits=null"])
+    served = MakeServedStation(following)
+    yield "ServedStation", served
+    yield "TrajectoryFollower", served.GetSubsystemByName("arm_reference")
+    yield "ServedStation", MakeServedStation(load_scenario("kitchen"))
+    yield "RemoteCameras", MakeRemoteCameras(load_scenario("kitchen"))
+
+
 def servoed_planners():
     """The planner of a scenario with each of the visual servos."""
     for method in ("pbvs", "ibvs"):
@@ -189,8 +199,6 @@ def systems(tmp_path_factory):
         for system in subsystems(planner):
             add(type(system).__name__, system)
     kitchen = load_scenario("kitchen")
-    add("ServedStation", MakeServedStation(kitchen))
-    add("RemoteCameras", MakeRemoteCameras(kitchen))
     armed = MakeStation(dc.replace(kitchen, gripper=None, cameras={}))
     add("Station", armed)
     add("ArmDriver", armed.GetSubsystemByName("arm_driver"))
@@ -209,11 +217,7 @@ def systems(tmp_path_factory):
     still = SimpleNamespace(pose=lambda q: q)
     box = Box([0.05, 0.05, 0.1])
     add("PolicyPlanner", PolicyPlanner(np.tanh, still, np.zeros(4), box, 0.0))
-    following = load_scenario("kitchen", overrides=["arm.limits=null"])
-    served = MakeServedStation(following)
-    add("ServedStation", served)
-    add("TrajectoryFollower", served.GetSubsystemByName("arm_reference"))
-    for name, system in hardware_systems().items():
+    for name, system in [*served_systems(), *hardware_systems().items()]:
         add(name, system)
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:
