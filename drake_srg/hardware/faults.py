@@ -32,6 +32,7 @@ class FaultyLink(Link):
 
     def __init__(self, link: Link, config: FaultsConfig, period: float) -> None:
         self.outputs = link.outputs
+        self.lag = link.lag + 2.0 * config.latency
         self._link = link
         self._random = np.random.default_rng(config.seed)
         self._loss = config.loss

@@ -19,7 +19,9 @@ class Counter(Link):
 
 def test_latency_delays_both_directions():
     counter = Counter()
+    counter.lag = 0.05
     link = FaultyLink(counter, FaultsConfig(latency=0.02), 0.005)
+    assert link.lag == 0.05 + 2 * 0.02
     taken = []
     for n in range(10):
         taken.append(link.take().get("n"))
