@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.common import RandomGenerator
 from pydrake.common.schema import UniformVectorX
 
+from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.planning.script.messages import message_script
 from drake_srg.scenario.checks import check_scenario
@@ -54,12 +55,20 @@ def draw_scenario(tree: Mapping[str, Any], origin: str, seed: int | None) -> Dra
     values: dict[str, Any] = {}
     tree = add_clutter(tree, int(seed or 0), origin, values)
     tree = resolve_pick(tree, origin)
-    drawn = draw_distributions(tree, int(seed or 0), origin, values)
+    drawn = _with_arm_driver(draw_distributions(tree, int(seed or 0), origin, values))
     scenario: Scenario = load_typed(Scenario, drawn, origin)
     _play_messages(scenario, origin)
     check_scenario(scenario, origin)
     _draw_positions(scenario, origin, values)
     return Drawn(scenario, values)
+
+
+def _with_arm_driver(tree: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the tree with an arm that is position-controlled, unless it has a tag."""
+    arm = tree.get("arm")
+    if not isinstance(arm, Mapping) or "_tag" in arm:
+        return tree
+    return {**tree, "arm": {**arm, "_tag": f"!{ArmPositionDriver.__name__}"}}
 
 
 def load_scenario(

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg import scenario as module
+from drake_srg.arm.drivers import ArmPositionDriver
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import Scenario, list_scenarios, load_scenario, load_tree
 
@@ -36,6 +37,12 @@ def error_of(name, **kwargs):
 def test_an_empty_mapping_is_a_scenario_of_defaults(write):
     assert load_scenario(write("{}")).task == Scenario().task
     assert load_scenario(write("")).objects == {}
+
+
+def test_an_arm_without_a_tag_is_position_controlled(write):
+    scenario = load_scenario(write("arm: {home: [0.1], period: 0.01}"))
+    assert isinstance(scenario.arm, ArmPositionDriver)
+    assert (scenario.arm.home, scenario.arm.period) == ([0.1], 0.01)
 
 
 @pytest.mark.slow
