@@ -9,12 +9,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from drake_srg.cli.parser import make_parser
+from drake_srg.hardware import load_hardware
 from drake_srg.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
 PAGES = {str(p.relative_to(ROOT)): p.read_text("utf-8") for p in DOCS}
 PAGES["README.md"] = (ROOT / "README.md").read_text("utf-8")
+HARDWARE = "docs/hardware.md"  # its YAML blocks are hardware files, or go on in one
+PARTS = "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
 # Other tests run the Python of these pages, or say here why none does.
 ELSEWHERE = {
     "docs/export.md": "tests/export/test_wires.py",
@@ -77,6 +80,10 @@ def test_some_block_replaces_a_system_of_the_cell():
 def test_scenario_blocks_are_valid(name, tmp_path):
     for text in blocks(name, "yaml"):
         path = tmp_path / "scenario.yaml"
+        if name == HARDWARE:
+            path.write_text(text if "arm:" in text else f"{PARTS}{text}")
+            load_hardware(path)
+            continue
         path.write_text(text if "base:" in text else f"base: kitchen\n{text}")
         load_scenario(str(path))
 

@@ -66,7 +66,7 @@ def _tell(options: argparse.Namespace, result: Result, out: Path) -> int:
 def demo(options: argparse.Namespace) -> int:
     """Run the kitchen cell, and name or open the replay."""
     options.scenario, options.seed, options.set = "kitchen", None, []
-    options.no_record = False
+    options.no_record, options.hardware = False, None
     code = run(options)
     if options.open:
         _open(options.out / "replay.html")

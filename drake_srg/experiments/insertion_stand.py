@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
+from numpy.random import default_rng
 from pydrake.common.schema import Transform
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.inverse_kinematics import InverseKinematics
@@ -33,6 +34,9 @@ _ABOVE = np.array([0.0, 0.0, 0.007])  # where an insertion begins, from the seat
 # lowering, pressing and letting go.
 _LOWER, _CLOSE, _LIFT, _REST = 0.6, 1.2, 0.4, 0.3
 _ASIDE, _INSERT, _PRESS, _RELEASE = 0.1, 0.4, 0.1, 0.25
+# From some starts the solver ends beside a posture that it finds from others: how far
+# they are from the guess [rad].
+_SPREADS = (0.0, 0.02, 0.05, 0.1, 0.2)
 _SAMPLE = 0.01  # between samples of the contact force [s]
 _UNLOGGED = 10.0  # a log would take an eighth of the time [s]
 _OVERRIDES = (
@@ -161,8 +165,12 @@ class InsertionStand:
         n = self._plant.num_positions()
         guess = np.concatenate([q_guess, np.zeros(n - len(q_guess))])
         ik.prog().AddQuadraticErrorCost(np.eye(n), guess, ik.q())
-        result = Solve(ik.prog(), guess)
-        if not result.is_success():
+        rng = default_rng(0)
+        for spread in _SPREADS:
+            result = Solve(ik.prog(), guess + spread * rng.normal(size=n))
+            if result.is_success():
+                break
+        else:
             raise RuntimeError(f"compliance: the hand cannot reach {p_WG}")
         q: Vector = result.GetSolution(ik.q())[: len(q_guess)]
         return q

@@ -40,7 +40,7 @@ _Results = Mapping[tuple[Case, str], Sequence[Grasped]]
 
 
 def run(
-    track: Track, *, trials: int = 200, first_seed: int = 910_000, keep: str = ""
+    track: Track, *, trials: int = 20, first_seed: int = 910_000, keep: str = ""
 ) -> ExperimentResult:
     """Run the experiment.
 

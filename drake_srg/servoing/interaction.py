@@ -49,8 +49,8 @@ def damped_solution(matrix: Vector, b: Vector, least: float) -> Solution:
 
     Every singular value s counts as s / (s² + d²), where d² grows from 0 to `least`²
     as s falls below `least` (Nakamura and Hanafusa, J. Dyn. Sys. Meas. Control 108,
-    1986). So x stays below |b| / `least`, whatever the matrix, and is exact where all
-    singular values are above `least`.
+    1986). So x is never longer than b over `least`, whatever the matrix, and is exact
+    where all singular values are above `least`.
 
     Args:
         matrix: Shape (n, m).
