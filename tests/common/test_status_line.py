@@ -21,6 +21,12 @@ class Clock:
         return self.now
 
 
+@pytest.fixture(autouse=True)
+def able_terminal(monkeypatch):
+    """Whatever the terminal is in which the tests run."""
+    monkeypatch.setenv("TERM", "xterm")
+
+
 def test_a_terminal_updates_the_line_in_place():
     stream = Terminal()
     with StatusLine(stream, clock=Clock(1.0)) as line:
