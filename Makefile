@@ -20,7 +20,7 @@ test: .venv/ready  ## run the test suite
 test-fast: .venv/ready  ## run the tests that take a minute, for every save
 	$(PYTEST) -m "not slow"
 
-# TORCH="torch==VERSION --index-url ..." chooses a build: PyPI's newest brings CUDA.
+# TORCH="torch==VERSION", with options of pip, chooses a build: PyPI's newest brings CUDA.
 TORCH ?= torch
 test-learn: .venv/ready  ## run the tests of the extra `learn`, in an environment of its own
 	test -x .venv-learn/bin/python || $(PYTHON) -m venv .venv-learn

@@ -27,7 +27,7 @@ from drake_srg.servoing.image_based import ImageBasedServo
 from drake_srg.servoing.position_based import PositionBasedServo
 from drake_srg.servoing.servoing_planner import ServoingPlanner
 from drake_srg.servoing.sightings import FeatureSighting
-from drake_srg.servoing.silhouette import SilhouetteTracker
+from drake_srg.servoing.silhouette_tracker import SilhouetteTracker
 from drake_srg.servoing.surface_tracker import SurfaceTracker
 from drake_srg.servoing.visual_servo import VisualServo
 from drake_srg.station.plant import MakeModelsPlant, Models

@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import zlib
 from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import Context
-from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from drake_srg.common.convex_pieces import Solid
-from drake_srg.lifetime import LeafSystem
 from drake_srg.servoing.sightings import PoseSighting
-from drake_srg.servoing.silhouette import silhouette
+from drake_srg.servoing.tracker import Tracker
 from drake_srg.types import Vector
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
-from drake_srg.vision.mask import has_depth
+from drake_srg.vision.mask import Mask, has_depth
 from drake_srg.vision.solids import signed_distance
 
 _STEPS, _STILL = 20, 1e-5  # Gauss-Newton steps, and the step that ends them [m]
@@ -73,7 +68,7 @@ def fit_translation(
     return p_CO if determined else None
 
 
-class SurfaceTracker(LeafSystem):
+class SurfaceTracker(Tracker):
     """Finds a known solid of known colour, for a position-based servo.
 
     .. pydrake_system::
@@ -114,36 +109,17 @@ class SurfaceTracker(LeafSystem):
         *,
         min_area: int = 50,
     ) -> None:
-        super().__init__()
-        if not camera.imager("color").same_as(camera.imager("depth")):
-            raise ValueError(
-                "SurfaceTracker needs colour and depth images of the same pixels"
-            )
+        super().__init__(color, camera, min_area=min_area, nothing=PoseSighting())
         self._solid, self._p_OS = solid, np.asarray(p_OS)
-        self._color, self._R_CO, self._min_area = color, R_CO, min_area
+        self._R_CO = R_CO
         info = camera.color
         self._rays = camera.imager("color").rays(
             slice(0, info.width()), slice(0, info.height())
         )
-        for name, value in (
-            ("color_image", ImageRgba8U()),
-            ("depth_image", ImageDepth32F()),
-        ):
-            self.DeclareAbstractInputPort(
-                name=name, model_value=AbstractValue.Make(value)
-            )
-        self.DeclareAbstractOutputPort(
-            name="sighting",
-            alloc=lambda: AbstractValue.Make(PoseSighting()),
-            calc=self._calc_sighting,
-            prerequisites_of_calc={self.all_input_ports_ticket()},
-        )
 
-    def _calc_sighting(self, context: Context, output: AbstractValue) -> None:
-        color: npt.NDArray[Any] = self.GetInputPort("color_image").Eval(context).data
-        depth = self.GetInputPort("depth_image").Eval(context).data[..., 0]
-        frame = zlib.crc32(color.tobytes())
-        region = silhouette(self._color.mask(color), min_area=self._min_area)
+    def _sight(
+        self, frame: int, region: Mask | None, depth: npt.NDArray[Any]
+    ) -> PoseSighting:
         p_CS = None
         if region is not None:
             # Pixels on the rim mix the object with what is behind it.
@@ -155,4 +131,4 @@ class SurfaceTracker(LeafSystem):
         X_CO = None
         if p_CS is not None:
             X_CO = RigidTransform(self._R_CO, p_CS - self._R_CO @ self._p_OS)
-        output.set_value(PoseSighting(frame, X_CO))
+        return PoseSighting(frame, X_CO)

@@ -6,7 +6,8 @@ from helpers import fix, read
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import CameraConfig, ImageDepth32F, ImageRgba8U
 
-from drake_srg.servoing.silhouette import SilhouetteTracker, ellipse_ends, silhouette
+from drake_srg.servoing.silhouette import ellipse_ends, silhouette
+from drake_srg.servoing.silhouette_tracker import SilhouetteTracker
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
 

@@ -96,7 +96,8 @@ def draw(results: Sequence[Mapping[str, Any]]) -> Any:
     figure = make_figure(7.0, 2.6)
     axes = figure.subplots()
     axes.plot([r["seed"] for r in results], [1e3 * r["error_m"] for r in results], "o")
-    axes.set_yscale("log")
+    axes.set_xticks([r["seed"] for r in results])
+    axes.set_ylim(bottom=0.0)
     style_axes(axes, xlabel="seed", ylabel="distance from the goal [mm]")
     return figure
 
