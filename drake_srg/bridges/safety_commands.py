@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,12 @@ _ARM_PORTS = ("arm.position_desired", TRAJECTORY)
 _BOOL = "std_msgs/msg/Bool"
 
 
-def safety_topics(inputs: Iterable[str]) -> list[CommandTopic]:
+_SWITCHES = ("estop", "release", "heartbeat")
+
+
+def safety_topics(
+    inputs: Iterable[str], switches: Sequence[str] = _SWITCHES
+) -> list[CommandTopic]:
     """Return the topics that command a station's safety monitor, if it has one.
 
     `/estop` (Bool, true while the button is pressed), `/release` (Bool, true
@@ -30,6 +35,7 @@ def safety_topics(inputs: Iterable[str]) -> list[CommandTopic]:
 
     Args:
         inputs: Names of the station's input ports.
+        switches: Which of the Bool topics there are.
     """
     if "safety.estop" not in inputs:
         return []
@@ -47,7 +53,7 @@ def safety_topics(inputs: Iterable[str]) -> list[CommandTopic]:
         return CommandTopic(f"/{name}", _BOOL, convert, latched=name == "estop")
 
     return [
-        *(switch(name) for name in ("estop", "release", "heartbeat")),
+        *(switch(name) for name in switches),
         CommandTopic("/speed_override", "std_msgs/msg/Int32", override),
     ]
 

@@ -40,6 +40,7 @@ def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
     """
     # Imported under the signal handlers, so that a signal ends the command cleanly.
     with stop_on_signals() as stop:
+        from drake_srg.bridges.keyboard import own_terminal
         from drake_srg.hardware import load_hardware, run_on_hardware
         from drake_srg.scenario import load_scenario
 
@@ -59,5 +60,6 @@ def run_hardware(options: argparse.Namespace) -> tuple[Result, Path]:
                 progress=options.console.progress,
                 stop=stop,
                 tell=lambda text: print(f"drake-srg: warning: {text}", file=sys.stderr),
+                terminal=own_terminal(sys.stdin),
             )
     return result, out

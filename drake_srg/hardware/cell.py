@@ -72,6 +72,8 @@ def MakeHardwareCell(
     )
     for name in sizes:
         builder.Connect(station.GetOutputPort(name), remote.GetInputPort(name))
+    for name in ("safety.state", "arm.position_held"):
+        builder.Connect(station.GetOutputPort(name), remote.GetInputPort(name))
     ConnectCommands(builder, station, remote)
     for name, exported in (
         ("mode", "planner.mode"),

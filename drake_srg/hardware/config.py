@@ -48,6 +48,9 @@ class HardwareConfig:
     # Seconds of ours per real second. Anything but 1 is for a served simulation that is
     # as slow (`drake-srg serve --rate`), on a machine that is too busy for real time.
     rate: float = dc.field(default=1.0, metadata={"gt": 0.0})
+    # How long a stopped arm waits for a release, after which the run goes on [s, real];
+    # 0: a stop ends the run.
+    release: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Faults that the wires do not have by themselves; null: none.
     faults: FaultsConfig | None = None
 

@@ -49,8 +49,10 @@ class Link(abc.ABC):
         Args:
             commands: By the station's input port, in its units:
                 `arm.position_commanded` (N) [rad or m], already within the limits of
-                the safety monitor, or `gripper.closure_commanded` (1), 0 open .. 1
-                closed. A link ignores ports that are not its own.
+                the safety monitor; `gripper.closure_commanded` (1), 0 open .. 1
+                closed; or `gripper.hold` (1), nonzero while the gripper is to stay
+                where it is and keep its grip. A link ignores ports that are not its
+                own.
         """
 
     @abc.abstractmethod

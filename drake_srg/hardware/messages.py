@@ -89,6 +89,16 @@ def percent(name: str) -> Topic:
     return Topic(name, kind, {}, convert)
 
 
+def obeys(name: str) -> Topic:
+    """Return a topic that halts a gripper, as std_msgs/Bool: false to hold."""
+    kind = "std_msgs/msg/Bool"
+
+    def convert(make: MakeMessage, time: float, hold: float) -> Any:
+        return make(kind, data=hold < 0.5)
+
+    return Topic(name, kind, {}, convert)
+
+
 def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
     """Return a topic of timed positions as trajectory_msgs/JointTrajectory.
 

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
+import functools
 import time as wall
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.bridges.commands import PortValues, Warnings
+from drake_srg.bridges.commands import CommandInbox, PortValues, Warnings
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.faults import FaultyLink
 from drake_srg.hardware.link import Link, Robot
-from drake_srg.hardware.nodes import Nodes
+from drake_srg.hardware.nodes import Node, Nodes
+from drake_srg.hardware.ros import RosArm
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
@@ -47,6 +49,7 @@ def open_hardware(
     config: HardwareConfig,
     warnings: Warnings,
     *,
+    inbox: CommandInbox | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Iterator[Hardware]:
     """Connect to the arm and the gripper, and wait for their first measurements.
@@ -55,6 +58,8 @@ def open_hardware(
         scenario: That runs on the hardware.
         config: Of the drivers.
         warnings: Where trouble is reported.
+        inbox: For commands to us; an arm that speaks ROS has a node that subscribes to
+            its topics.
         stopped: Whether to give up waiting.
 
     Raises:
@@ -66,7 +71,7 @@ def open_hardware(
         raise ScenarioError("hardware: the scenario needs an arm and a gripper")
     period = scenario.arm.period
     with contextlib.ExitStack() as stack:
-        robot = _robot(scenario, config, warnings)
+        robot = MakeRobot(scenario, config, warnings)
         links: list[Link] = []
         for driver in (config.arm, config.gripper):
             link = driver.connect(robot)
@@ -75,8 +80,18 @@ def open_hardware(
                 link = FaultyLink(link, config.faults, period)
             links.append(link)
         stack.callback(robot.nodes.close)
+        if inbox is not None and isinstance(config.arm, RosArm):
+            _subscribe(robot.nodes.of(config.arm.version), inbox)
         robot.nodes.open()
         yield Hardware(links, {}, _first(links, config.patience, stopped))
+
+
+def _subscribe(node: Node, inbox: CommandInbox) -> None:
+    """Have a node put the messages of an inbox's topics into it."""
+    for topic in inbox.topics.values():
+        node.subscribe(
+            topic.name, topic.type, functools.partial(inbox.receive_message, topic.name)
+        )
 
 
 @contextlib.contextmanager
@@ -91,7 +106,7 @@ def open_cameras(
         OSError: If an address is in use.
         ImportError: If a package is missing.
     """
-    robot = _robot(scenario, config, warnings, "_cameras")
+    robot = MakeRobot(scenario, config, warnings, "_cameras")
     with contextlib.closing(robot.nodes):
         cameras = {}
         for name in scenario.localizer.cameras:
@@ -106,9 +121,17 @@ def open_cameras(
         yield cameras
 
 
-def _robot(
+def MakeRobot(
     scenario: Scenario, config: HardwareConfig, warnings: Warnings, suffix: str = ""
 ) -> Robot:
+    """Return the robot of a scenario; its nodes are still closed.
+
+    Args:
+        scenario: That runs on the hardware.
+        config: Of the nodes.
+        warnings: Where trouble is reported.
+        suffix: Of the nodes' names, where several processes have nodes.
+    """
     plant = MakeModelsPlant(scenario)
     joints, lower, upper = _arm(plant)
     nodes = Nodes(config.ros1, config.ros2, warnings, suffix)

@@ -10,7 +10,9 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
+from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
+from drake_srg.hardware.pause import Pause
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_outputs import AddPlannerOutputs
@@ -27,6 +29,10 @@ class Plan:
         closure: Of the gripper.
         status: The planner's report.
         answered: When the last answer arrived [s].
+        pause: While the arm is stopped, and until it is back on its path. It replaces
+            `motion`, and is by our clock.
+        departed: When the planner's motion began by its own clock, if `motion` is the
+            rest of it after a pause [s]; otherwise None.
     """
 
     motion: Motion
@@ -34,9 +40,13 @@ class Plan:
     closure: float = 0.0
     status: PlannerStatus = dc.field(default_factory=PlannerStatus)
     answered: float = 0.0
+    pause: Pause | None = None
+    departed: float | None = None
 
     def position(self, time: float) -> Vector:
         """Return the commanded position at a time [s], shape (N,)."""
+        if self.pause is not None:
+            return self.pause.motion.position(time)
         return self.motion.position(time - self.behind)
 
     def after(self, answer: Answer, time: float) -> Plan:
@@ -51,10 +61,39 @@ class Plan:
             # The planner stops this motion. It may have got farther than the planner
             # knew: it must not jump back.
             assert motion.stopped_at is not None
+            if self.departed is not None:  # ours has been stopped once before
+                return dc.replace(plan, motion=self.motion.stopped(time - self.behind))
             reached = time - self.behind - motion.departed
             stop = max(motion.stopped_at, reached)
             return dc.replace(plan, motion=dc.replace(motion, stopped_at=stop))
-        return dc.replace(plan, motion=motion, behind=time - answer.time)
+        behind = time - answer.time
+        return dc.replace(plan, motion=motion, behind=behind, departed=None)
+
+    def held_up(
+        self, time: float, state: SafetyState, reason: StopReason, held: Vector
+    ) -> Plan:
+        """Return the plan after a control period in which the arm may be stopped.
+
+        Args:
+            time: Now [s].
+            state: Of the safety monitor.
+            reason: Of the stop, if there is one.
+            held: Where the arm rests in a stop, otherwise NaN; shape (N,).
+        """
+        if self.pause is None:
+            if state is SafetyState.RUNNING:
+                return self
+            motion = self.motion
+            ours = dc.replace(motion, departed=motion.departed + self.behind)
+            departed = motion.departed if self.departed is None else self.departed
+            pause = Pause.begun(ours, time)
+            return dc.replace(
+                self, pause=pause, motion=ours, behind=0.0, departed=departed
+            )
+        after = self.pause.go_on(time, state, reason, held)
+        if isinstance(after, Pause):
+            return dc.replace(self, pause=after)
+        return dc.replace(self, motion=after, pause=None, answered=time)
 
     def broken_off(self, time: float, reason: str) -> Plan:
         """Return the plan without a planner: the arm stops along its path."""
@@ -66,11 +105,12 @@ class Plan:
 
     def _goes_on(self, motion: Motion) -> bool:
         """Return whether a motion is this one, but for the stop that it ends with."""
+        departed = self.motion.departed if self.departed is None else self.departed
         return (
             motion.stopped_at is not None
             and self.motion.stopped_at is None
             and self.motion.trajectory is not None
-            and motion.departed == self.motion.departed
+            and motion.departed == departed
         )
 
 
@@ -82,6 +122,8 @@ class RemotePlanner(LeafSystem):
         name: RemotePlanner
         input_ports:
         - ROOM.MEASUREMENT (each of the station)
+        - safety.state (optional)
+        - arm.position_held (optional)
         output_ports:
         - position_commanded
         - closure_commanded
@@ -93,6 +135,11 @@ class RemotePlanner(LeafSystem):
     answer whether or not the planner is busy; `closure_commanded` (1), `mode` and
     `status` are the last answer's. Where the planner ends, or says nothing for
     `patience`, the arm comes to rest along its path and the task has failed.
+
+    While `safety.state` (2), a monitor's, says that the arm is stopped, the planner's
+    clock stands still: it gets no ticks, and its motion comes to rest. After the
+    release, the motion goes on where it was stopped; after a stop that has made the
+    monitor forget the path, the arm first goes there from `arm.position_held` (N).
 
     Args:
         planner: The connection.
@@ -117,6 +164,8 @@ class RemotePlanner(LeafSystem):
         self._names = list(sizes)
         for name, size in sizes.items():
             self.DeclareVectorInputPort(name=name, size=size)
+        self._safety = self.DeclareVectorInputPort(name="safety.state", size=2)
+        self._held = self.DeclareVectorInputPort("arm.position_held", len(home))
         self._plan = self.DeclareAbstractState(AbstractValue.Make(Plan(Motion(home))))
         ticket = self.abstract_state_ticket(self._plan)
         AddPlannerOutputs(
@@ -158,12 +207,15 @@ class RemotePlanner(LeafSystem):
         time = context.get_time()
         if plan.status.mode in (Mode.DONE, Mode.FAILED):
             return EventStatus.DidNothing()
-        for message in self._planner.take():
+        if self._safety.HasValue(context):
+            state_and_reason = safety_state(self._safety.Eval(context))
+            plan = plan.held_up(time, *state_and_reason, self._held.Eval(context))
+        for message in self._planner.take() if plan.pause is None else ():
             if isinstance(message, Ended):
                 plan = plan.broken_off(time, message.reason)
                 break
             plan = plan.after(message, time)
-        if time - plan.answered > self._patience:
+        if plan.pause is None and time - plan.answered > self._patience:
             reason = f"the planner has not answered for {self._patience:g} s"
             plan = plan.broken_off(time, reason)
         if plan is before:
@@ -172,5 +224,7 @@ class RemotePlanner(LeafSystem):
         return EventStatus.Succeeded()
 
     def _post(self, context: Context) -> None:
+        if self.plan(context).pause is not None:
+            return
         values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
         self._planner.post(Tick({name: np.array(v) for name, v in values.items()}))

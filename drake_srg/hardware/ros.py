@@ -9,7 +9,13 @@ import numpy as np
 from drake_srg.bridges.commands import PortValues
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.link import STAMP, HardwareDriver, Link, Mailbox, Robot
-from drake_srg.hardware.messages import JointStates, joint_trajectory, numbers, percent
+from drake_srg.hardware.messages import (
+    JointStates,
+    joint_trajectory,
+    numbers,
+    obeys,
+    percent,
+)
 from drake_srg.hardware.nodes import Node
 from drake_srg.hardware.window import Window
 from drake_srg.recording.ros_topics import float64_array
@@ -115,6 +121,10 @@ class RosGripper(HardwareDriver):
     contact_force: str = "/gripper/contact_force"
     # Topic of the commands, std_msgs/Int32: 0 open .. 100 closed.
     command: str = "/grasp"
+    # Topic that halts the gripper while the arm is stopped, std_msgs/Bool: false to
+    # stay where it is and keep its grip, true to obey. Empty: it only gets no new
+    # commands.
+    hold: str = "/startgrasp"
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""
@@ -152,13 +162,16 @@ class _GripperLink(Link):
         self._gripper = gripper
         self._joints = JointStates(gripper.joint_names)
         self._topic = percent(config.command)
-        self._sent, self._ticks = math.nan, 0
+        self._obeys = obeys(config.hold) if config.hold else None
+        self._sent, self._ticks = (math.nan, 0.0), 0
         node.subscribe(config.state, _JOINT_STATE, self._receive_state)
         node.subscribe(config.proximity, _ARRAY, self._receive_proximity)
         if config.contact_force:
             self.outputs["gripper.contact_force"] = m
             node.subscribe(config.contact_force, _ARRAY, self._receive_force)
         node.publish(self._topic)
+        if self._obeys is not None:
+            node.publish(self._obeys)
 
     def take(self) -> PortValues:
         """See `Link`."""
@@ -170,10 +183,14 @@ class _GripperLink(Link):
     def send(self, commands: PortValues) -> None:
         """See `Link`."""
         closure = float(commands["gripper.closure_commanded"][0])
+        hold = float(commands["gripper.hold"][0])
         self._ticks += 1
-        if closure != self._sent or self._ticks >= _REPEAT:
-            self._node.send(self._topic, 0.0, closure)
-            self._sent, self._ticks = closure, 0
+        if (closure, hold) == self._sent and self._ticks < _REPEAT:
+            return
+        if self._obeys is not None:
+            self._node.send(self._obeys, 0.0, hold)
+        self._node.send(self._topic, 0.0, closure)
+        self._sent, self._ticks = (closure, hold), 0
 
     def _receive_state(self, message: Any) -> None:
         read = self._joints.read(message)

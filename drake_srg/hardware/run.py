@@ -12,8 +12,10 @@ from pathlib import Path
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
-from drake_srg.bridges.commands import Warnings
+from drake_srg.bridges.commands import CommandInbox, Warnings
+from drake_srg.bridges.keyboard import KeyboardBridge
 from drake_srg.bridges.pacing import Pacer
+from drake_srg.bridges.safety_commands import safety_topics
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 from drake_srg.hardware.cell import MakeHardwareCell, measurements
@@ -36,6 +38,8 @@ from drake_srg.types import Mode, Vector
 _HOME = 0.05
 # A lag of the control loop up to this is caught up with [s].
 _CATCH_UP = 0.02
+# Topics that command the safety monitor.
+_COMMANDS = ("estop", "release")
 # Longest time for a plan, and until the planner is ready once its cameras are [s].
 _PLANNING = 60.0
 
@@ -50,6 +54,7 @@ def run_on_hardware(
     progress: bool = False,
     stop: threading.Event | None = None,
     tell: Callable[[str], None] = print,
+    terminal: int | None = None,
 ) -> Result:
     """Do a scenario's task on hardware, in real time.
 
@@ -58,7 +63,9 @@ def run_on_hardware(
     and replay. Nobody knows where the objects are: `metrics.claimed` is the planner's
     word.
 
-    A safety stop ends the run. Disturbances are left out.
+    A safety stop ends the run, unless the hardware file lets it wait for a release.
+    Topics (/estop, /release) and keys (e, r) command the monitor. Disturbances are left
+    out.
 
     Args:
         scenario: To run.
@@ -69,6 +76,7 @@ def run_on_hardware(
         progress: Whether to show progress on standard error.
         stop: Stops the arm when set, by any thread or by a signal handler.
         tell: Called with warnings for the user, from any thread.
+        terminal: Descriptor of a terminal whose keys are commands; None: no keys.
 
     Raises:
         ScenarioError: If the scenario does not fit the hardware, the arm is not at
@@ -79,6 +87,7 @@ def run_on_hardware(
     stop = stop or threading.Event()
     warnings = Warnings(tell)
     scenario = dc.replace(scenario, disturbances=[])
+    inbox = CommandInbox(safety_topics(["safety.estop"], _COMMANDS), warnings)
     with contextlib.ExitStack() as stack:
         stack.enter_context(output_folder(out))
         if out is not None:
@@ -86,7 +95,9 @@ def run_on_hardware(
                 (out / file).unlink(missing_ok=True)
         with scenario_errors(name):
             hardware = stack.enter_context(
-                open_hardware(scenario, config, warnings, stopped=stop.is_set)
+                open_hardware(
+                    scenario, config, warnings, inbox=inbox, stopped=stop.is_set
+                )
             )
             _check_home(scenario, hardware)
             station = MakeHardwareStation(scenario, hardware)
@@ -107,10 +118,13 @@ def run_on_hardware(
             )
             if out is not None and record:
                 stack.enter_context(AddRosbagRecorder(builder, cell, scenario, out))
-            loop = ControlLoop(name, scenario, builder.Build(), cell)
+            loop = ControlLoop(name, scenario, builder.Build(), cell, config.release)
             planner.wait(_PLANNING + config.patience, stop.is_set)
+            if terminal is not None:
+                keys = KeyboardBridge(inbox, terminal)
+                stack.callback(keys.close)
         try:
-            elapsed = _run(loop, name, config.rate, stop, warnings, progress)
+            elapsed = _run(loop, inbox, name, config.rate, stop, progress)
         finally:
             log = loop.log.arrays() if loop.log else {}
             written = _write(out, log, scenario, name, record)
@@ -135,10 +149,10 @@ def _check_home(scenario: Scenario, hardware: Hardware) -> None:
 
 def _run(
     loop: ControlLoop,
+    inbox: CommandInbox,
     name: str,
     rate: float,
     stop: threading.Event,
-    warnings: Warnings,
     progress: bool,
 ) -> float:
     """Advance in real time until the run has ended; return how long it took [s]."""
@@ -150,12 +164,22 @@ def _run(
         while goes_on:
             if stop.is_set():
                 loop.press_estop()
-            goes_on = loop.advance()
+            goes_on = loop.advance(inbox.take())
+            if goes_on and loop.waits:
+                inbox.warnings.warn(
+                    "stop",
+                    f"the arm is stopped ({loop.waits}); it waits for a /release, or "
+                    "the key r",
+                )
+            else:
+                inbox.warnings.forget("stop")
             mode = loop.status.mode.value.replace("_", " ")
             line.show(f"{name}: {loop.time:6.2f} s, {mode}", last=not goes_on)
             pacer.wait(loop.time)
     if pacer.lost > 0.0:
-        warnings.warn("lost", f"the control loop was held up for {pacer.lost:.2f} s")
+        inbox.warnings.warn(
+            "lost", f"the control loop was held up for {pacer.lost:.2f} s"
+        )
     return wall.monotonic() - start
 
 

@@ -8,11 +8,13 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.grasp_detector import GraspDetector
 from drake_srg.hardware.camera_feed import CameraFeed
+from drake_srg.hardware.hand_hold import HandHold
 from drake_srg.hardware.link import STAMP
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.reader import HardwareReader
@@ -53,7 +55,8 @@ def MakeHardwareStation(scenario: Scenario, hardware: Hardware) -> Diagram:
         - camera_NAME.body_pose_in_world (with cameras)
 
     A `SafetyMonitor` stands between the commands and the robot, also where the scenario
-    has no `safety`: it stops the arm when a link falls silent. Advance it in real time,
+    has no `safety`: it stops the arm when a link falls silent. A `HandHold` halts the
+    gripper as long. Advance it in real time,
     in steps of `arm.period` at most. No system waits for the robot, but cameras do when
     they are looked through.
 
@@ -104,7 +107,11 @@ def AddHardwareStation(
     reader = builder.AddNamedSystem(
         "hardware_reader", HardwareReader(links, period, hardware.start)
     )
-    sizes = {"arm.position_commanded": len(arm.home), "gripper.closure_commanded": 1}
+    sizes = {
+        "arm.position_commanded": len(arm.home),
+        "gripper.closure_commanded": 1,
+        "gripper.hold": 1,
+    }
     writer = builder.AddNamedSystem(
         "hardware_writer", HardwareWriter(links, period, sizes)
     )
@@ -119,33 +126,14 @@ def AddHardwareStation(
         builder.Connect(reader.GetOutputPort(_TRIGGERED), detector.get_input_port())
         builder.ExportOutput(detector.get_output_port(), "gripper.grasped")
     commands = input_ports(writer)
-    if safety is not None:
-        allowed = commands.pop("arm.position_commanded")
-        plant = MakeModelsPlant(scenario)
+    if safety is None:
+        never = builder.AddNamedSystem("never", ConstantVectorSource([0.0]))
+        builder.Connect(never.get_output_port(), commands.pop("gripper.hold"))
+        for name, port in commands.items():
+            builder.ExportInput(port, name)
+    else:
         lag = max(link.lag for link in links)
-        monitor = AddSafetyMonitor(
-            builder, plant, arm.home, _lenient(safety, plant, lag), arm.period
-        )
-        builder.Connect(monitor.GetOutputPort("position_allowed"), allowed)
-        for name, port in (
-            ("arm.state_measured", "state_measured"),
-            ("heartbeat", "heartbeat"),
-        ):
-            builder.Connect(reader.GetOutputPort(name), monitor.GetInputPort(port))
-        builder.ExportInput(
-            monitor.GetInputPort("position_commanded"), "arm.position_commanded"
-        )
-        for name in _MONITORED:
-            builder.ExportInput(monitor.GetInputPort(name), f"safety.{name}")
-        for name, room in (
-            ("position_allowed", "arm"),
-            ("position_held", "arm"),
-            ("state", "safety"),
-            ("speed_scale", "safety"),
-        ):
-            builder.ExportOutput(monitor.GetOutputPort(name), f"{room}.{name}")
-    for name, port in commands.items():
-        builder.ExportInput(port, name)
+        _AddMonitor(builder, scenario, reader, writer, safety, lag)
     for name, camera in hardware.cameras.items():
         feed = builder.AddNamedSystem(
             f"camera_{name}", CameraFeed(camera, camera_pose(scenario, name))
@@ -153,6 +141,46 @@ def AddHardwareStation(
         builder.Connect(reader.GetOutputPort(STAMP), feed.get_input_port())
         for image, output in output_ports(feed).items():
             builder.ExportOutput(output, f"camera_{name}.{image}")
+
+
+def _AddMonitor(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    reader: HardwareReader,
+    writer: HardwareWriter,
+    safety: SafetyConfig,
+    lag: float,
+) -> None:
+    """Add the systems between the commands and the writer, and export their ports."""
+    arm = scenario.arm
+    assert arm is not None
+    plant = MakeModelsPlant(scenario)
+    monitor = AddSafetyMonitor(
+        builder, plant, arm.home, _lenient(safety, plant, lag), arm.period
+    )
+    hand = builder.AddNamedSystem("hand_hold", HandHold(arm.period))
+    for output, system, input in (
+        (reader.GetOutputPort("arm.state_measured"), monitor, "state_measured"),
+        (reader.GetOutputPort("heartbeat"), monitor, "heartbeat"),
+        (monitor.GetOutputPort("state"), hand, "safety_state"),
+        (monitor.GetOutputPort("position_allowed"), writer, "arm.position_commanded"),
+        (hand.GetOutputPort("closure_allowed"), writer, "gripper.closure_commanded"),
+        (hand.GetOutputPort("hold"), writer, "gripper.hold"),
+    ):
+        builder.Connect(output, system.GetInputPort(input))
+    for system, input, name in (
+        (monitor, "position_commanded", "arm.position_commanded"),
+        (hand, "closure_commanded", "gripper.closure_commanded"),
+        *((monitor, name, f"safety.{name}") for name in _MONITORED),
+    ):
+        builder.ExportInput(system.GetInputPort(input), name)
+    for name, room in (
+        ("position_allowed", "arm"),
+        ("position_held", "arm"),
+        ("state", "safety"),
+        ("speed_scale", "safety"),
+    ):
+        builder.ExportOutput(monitor.GetOutputPort(name), f"{room}.{name}")
 
 
 def _lenient(safety: SafetyConfig, plant: MultibodyPlant, lag: float) -> SafetyConfig:

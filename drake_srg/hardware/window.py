@@ -14,7 +14,8 @@ class Window:
     """Gives commands times by the robot's clock, somewhat ahead of it.
 
     The times are `period` apart while both clocks keep pace. Where ours was held up,
-    the robot gets more time for a step, and never less.
+    the robot gets more time for a step, and never less. Where the robot's was held up,
+    the newest command gets farther ahead, until the arm rests.
 
     Args:
         lead: How far ahead the newest command is [s].
@@ -32,6 +33,9 @@ class Window:
             q: The newest command, shape (N,) [rad or m].
             stamp: The robot's clock, as far as it is known [s].
         """
+        ahead = [old for t, old in self._kept if t > stamp]
+        if ahead and all(np.array_equal(q, old) for old in ahead):
+            self._kept.clear()  # it rests, and needs no time for a step
         time = stamp + self._lead
         if self._kept:
             time = max(time, self._kept[-1][0] + self._period)

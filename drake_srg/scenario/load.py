@@ -155,6 +155,11 @@ def list_scenarios() -> list[str]:
     return sorted(path.stem for path in SCENARIOS.glob("*.yaml"))
 
 
+def is_scenario(name: str) -> bool:
+    """Return whether a name is one of the package's scenarios or of a YAML file."""
+    return name.endswith(".yaml") or name in list_scenarios()
+
+
 def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]:
     """Read a scenario with its bases and overrides, without drawing or checking.
 

@@ -27,6 +27,7 @@ from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.safety.config import SafetyConfig
+from drake_srg.scenario.twin import TwinConfig
 from drake_srg.servoing.config import ServoingConfig
 from drake_srg.types import positive
 from drake_srg.vision.calibrated_camera import CameraCalibrationConfig
@@ -228,6 +229,8 @@ class Scenario:
     planner: PlannerConfig = dc.field(default_factory=PlannerConfig)
     # Taught waypoints, in place of planned grasps and goals.
     taught: TaughtConfig | None = None
+    # When a robot and its digital twin differ; see docs/twin.md.
+    twin: TwinConfig = dc.field(default_factory=TwinConfig)
     # A visual servo for the grasp, in place of the planned motion; null: none.
     servoing: ServoingConfig | None = None
     # Steps for arm and gripper, in place of localizer and planner.

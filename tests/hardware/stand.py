@@ -69,13 +69,14 @@ class FakeGripper(Link):
             "gripper.proximity": 4,
             "gripper.triggered": 4,
         }
-        self.closures = []
+        self.closures, self.holds = [], []
 
     def take(self):
         return {name: np.zeros(size) for name, size in self.outputs.items()}
 
     def send(self, commands):
         self.closures.append(commands["gripper.closure_commanded"][0])
+        self.holds.append(commands["gripper.hold"][0])
 
     def close(self):
         pass
@@ -110,7 +111,9 @@ def motion_to(q, duration=2.0, departed=0.0):
 class Stand:
     """A loop around an arm, a gripper and a planner."""
 
-    def __init__(self, arm=None, gripper=None, scenario=None, patience=60.0):
+    def __init__(
+        self, arm=None, gripper=None, scenario=None, patience=60.0, release=0.0
+    ):
         scenario = scenario or kitchen()
         self.arm, self.planner = arm or FakeArm(), FakePlanner()
         self.gripper = gripper or FakeGripper()
@@ -120,7 +123,7 @@ class Stand:
         builder = DiagramBuilder()
         cell = MakeHardwareCell(scenario, station, self.planner, patience)
         builder.AddNamedSystem("cell", cell)
-        self.loop = ControlLoop("kitchen", scenario, builder.Build(), cell)
+        self.loop = ControlLoop("kitchen", scenario, builder.Build(), cell, release)
 
     def run(self, seconds):
         """Advance, at most for this time; return whether the run goes on."""

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from drake_srg.bridges.commands import CommandError
-from drake_srg.hardware.messages import JointStates, joint_trajectory, percent
+from drake_srg.hardware.messages import JointStates, joint_trajectory, obeys, percent
 from hardware.stand import joint_state, make
 
 NAMES = ["a", "b"]
@@ -52,3 +52,8 @@ def test_a_trajectory_says_when_each_point_is_due():
 def test_closures_become_percent():
     topic = percent("/grasp")
     assert [topic.convert(make, 0.0, c).data for c in (0.0, 0.374, 1.2)] == [0, 37, 100]
+
+
+def test_a_gripper_that_is_to_hold_obeys_no_more():
+    topic = obeys("/startgrasp")
+    assert [topic.convert(make, 0.0, hold).data for hold in (0.0, 1.0)] == [True, False]

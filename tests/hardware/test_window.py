@@ -1,6 +1,7 @@
 import itertools
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.systems.analysis import Simulator
@@ -48,7 +49,19 @@ def test_late_and_lost_messages_do_not_shake_the_arm(delays, lost):
 
 def test_a_clock_that_stands_still_is_not_overtaken_by_faster_motion():
     window = Window(LEAD, PERIOD)
-    times, _ = zip(*(window.after(np.zeros(1), 0.0) for _ in range(30)), strict=True)
+    times, _ = zip(*(window.after(path(0.01 * k), 0.0) for k in range(30)), strict=True)
     newest = np.array([t[-1] for t in times])
     np.testing.assert_allclose(np.diff(newest), PERIOD)
     assert times[-1][0] >= 0.0
+
+
+def test_a_robot_whose_clock_stood_still_is_not_late_forever():
+    window = Window(0.05, 0.005)
+    for k in range(40):  # it moves on, while the robot's clock stands still
+        times, _ = window.after(np.array([0.01 * k]), 1.0)
+    assert times[-1] > 1.2
+    for k in range(60):  # it rests, and both clocks go on
+        times, _ = window.after(np.array([0.4]), 1.0 + 0.005 * k)
+    assert times[-1] == pytest.approx(1.0 + 0.005 * 59 + 0.05)
+    times, _ = window.after(np.array([0.41]), 1.3)
+    assert times[-1] == pytest.approx(1.35)

@@ -1,0 +1,130 @@
+"""The command `drake-srg twin`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses as dc
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from drake_srg.cli.process import SUCCESS, TASK_FAILED, stop_on_signals, writing
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.status_line import StatusLine
+
+if TYPE_CHECKING:
+    from drake_srg.hardware import HardwareConfig
+
+
+def add_command(
+    add: Callable[..., argparse.ArgumentParser],
+    add_scenario: Callable[[argparse.ArgumentParser], None],
+) -> None:
+    """Add the command to the command line's parser.
+
+    Args:
+        add: Adds a command.
+        add_scenario: Adds the arguments that choose a scenario.
+    """
+    parser = add(
+        "twin",
+        twin,
+        "follow a running robot with a simulated twin, and report where they differ",
+        "It only listens. Exit code: 0 no difference, 1 at least one, 2 bad input.",
+    )
+    add_scenario(parser)
+    _add_arguments(parser)
+
+
+def _add_arguments(twin: argparse.ArgumentParser) -> None:
+    twin.add_argument("--ros1", action="store_true", help="listen to ROS 1")
+    twin.add_argument(
+        "--master", metavar="URI", help="ROS 1 master (default: $ROS_MASTER_URI)"
+    )
+    twin.add_argument("--ros2", action="store_true", help="listen to ROS 2")
+    twin.add_argument(
+        "--domain", type=int, metavar="N", help="ROS 2 domain (default: $ROS_DOMAIN_ID)"
+    )
+    twin.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="this machine's address for the robot (default: %(default)s)",
+    )
+    twin.add_argument(
+        "--hardware",
+        type=Path,
+        metavar="FILE.yaml",
+        help="listen to the topics of this hardware file",
+    )
+    twin.add_argument(
+        "--out", type=Path, metavar="DIR", help="results (default: out/twin/SCENARIO)"
+    )
+    twin.add_argument("--no-record", action="store_true", help="write nothing")
+
+
+def twin(options: argparse.Namespace) -> int:
+    """Follow a robot with a twin; return the exit code.
+
+    Raises:
+        ScenarioError: If the input is bad, or the robot cannot be reached.
+    """
+    output = options.console
+    status = StatusLine(
+        sys.stderr if output.json else sys.stdout, shown=output.progress, at_once=True
+    )
+    # Imported under the signal handlers, so that a signal ends the command cleanly.
+    with stop_on_signals() as stop, contextlib.closing(status):
+        from drake_srg.scenario import load_scenario
+        from drake_srg.twin.run import run_twin
+
+        config = _config(options)
+        scenario = load_scenario(
+            options.scenario, seed=options.seed, overrides=options.set
+        )
+        name = Path(options.scenario).stem
+        out: Path = options.out or Path("out") / "twin" / name
+        with writing("--out", out):
+            result = run_twin(
+                scenario,
+                config,
+                name=name,
+                out=None if options.no_record else out,
+                stop=stop,
+                tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),
+                report=status.show,
+            )
+    why = "stopped" if result.ended == "stopped" else "the robot is silent"
+    count = len(result.partings)
+    differences = f"{count} difference" + ("" if count == 1 else "s")
+    output.say(f"{why} after {result.sim_time_s:.2f} s: {differences} reported")
+    output.say(*result.artifacts.values())
+    output.answer(dc.asdict(result))
+    return TASK_FAILED if result.partings else SUCCESS
+
+
+def _config(options: argparse.Namespace) -> HardwareConfig:
+    """Return where the robot's topics are."""
+    from drake_srg.hardware import HardwareConfig, load_hardware
+    from drake_srg.hardware.nodes import Ros1Config, Ros2Config
+    from drake_srg.hardware.ros import Ros1Arm, Ros1Gripper, Ros2Arm, Ros2Gripper
+
+    ros1 = options.ros1 or options.master is not None
+    ros2 = options.ros2 or options.domain is not None
+    if ros1 + ros2 + (options.hardware is not None) != 1:
+        raise ScenarioError("twin: needs one of --ros1, --ros2 and --hardware")
+    if options.hardware is not None:
+        return load_hardware(options.hardware)
+    if ros1:
+        return HardwareConfig(
+            arm=Ros1Arm(),
+            gripper=Ros1Gripper(),
+            ros1=Ros1Config(master=options.master or "", host=options.host),
+        )
+    return HardwareConfig(
+        arm=Ros2Arm(),
+        gripper=Ros2Gripper(),
+        ros2=Ros2Config(domain=options.domain, host=options.host),
+    )

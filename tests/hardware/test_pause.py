@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.common.safety_states import SafetyState, StopReason
+from drake_srg.hardware.pause import Pause
+from drake_srg.planning.motion.arm_motion import Motion
+from hardware.stand import HOME, motion_to
+
+PERIOD = 0.005
+GOAL = HOME + 0.5
+NOWHERE = np.full(7, np.nan)
+
+
+def play(pause, begin, end, state, reason=StopReason.NONE, held=NOWHERE):
+    """Return the pause or the motion after a while, and the commands."""
+    commands = []
+    for time in np.arange(begin, end, PERIOD):
+        after = pause
+        if isinstance(pause, Pause):
+            after = pause.go_on(time, state, reason, held)
+        pause = after
+        motion = pause.motion if isinstance(pause, Pause) else pause
+        commands.append(motion.position(time))
+    return pause, np.array(commands)
+
+
+@given(st.floats(0.0, 2.5))
+def test_commands_of_a_kept_path_never_jump(moment):
+    motion = motion_to(GOAL, duration=2.0)
+    pause = Pause.begun(motion, moment)
+    stop, release = SafetyState.PROTECTIVE_STOP, moment + 1.0
+    pause, before = play(pause, moment, release, stop, StopReason.STALE)
+    after, rest = play(pause, release, release + 4.0, SafetyState.RUNNING)
+    assert isinstance(after, Motion)
+    path = np.vstack([before, rest])
+    assert np.max(np.abs(np.diff(path, axis=0))) < 0.5 * 1.5 / 2.0 * PERIOD * 1.1
+    np.testing.assert_allclose(path[-1], GOAL, atol=1e-9)
+
+
+@pytest.mark.parametrize("away", [0.0, 0.02, 0.5])
+def test_an_arm_that_rests_elsewhere_first_goes_to_its_path(away):
+    motion = motion_to(GOAL, duration=2.0)
+    pause = Pause.begun(motion, 1.0)
+    held = motion.position(1.05) + away * np.array([0, 0, 1, 0, 0, 0, 0])
+    stop = SafetyState.EMERGENCY_STOP
+    pause, _ = play(pause, 1.0, 2.0, stop, StopReason.EMERGENCY_STOP, held)
+    after, path = play(pause, 2.0, 9.0, SafetyState.RUNNING)
+    np.testing.assert_allclose(path[0], held, atol=2e-3 if away == 0.0 else 1e-9)
+    np.testing.assert_allclose(path[-1], GOAL, atol=1e-9)
+    assert np.max(np.abs(np.diff(path, axis=0))) < 0.5 * PERIOD
+    assert isinstance(after, Motion)
