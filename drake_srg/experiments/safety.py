@@ -33,13 +33,18 @@ FAULTS = {
     "lost heartbeat": StopReason.STALE,
     "push": StopReason.FORCE,
 }
-# A robot that has lost its commands must rest within this time [s].
+# A robot that has lost its commands must be sent to rest within this time [s]: the time
+# to notice, 0.05 s for a watchdog, and top speed over a stop's deceleration, 0.10 s for
+# the slowest joint. The arm itself rests later, by the time in which its joints settle.
 _MAX_STOP = 0.2
 # A joint that is slower counts as resting [rad/s].
 _RESTING = 0.01
 _AFTER = 0.5  # watched after a fault [s]
 _PUSH = 150.0  # N
-_LOGGED = ("arm.position_allowed", "arm.state_measured", "safety.state")
+_ARM = ("position_allowed", "state_measured", "torque_measured")
+_LOGGED = (*(f"arm.{name}" for name in _ARM), "safety.state")
+# A motor with this share of its effort limit can give no more.
+_SATURATED = 0.99
 
 
 @dc.dataclass(frozen=True)
@@ -64,6 +69,10 @@ class Stop:
         reaction: Time until the monitor braked [s].
         commanded: Time until the commanded arm was at rest [s].
         measured: Time until the measured arm was at rest [s].
+        bound: The same by theory: when the commands rest, the driver's period, the
+            time in which the joints settle, and the time until the next reading [s].
+        effort: Greatest share of the motors' effort limits. At 1, the theory does not
+            hold, because it knows no limits.
         distance: Way of the tool after the fault [m].
         off_path: Greatest distance of the allowed tool from the line through the
             commands up to the fault and, where they went on, after it [m].
@@ -77,6 +86,8 @@ class Stop:
     reaction: float
     commanded: float
     measured: float
+    bound: float
+    effort: float
     distance: float
     off_path: float
     limits: tuple[float, float]
@@ -168,13 +179,17 @@ def _measure(
     tool = np.array([stand.tool.position(q) for q in state[fault:, :n]])
     line = np.array([stand.tool.position(q) for q in path])
     held = allowed[-20:]
+    commanded = rest(np.any(steps != 0.0, axis=1))
+    tail = stand.settling_time(held[-1], _RESTING)
     return Stop(
         case,
         states[-1][1],
         float(np.max(np.abs(state[fault, n:]) / stand.speed)),
         np.inf if not braking else (braking[0] - fault) * period,
-        rest(np.any(steps != 0.0, axis=1)),
+        commanded,
         rest(speed > _RESTING),
+        commanded + 2.0 * period + tail,
+        float(np.max(np.abs(log["arm.torque_measured"][fault:]) / stand.efforts)),
         float(np.sum(np.linalg.norm(np.diff(tool, axis=0), axis=1))),
         float(max(_distance(stand.tool.position(q), line) for q in allowed[fault:])),
         (
@@ -215,6 +230,8 @@ def run(track: Track, *, faults: int = 200) -> ExperimentResult:
         "reaction [s]": [s.reaction for s in stops],
         "commanded stop [s]": [s.commanded for s in stops],
         "measured stop [s]": [s.measured for s in stops],
+        "bound of that [s]": [s.bound for s in stops],
+        "effort [share of the limits]": [s.effort for s in stops],
         "way of the tool [m]": [s.distance for s in stops],
         "off its path [m]": [s.off_path for s in stops],
     }
@@ -248,11 +265,18 @@ def judge(stops: Sequence[Stop], stand: Stand) -> Sequence[Row]:
             rows.append(
                 Row.at_most(fault, "reaction, longest", stand.period, reaction, "s")
             )
-        for what, times in (
-            ("commands at rest, latest", [s.commanded for s in own]),
-            ("arm at rest, latest", [s.measured for s in own]),
-        ):
-            rows.append(Row.at_most(fault, what, _MAX_STOP, max(times), "s"))
+        latest = max(s.commanded for s in own)
+        rows.append(
+            Row.at_most(fault, "commands at rest, latest", _MAX_STOP, latest, "s")
+        )
+        shares = [(s.effort >= _SATURATED, s.measured / s.bound) for s in own]
+        free = max((share for saturated, share in shares if not saturated), default=0.0)
+        most = 1.0 + 1e-9  # for rounding
+        rows.append(Row.at_most(fault, "arm at rest / its bound", most, free, ""))
+        full = max((share for saturated, share in shares if saturated), default=0.0)
+        rows.append(Row.info(fault, "the same, motor at its limit", full, ""))
+        latest = max(s.measured for s in own)
+        rows.append(Row.info(fault, "arm at rest, latest", latest, "s"))
         way = max(s.distance for s in own)
         rows.append(Row.info(fault, "way of the tool, longest", way, "m"))
         off = max(s.off_path for s in own)

@@ -82,6 +82,11 @@ class ServoRobot:
         X_WO: RigidTransform = self._eval("object_poses_cheat")[self._pick]
         return X_WO
 
+    def arm_position(self) -> Vector:
+        """Return the true positions of the arm's joints, shape (N,) [rad]."""
+        q, _ = np.split(self._eval("arm.state_cheat"), 2)
+        return q
+
     def _sense(self) -> None:
         values = {name: self._eval(name) for name in self.bus.ports}
         self.bus.sense(self.time, values)

@@ -26,6 +26,7 @@ from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.scenario import Scenario, load_scenario
+from drake_srg.servoing.arm import ServoArm
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 
@@ -64,6 +65,8 @@ class Run:
         stopped: Why the safety monitor stopped the arm; empty if it did not.
         reason: The planner's failure; empty without one.
         error: Largest of the placement errors in x and y [m].
+        rounding: By how much whole counts of the joints may move the object in x or y
+            where it is let go [m]; NaN: it was not.
         told: Warnings.
     """
 
@@ -72,6 +75,7 @@ class Run:
     stopped: str
     reason: str
     error: float
+    rounding: float
     told: list[str]
 
 
@@ -107,7 +111,7 @@ def run_over_servos(
     context = simulator.get_context()
     status = cell.GetOutputPort("planner.status")
     state = cell.GetOutputPort("safety.state")
-    end, stopped = scenario.planner.time_budget, ""
+    end, stopped, rounding = scenario.planner.time_budget, "", math.nan
     reboot = math.inf if wire.reboot is None else wire.reboot
     while robot.time < end and not stopped:
         time = robot.time + arm.period
@@ -120,7 +124,10 @@ def run_over_servos(
         doing, why = safety_state(state.Eval(context))
         if doing in (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP):
             stopped = why.value
-        if status.Eval(context).mode in (Mode.DONE, Mode.FAILED):
+        mode = status.Eval(context).mode
+        if mode is Mode.RELEASE and math.isnan(rounding):
+            rounding = _rounding(scenario, robot)
+        if mode in (Mode.DONE, Mode.FAILED):
             end = min(end, time + _SETTLE)
     for link in hardware.links:
         link.close()
@@ -135,8 +142,20 @@ def run_over_servos(
         stopped,
         report.failure.value if report.failure else "",
         float(np.max(np.abs(error[:2]))),
+        rounding,
         told,
     )
+
+
+def _rounding(scenario: Scenario, robot: ServoRobot) -> float:
+    """Return how far half a count of every joint moves the object in x or y [m]."""
+    arm = ServoArm(MakeModelsPlant(scenario))
+    q = robot.arm_position()[: arm.n]
+    p_GO_W = robot.pose().translation() - arm.X_WG(q).translation()
+    v, w = np.split(arm.jacobian(q), 2)
+    of_object = v + np.cross(w, p_GO_W, axis=0)
+    half = 0.5 * abs(JOINT.to_angle(1) - JOINT.to_angle(0))
+    return float(half * np.max(np.sum(np.abs(of_object[:2]), axis=1)))
 
 
 def _connect(

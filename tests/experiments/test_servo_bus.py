@@ -1,12 +1,20 @@
+import math
+
 import pytest
 
 from drake_srg.experiments import servo_bus
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.servo_bus import WIRES, run
 
-PLACED = {"claimed": 1, "placed": 1, "reason": "", "error": 0.4e-3}
-STOPPED = {"claimed": 0, "placed": 0, "reason": "stale", "error": 0.3}
-WRONG = {"claimed": 1, "placed": 0, "reason": "", "error": 3e-3}
+PLACED = {"claimed": 1, "placed": 1, "reason": "", "error": 0.4e-3, "rounding": 0.5e-3}
+STOPPED = {
+    "claimed": 0,
+    "placed": 0,
+    "reason": "stale",
+    "error": 0.3,
+    "rounding": math.nan,
+}
+WRONG = {"claimed": 1, "placed": 0, "reason": "", "error": 3e-3, "rounding": 0.5e-3}
 
 
 def judged(monkeypatch, **changes):
@@ -27,7 +35,7 @@ def test_every_wire_passes_that_places_as_well_as_none(monkeypatch):
     [
         ("Protocol 1.0", WRONG, [0, 1, 2, 3]),
         ("Protocol 1.0", STOPPED, [2, 3]),
-        ("Protocol 2.0", {**PLACED, "error": 0.9e-3}, [2]),
+        ("Protocol 2.0", {**PLACED, "error": 1.4e-3}, [2]),
         ("servo reboots", STOPPED, []),
         ("servo reboots", {**STOPPED, "reason": ""}, [1]),
     ],
