@@ -1,6 +1,7 @@
 """The commands `drake-srg train` and `drake-srg evaluate`."""
 
 import argparse
+import functools
 import json
 import shlex
 from collections.abc import Callable, Sequence
@@ -43,11 +44,18 @@ def _add_train_arguments(train: argparse.ArgumentParser) -> None:
     )
     train.add_argument(
         "--algo",
-        choices=("q", "sac", "bc"),
+        choices=("q", "sac", "bc", "dagger"),
         default="q",
         help="q: values of actions, for episodes of one step; sac: soft actor-critic, "
-        "needs the extra `learn`; bc: clones the hand-written rule "
+        "needs the extra `learn`; bc: clones the hand-written rule, or --data; "
+        "dagger: asks the rule again where the clone ends up "
         "(default: %(default)s)",
+    )
+    train.add_argument(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="for bc: clone the grasps in a data set of `drake-srg dataset`",
     )
     train.add_argument(
         "--steps",
@@ -93,6 +101,7 @@ def train(options: argparse.Namespace) -> int:
     words += ["--steps", str(options.steps), "--seed", str(options.seed)]
     words += [word for item in options.set for word in ("--set", item)]
     words += ["--validation", str(options.validation)]
+    words += [] if options.data is None else ["--data", str(options.data)]
     if options.validation < 1:
         raise ScenarioError(f"--validation {options.validation}: must be at least 1")
     training = Training(
@@ -103,6 +112,7 @@ def train(options: argparse.Namespace) -> int:
         seed=options.seed,
         validation=options.validation,
         command=shlex.join(words),
+        data="" if options.data is None else str(options.data),
     )
     end_on_sigterm()
     try:
@@ -133,7 +143,11 @@ def _add_evaluate_arguments(evaluate: argparse.ArgumentParser) -> None:
         metavar="POLICY",
         help="a policy.npz, the name of one of ours, or a baseline: rule, random",
     )
-    evaluate.add_argument("environment", metavar="ENV", help="an environment")
+    evaluate.add_argument(
+        "environment",
+        metavar="ENV|SCENARIO",
+        help="an environment, or a scenario in whose cell the policy is the planner",
+    )
     evaluate.add_argument(
         "--trials", type=int, required=True, metavar="N", help="number of episodes"
     )
@@ -141,7 +155,11 @@ def _add_evaluate_arguments(evaluate: argparse.ArgumentParser) -> None:
         "--seed", type=int, metavar="N", help="of the first episode (not training's)"
     )
     evaluate.add_argument(
-        "--set", action="append", default=[], metavar="K=V", help=_SET
+        "--set",
+        action="append",
+        default=[],
+        metavar="K=V",
+        help=f"{_SET}; of a scenario, any entry",
     )
     add_engine_arguments(evaluate)
     evaluate.add_argument(
@@ -169,9 +187,6 @@ def evaluate(options: argparse.Namespace) -> int:
         ImportError: If a package is missing.
     """
     from drake_srg.learning.baselines import BASELINES, RULE
-    from drake_srg.learning.episodes import EVALUATION
-    from drake_srg.learning.evaluate import evaluate as run_evaluation
-    from drake_srg.learning.policy import load_policy
     from drake_srg.sweeps.report.write import write_report
     from drake_srg.sweeps.statistics import wilson_interval
 
@@ -180,9 +195,7 @@ def evaluate(options: argparse.Namespace) -> int:
     names = [options.policy]
     if not options.no_baselines:
         names += [name for name in BASELINES if name != options.policy]
-    given = keywords(options.set)
-    if options.policy not in BASELINES:  # they run as the policy does
-        given = {**load_policy(options.policy).info.keywords, **given}
+    run_evaluation = _evaluation(options)
     answer: dict[str, Any] = {}
     table = [("", "succeeded", "share", "95 % interval (Wilson)")]
     files: list[Path] = []
@@ -196,8 +209,6 @@ def evaluate(options: argparse.Namespace) -> int:
                     options.trials,
                     out=folder,
                     engine=make_engine(options),
-                    seed=EVALUATION if options.seed is None else options.seed,
-                    keywords=given,
                     resume=options.resume,
                     progress=options.console.progress,
                     tell=warn,
@@ -219,6 +230,26 @@ def evaluate(options: argparse.Namespace) -> int:
     options.console.say(*_aligned(table), "", *files)
     options.console.answer({"policies": answer, "files": files})
     return SUCCESS
+
+
+def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
+    """Return what evaluates in the environment or scenario that is asked for."""
+    from drake_srg.learning.baselines import BASELINES
+    from drake_srg.learning.episodes import EVALUATION
+    from drake_srg.learning.policy import load_policy
+    from drake_srg.scenario.load import is_scenario
+
+    seed = EVALUATION if options.seed is None else options.seed
+    if is_scenario(options.environment):
+        from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
+
+        return functools.partial(evaluate_in_cell, seed=seed, overrides=options.set)
+    from drake_srg.learning.evaluate import evaluate
+
+    given = keywords(options.set)
+    if options.policy not in BASELINES:  # they run as the policy does
+        given = {**load_policy(options.policy).info.keywords, **given}
+    return functools.partial(evaluate, seed=seed, keywords=given)
 
 
 def keywords(items: Sequence[str]) -> dict[str, Any]:
@@ -246,7 +277,7 @@ def keywords(items: Sequence[str]) -> dict[str, Any]:
 
 
 def _stem(environment: str) -> str:
-    return environment.rpartition("/")[2].partition("-v")[0]
+    return Path(environment).stem.partition("-v")[0]
 
 
 def _aligned(table: Sequence[Sequence[str]]) -> list[str]:

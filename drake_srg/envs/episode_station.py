@@ -19,6 +19,7 @@ from drake_srg.objects.models import X_FO_start, object_body
 from drake_srg.objects.replacing import SetObject
 from drake_srg.scenario import Scenario, is_continuous
 from drake_srg.station import MakeStation
+from drake_srg.station.held_grasp import HeldGrasp, read_grasp
 from drake_srg.types import Vector
 
 
@@ -60,8 +61,8 @@ class EpisodeStation:
             if system not in self._scene_graphs
         ]
         self._arm = self.plant.GetModelInstanceByName("arm")
-        name = scenario.task.pick
-        self._model = self.plant.GetModelInstanceByName(name)
+        self._pick = scenario.task.pick
+        self._model = self.plant.GetModelInstanceByName(self._pick)
         self._body = object_body(self.plant, self._model)
         self._object = self.plant.get_body(self._body)
         self._interpolator = self.station.GetSubsystemByName(
@@ -147,6 +148,10 @@ class EpisodeStation:
     def X_WO(self) -> RigidTransform:
         """Return the true pose of the object in world."""
         return self.plant.EvalBodyPoseInWorld(self.plant_context, self._object)
+
+    def grasp(self) -> HeldGrasp:
+        """Return how the hand holds the object."""
+        return read_grasp(self.station, self.context, self._pick)
 
     def motion(self) -> list[float]:
         """Return position [m] and velocity [m/s] of the object's origin (6)."""

@@ -22,7 +22,7 @@ State = npt.NDArray[np.float32]
 Observation = State | dict[str, npt.NDArray[Any]]
 Step = tuple[Observation, float, bool, bool, dict[str, Any]]
 
-OBSERVATIONS = ("state", "images")
+OBSERVATIONS = ("state", "blobs", "images")
 _KEYWORDS = (
     *("scenario", "physics", "driver", "observation", "reward", "noise", "touch"),
     *("critic", "render_mode", "overrides"),
@@ -40,9 +40,12 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
             distributions of its one object.
         physics: `train`, `fast` or `accurate`; see `Physics`.
         driver: Of the gripper: `plant`, `position` or `tendon`.
-        observation: `state` for a vector, `images` for a dictionary of that and an
-            image of the localizer's camera, or of the video's where there is none.
-        reward: `shaped`, `success`, or a function; see `drake_srg.envs.rewards`.
+        observation: `state` for a vector, `blobs` for the same from where the
+            localizer's cameras see the object at the start, `images` for a dictionary
+            of the state and an image of the localizer's camera, or of the video's where
+            there is none.
+        reward: `shaped`, `success`, `lifted`, a measure of the lifted grasp, such as
+            `slip_margin`, or a function; see `drake_srg.envs.rewards`.
         noise: Standard deviation of the object's estimated position [m].
         touch: Whether observations include the fingers' forces; zeros otherwise.
         critic: Whether `info["critic"]` holds the ground truth; see
@@ -92,9 +95,17 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         seen = (tree.get("localizer") or {}).get("cameras") or [self._video]
         self._camera: str | None = seen[0] if observation == "images" else None
         cameras = [self._camera] if self._camera is not None else []
+        if observation == "blobs":
+            cameras = list((tree.get("localizer") or {}).get("cameras") or ())
+            if not cameras:
+                raise ScenarioError(
+                    f"{scenario}: localizer.cameras: observation=blobs needs a camera"
+                )
         if render_mode is not None and self._video not in cameras:
             cameras.append(self._video)
-        super().__init__(tree, str(scenario), noise, cameras)
+        super().__init__(
+            tree, str(scenario), noise, cameras, sees=observation == "blobs"
+        )
         states = _box(len(self.observation_names))
         self.observation_space = states
         if self._camera is not None:
@@ -125,6 +136,7 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
             scene = self.scenes.replay(options["scene"])
         else:
             scene = self.scenes.draw(self.np_random)
+        self.look(scene)
         self.begin(scene, self.q_start)
         info = self.info(self.truth())
         info["scene"] = copy.deepcopy(dict(scene.tree))

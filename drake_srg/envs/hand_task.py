@@ -17,15 +17,17 @@ from drake_srg.envs.movers import MakeMover
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.rewards import LIFTED, Truth, pick_progress
 from drake_srg.envs.scenes import Scene, SceneSource
+from drake_srg.envs.sight import Sight
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.scenario.load import draw_scenario
 from drake_srg.simulation.bench import shake
+from drake_srg.station.held_grasp import HeldGrasp
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
 # The shake that a grasp must survive: acceleration at its peak along x and y [m/s²],
 # about 0.7 g together, at 2 Hz for 1.5 s from rest to rest.
-_SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
+SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
 # An object is lost this far outside the hand's workspace [m], or at this speed [m/s],
 # which is far above the hand's own. A small object that is flung away and spins needs
 # shorter steps than one that is carried.
@@ -51,6 +53,8 @@ class HandTask:
         origin: The scenario's name, for error messages.
         noise: Standard deviation of the object's estimated position [m].
         cameras: Names of the cameras to build.
+        sees: Whether the object's place is estimated from the localizer's cameras
+            instead of from the truth and noise.
 
     Raises:
         ScenarioError: If the scenario does not suit.
@@ -62,6 +66,8 @@ class HandTask:
         origin: str,
         noise: float,
         cameras: Sequence[str] = (),
+        *,
+        sees: bool = False,
     ) -> None:
         self.scenes = SceneSource(tree, origin, noise)
         scenario = draw_scenario(tree, origin, 0).scenario
@@ -70,9 +76,11 @@ class HandTask:
             self.station = EpisodeStation(_for_episodes(scenario, cameras))
             self._home = np.array(scenario.arm.home)
             self.mover = MakeMover(MakeModelsPlant(scenario), self._home)
+            self._sight = Sight(scenario) if sees else None
         self.table = scenario.table.height
         self.goal = np.array(scenario.task.place.position)
         region = np.array([scenario.task.region.min, scenario.task.region.max])
+        self._middle = region.mean(axis=0)
         self._workspace = np.array(
             [
                 [*(region[0] - _MARGIN), self.table + LOWEST],
@@ -82,8 +90,9 @@ class HandTask:
         margin = [[-_AWAY], [_AWAY]]
         self._near = (self._workspace + margin).T.tolist()
         with scenario_errors(origin):
-            self.q_start = self.joints_at(self.over(region.mean(axis=0), 0.0))
+            self.q_start = self.joints_at(self.over(self._middle, 0.0))
         self._scene: Scene | None = None
+        self._seen: Vector | None = None
 
     @property
     def scene(self) -> Scene:
@@ -116,6 +125,19 @@ class HandTask:
             )
         return q
 
+    def look(self, scene: Scene) -> None:
+        """Estimate an object's place from the cameras' images, with the arm at home.
+
+        An object that is not seen is expected in the middle of the region.
+        """
+        if self._sight is None:
+            return
+        self.begin(scene, self._home)
+        self._seen = self._sight.find(self.station, scene)
+        if self._seen is None:
+            height = self.table + 0.5 * scene.shape.height
+            self._seen = np.array([*self._middle, height, 0.0])
+
     def begin(self, scene: Scene, q: Vector) -> None:
         """Put object and arm at their start.
 
@@ -129,6 +151,7 @@ class HandTask:
         self.pose = self.mover.pose(q)  # commanded
         self.closure = 0.0
         self.success = self.lost = False
+        self.grasp: HeldGrasp | None = None
 
     def tick(self, pose: Vector, closure: float) -> None:
         """Simulate one control period towards a pose (4) and a closure.
@@ -155,8 +178,9 @@ class HandTask:
             self.tick(start + share * (pose - start), closure)
 
     def survives_shake(self) -> bool:
-        """Shake the hand, and return whether the object is still up."""
-        acceleration, frequency, duration = _SHAKE
+        """Read the grasp, shake the hand, and return whether the object is still up."""
+        self.grasp = self.station.grasp()
+        acceleration, frequency, duration = SHAKE
         motion = shake(self.pose, acceleration, frequency, duration)
         for i in range(round(duration / CONTROL_PERIOD)):
             self.tick(motion((i + 1) * CONTROL_PERIOD), self.closure)
@@ -169,6 +193,8 @@ class HandTask:
     @property
     def estimate(self) -> Vector:
         """Estimated position of the object, [x, y, z, yaw], shape (4,)."""
+        if self._seen is not None:
+            return self._seen
         xy = self.scene.position + self.scene.estimate_error
         yaw = 0.0 if self.scene.is_round else self.scene.object.yaw
         return np.array([*xy, self.table + 0.5 * self.scene.shape.height, yaw])
@@ -196,6 +222,7 @@ class HandTask:
             success=self.success,
             lost=self.lost,
             scene=self.scene,
+            grasp=self.grasp,
             station=self.station,
         )
 

@@ -23,15 +23,17 @@ _FINE_SENSING = {name: {"period": 3 / 256} for name in _SAMPLED}
 # What each driver's configuration becomes, sampled as in `kitchen_fast`; on the
 # accurate physics, twice as often.
 _DRIVERS: dict[str, dict[str, Any]] = {
-    "plant": {"_tag": "!PlantServoDriver", "proximity": None},
+    "plant": {"_tag": "!PlantServoDriver", "fused": True, "proximity": None},
     "position": {
         "_tag": "!SrgPositionDriver",
+        "fused": True,
         **_SENSING,
         "servo": {"period": 3 / 256},
         "underactuation": {"period": 3 / 128},
     },
     "tendon": {
         "_tag": "!SrgTendonDriver",
+        "fused": True,
         **_SENSING,
         "servo": {"period": 3 / 512},
         "spool": {"period": 3 / 128},
@@ -50,10 +52,13 @@ _ACCURATE: dict[str, dict[str, Any]] = {
         "spool": {"period": 3 / 256},
     },
 }
+# The YAML tag of each driver's configuration.
+DRIVER_TAGS: dict[str, str] = {name: own["_tag"] for name, own in _DRIVERS.items()}
 DRIVERS = tuple(_DRIVERS)
 
-# Steps of the plant per control period: 12, 3 and 1.5 ms.
-_COARSE, _FINE, _FINEST = 4, 16, 32
+# Steps of the plant per control period: 23, 3 and 1.5 ms. Coarse steps of 12 ms cost
+# half as much again; see docs/learning.md for what 23 ms change.
+_COARSE, _FINE, _FINEST = 2, 16, 32
 
 
 @dc.dataclass(frozen=True)
@@ -61,7 +66,7 @@ class Physics:
     """How an environment simulates.
 
     Attributes:
-        name: `train`: Drake's convex integrator in steps of 12 ms without error
+        name: `train`: Drake's convex integrator in steps of 23 ms without error
             control, and an arm without weight; `fast`: the scenario's own plant, in
             steps that divide the control period; `accurate`: `sap` in steps of 1.5 ms,
             and the hand's fine geometry. The wires of `tendon` need a discrete plant:

@@ -9,6 +9,8 @@ import numpy as np
 
 from drake_srg.envs.episode_station import EpisodeStation
 from drake_srg.envs.scenes import Scene
+from drake_srg.planning.grasps.grasp_measures import MEASURES
+from drake_srg.station.held_grasp import HeldGrasp
 
 # Height of the object's underside at which it counts as lifted [m].
 LIFTED = 0.1
@@ -26,6 +28,7 @@ class Truth:
         success: Whether the task is done.
         lost: Whether the episode cannot succeed any more.
         scene: The episode's object.
+        grasp: How the lifted hand held it, before the shake; None if it did not.
         station: For rewards that look at contacts; its state is the present one.
     """
 
@@ -36,6 +39,7 @@ class Truth:
     success: bool
     lost: bool
     scene: Scene
+    grasp: HeldGrasp | None
     station: EpisodeStation
 
 
@@ -66,4 +70,54 @@ def shaped_reward(before: Truth | None, after: Truth) -> float:
     return float(after.success) + after.progress - start
 
 
-REWARDS: Mapping[str, Reward] = {"shaped": shaped_reward, "success": success_reward}
+def lifted_reward(before: Truth | None, after: Truth) -> float:
+    """Return 1 if the hand lifted the object, whatever the shake did, else 0."""
+    del before
+    return float(after.grasp is not None)
+
+
+# Reward 0.5: medians of 200 grasps of the hand-written rule on the training seeds of
+# run 999; None where a measure is within 0 .. 1. From the patches' centers alone, four
+# of five grasps that hold have epsilon and volume 0: those are no rewards.
+_TYPICAL: Mapping[str, float | None] = {
+    "force closure": None,
+    "epsilon, patches": 0.12,
+    "epsilon, forces": 0.18,
+    "volume, patches": 0.045,
+    "volume, forces": 62.0,
+    "resisted acceleration": 75.0,  # m/s²
+    "friction margin": 16.0,
+    "slip margin": None,
+}
+
+
+def measure_reward(name: str) -> Reward:
+    """Return the reward that a measure of the lifted grasp gives, 0 .. 1.
+
+    A measure m gives m / (m + its typical value), which keeps the order and bounds what
+    has no bound. An object that was not lifted gives 0. The shake does not count.
+
+    Args:
+        name: One of `MEASURES` with a typical value.
+    """
+    measure, typical = MEASURES[name], _TYPICAL[name]
+
+    def reward(before: Truth | None, after: Truth) -> float:
+        del before
+        value = 0.0 if after.grasp is None else measure(*after.grasp)
+        if typical is None:
+            return value
+        return value / (value + typical)
+
+    return reward
+
+
+REWARDS: Mapping[str, Reward] = {
+    "shaped": shaped_reward,
+    "success": success_reward,
+    "lifted": lifted_reward,
+    **{
+        name.replace(",", "").replace(" ", "_"): measure_reward(name)
+        for name in _TYPICAL
+    },
+}

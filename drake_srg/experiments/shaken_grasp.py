@@ -18,11 +18,11 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.grasping import GraspConfig, present
 from drake_srg.experiments.household import Case
-from drake_srg.objects.corners import body_corners
 from drake_srg.objects.household import object_facts
-from drake_srg.planning.grasps.contact_patches import Patch, contact_patches
+from drake_srg.planning.grasps.contact_patches import Patch
 from drake_srg.planning.grasps.grasp_measures import Body
 from drake_srg.simulation.rig import Rig, shake
+from drake_srg.station.held_grasp import read_grasp
 from drake_srg.types import Vector
 
 # Shift along the palm's x, y, z (never deeper, where the table or the palm is) [m].
@@ -98,7 +98,7 @@ def shaken_grasp(
         above = there + np.array([0.0, 0.0, _RISE])
         rig.move(above, _LIFT)
         rig.advance(_REST)
-        patches, body = read_grasp(rig)
+        patches, body = read_grasp(rig.station, rig.context, rig.scenario.task.pick)
         lifted = set(rig.contact_forces()) == {"gripper"}
         if not lifted:
             return ShakenGrasp(seed, False, False, patches, body, strength, np.nan)
@@ -134,34 +134,6 @@ def _drawn(case: Case, rng: np.random.Generator) -> tuple[GraspConfig, Any, floa
     thing.friction = float(rng.uniform(*_FRICTION))
     force = grasp.wire_force * float(np.exp(rng.uniform(*np.log(_FORCE))))
     return grasp, thing, force
-
-
-def read_grasp(rig: Rig) -> tuple[list[Patch], Body]:
-    """Return the hand's contacts with the picked object, and the object."""
-    plant, context = rig.plant, rig.plant_context
-    inspector = rig.station.GetSubsystemByName("scene_graph").model_inspector()
-
-    def geometries(model: str) -> set[Any]:
-        bodies = plant.GetBodyIndices(plant.GetModelInstanceByName(model))
-        return {
-            geometry
-            for index in bodies
-            for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
-        }
-
-    name = rig.scenario.task.pick
-    results = plant.get_contact_results_output_port().Eval(context)
-    patches = contact_patches(
-        results, inspector, thing=geometries(name), hand=geometries("gripper")
-    )
-    body = plant.get_body(plant.GetBodyIndices(plant.GetModelInstanceByName(name))[0])
-    p_BC = body.CalcCenterOfMassInBodyFrame(context)
-    corners = body_corners(plant, inspector, body)
-    return patches, Body(
-        mass=float(body.get_mass(context)),
-        p_WB=body.EvalPoseInWorld(context) @ p_BC,
-        size=float(np.linalg.norm(corners - p_BC, axis=1).max()),
-    )
 
 
 def to_json(made: ShakenGrasp) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import json
 import os
 import socket
 import time as wall
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
@@ -71,14 +71,7 @@ def evaluate(
         OSError: If the folder cannot be written.
         ImportError: If a package is missing.
     """
-    if trials < 1:
-        raise ScenarioError(f"--trials {trials}: must be at least 1")
-    if seed < EVALUATION:
-        raise ScenarioError(
-            f"--seed {seed}: must be at least {EVALUATION}; training has those below"
-        )
-    if seed > _MOST_SEED - trials:
-        raise ScenarioError(f"--seed {seed}: must be at most {_MOST_SEED - trials}")
+    check_seeds(trials, seed)
     environment = environment_id(environment)
     keywords = dict(keywords or {})
     content = {}
@@ -93,18 +86,14 @@ def evaluate(
     # Mistakes show here, not in every episode.
     plain = json.dumps(keywords, sort_keys=True)
     _actor(policy, environment, plain, seed)
-    sweep = SweepInfo(
-        scenario=environment,
-        seed=seed,
-        trials=trials,
-        record="none",
-        overrides=[f"{key}={json.dumps(value)}" for key, value in keywords.items()],
-        tree=dump_tree({"environment": environment, **content, **keywords}),
-        versions=current_versions(),
-        engine=engine.name,
-        jobs=engine.jobs,
-        started=datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
-        policy=policy,
+    sweep = sweep_info(
+        policy,
+        environment,
+        trials,
+        seed,
+        engine,
+        [f"{key}={json.dumps(value)}" for key, value in keywords.items()],
+        {"environment": environment, **content, **keywords},
     )
 
     def lost(trial: int, reason: str) -> TrialResult:
@@ -123,6 +112,48 @@ def evaluate(
         progress=progress,
         tell=tell,
         noun="episodes",
+    )
+
+
+def check_seeds(trials: int, seed: int) -> None:
+    """Check the number of trials and the seed of the first.
+
+    Raises:
+        ScenarioError: If one of them is out of range.
+    """
+    if trials < 1:
+        raise ScenarioError(f"--trials {trials}: must be at least 1")
+    if seed < EVALUATION:
+        raise ScenarioError(
+            f"--seed {seed}: must be at least {EVALUATION}; training has those below"
+        )
+    if seed > _MOST_SEED - trials:
+        raise ScenarioError(f"--seed {seed}: must be at most {_MOST_SEED - trials}")
+
+
+def sweep_info(
+    policy: str,
+    scenario: str,
+    trials: int,
+    seed: int,
+    engine: Engine,
+    overrides: Sequence[str],
+    tree: Mapping[str, Any],
+) -> SweepInfo:
+    """Return what identifies an evaluation."""
+    now = datetime.datetime.now().astimezone()
+    return SweepInfo(
+        scenario=scenario,
+        seed=seed,
+        trials=trials,
+        record="none",
+        overrides=overrides,
+        tree=dump_tree(tree),
+        versions=current_versions(),
+        engine=engine.name,
+        jobs=engine.jobs,
+        started=now.isoformat(timespec="seconds"),
+        policy=policy,
     )
 
 

@@ -14,6 +14,7 @@ from numpy.random import default_rng
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.learning.baselines import rule_of
 from drake_srg.learning.cloning import clone
+from drake_srg.learning.demonstrations import read_demonstrations
 from drake_srg.learning.episodes import Episode, run_episode, training_seed
 from drake_srg.learning.network import Array, Network
 from drake_srg.learning.policy import Kind, npz_bytes, scaled
@@ -131,7 +132,7 @@ class QRounds(_Rounds):
         if len(episode.actions) != 1:
             raise ScenarioError(
                 "--algo q: needs episodes of one step, such as those of GraspOneShot "
-                "(allowed here: sac, bc)"
+                "(allowed here: sac, bc, dagger)"
             )
         x = self._scaled(episode.observations[0])
         self._learner.learn(x, episode.actions[0], float(episode.rewards[0]))
@@ -181,22 +182,55 @@ class CloningRounds(_Rounds):
         self._seen, self._done = list(arrays["seen"]), list(arrays["done"])
 
 
-def MakeLearner(algorithm: str, env: Any, run: int) -> Learner:
+class DataRounds(CloningRounds):
+    """Clones the grasps of a data set; a step is one of them.
+
+    Args:
+        env: The environment.
+        run: Seed of training.
+        data: Folder of the data set.
+    """
+
+    def __init__(self, env: Any, run: int, data: Path) -> None:
+        super().__init__(env, run)
+        self._shown = read_demonstrations(data, env)
+
+    def advance(self, steps: int) -> list[bool]:
+        """Take so many demonstrations, or all that are left; see `Learner`."""
+        new = self._shown[self.episodes : self.episodes + steps]
+        self._seen.extend(self._scaled(x) for x, _ in new)
+        self._done.extend(action for _, action in new)
+        self.steps += steps
+        self.episodes += len(new)
+        return [True] * len(new)
+
+
+def MakeLearner(algorithm: str, env: Any, run: int, data: str = "") -> Learner:
     """Make the learner of an algorithm.
 
     Args:
-        algorithm: `q`, `sac` or `bc`.
+        algorithm: `q`, `sac`, `bc` or `dagger`.
         env: The environment.
         run: Seed of training.
+        data: Folder of a data set, for `bc`; "" for the hand-written rule.
 
     Raises:
-        ScenarioError: If the algorithm does not fit the environment.
+        ScenarioError: If the algorithm does not fit the environment, or `data` does not
+            fit either.
         ImportError: If `sac` lacks its packages.
     """
+    if data and algorithm != "bc":
+        raise ScenarioError(f"--data: needs --algo bc, got {algorithm}")
     if algorithm == "q":
         return QRounds(env, run)
+    if algorithm == "bc" and data:
+        return DataRounds(env, run, Path(data))
     if algorithm == "bc":
         return CloningRounds(env, run)
+    if algorithm == "dagger":
+        from drake_srg.learning.dagger import DaggerRounds
+
+        return DaggerRounds(env, run)
     from drake_srg.learning.sac import SacRounds
 
     return SacRounds(env, run)

@@ -34,7 +34,7 @@ class PolicyInfo:
     Attributes:
         environment: Id of its environment.
         keywords: The environment's keywords in training, such as `driver`.
-        algorithm: `q`, `sac` or `bc`.
+        algorithm: `q`, `sac`, `bc` or `dagger`.
         version: Of drake_srg.
         command: The line that made it.
         seed: Of training.

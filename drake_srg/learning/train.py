@@ -32,7 +32,7 @@ from drake_srg.learning.onnx_file import can_write_onnx, write_onnx
 from drake_srg.learning.policy import Policy, PolicyInfo
 from drake_srg.sweeps.files import write_file
 
-ALGORITHMS = ("q", "sac", "bc")
+ALGORITHMS = ("q", "sac", "bc", "dagger")
 POLICY, ONNX, LOG = "policy.npz", "policy.onnx", "training.json"
 _RECENT = 100  # episodes of the success rate that is shown
 
@@ -49,6 +49,7 @@ class Training:
         seed: Of all draws.
         validation: Episodes that judge a policy.
         command: The line that trains it, for the policy's file.
+        data: Folder of a data set of demonstrations, or "".
     """
 
     environment: str
@@ -58,6 +59,7 @@ class Training:
     seed: int = 0
     validation: int = 50
     command: str = ""
+    data: str = ""
 
 
 def train(
@@ -88,7 +90,7 @@ def train(
     training = dc.replace(training, environment=environment_id(training.environment))
     history = _begin(training, out, resume)
     env = make_environment(training.environment, training.keywords)
-    learner = MakeLearner(training.algorithm, env, training.seed)
+    learner = MakeLearner(training.algorithm, env, training.seed, training.data)
     best: Policy | None = None
     if history:
         learner.restore(out)
@@ -100,10 +102,10 @@ def train(
         while learner.steps < training.steps or best is None:
             left = min(learner.round_steps, training.steps - learner.steps)
             recent = (recent + learner.advance(max(left, 1)))[-_RECENT:]
-            policy = _policy(learner, env, training)
+            policy = trained_policy(learner, env, training)
             score = validate(policy, env, training.validation)
             policy = _scored(policy, learner.steps, score)
-            rate = float(np.mean(recent))
+            rate = float(np.mean(recent)) if recent else 0.0
             history.append([learner.steps, learner.episodes, rate, score])
             if best is None or score > best.info.scores["validation"]:
                 best = policy
@@ -127,7 +129,8 @@ def validate(policy: Policy, env: Any, episodes: int) -> float:
     return float(np.mean(done))
 
 
-def _policy(learner: Learner, env: Any, training: Training) -> Policy:
+def trained_policy(learner: Learner, env: Any, training: Training) -> Policy:
+    """Return the policy that a learner has learned so far."""
     import importlib.metadata
 
     kind, network = learner.policy()

@@ -51,6 +51,10 @@ def test_evaluate_prints_a_table_with_the_baselines(tmp_path, capsys):
         (["evaluate", "none.npz", HIT, "--trials", "1"], "No such file"),
         (["evaluate", "rule", HIT, "--trials", "0"], "--trials 0"),
         (["evaluate", "rule", HIT, "--trials", "1", "--seed", "1"], "--seed 1"),
+        (
+            ["evaluate", "grasp_one_shot", "kitchen_fast", "--trials", "1"],
+            "was trained with driver=plant",
+        ),
     ],
 )
 def test_bad_input_is_one_line(tmp_path, monkeypatch, capsys, words, message):

@@ -170,7 +170,10 @@ def test_vector_environments_are_made():
         ({"physics": "fats"}, "physics: unknown 'fats' (did you mean 'fast'? allowed:"),
         ({"driver": "plan"}, "driver: unknown 'plan' (did you mean 'plant'?"),
         ({"observation": "pixels"}, "observation: unknown 'pixels' (allowed:"),
-        ({"reward": "dense"}, "reward: unknown 'dense' (allowed: shaped, success)"),
+        (
+            {"reward": "dense"},
+            "reward: unknown 'dense' (allowed: epsilon_forces, epsilon_patches, ",
+        ),
         ({"nois": 0.1}, "unknown keyword 'nois' (did you mean 'noise'?"),
         ({"noise": -1.0}, "noise: must be at least 0 m, got -1.0"),
         ({"scenario": "nowhere"}, "unknown scenario 'nowhere'"),

@@ -1,0 +1,159 @@
+"""Trials of a one-shot policy in a scenario's cell, judged as in the environment."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.systems.framework import System
+
+from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.envs.movers import MakeMover
+from drake_srg.envs.physics import DRIVER_TAGS
+from drake_srg.envs.rewards import LIFTED
+from drake_srg.learning.baselines import RANDOM, RULE, random_policy
+from drake_srg.learning.episodes import Act
+from drake_srg.learning.grasp_planner import GraspPlanner
+from drake_srg.learning.policy import load_policy
+from drake_srg.learning.rules import grasp_one_shot
+from drake_srg.objects.models import known_shape, simple_shape
+from drake_srg.scenario import Scenario
+from drake_srg.simulation import Result, Simulate
+from drake_srg.simulation.log_format import row_to_pose
+from drake_srg.station.plant import MakeModelsPlant
+from drake_srg.sweeps.trial import TrialResult, run_trial
+from drake_srg.types import Failure, Mode
+
+ENVIRONMENT = "drake_srg/GraspOneShot-v0"
+_ACTIONS = 6
+
+
+def run_cell_trial(
+    policy: str, tree: Mapping[str, Any], origin: str, seed: int, trial: int
+) -> TrialResult:
+    """Run a trial of `drake-srg sweep` in which a policy takes the planner's place.
+
+    `success` means that the object is up after the shake. Metrics of placing are left
+    out.
+
+    Args:
+        policy: A policy's file or name, or a baseline.
+        tree: The scenario, from `load_tree`.
+        origin: Its name or path.
+        seed: Of trial 0.
+        trial: Number of the trial, from 0.
+    """
+    act = actor(policy, seed + trial)
+    simulate = functools.partial(_simulate, act)
+    return run_trial(tree, origin, seed, trial, simulate=simulate)
+
+
+def actor(policy: str, seed: int) -> Act:
+    """Return what chooses the grasp.
+
+    Args:
+        policy: A policy's file or name, or a baseline.
+        seed: Of random actions.
+
+    Raises:
+        ScenarioError: If the policy cannot be read, or is not of `GraspOneShot`.
+    """
+    if policy == RANDOM:
+        return random_policy(_ACTIONS, seed)
+    if policy == RULE:
+        return grasp_one_shot
+    loaded = _policy(policy)
+    if loaded.info.environment != ENVIRONMENT:
+        raise ScenarioError(
+            f"{policy}: is a policy for {loaded.info.environment}; "
+            f"a scenario's cell takes those for {ENVIRONMENT}"
+        )
+    return loaded
+
+
+@functools.lru_cache(maxsize=1)
+def _policy(name: str) -> Any:
+    return load_policy(name)
+
+
+def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
+    """Check that a cell has the gripper for which a policy was trained.
+
+    Raises:
+        ScenarioError: If it has another one.
+    """
+    known = {tag[1:]: name for name, tag in DRIVER_TAGS.items()}
+    own = type(scenario.gripper).__name__
+    if own not in known:
+        raise ScenarioError(
+            f"{origin}: gripper: policies grasp with an SRG, got !{own} "
+            f"(allowed: {', '.join(DRIVER_TAGS.values())})"
+        )
+    if policy in (RULE, RANDOM):
+        return
+    trained = _policy(policy).info.keywords.get("driver", "plant")
+    if known[own] != trained:
+        raise ScenarioError(
+            f"{policy}: was trained with driver={trained}, {origin} has !{own} "
+            f"(allowed: --set gripper='{DRIVER_TAGS[trained]} {{}}')"
+        )
+
+
+def make_planner(act: Act, scenario: Scenario) -> System:
+    """Make the planner of a cell that acts by a policy.
+
+    Args:
+        act: The policy.
+        scenario: The cell's.
+
+    Raises:
+        ScenarioError: If the hand does not point down at home, or the localizer does
+            not know the picked object as a single cylinder or box.
+    """
+    assert scenario.arm is not None
+    home = scenario.arm.home
+    with scenario_errors():
+        mover = MakeMover(MakeModelsPlant(scenario), np.array(home))
+    name = scenario.task.pick
+    shape = known_shape(name, scenario.objects[name])
+    if shape is None:
+        raise ScenarioError(
+            f"objects.{name}: policies grasp single cylinders and boxes that the "
+            "localizer knows"
+        )
+    return GraspPlanner(act, mover, home, name, shape, scenario.table.height)
+
+
+def _simulate(act: Act, scenario: Scenario, **options: Any) -> Result:
+    """Run a cell with a policy; the arguments are those of `Simulate`."""
+    result = Simulate(
+        scenario, make_planner=functools.partial(make_planner, act), **options
+    )
+    failure: str | None = result.metrics.failure
+    success = False
+    if result.status.mode is Mode.DONE:
+        success = is_held(scenario, result)
+        failure = None if success else Failure.NO_GRASP.value
+    metrics = dc.replace(
+        result.metrics,
+        success=success,
+        failure=failure,
+        placement_error_m=None,
+        placement_tilt_rad=None,
+    )
+    return dc.replace(result, metrics=metrics)
+
+
+def is_held(scenario: Scenario, result: Result) -> bool:
+    """Return whether the picked object was up at the end of a run, as in `HandTask`."""
+    name = scenario.task.pick
+    shape = simple_shape(name, scenario.objects[name])
+    X_WO = row_to_pose(result.log[f"object_pose.{name}"][-1])
+    if shape is None:
+        return False
+    down = -X_WO.rotation().matrix()[2]
+    height = X_WO.translation()[2] - shape.half_extent(down) - scenario.table.height
+    return bool(height >= 0.5 * LIFTED)

@@ -1,0 +1,71 @@
+import pytest
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.episodes import EVALUATION
+from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
+from tests.sweeps.stub import StubEngine
+
+from .made_policies import made_policy
+
+PLANT = "gripper=!PlantServoDriver {}"
+ONE_SHOT = "drake_srg/GraspOneShot-v0"
+
+
+def run(policy, scenario, out, *overrides, trials=1, **options):
+    return evaluate_in_cell(
+        str(policy),
+        scenario,
+        trials,
+        out=out,
+        engine=StubEngine(),
+        overrides=overrides,
+        **options,
+    )
+
+
+@pytest.mark.slow
+def test_the_packages_policy_holds_a_can_in_the_kitchen(tmp_path):
+    rows = run("grasp_one_shot", "kitchen_fast", tmp_path, PLANT).to_pylist()
+    assert [row["success"] for row in rows] == [True]
+    assert rows[0]["failure"] is None
+    assert rows[0]["placement_error_m"] is None
+    assert rows[0]["seed"] == EVALUATION
+    assert max(map(abs, rows[0]["localization_error_m"])) < 2e-3
+    with pytest.raises(ScenarioError, match=r"soup_can\.mass.* was"):
+        override = "objects.soup_can.mass=0.3"
+        run("grasp_one_shot", "kitchen_fast", tmp_path, PLANT, override, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overrides", "message"),
+    [
+        ("kitchen_fast", [], r"driver=plant, kitchen_fast has !SrgPositionDriver "),
+        ("assistive_arm_fast", [], "gripper: policies grasp with an SRG"),
+        ("gripper_bench_fast", [PLANT], "also needs localizer.cameras"),
+        ("clear_table_fast", [PLANT], "also needs task.pick"),
+        ("nowhere.yaml", [], "No such file"),
+    ],
+)
+def test_a_cell_that_does_not_fit_is_one_line(tmp_path, scenario, overrides, message):
+    with pytest.raises(ScenarioError, match=message) as error:
+        run("grasp_one_shot", scenario, tmp_path / "out", *overrides)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_arm_whose_hand_does_not_point_down_is_refused(tmp_path):
+    home = "arm.home=[0.0, -0.3, 0.0, -1.9, 0.0, 0.5, 0.0]"
+    with pytest.raises(ScenarioError, match="must point down"):
+        run("rule", "kitchen_fast", tmp_path / "out", home)
+
+
+def test_policies_of_other_environments_are_refused(tmp_path):
+    policy = made_policy(environment="drake_srg/Pick-v0")
+    policy.save(tmp_path / "policy.npz")
+    with pytest.raises(ScenarioError, match=f"takes those for {ONE_SHOT}"):
+        run(tmp_path / "policy.npz", "kitchen_fast", tmp_path / "out", PLANT)
+
+
+def test_seeds_of_training_are_refused(tmp_path):
+    with pytest.raises(ScenarioError, match="training has those below"):
+        run("rule", "kitchen_fast", tmp_path / "out", seed=3)
