@@ -20,6 +20,7 @@ from drake_srg.gripper.torque_control import TorqueControl
 from drake_srg.hardware.cell import MakeHardwareCell
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.station import MakeHardwareStation
+from drake_srg.learning.grasp_planner import GraspPlanner
 from drake_srg.learning.policy_planner import PolicyPlanner
 from drake_srg.planning.state_machine import ModeActions, StateMachine
 from drake_srg.scenario import Scenario, load_scenario
@@ -27,6 +28,7 @@ from drake_srg.simulation.recorders import AddRecorders
 from drake_srg.station import MakeStation
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.station.video_process import RemoteVideoRecorder
+from drake_srg.twin.station import MakeTwin
 from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.height_mapper import HeightMapper
@@ -139,6 +141,7 @@ def hardware_systems():
         "HardwareStation": seeing,
         "HardwareReader": seeing.GetSubsystemByName("hardware_reader"),
         "HardwareWriter": seeing.GetSubsystemByName("hardware_writer"),
+        "HandHold": seeing.GetSubsystemByName("hand_hold"),
         "CameraFeed": seeing.GetSubsystemByName("camera_ceiling"),
         "HardwareCell": cell,
         "RemotePlanner": cell.GetSubsystemByName("planner"),
@@ -153,6 +156,14 @@ def served_systems():
     yield "TrajectoryFollower", served.GetSubsystemByName("arm_reference")
     yield "ServedStation", MakeServedStation(load_scenario("kitchen"))
     yield "RemoteCameras", MakeRemoteCameras(load_scenario("kitchen"))
+
+
+def twin_systems():
+    """The systems of a digital twin, and their names."""
+    twin = MakeTwin(load_scenario("kitchen"))
+    yield "Twin", twin
+    for system in subsystems(twin):
+        yield type(system).__name__, system
 
 
 def servoed_planners():
@@ -217,7 +228,12 @@ def systems(tmp_path_factory):
     still = SimpleNamespace(pose=lambda q: q)
     box = Box([0.05, 0.05, 0.1])
     add("PolicyPlanner", PolicyPlanner(np.tanh, still, np.zeros(4), box, 0.0))
-    for name, system in [*served_systems(), *hardware_systems().items()]:
+    add("GraspPlanner", GraspPlanner(np.tanh, still, np.zeros(4), "box", box, 0.0))
+    for name, system in [
+        *served_systems(),
+        *hardware_systems().items(),
+        *twin_systems(),
+    ]:
         add(name, system)
     yield found
     for recorder in [*found["VideoRecorder"], *found["RosbagRecorder"]]:

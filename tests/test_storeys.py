@@ -20,7 +20,7 @@ STOREYS = [
     {"simulation"},
     {"sweeps", "bridges", "identification", "calibration"},
     {"envs", "hardware"},
-    {"learning"},
+    {"learning", "twin"},
     {"experiments"},
     {"cli"},
     {"__init__", "__main__"},  # the face and the command

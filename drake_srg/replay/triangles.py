@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -129,13 +130,19 @@ def read_obj(path: Path) -> Triangles:
         OSError: If the file cannot be read.
         ValueError: If it is not such a file.
     """
+    return _parse_obj(path, path.read_text(encoding="utf-8", errors="replace"))
+
+
+# A recorded run shows every mesh in its bag and in its replay, a sweep in every run.
+@functools.lru_cache(maxsize=256)
+def _parse_obj(path: Path, text: str) -> Triangles:
     points: list[list[float]] = []
     normals: list[list[float]] = []
     corners: dict[tuple[int, int], int] = {}
     faces: list[tuple[int, int, int]] = []
     smooth = True
 
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+    for line in text.splitlines():
         word, *values = line.split() or [""]
         if word in ("v", "vn"):
             rows = points if word == "v" else normals

@@ -129,17 +129,42 @@ def test_a_file_that_a_trial_cannot_read_is_not_blamed_on_out(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_an_ended_sweep_continues_where_it_stopped(end, tmp_path, monkeypatch):
-    command = arguments(tmp_path, "--trials", "4", "--jobs", "1")
+def test_an_ended_sweep_continues_where_it_stopped(tmp_path, monkeypatch):
+    command = arguments(tmp_path, "--trials", "8", "--jobs", "1")
+    done = end_sweep(command, tmp_path, signal.SIGINT)
+    command.append("--resume")
+    for end in (signal.SIGTERM, signal.SIGKILL):
+        before, done = done, end_sweep(command, tmp_path, end)
+        assert done > before
+    # The remaining trials run in this process, which is there already.
+    monkeypatch.setattr(cli_sweep, "make_engine", lambda options: stub.StubEngine())
+    assert main(command) == 0
+    rows = read_rows(tmp_path)
+    assert rows["trial"].to_pylist() == list(range(8))
+    for row in rows.to_pylist()[::7]:  # one from before its ends, one from after
+        seed, trial = row["seed"] - row["trial"], row["trial"]
+        again = sweep.run_trial(
+            sweep.load_tree(stub.SCENARIO, ABSENT[1:]), stub.SCENARIO, seed, trial
+        )
+        for name, value in again.row.items():
+            assert name in TIMING_COLUMNS or row[name] == value
+
+
+def end_sweep(command, out, end):
+    """Run a sweep, end it by a signal after a trial; return how many trials it has."""
+    trials = out / "trials"
+
+    def finished():
+        return set(trials.glob("[0-9]*.parquet")) if trials.exists() else set()
+
+    before = finished()
     with subprocess.Popen(
         [*HEEDING_CTRL_C, sys.executable, "-m", "drake_srg", *command],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
     ) as sweeping:
-        trials = tmp_path / "trials"
-        while not (trials.exists() and list(trials.glob("[0-9]*.parquet"))):
+        while not finished() - before:
             assert sweeping.poll() is None
             time.sleep(0.02)
         if end == signal.SIGINT:
@@ -152,17 +177,6 @@ def test_an_ended_sweep_continues_where_it_stopped(end, tmp_path, monkeypatch):
         (line,) = errors.splitlines()
         assert line.startswith("drake-srg: stopped; to continue: drake-srg sweep")
         assert line.endswith("--resume")
-    done = read_rows(tmp_path).num_rows
-    assert 1 <= done < 4
-    # The remaining trials run in this process, which is there already.
-    monkeypatch.setattr(cli_sweep, "make_engine", lambda options: stub.StubEngine())
-    assert main([*command, "--resume"]) == 0
-    rows = read_rows(tmp_path)
-    assert rows["trial"].to_pylist() == list(range(4))
-    for row in rows.to_pylist()[::3]:  # one from before its end, one from after
-        seed, trial = row["seed"] - row["trial"], row["trial"]
-        again = sweep.run_trial(
-            sweep.load_tree(stub.SCENARIO, ABSENT[1:]), stub.SCENARIO, seed, trial
-        )
-        for name, value in again.row.items():
-            assert name in TIMING_COLUMNS or row[name] == value
+    done = read_rows(out).num_rows
+    assert 1 <= done < 8
+    return done

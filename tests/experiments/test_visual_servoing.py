@@ -1,5 +1,6 @@
 """The experiment on visual servoing: its judgement, without its simulations."""
 
+import dataclasses as dc
 import json
 
 import numpy as np
@@ -12,7 +13,7 @@ from drake_srg.experiments.visual_servoing import CASES, SERVOS
 TRIALS = 20
 
 
-def made(case, method, seed):
+def made(case, method, seed, overrides=()):
     """Servos miss one of 20 in every case, looking misses all but the first case."""
     if method in SERVOS:
         held = seed % TRIALS != 0
@@ -43,7 +44,7 @@ def test_shares_and_errors_are_judged(monkeypatch):
 
 
 def test_a_servo_that_misses_more_fails(monkeypatch):
-    def worse(case, method, seed):
+    def worse(case, method, seed, overrides):
         return made(case, method, 0 if seed < 2 else seed)
 
     result = run(monkeypatch, worse)
@@ -51,11 +52,32 @@ def test_a_servo_that_misses_more_fails(monkeypatch):
     assert failed == {f"{case}, {method}" for case in CASES for method in SERVOS}
 
 
+def test_servos_that_need_the_step_fail(monkeypatch):
+    def changed(case, method, seed, overrides):
+        result = made(case, method, seed)
+        return dc.replace(result, error=0.002) if overrides else result
+
+    result = run(monkeypatch, changed, half=4)
+    failed = [(row.name, row.quantity) for row in result.rows if not row.passed]
+    quantity = "change of the grasp error, median"
+    assert failed == [(f"{servo}, half the step", quantity) for servo in SERVOS]
+
+    def otherwise(case, method, seed, overrides):
+        return dc.replace(made(case, method, seed), held=seed % 2 == 0 or not overrides)
+
+    result = run(monkeypatch, otherwise, half=4)
+    assert not result.passed
+    rows = {(row.name, row.quantity): row for row in result.rows}
+    row = rows["pbvs, half the step", "end otherwise, share"]
+    assert (row.measured, row.passed) == (0.5, False)
+    assert rows["pbvs, half the step", "trials"].measured == 4 * len(CASES)
+
+
 def test_kept_trials_are_not_run_again(monkeypatch, tmp_path):
     keep = tmp_path / "keep.jsonl"
     first = run(monkeypatch, keep=str(keep))
     entries = [json.loads(line) for line in keep.read_text().splitlines() if line]
-    assert len(entries) == TRIALS * len(CASES) * len(METHODS)
+    assert len(entries) == len(CASES) * (TRIALS * len(METHODS) + 10 * len(SERVOS))
 
     def again(*at):
         raise AssertionError("run again")

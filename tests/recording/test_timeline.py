@@ -16,6 +16,7 @@ FULL = {
     "arm_velocity": np.sin(np.outer(TIME, np.arange(7))),
     "arm_torque": np.cos(np.outer(TIME, np.arange(7))),
     "object_height": 0.05 + 0.01 * TIME,
+    "title": "kitchen",
 }
 
 
@@ -23,9 +24,21 @@ def draw(path, **fields):
     return cv2.imread(str(draw_timeline(Timeline(TIME, **fields), path)))
 
 
+@pytest.fixture(scope="module")
+def full_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("timeline") / "full.png"
+    draw(path, **FULL)
+    return path
+
+
+@pytest.fixture
+def full(full_file):
+    """The image of a timeline with everything."""
+    return cv2.imread(str(full_file))
+
+
 @pytest.mark.slow
-def test_a_full_timeline_has_seven_panels(tmp_path):
-    full = draw(tmp_path / "full.png", **FULL, title="kitchen")
+def test_a_full_timeline_has_seven_panels(tmp_path, full):
     one = draw(tmp_path / "one.png", closure=FULL["closure"])
     assert full.shape[1] == one.shape[1]
     assert full.shape[0] > 3 * one.shape[0]
@@ -33,8 +46,7 @@ def test_a_full_timeline_has_seven_panels(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("field", ["mode", "closure", "arm_velocity", "proximity"])
-def test_every_series_is_drawn(tmp_path, field):
-    full = draw(tmp_path / "full.png", **FULL)
+def test_every_series_is_drawn(tmp_path, full, field):
     changed = {**FULL, field: np.roll(FULL[field], 17, axis=0)}
     if field == "mode":
         changed["mode"] = changed["mode"].tolist()
@@ -43,26 +55,18 @@ def test_every_series_is_drawn(tmp_path, field):
 
 
 @pytest.mark.slow
-def test_an_arm_of_prismatic_joints_has_another_unit(tmp_path):
-    turns, slides = (
-        draw(tmp_path / f"{i}.png", **FULL, arm_slides=bool(i)) for i in (0, 1)
-    )
-    assert turns.shape != slides.shape or not np.array_equal(turns, slides)
+def test_an_arm_of_prismatic_joints_has_another_unit(tmp_path, full):
+    slides = draw(tmp_path / "slides.png", **FULL, arm_slides=True)
+    assert full.shape != slides.shape or not np.array_equal(full, slides)
 
 
 @pytest.mark.slow
-def test_equal_values_give_equal_bytes(tmp_path):
-    for name in "ab":
-        draw(tmp_path / f"{name}.png", **FULL)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-
-
-@pytest.mark.slow
-def test_pyplot_has_no_new_figures_afterwards(tmp_path):
+def test_equal_values_give_equal_bytes_and_leave_no_figure(tmp_path, full_file):
     from matplotlib import pyplot
 
     before = pyplot.get_fignums()
-    draw(tmp_path / "a.png", **FULL)
+    draw(tmp_path / "again.png", **FULL)
+    assert (tmp_path / "again.png").read_bytes() == full_file.read_bytes()
     assert pyplot.get_fignums() == before
 
 

@@ -256,7 +256,7 @@ def test_the_first_exception_is_reported(tmp_path, monkeypatch):
 def test_unused_cameras_are_not_built(tmp_path, monkeypatch, record, cameras):
     built = []
 
-    def make_cell(scenario):
+    def make_cell(scenario, make_planner):
         built.append(set(scenario.cameras))
         raise ScenarioError("enough")
 

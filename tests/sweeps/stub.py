@@ -39,17 +39,12 @@ def trial(tree, origin, seed, trial, record):
 
 
 def deadly(tree, origin, seed, trial_number, record):
-    """A trial; trial 2 always kills its worker."""
-    if trial_number == 2:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return trial(tree, origin, seed, trial_number, record)
-
-
-def deadly_once(tree, origin, seed, trial_number, record):
-    """A trial; the first worker that gets trial 2 leaves a note and is killed."""
+    """A trial; trial 2 always kills its worker, trial 5 the first one, with a note."""
     note = Path(tree["note"])
-    if trial_number == 2 and not note.exists():
+    if trial_number == 5 and not note.exists():
         note.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if trial_number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return trial(tree, origin, seed, trial_number, record)
 

@@ -41,13 +41,28 @@ def cluster():
         cluster.shutdown()
 
 
-@pytest.fixture(params=["2 jobs", "ray"])
+@pytest.fixture
+def connected(cluster):
+    """The cluster, with a connection that stays: workers are those of a connection."""
+    import ray
+
+    if not ray.is_initialized():
+        ray.init(cluster.address, log_to_driver=False, logging_level="ERROR")
+    return cluster
+
+
+@pytest.fixture
+def disconnected():
+    needs_module("ray").shutdown()
+
+
+@pytest.fixture(params=["1 job", "ray"])
 def engine(request):
     if request.param != "ray":
         return JoblibEngine(int(request.param[0]))
     from drake_srg.sweeps.ray_engine import RayEngine
 
-    return RayEngine(request.getfixturevalue("cluster").address)
+    return RayEngine(request.getfixturevalue("connected").address)
 
 
 def run(out, engine, monkeypatch, function=stub.trial, **tree):
@@ -66,19 +81,15 @@ def test_rows_are_the_same_on_every_engine(engine, tmp_path, monkeypatch):
     assert len(set(rows["worker"].to_pylist())) <= (engine.jobs or 2)
 
 
-def test_the_trials_of_a_killed_worker_run_again(engine, tmp_path, monkeypatch):
-    note = tmp_path / "note"
-    rows = run(tmp_path, engine, monkeypatch, stub.deadly_once, note=str(note))
-    assert note.exists()
-    assert rows["trial"].to_pylist() == list(range(8))
-    assert "error" not in rows["failure"].to_pylist()
-
-
-def test_a_trial_that_always_kills_its_worker_ends_in_an_error(
+@pytest.mark.parametrize("engine", ["2 jobs", "ray"], indirect=True)
+def test_only_a_trial_that_always_kills_its_worker_ends_in_an_error(
     engine, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(sweep, "draw_scenario", stub.Drawn)
-    rows = run(tmp_path, engine, monkeypatch, stub.deadly)
+    note = tmp_path / "note"
+    rows = run(tmp_path, engine, monkeypatch, stub.deadly, note=str(note))
+    assert note.exists()  # trial 5 has killed one
+    assert rows["trial"].to_pylist() == list(range(8))
     failures = dict(enumerate(rows["failure"].to_pylist()))
     assert failures.pop(2) == "error"
     assert "its worker died 3 times" in rows["message"][2].as_py()
@@ -98,6 +109,48 @@ def test_workers_have_one_thread_each(engine):
             assert engine.submit(stub.environment, name).result() == value
 
 
+@pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
+def test_a_cluster_with_other_versions_is_rejected(connected, monkeypatch, name):
+    from drake_srg.sweeps import ray_engine
+
+    here = {**ray_engine.current_versions(), name: "0.0"}
+    monkeypatch.setattr(ray_engine, "current_versions", lambda: here)
+    with (
+        pytest.raises(ScenarioError, match=rf"{name} .* on .*, 0.0 here"),
+        ray_engine.RayEngine(connected.address),
+    ):
+        pass
+
+
+def test_a_node_with_other_code_runs_nothing():
+    from drake_srg.sweeps import ray_engine
+
+    here = ray_engine.current_versions()
+    assert ray_engine.call_on_node(here, abs, -1) == 1
+    with pytest.raises(ScenarioError, match=r"drake_srg_sources .* on .*, other here"):
+        ray_engine.call_on_node({**here, "drake_srg_sources": "other"}, pytest.fail)
+
+
+def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, connected):
+    from drake_srg.sweeps.ray_engine import RayEngine
+
+    node = connected.add_node(num_cpus=2)
+    add = SweepFolder.add
+    gone = []
+
+    def remove_node(self, result):
+        add(self, result)
+        if not gone:
+            gone.append(connected.remove_node(node, allow_graceful=False))
+
+    monkeypatch.setattr(SweepFolder, "add", remove_node)
+    rows = run(tmp_path, RayEngine(connected.address), monkeypatch, stub.slow)
+    assert gone
+    assert rows["trial"].to_pylist() == list(range(8))
+    assert "error" not in rows["failure"].to_pylist()
+
+
+@pytest.mark.usefixtures("disconnected")
 def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
     options = ["--trials", "2", "--seed", "5", "--set", "object.present=false"]
     ray = ["--engine", "ray", "--address", cluster.address]
@@ -112,28 +165,7 @@ def test_the_command_runs_real_trials_on_a_cluster(cluster, tmp_path, capsys):
     assert not any(worker.endswith(f":{os.getpid()}") for worker in workers)
 
 
-@pytest.mark.parametrize("name", ["drake_srg", "drake_srg_sources", "drake"])
-def test_a_cluster_with_other_versions_is_rejected(cluster, monkeypatch, name):
-    from drake_srg.sweeps import ray_engine
-
-    here = {**ray_engine.current_versions(), name: "0.0"}
-    monkeypatch.setattr(ray_engine, "current_versions", lambda: here)
-    with (
-        pytest.raises(ScenarioError, match=rf"{name} .* on .*, 0.0 here"),
-        ray_engine.RayEngine(cluster.address),
-    ):
-        pass
-
-
-def test_a_node_with_other_code_runs_nothing():
-    from drake_srg.sweeps import ray_engine
-
-    here = ray_engine.current_versions()
-    assert ray_engine.call_on_node(here, abs, -1) == 1
-    with pytest.raises(ScenarioError, match=r"drake_srg_sources .* on .*, other here"):
-        ray_engine.call_on_node({**here, "drake_srg_sources": "other"}, pytest.fail)
-
-
+@pytest.mark.usefixtures("disconnected")
 def test_an_address_without_a_cluster_is_named():
     from drake_srg.sweeps.ray_engine import RayEngine
 
@@ -145,8 +177,8 @@ def test_an_address_without_a_cluster_is_named():
         pass
 
 
+@pytest.mark.usefixtures("disconnected")
 def test_ray_starts_on_this_machine_without_an_address(tmp_path, monkeypatch):
-    needs_module("ray")
     monkeypatch.delenv("RAY_ADDRESS", raising=False)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # of the stub
     from drake_srg.sweeps.ray_engine import RayEngine
@@ -154,25 +186,6 @@ def test_ray_starts_on_this_machine_without_an_address(tmp_path, monkeypatch):
     rows = run(tmp_path, RayEngine(), monkeypatch, stub.recorded)
     assert rows["trial"].to_pylist() == list(range(8))
     assert (tmp_path / "recordings/000003/video.mp4").read_bytes() == b"3"
-
-
-def test_a_sweep_survives_the_loss_of_a_node(tmp_path, monkeypatch, cluster):
-    from drake_srg.sweeps.ray_engine import RayEngine
-
-    node = cluster.add_node(num_cpus=2)
-    add = SweepFolder.add
-    gone = []
-
-    def remove_node(self, result):
-        add(self, result)
-        if not gone:
-            gone.append(cluster.remove_node(node, allow_graceful=False))
-
-    monkeypatch.setattr(SweepFolder, "add", remove_node)
-    rows = run(tmp_path, RayEngine(cluster.address), monkeypatch, stub.slow)
-    assert gone
-    assert rows["trial"].to_pylist() == list(range(8))
-    assert "error" not in rows["failure"].to_pylist()
 
 
 def test_an_interrupt_while_a_trial_is_submitted_is_quiet(monkeypatch):

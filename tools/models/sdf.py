@@ -77,7 +77,8 @@ class Model:
     ) -> None:
         visual = AddChild(link, "visual", name=prefix + name)
         path = f"meshes/{self._meshes}_{name}.obj"
-        self.files[path] = obj_text(seen)
+        if path not in self.files:
+            self.files[path] = obj_text(seen)
         mesh = AddChild(AddChild(visual, "geometry"), "mesh")
         AddChild(mesh, "uri", f"package://drake_srg/{path}")
         material = AddChild(visual, "material")
@@ -105,7 +106,8 @@ class Model:
                 AddPose(collision, (0, 0, 0), (0, 0, shape.angle))
                 name, solid = shape.name, shape.solid
             path = f"meshes/{self._meshes}_{name}_collision.obj"
-            self.files[path] = obj_text([solid], crease=0)
+            if path not in self.files:
+                self.files[path] = obj_text([solid], crease=0)
             mesh = AddChild(AddChild(collision, "geometry"), "mesh")
             AddChild(mesh, "uri", f"package://drake_srg/{path}")
             AddChild(mesh, "drake:declare_convex")

@@ -48,6 +48,7 @@ plastic_box = functools.partial(box_piece, proximity=PLASTIC)
 _extruded = functools.partial(extruded_piece, proximity=PLASTIC)
 
 
+@functools.cache
 def palm_pieces() -> list[Piece]:
     """Return the palm: +x points out of it, the fingers move in the x-y plane."""
     half_y, half_z = SRG.palm_width / 2, SRG.palm_height / 2
@@ -121,6 +122,7 @@ def palm_pieces() -> list[Piece]:
     return pieces
 
 
+@functools.cache
 def base_pieces() -> list[Piece]:
     """Return a base link: knuckle, body, and two cheeks around the tip's lug."""
     back = SRG.face_offset - BASE_THICKNESS
@@ -161,6 +163,7 @@ def base_pieces() -> list[Piece]:
     return pieces
 
 
+@functools.cache
 def tip_pieces(pad_resolution: float | None = None) -> list[Piece]:
     """Return a tip link: lug and spine, the pad's carrier, the rubber pad.
 

@@ -82,3 +82,31 @@ def test_the_next_motion_knows_where_the_last_one_was(moment):
 def test_an_arm_arrives_when_the_motion_is_over_and_it_has_followed(time, off, arrived):
     assert UNDER_WAY.arrived(END + off, time) == arrived
     assert Motion(START).arrived(END, time)
+
+
+@given(moments)
+def test_a_resumed_motion_ends_where_it_would_have(moment):
+    stopped = UNDER_WAY.stopped(5.0 + moment)
+    since, q = stopped.nearest(stopped.destination)
+    np.testing.assert_allclose(q, stopped.destination, atol=1e-9)
+    resumed = stopped.resumed(9.0, since)
+    np.testing.assert_allclose(resumed.position(9.0), stopped.destination, atol=1e-9)
+    np.testing.assert_allclose(resumed.destination, END, atol=1e-9)
+    times = 9.0 + np.linspace(0.0, 1.0, 200)
+    x = np.array([resumed.position(t)[0] for t in times])
+    assert np.all(np.diff(x) > -1e-12)  # along the path, never back
+    assert x[1] - x[0] < 1e-3  # from rest
+
+
+def test_the_nearest_point_is_not_beyond_the_stop():
+    stopped = UNDER_WAY.stopped(5.01)
+    _, q = stopped.nearest(END)
+    np.testing.assert_allclose(q, stopped.destination, atol=1e-9)
+    _, q = stopped.nearest(np.array([0.05, 7.0]))
+    np.testing.assert_allclose(q, [0.05, 1.0], atol=0.01)
+
+
+def test_a_rest_is_resumed_as_a_rest():
+    rest = Motion(START)
+    np.testing.assert_array_equal(rest.resumed(1.0, 0.0).position(2.0), START)
+    np.testing.assert_array_equal(rest.nearest(END)[1], START)

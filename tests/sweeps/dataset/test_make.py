@@ -10,12 +10,15 @@ from hypothesis.extra.numpy import arrays
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
+from drake_srg.scenario import draw_scenario, load_tree
 from drake_srg.sweeps.dataset.files import FilePlace, next_place
 from drake_srg.sweeps.dataset.make import Dataset, make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals
 from drake_srg.sweeps.dataset.statistics import QUANTILES, ImageStatistics
 from drake_srg.sweeps.dataset.video import encode_episode
 from drake_srg.sweeps.dataset.writer import DatasetWriter
+from drake_srg.sweeps.info import dump_tree
+from drake_srg.types import Cylinder
 from sweeps.dataset import lerobot_format as lerobot
 from sweeps.dataset.recorded_sweep import (
     ARM,
@@ -244,6 +247,7 @@ def test_large_data_sets_have_several_files(sweep, tmp_path):
     path = sweep / "recordings/000007/recording.mcap"
     signals = read_signals(path)
     about = {"trial": 7, "seed": 107, "success": True, "failure": None}
+    about |= {"object_size": None, "object_round": None}
     episode, _ = encode_episode(read_images(path, "ceiling"), FPS)
     with DatasetWriter(
         tmp_path / "made",
@@ -291,3 +295,18 @@ make_dataset(*map(pathlib.Path, sys.argv[1:]))
     out = tmp_path / "made"
     subprocess.run([sys.executable, "-c", code, str(sweep), str(out)], check=True)
     assert (out / "meta/info.json").exists()
+
+
+def test_an_episode_tells_what_the_robot_knows_of_the_object(tmp_path):
+    sweep = write_sweep(tmp_path / "sweep")
+    tree = load_tree("learn_kitchen")
+    info = json.loads((sweep / "sweep.json").read_text())
+    (sweep / "sweep.json").write_text(json.dumps({**info, "tree": dump_tree(tree)}))
+    for trial in (0, 1, 2):
+        write_trial(sweep, trial, 0.2)
+    made = make_dataset(sweep)
+    for row in lerobot.read_episodes(made.path):
+        thing = draw_scenario(tree, "learn_kitchen", row["seed"]).scenario
+        shape = thing.objects["clutter_1"].shape
+        assert row["object_size"] == pytest.approx(shape.bounding_size)
+        assert row["object_round"] == isinstance(shape, Cylinder)
