@@ -3,9 +3,9 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-# Three workers keep two cores busy: some tests wait for sockets and other processes.
+# Four workers keep two cores busy: many tests wait for sockets and other processes.
 # They take the files in the order of tests/conftest.py.
-PYTEST := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
+PYTEST := $(BIN)/python -m pytest -n 4 --dist loadfile --no-loadscope-reorder
 # Workers, and the processes that tests start, read what others have compiled.
 unexport PYTHONDONTWRITEBYTECODE
 

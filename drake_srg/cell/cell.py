@@ -29,7 +29,9 @@ _MESSAGES = "closure_messages"
 
 @scenario_errors()
 def MakeCell(
-    scenario: Scenario, make_station: Callable[[Scenario], Diagram] = MakeStation
+    scenario: Scenario,
+    make_station: Callable[[Scenario], Diagram] = MakeStation,
+    make_planner: Callable[[Scenario], System] | None = None,
 ) -> Diagram:
     """Build the diagram of a station, a localizer and a planner.
 
@@ -63,12 +65,14 @@ def MakeCell(
     Args:
         scenario: The scenario of the cell.
         make_station: Builds the station: any diagram with the ports of `MakeStation`'s.
+        make_planner: Makes a planner in place of the scenario's. It needs the outputs
+            of `PickAndPlacePlanner`, and `blobs` of its inputs.
 
     Raises:
         ScenarioError: If the models do not fit the scenario.
     """
     builder = DiagramBuilder()
-    AddCell(builder, scenario, make_station)
+    AddCell(builder, scenario, make_station, make_planner)
     diagram = builder.Build()
     diagram.set_name("cell")
     return diagram
@@ -78,6 +82,7 @@ def AddCell(
     builder: DiagramBuilder,
     scenario: Scenario,
     make_station: Callable[[Scenario], Diagram] = MakeStation,
+    make_planner: Callable[[Scenario], System] | None = None,
 ) -> None:
     """Add the systems of `MakeCell` to a diagram and export their ports.
 
@@ -90,6 +95,9 @@ def AddCell(
         "task.pick": scenario.task.pick or scenario.task.clear,
         "localizer.cameras (or script)": scenario.localizer.cameras or scenario.script,
     }
+    if make_planner is not None:
+        needed |= {"task.pick": scenario.task.pick}
+        needed |= {"localizer.cameras": scenario.localizer.cameras}
     missing = [key for key, value in needed.items() if not value]
     if missing:
         raise ScenarioError(f"a cell also needs {', '.join(missing)}")
@@ -99,7 +107,7 @@ def AddCell(
         if name.startswith("safety."):
             builder.ExportInput(port, name)
     planner: System
-    if scenario.script:
+    if scenario.script and make_planner is None:
         planner = builder.AddNamedSystem("planner", MakeScriptedPlanner(scenario))
         ConnectCommands(builder, station, planner)
         if any(step.force_limit is not None for step in scenario.script):
@@ -107,7 +115,7 @@ def AddCell(
                 planner.GetOutputPort("force_limit"),
                 station.GetInputPort("gripper.force_limit"),
             )
-    elif scenario.task.clear is not None:
+    elif scenario.task.clear is not None and make_planner is None:
         mapper = AddHeightMapper(builder, scenario, station)
         seen = labeled = mapper.GetOutputPort("height_map")
         if chooses(scenario):
@@ -117,15 +125,11 @@ def AddCell(
         builder.ExportOutput(seen, "height_mapper.height_map")
     else:
         localizer = AddLocalizer(builder, scenario, station)
-        make_planner: Callable[[Scenario], System] = MakePlanner
-        if scenario.taught is not None:
-            make_planner = MakeTaughtPlanner
-        elif scenario.servoing is not None:
-            make_planner = MakeServoingPlanner
+        make_planner = make_planner or _task_planner(scenario)
         planner = builder.AddNamedSystem("planner", make_planner(scenario))
         ConnectPlanner(builder, station, localizer, planner)
         ConnectHandCamera(builder, station, planner)
-        if scenario.localizer.obstacles:
+        if scenario.localizer.obstacles and planner.HasInputPort("obstacles"):
             finder = AddObstacleFinder(builder, scenario, station, localizer)
             builder.Connect(finder.get_output_port(), planner.GetInputPort("obstacles"))
         builder.ExportOutput(localizer.GetOutputPort("blobs"), "localizer.blobs")
@@ -136,6 +140,12 @@ def AddCell(
         *_COMMANDS,
     ):
         builder.ExportOutput(planner.GetOutputPort(name), exported)
+
+
+def _task_planner(scenario: Scenario) -> Callable[[Scenario], System]:
+    if scenario.taught is not None:
+        return MakeTaughtPlanner
+    return MakePlanner if scenario.servoing is None else MakeServoingPlanner
 
 
 def AddDisturber(

@@ -23,6 +23,7 @@ COMMAND_PAGES = {
     "identify": "docs/gripper.md",
     "import": "docs/objects.md",
     "replay": "docs/replay.md",
+    "twin": "docs/twin.md",
 }
 KEY_PAGES = {
     "camera_calibrations": "docs/calibration.md",

@@ -19,6 +19,7 @@ from drake_srg.cli import new as cli_new
 from drake_srg.cli import objects as cli_objects
 from drake_srg.cli import serve as cli_serve
 from drake_srg.cli import sweep as cli_sweep
+from drake_srg.cli import twin as cli_twin
 from drake_srg.cli.output import Output, add_output_arguments
 from drake_srg.cli.process import BAD_INPUT
 
@@ -85,6 +86,8 @@ def make_parser() -> argparse.ArgumentParser:
     )
     _add_scenario(serve)
     cli_serve.add_arguments(serve)
+
+    cli_twin.add_command(add, _add_scenario)
 
     sweep = add(
         "sweep",

@@ -21,6 +21,7 @@ from __future__ import annotations
 import ast
 import contextlib
 import dataclasses as dc
+import functools
 import importlib
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -112,12 +113,19 @@ def _find(package: str, folders: Iterable[str | Path]) -> dict[str, Experiment]:
     found = {}
     for folder in folders:
         for path in Path(folder).glob("*.py"):
-            found.update(_read(package, path))
+            found.update(_read(package, path, path.stat().st_mtime_ns))
     return dict(sorted(found.items()))
 
 
-def _read(package: str, path: Path) -> dict[str, Experiment]:
-    """Return the experiments of a file; most files have one or none."""
+@functools.cache
+def _read(package: str, path: Path, changed: int) -> dict[str, Experiment]:
+    """Return the experiments of a file; most files have one or none.
+
+    Args:
+        package: The package that the file belongs to.
+        path: The file.
+        changed: When it was changed, so that a file is read once [ns].
+    """
     tree = ast.parse(path.read_text(encoding="utf-8"))
     functions = {n.name: n for n in tree.body if isinstance(n, ast.FunctionDef)}
     if "run" not in functions:

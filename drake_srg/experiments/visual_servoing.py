@@ -34,13 +34,22 @@ SERVOS = ("pbvs", "ibvs")
 # methods must an object at rest with a good calibration, and it must be within the
 # distance at which `servoing.tolerance` lets the fingers close.
 _LEAST_HELD, _MOST_OFF = 0.95, 3e-3
+# With half the step, no more of a servo's trials may end otherwise than it may lose,
+# and the grasp error may change by a sixth of that distance (median).
+_MOST_OTHERWISE, _MOST_CHANGED = 1.0 - _LEAST_HELD, 0.5e-3
+_HALF = ("simulator_config.max_step_size=0.005859375", "simulator_config.accuracy=1e-3")
 _RESAMPLES = 2000
 
 _Results = Mapping[tuple[Case, str], Sequence[Grasped]]
 
 
 def run(
-    track: Track, *, trials: int = 20, first_seed: int = 910_000, keep: str = ""
+    track: Track,
+    *,
+    trials: int = 20,
+    first_seed: int = 910_000,
+    half: int = 10,
+    keep: str = "",
 ) -> ExperimentResult:
     """Run the experiment.
 
@@ -48,6 +57,7 @@ def run(
         track: Shows progress.
         trials: Grasps per case and method.
         first_seed: Seed of the first trial; the others follow.
+        half: Trials of these per case and servo that run again with half the step.
         keep: File of finished trials, with which a run that was cut off goes on.
     """
     kept = KeptTrials(keep)
@@ -59,11 +69,22 @@ def run(
         for case in CASES
         for method in METHODS
     ]
+    again = [
+        (case, method, seed)
+        for case, method, seed in order
+        if method in SERVOS and seed < first_seed + half
+    ]
+    steps: list[tuple[tuple[Case, str, int], str, tuple[str, ...]]] = [
+        *((trial, "", ()) for trial in order),
+        *((trial, "/half", _HALF) for trial in again),
+    ]
     results: dict[tuple[Case, str], list[Grasped]] = {}
-    for case, method, seed in track(order, lambda o: f"{o[0]}, {o[1]}"):
-        trial = functools.partial(_trial, case, method, seed)
-        result = kept(f"{case}/{method}/{seed}", trial)
-        results.setdefault((case, method), []).append(Grasped(**result))
+    halved: dict[tuple[Case, str], list[Grasped]] = {}
+    for (case, method, seed), name, settings in track(steps, lambda s: _name(s[0])):
+        trial = functools.partial(_trial, case, method, seed, settings)
+        result = kept(f"{case}/{method}/{seed}{name}", trial)
+        made = halved if name else results
+        made.setdefault((case, method), []).append(Grasped(**result))
     lines: list[dict[str, Any]] = [
         {
             "case": str(case),
@@ -78,11 +99,18 @@ def run(
         for i, grasped in enumerate(made)
     ]
     table: dict[str, Any] = {key: [line[key] for line in lines] for key in lines[0]}
-    return ExperimentResult(_rows(results), {"trials": table}, _figure(results))
+    rows = [*_rows(results), *_half_step_rows(results, halved)]
+    return ExperimentResult(rows, {"trials": table}, _figure(results))
 
 
-def _trial(case: Case, method: str, seed: int) -> dict[str, Any]:
-    return dc.asdict(grasp_once(case, method, seed))
+def _name(trial: tuple[Case, str, int]) -> str:
+    return f"{trial[0]}, {trial[1]}"
+
+
+def _trial(
+    case: Case, method: str, seed: int, overrides: Sequence[str]
+) -> dict[str, Any]:
+    return dc.asdict(grasp_once(case, method, seed, overrides))
 
 
 def _rows(results: _Results) -> list[Row]:
@@ -108,6 +136,46 @@ def _rows(results: _Results) -> list[Row]:
             rows.append(Row.info(name, "grasp error", median, "m"))
         rows.append(Row.info(name, "grasp error, at least", low, "m"))
         rows.append(Row.info(name, "grasp error, at most", high, "m"))
+    return rows
+
+
+def _half_step_rows(results: _Results, halved: _Results) -> list[Row]:
+    """Compare the first trials of both servos with the same ones at half the step."""
+    rows = []
+    for method in SERVOS:
+        pairs = [
+            (trial, other)
+            for (case, m), others in halved.items()
+            if m == method
+            for trial, other in zip(results[case, m], others, strict=False)
+        ]
+        if not pairs:
+            continue
+        name = f"{method}, half the step"
+        otherwise = float(np.mean([a.held != b.held for a, b in pairs]))
+        changes = [
+            abs(a.error - b.error)
+            for a, b in pairs
+            if a.error is not None and b.error is not None
+        ]
+        rows += [
+            Row.info(name, "trials", len(pairs), "", spread=0.5),
+            Row.at_most(
+                name,
+                "end otherwise, share",
+                _MOST_OTHERWISE,
+                otherwise,
+                "",
+                spread=0.05,
+            ),
+            Row.at_most(
+                name,
+                "change of the grasp error, median",
+                _MOST_CHANGED,
+                float(np.median(changes)) if changes else np.inf,
+                "m",
+            ),
+        ]
     return rows
 
 

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
 from drake_srg.gripper.driver import GripperControl
-from drake_srg.gripper.servo import LAWS, GripperServo, GripperServoConfig
+from drake_srg.gripper.servo import LAWS, GripperServo_, GripperServoConfig
 from drake_srg.types import Vector
 
 
@@ -73,7 +73,7 @@ def AddJointServos(
     motors = inner.AddNamedSystem(
         "motors", MatrixGain(strength * np.diag(limits) @ order)
     )
-    servo = inner.AddNamedSystem("servo", GripperServo(config))
+    servo = inner.AddNamedSystem("servo", GripperServo_[float](config))
     if position_desired is not None:
         inner.Connect(position_desired, servo.GetInputPort("position_desired"))
     elif config.law == "literal":

@@ -11,6 +11,7 @@ in it. `GripperServo` offers three readings.
 
 import dataclasses as dc
 import math
+import sys
 from typing import Any
 
 import numpy as np
@@ -69,7 +70,9 @@ def _clip(value: Any, limit: Any) -> Any:
     return min_(max_(value, -limit), limit)
 
 
-@TemplateSystem.define("GripperServo_")
+# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s
+# while modules are being imported; so does making a class.
+@TemplateSystem.define("GripperServo_", scope=sys.modules[__name__])
 def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(Stage, LeafSystem_[T]):
         """Controls n positions by PWM, for float, AutoDiffXd and Expression.
@@ -254,4 +257,8 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
     return Impl
 
 
-GripperServo = GripperServo_[None]
+def __getattr__(name: str) -> Any:
+    """Make `GripperServo`, which is `GripperServo_[float]`, when it is first used."""
+    if name != "GripperServo":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return globals().setdefault(name, GripperServo_[float])

@@ -19,9 +19,9 @@ from drake_srg.gripper.motor_temperature import (
     MotorTemperature,
     MotorTemperatureConfig,
 )
-from drake_srg.gripper.servo import GripperServo, GripperServoConfig
+from drake_srg.gripper.servo import GripperServo_, GripperServoConfig
 from drake_srg.gripper.spool_command import SpoolCommand, SpoolCommandConfig
-from drake_srg.gripper.tendon import TendonDrive, TendonDriveConfig
+from drake_srg.gripper.tendon import TendonDrive_, TendonDriveConfig
 from drake_srg.gripper.torque_control import TorqueControl
 from drake_srg.types import Vector
 
@@ -112,11 +112,13 @@ class SrgTendonDriver(GripperDriver):
             "minimum_jerk_reference",
             MinimumJerkReference(np.zeros(1), self.minimum_jerk),
         )
-        servo = inner.AddNamedSystem("servo", GripperServo(self.servo))
+        servo = inner.AddNamedSystem("servo", GripperServo_[float](self.servo))
         step = plant.time_step()
         if step == 0.0:
             raise ValueError("wires need a discrete plant, got a continuous one")
-        drive = inner.AddNamedSystem("tendon_drive", TendonDrive(self.drive, step))
+        drive = inner.AddNamedSystem(
+            "tendon_drive", TendonDrive_[float](self.drive, step)
+        )
         temperature = inner.AddNamedSystem(
             "motor_temperature", MotorTemperature(self.drive, self.temperature)
         )

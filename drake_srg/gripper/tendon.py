@@ -1,6 +1,7 @@
 """The SRG's drive: one servo motor winds one wire per finger, springs pull back."""
 
 import dataclasses as dc
+import sys
 from typing import Any
 
 import numpy as np
@@ -124,7 +125,9 @@ class TendonDriveConfig:
         return min(self.pwm_of(torque / self.full_torque), 1.0)
 
 
-@TemplateSystem.define("TendonDrive_")
+# Without a scope, Drake looks for this module in the call stack. That takes 0.1 s
+# while modules are being imported; so does making a class.
+@TemplateSystem.define("TendonDrive_", scope=sys.modules[__name__])
 def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documentation)
     class Impl(Stage, LeafSystem_[T]):
         """Turns PWM into four joint torques by motor, spool, wires and springs.
@@ -289,4 +292,8 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
     return Impl
 
 
-TendonDrive = TendonDrive_[None]
+def __getattr__(name: str) -> Any:
+    """Make `TendonDrive`, which is `TendonDrive_[float]`, when it is first used."""
+    if name != "TendonDrive":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return globals().setdefault(name, TendonDrive_[float])

@@ -23,6 +23,13 @@ _LOGGED = (
     "gripper.grasped",
     "safety.state",
     "safety.speed_scale",
+    "twin.difference",
+    "twin.parted",
+    "twin.joint_error",
+    "twin.finger_error",
+    "twin.object_error",
+    "twin.torque_expected",
+    "twin.torque_residual",
 )
 # Other vector ports of a gripper, such as those of your own finger sensors, are logged
 # too, except these, which only a rig logs.

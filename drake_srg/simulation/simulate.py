@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses as dc
+import functools
 import sys
 import time as wall
 from collections.abc import Callable, Iterator
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Self
 
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import Diagram
+from pydrake.systems.framework import Diagram, System
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
@@ -52,6 +53,7 @@ def Simulate(
     out: Path | None = None,
     record: bool = True,
     make_cell: Callable[[Scenario], Diagram] = MakeCell,
+    make_planner: Callable[[Scenario], System] | None = None,
     progress: bool = False,
     video_process: bool = True,
     tell: Callable[[str], None] = _warn,
@@ -76,6 +78,7 @@ def Simulate(
             `planner.mode`, `planner.status`, `arm.state_measured` and the ports that
             end in `_cheat`. Of the other ports, those that exist are logged and
             recorded.
+        make_planner: Makes a planner for our own cell; see `MakeCell`.
         progress: Whether to show progress on standard error.
         video_process: Whether a process of its own renders the video of our own cells
             while the simulation goes on. It pays unless all cores are busy.
@@ -97,9 +100,11 @@ def Simulate(
             stack.enter_context(output_folder(out))
             if recorded and video_process and not own and can_render_apart(scenario):
                 process = stack.enter_context(VideoProcess(scenario, tell))
-        builder, cell = MakeRoot(
-            "cell", make_cell, None if own else AddCell, built, name
-        )
+        make, add = make_cell, None
+        if not own:
+            make = functools.partial(MakeCell, make_planner=make_planner)
+            add = functools.partial(AddCell, make_planner=make_planner)
+        builder, cell = MakeRoot("cell", make, add, built, name)
         page = stack.enter_context(_PageOnError())
         with scenario_errors(name):
             if out is not None and recorded:

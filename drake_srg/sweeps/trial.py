@@ -40,7 +40,12 @@ class TrialResult:
 
 
 def run_trial(
-    tree: Mapping[str, Any], origin: str, seed: int, trial: int, record: str = "none"
+    tree: Mapping[str, Any],
+    origin: str,
+    seed: int,
+    trial: int,
+    record: str = "none",
+    simulate: Callable[..., Result] | None = None,
 ) -> TrialResult:
     """Run a trial and judge it; an error in it is an outcome, too.
 
@@ -51,6 +56,7 @@ def run_trial(
         trial: Number of the trial, from 0.
         record: `none`, `all` or `failures`, which runs a trial that has failed a second
             time to record it.
+        simulate: Runs and judges a scenario in place of `Simulate`.
 
     Raises:
         ImportError: If a package is missing.
@@ -58,9 +64,9 @@ def run_trial(
             folder for temporary files.
     """
     start = wall.perf_counter()
-    result = _run(tree, origin, seed, trial, record == "all")
+    result = _run(tree, origin, seed, trial, record == "all", simulate)
     if record == "failures" and not result.row["success"]:
-        again = _run(tree, origin, seed, trial, True)
+        again = _run(tree, origin, seed, trial, True, simulate)
         result = dc.replace(
             result, files=again.files, warning=_different(result.row, again.row)
         )
@@ -114,7 +120,12 @@ def resident_memory() -> float | None:
 
 
 def _run(
-    tree: Mapping[str, Any], origin: str, seed: int, trial: int, record: bool
+    tree: Mapping[str, Any],
+    origin: str,
+    seed: int,
+    trial: int,
+    record: bool,
+    simulate: Callable[..., Result] | None,
 ) -> TrialResult:
     row = empty_row(seed, trial, "")
     out = Path(tempfile.mkdtemp(prefix="drake_srg_")) if record else None
@@ -124,7 +135,7 @@ def _run(
         try:
             drawn = draw_scenario(tree, origin, seed + trial)
             row |= drawn.values
-            result = Simulate(
+            result = (simulate or Simulate)(
                 drawn.scenario,
                 name=Path(origin).stem,
                 out=out,

@@ -5,13 +5,18 @@ from __future__ import annotations
 import dataclasses as dc
 
 import numpy as np
-from pydrake.trajectories import Trajectory
+from pydrake.trajectories import (
+    PathParameterizedTrajectory,
+    PiecewisePolynomial,
+    Trajectory,
+)
 
 from drake_srg.types import Vector
 
 # Duration of a stop in the middle of a motion [s]: at the iiwa's top speed, 1.5 to 2.4
 # rad/s, that brakes with less than half of its acceleration limits.
-_STOP_TIME = 0.4
+STOP_TIME = 0.4
+_SEARCH = 1e-3  # resolution of a search along a path [s]
 _ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
 
 
@@ -31,8 +36,8 @@ class Motion:
             return self.q_rest
         t = time - self.departed
         if self.stopped_at is not None:
-            t = min(t - self.stopped_at, _STOP_TIME)
-            t = self.stopped_at + t - 0.5 * t * t / _STOP_TIME
+            t = min(t - self.stopped_at, STOP_TIME)
+            t = self.stopped_at + t - 0.5 * t * t / STOP_TIME
         q: Vector = self.trajectory.value(min(t, self.trajectory.end_time()))[:, 0]
         return q
 
@@ -53,7 +58,51 @@ class Motion:
         """Return the motion that comes to rest along its own path from `time` on."""
         if self.trajectory is None or self.stopped_at is not None:
             return self
-        return dc.replace(self, stopped_at=time - self.departed, due=time + _STOP_TIME)
+        return dc.replace(self, stopped_at=time - self.departed, due=time + STOP_TIME)
+
+    def nearest(self, q: Vector) -> tuple[float, Vector]:
+        """Return the point of a stopped motion's path that is nearest to a position.
+
+        It is not farther than where the stop ends.
+
+        Args:
+            q: Shape (N,) [rad].
+
+        Returns:
+            Its time in the trajectory [s] and its position, shape (N,) [rad].
+        """
+        if self.trajectory is None or self.stopped_at is None:
+            return 0.0, self.destination
+        end = min(self.stopped_at + 0.5 * STOP_TIME, self.trajectory.end_time())
+        first = max(self.stopped_at - STOP_TIME, 0.0)
+        times = [*np.arange(first, end, _SEARCH).tolist(), end]
+        path = np.array([self.trajectory.value(t)[:, 0] for t in times])
+        best = int(np.argmin(np.linalg.norm(path - q, axis=1)))
+        return times[best], path[best]
+
+    def resumed(self, time: float, since: float) -> Motion:
+        """Return the rest of a stopped motion, which gathers speed as it lost it.
+
+        Args:
+            time: When it begins [s].
+            since: The time in its trajectory from which on it is left to do [s].
+        """
+        if self.trajectory is None:
+            return Motion(self.q_rest)
+        left = self.trajectory.end_time() - since
+        if left < _SEARCH:
+            return Motion(self.trajectory.value(self.trajectory.end_time())[:, 0])
+        # The speed along the path rises evenly to that of the trajectory, if there is
+        # enough left of it.
+        ramp = min(STOP_TIME, float(np.sqrt(2.0 * STOP_TIME * left)))
+        gone, speed = 0.5 * ramp**2 / STOP_TIME, ramp / STOP_TIME
+        breaks, reached, speeds = [0.0, ramp], [since, since + gone], [0.0, speed]
+        if left - gone > _SEARCH:
+            breaks.append(ramp + left - gone)
+            reached, speeds = [*reached, since + left], [*speeds, speed]
+        scaling = PiecewisePolynomial.CubicHermite(breaks, [reached], [speeds])
+        rest = PathParameterizedTrajectory(self.trajectory, scaling)
+        return Motion(self.q_rest).followed_by(rest, time)
 
     def ended(self, time: float) -> Motion:
         """Return the rest that follows; a motion that is not yet over is stopped."""

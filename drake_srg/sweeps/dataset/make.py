@@ -9,18 +9,22 @@ from __future__ import annotations
 import dataclasses as dc
 import json
 import tempfile
+from collections.abc import Mapping
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
+from drake_srg.objects.models import known_shape
+from drake_srg.scenario import draw_scenario
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.sweeps.dataset.recording import Layout, read_images, read_signals
 from drake_srg.sweeps.dataset.writer import DatasetWriter
 from drake_srg.sweeps.files import sync
-from drake_srg.sweeps.info import read_sweep
+from drake_srg.sweeps.info import SweepInfo, read_sweep
 from drake_srg.sweeps.rows import read_rows
+from drake_srg.types import Cylinder
 
 _RECORDING, _METRICS = "recording.mcap", "metrics.json"
 
@@ -75,7 +79,8 @@ def make_dataset(
     out = sweep / "dataset" if out is None else out
     if out.exists():
         raise ScenarioError(f"-o {out}: already exists; remove it or choose another")
-    task, robot = _task_and_robot(sweep)
+    info = read_sweep(sweep)
+    task, robot = _task_and_robot(info, sweep)
     trials, left_out = _recorded_trials(sweep, only_success)
     layout = read_signals(trials[0] / _RECORDING).layout
     fps = _whole_rate(layout.rate) if fps is None else fps
@@ -87,7 +92,9 @@ def make_dataset(
         with DatasetWriter(root, layout, fps, task=task, robot=robot) as writer:
             with StatusLine(shown=progress) as line:
                 for number, trial in enumerate(trials, 1):
-                    successes += _add_trial(writer, trial, layout, every)
+                    about = {**_metrics(trial), **_known_object(info, int(trial.name))}
+                    successes += about["success"]
+                    _add_trial(writer, trial, layout, every, about)
                     line.count(number, len(trials), "episodes")
             writer.finish()
         for path in (*root.rglob("*"), root):  # in case power fails
@@ -96,14 +103,21 @@ def make_dataset(
     return Dataset(out, len(trials), successes, writer.frames, fps, left_out)
 
 
-def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -> bool:
-    """Add a trial as an episode; returns whether it succeeded.
+def _add_trial(
+    writer: DatasetWriter,
+    trial: Path,
+    layout: Layout,
+    every: int,
+    about: Mapping[str, Any],
+) -> None:
+    """Add a trial as an episode.
 
     Args:
         writer: Receives the episode.
         trial: Folder of the recording.
         layout: Layout of the data set.
         every: Number of images per frame.
+        about: Values of `format.TRIAL`, except the trial's number.
     """
     signals = read_signals(trial / _RECORDING)
     if signals.layout != layout:
@@ -111,21 +125,35 @@ def _add_trial(writer: DatasetWriter, trial: Path, layout: Layout, every: int) -
             f"{trial}: all recordings of a data set must have the same layout: got "
             f"{signals.layout}, expected {layout}"
         )
-    metrics = _metrics(trial)
     writer.add(
         signals.every(every),
         {
             camera: read_images(trial / _RECORDING, camera, every)
             for camera in layout.cameras
         },
-        about={"trial": int(trial.name), **metrics},
+        about={"trial": int(trial.name), **about},
     )
-    return bool(metrics["success"])
 
 
-def _task_and_robot(sweep: Path) -> tuple[str, str]:
+def _known_object(info: SweepInfo, trial: int) -> dict[str, Any]:
+    """Return what the robot knows of a trial's picked object, as in `format.TRIAL`."""
+    unknown = {"object_size": None, "object_round": None}
+    tree = parse_yaml(info.tree, info.scenario)
+    if not (tree.get("objects") or tree.get("clutter")):
+        return unknown
+    scenario = draw_scenario(tree, info.scenario, info.seed + trial).scenario
+    config = scenario.objects.get(scenario.task.pick)
+    shape = None if config is None else known_shape(scenario.task.pick, config)
+    if shape is None:
+        return unknown
+    return {
+        "object_size": [float(x) for x in shape.bounding_size],
+        "object_round": isinstance(shape, Cylinder),
+    }
+
+
+def _task_and_robot(info: SweepInfo, sweep: Path) -> tuple[str, str]:
     """Return the task in words and the scenario's name."""
-    info = read_sweep(sweep)
     name = Path(info.scenario).stem
     task = parse_yaml(info.tree, str(sweep)).get("task") or {}
     if not task.get("pick"):
