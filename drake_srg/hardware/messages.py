@@ -12,6 +12,9 @@ from drake_srg.bridges.commands import CommandError
 from drake_srg.recording.ros_topics import MakeMessage, Topic, header
 from drake_srg.types import Vector
 
+# A robot that was silent for this long has been given up. [s]
+_LONGEST_GAP = 5.0
+
 
 def stamp_of(message: Any) -> float:
     """Return the time in a message's header [s]."""
@@ -45,6 +48,7 @@ class JointStates:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names, self.stamp = tuple(names), -math.inf
+        self._jumped = math.inf
 
     def read(self, message: Any) -> tuple[float, Vector, Vector | None] | None:
         """Return stamp [s], state [q; v] and efforts; None if no joint is among it.
@@ -52,8 +56,9 @@ class JointStates:
         Efforts are None where a message lacks them, or they are not finite.
 
         Raises:
-            CommandError: If the message is not newer than the last one, or lacks some
-                of the joints or their finite positions and velocities.
+            CommandError: If the message is not newer than the last one, jumps ahead
+                and no second one confirms that, or lacks some of the joints or their
+                finite positions and velocities.
         """
         given = list(message.name)
         if not set(self._names) & set(given):
@@ -63,11 +68,7 @@ class JointStates:
             raise CommandError("joints", f"lacks the joints {', '.join(missing)}")
         count, stamp = len(given), stamp_of(message)
         q, v = numbers(message.position, count), numbers(message.velocity, count)
-        if stamp <= self.stamp:
-            raise CommandError(
-                "stamp",
-                f"needs a newer time than {self.stamp:.3f} s, got {stamp:.3f} s",
-            )
+        self._check(stamp)
         self.stamp = stamp
         order = [given.index(name) for name in self._names]
         effort = np.array(message.effort, dtype=np.float64)
@@ -77,6 +78,21 @@ class JointStates:
             np.concatenate([q[order], v[order]]),
             effort[order] if told else None,
         )
+
+    def _check(self, stamp: float) -> None:
+        if stamp <= self.stamp:
+            raise CommandError(
+                "stamp",
+                f"needs a newer time than {self.stamp:.3f} s, got {stamp:.3f} s",
+            )
+        # One wrong stamp far ahead must not make all that follow look old; a second
+        # one tells that the robot was silent.
+        jumps = math.isfinite(self.stamp) and stamp > self.stamp + _LONGEST_GAP
+        if jumps and not 0.0 < stamp - self._jumped <= _LONGEST_GAP:
+            self._jumped = stamp
+            raise CommandError(
+                "stamp", f"jumps ahead from {self.stamp:.3f} s to {stamp:.3f} s"
+            )
 
 
 def percent(name: str) -> Topic:

@@ -40,6 +40,31 @@ def test_what_is_refused(arguments, kind):
     assert joints.stamp == 1.0
 
 
+def test_one_stamp_far_ahead_does_not_make_all_that_follow_old():
+    joints = JointStates(NAMES)
+
+    def read(time):
+        return joints.read(joint_state(time, NAMES, [0.0, 0.0], [0.0, 0.0]))
+
+    read(1.0)
+    with pytest.raises(CommandError, match="jumps ahead") as error:
+        read(9e9)
+    assert error.value.kind == "stamp"
+    assert read(1.01) is not None
+
+
+def test_a_robot_that_was_silent_is_heard_again():
+    joints = JointStates(NAMES)
+    for time in (1.0, 100.0, 100.01):
+        message = joint_state(time, NAMES, [0.0, 0.0], [0.0, 0.0])
+        if time == 100.0:
+            with pytest.raises(CommandError, match="jumps ahead"):
+                joints.read(message)
+        else:
+            joints.read(message)
+    assert joints.stamp == 100.01
+
+
 def test_a_trajectory_says_when_each_point_is_due():
     topic = joint_trajectory("/j", NAMES)
     times = np.array([3.5, 3.75])
