@@ -148,6 +148,18 @@ def hardware_systems():
     }
 
 
+def servoed_hardware_systems():
+    """The systems of a robot with a visual servo, and their names."""
+    scenario = load_scenario("kitchen_servoing")
+    hardware = Hardware([FakeArm(), FakeGripper()], {}, {})
+    station = MakeHardwareStation(scenario, hardware)
+    cell = MakeHardwareCell(scenario, station, FakePlanner(), 1.0)
+    yield "HardwareCell", cell
+    for name in ("planner", "late_sightings"):
+        system = cell.GetSubsystemByName(name)
+        yield type(system).__name__, system
+
+
 def served_systems():
     """The systems of a served station, and their names."""
     following = load_scenario("kitchen", overrides=["arm.limits=null"])
@@ -232,6 +244,7 @@ def systems(tmp_path_factory):
     for name, system in [
         *served_systems(),
         *hardware_systems().items(),
+        *servoed_hardware_systems(),
         *twin_systems(),
     ]:
         add(name, system)

@@ -118,7 +118,7 @@ class CameraProcess:
 def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
     """Run the process: render whenever the connection asks for it."""
     os.environ.setdefault("LP_NUM_THREADS", "0")  # leaves the other cores alone
-    viewer = _Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
+    viewer = Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
     # Renderers initialize themselves the first time they render.
     viewer.look(0.0, state, {COLOR, DEPTH, BLOBS})
     with contextlib.suppress(EOFError, OSError):  # the parent is gone
@@ -128,8 +128,13 @@ def _render(connection: Connection, scenario: str, camera: str, state: Vector) -
             connection.send((time, viewer.look(time, state, topics)))
 
 
-class _Viewer:
-    """A diagram with the cameras and the localizer alone."""
+class Viewer:
+    """A diagram with the cameras and the localizer alone.
+
+    Args:
+        scenario: The plant's scenario, without soft objects.
+        camera: Name of the camera to render.
+    """
 
     def __init__(self, scenario: Scenario, camera: str) -> None:
         builder = DiagramBuilder()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import dataclasses as dc
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pydrake.systems.sensors import CameraInfo
@@ -10,12 +11,29 @@ from pydrake.systems.sensors import CameraInfo
 from drake_srg.bridges.camera_process import CameraProcess
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.outlet import Outlet
-from drake_srg.bridges.topics import camera_topics
+from drake_srg.bridges.topics import camera_topics, image_topics
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 
 _PERIOD = 0.1  # shortest time between pictures [s, simulated]
+
+
+@dc.dataclass(frozen=True)
+class ServedCamera:
+    """A camera whose pictures clients can subscribe to.
+
+    Attributes:
+        name: In the scenario.
+        scenario: What renders its pictures.
+        topics: By the names of `camera_topics`, whatever they are published as.
+        period: Shortest time between pictures [s, simulated].
+    """
+
+    name: str
+    scenario: Scenario
+    topics: Mapping[str, Topic]
+    period: float = _PERIOD
 
 
 def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
@@ -27,15 +45,39 @@ def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
     if any(config.soft for config in scenario.objects.values()):
         return None
     for name in (*scenario.localizer.cameras, *scenario.cameras):
-        color, _ = scenario.cameras[name].MakeCameras()
-        return name, color.core().intrinsics()
+        return name, _intrinsics(scenario, name)
     return None
 
 
-class Pictures:
-    """Publishes the topics of the camera and of the localizer.
+def served_cameras(scenario: Scenario) -> Iterator[ServedCamera]:
+    """Yield the camera of `served_camera`, and then that of a visual servo."""
+    first = served_camera(scenario)
+    if first is None:
+        return
+    topics = camera_topics(*first, scenario.task.pick)
+    yield ServedCamera(first[0], scenario, topics)
+    servoing = scenario.servoing
+    if servoing is None or servoing.camera == first[0]:
+        return
+    name = servoing.camera
+    alone = dc.replace(
+        scenario,
+        cameras={name: scenario.cameras[name]},
+        localizer=dc.replace(scenario.localizer, cameras=[]),
+    )
+    topics = image_topics(name, _intrinsics(scenario, name), f"/camera_{name}")
+    yield ServedCamera(name, alone, topics, servoing.camera_period)
 
-    A `CameraProcess` renders them; it starts with the first subscription.
+
+def _intrinsics(scenario: Scenario, name: str) -> CameraInfo:
+    color, _ = scenario.cameras[name].MakeCameras()
+    return color.core().intrinsics()
+
+
+class Pictures:
+    """Publishes the topics of the cameras and of the localizer.
+
+    A `CameraProcess` renders each camera; it starts with the first subscription.
 
     Args:
         scenario: The scenario that is served.
@@ -46,38 +88,56 @@ class Pictures:
     """
 
     def __init__(self, scenario: Scenario, warnings: Warnings):
-        self._scenario, self._warnings = scenario, warnings
-        camera = served_camera(scenario)
-        self.topics: dict[str, Topic] = {}
-        if camera is not None:
-            self._camera, intrinsics = camera
-            pick = scenario.task.pick
-            self.topics = camera_topics(self._camera, intrinsics, pick)
+        self._cameras = [_Published(c, warnings) for c in served_cameras(scenario)]
+        topics = [t for c in self._cameras for t in c.camera.topics.values()]
+        self.topics = {topic.name: topic for topic in topics}
+
+    def look(
+        self, time: float, plant_state: Callable[[], Vector], outlet: Outlet
+    ) -> None:
+        """Render the plant's state for each camera that is due and has a subscriber."""
+        for camera in self._cameras:
+            camera.look(time, plant_state, outlet)
+
+    def close(self) -> None:
+        """End the camera processes."""
+        for camera in self._cameras:
+            camera.close()
+
+
+class _Published:
+    """Publishes the topics of one camera."""
+
+    def __init__(self, camera: ServedCamera, warnings: Warnings) -> None:
+        self.camera, self._warnings = camera, warnings
         self._process: CameraProcess | None = None
         self._next = 0.0
 
     def look(
         self, time: float, plant_state: Callable[[], Vector], outlet: Outlet
     ) -> None:
-        """Render the plant's state if a picture is due and has a subscriber."""
         if time < self._next or not (self._process is None or self._process.idle):
             return
-        wanted = [name for name in self.topics if outlet.has_subscribers(name)]
+        camera = self.camera
+        wanted = [
+            key
+            for key, topic in camera.topics.items()
+            if outlet.has_subscribers(topic.name)
+        ]
         if not wanted:
             return
         if self._process is None:
 
-            def show(seen_at: float, topic: str, values: tuple[Any, ...]) -> None:
-                outlet.send(self.topics[topic], seen_at, values)
+            def show(seen_at: float, key: str, values: tuple[Any, ...]) -> None:
+                outlet.send(camera.topics[key], seen_at, values)
 
             self._process = CameraProcess(
-                self._scenario, self._camera, plant_state(), show, self._warnings
+                camera.scenario, camera.name, plant_state(), show, self._warnings
             )
         else:
             self._process.look(time, plant_state(), wanted)
-            self._next = time + _PERIOD
+            self._next = time + camera.period
 
     def close(self) -> None:
-        """End the camera process."""
         if self._process is not None:
             self._process.close()

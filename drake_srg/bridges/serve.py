@@ -9,32 +9,32 @@ import threading
 import time as wall
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Diagram
 
 from drake_srg.bridges.bridge import Bridge
-from drake_srg.bridges.commands import CommandInbox, Warnings, station_topics
+from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
-from drake_srg.bridges.safety_commands import SafetyGate, safety_topics
+from drake_srg.bridges.served_loop import (
+    ServedLoop,
+    control_period,
+    fix_defaults,
+    station_inbox,
+)
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
-from drake_srg.bridges.trajectory_topics import trajectory_topics
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.common.ports import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
-from drake_srg.simulation import failure_time
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.recorders import AddRosbagRecorder, recorded_topics
-from drake_srg.simulation.sleeping import Advance, MakeAdvance
-from drake_srg.types import Vector
+from drake_srg.simulation.sleeping import MakeAdvance
 
 _STATUS_PERIOD = 0.5  # time between status reports [s, real]
 
@@ -51,13 +51,6 @@ class Served:
     commands: int  # messages received, good and bad
     recording: Path | None = None
     replay: Path | None = None
-
-
-def control_period(scenario: Scenario) -> float:
-    """Return the time between reads of the inbox [s]: the arm driver's period."""
-    if scenario.arm is not None:
-        return scenario.arm.period
-    return scenario.plant_config.time_step or 1.0 / 256.0
 
 
 def Serve(
@@ -111,18 +104,13 @@ def Serve(
             if out is not None:
                 bag = AddRosbagRecorder(builder, station, scenario, out)
                 recording = stack.enter_context(bag).path
-            joints = () if scenario.gripper is None else scenario.gripper.joint_names
-            plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
-            inputs = input_ports(station)
-            commands = station_topics(plant, inputs, joints)
-            commands += trajectory_topics(plant, inputs, control_period(scenario))
-            inbox = CommandInbox(commands + safety_topics(inputs), warnings)
+            inbox = station_inbox(scenario, station, warnings)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
             simulator = Simulator(root)
             ApplySimulatorConfig(scenario.simulator_config, simulator)
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
-            _fix_defaults(station, my_context(station, simulator.get_mutable_context()))
+            fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()
             advance = MakeAdvance(simulator, station, scenario)
             if out is not None and scenario.arm is not None:
@@ -136,7 +124,7 @@ def Serve(
         start = wall.monotonic()
         try:
             _run(
-                _Loop(
+                ServedLoop(
                     name,
                     simulator,
                     advance,
@@ -174,81 +162,8 @@ def _check_ports(name: str, bridges: Sequence[Bridge], station: Diagram) -> None
         )
 
 
-def _fix_defaults(station: Diagram, context: Context) -> None:
-    """Open the gripper until somebody commands it: these ports need a value."""
-    for name in ("gripper.closure_commanded", "gripper.closure_messages"):
-        if station.HasInputPort(name):
-            station.GetInputPort(name).FixValue(context, [0.0])
-
-
-class _Loop:
-    """Advances a served station: commands in, one control period, messages out."""
-
-    def __init__(
-        self,
-        name: str,
-        simulator: Simulator,
-        advance: Advance,
-        station: Diagram,
-        topics: Sequence[Topic],
-        pictures: Pictures,
-        inbox: CommandInbox,
-        outlet: Outlet,
-        replay: ServedReplay | None,
-    ) -> None:
-        self._replay = replay
-        self._name, self._simulator, self._advance = name, simulator, advance
-        self.inbox, self.outlet = inbox, outlet
-        self._topics, self._pictures = topics, pictures
-        self._root = simulator.get_mutable_context()
-        self._station = station
-        self._context = my_context(station, self._root)
-        self._ports = output_ports(station)
-        self._gate = SafetyGate(station, inbox.warnings)
-        # The integrator of a continuous plant chooses its own steps: there, a control
-        # period counts as one.
-        self._plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
-        self._plant_step = self._plant.time_step() or math.inf
-        self._wanted = sorted({name for b in outlet.bridges for name in b.ports})
-
-    def advance(self, until: float) -> None:
-        """Apply the commands, advance to a time [s] and publish.
-
-        Messages go out after the plant's first step, which already shows the effect of
-        the commands. The remaining steps of the control period take real time, for
-        which clients would otherwise wait.
-        """
-        for name, value in self._gate.admit(self.inbox.take(), self._context).items():
-            self._station.GetInputPort(name).FixValue(self._context, value)
-        time = min(self._root.get_time() + self._plant_step, until)
-        self._advance_to(time)
-        values = {name: self._value(name) for name in self._wanted}
-        self.outlet.update(time, values)
-        for topic in self._topics:
-            if self.outlet.has_subscribers(topic.name):
-                payload = [self._value(name) for name in topic.ports]
-                self.outlet.send(topic, time, payload)
-        self._pictures.look(time, self._plant_state, self.outlet)
-        if time < until:  # CENIC takes no step of zero length
-            self._advance_to(until)
-        if self._replay is not None:
-            self._replay.sample(self._root)
-
-    def _advance_to(self, time: float) -> None:
-        with failure_time(self._name, self._simulator):
-            self._advance(time)
-
-    def _plant_state(self) -> Vector:
-        context = self._plant.GetMyContextFromRoot(self._root)
-        return np.array(self._plant.get_state_output_port().Eval(context))
-
-    def _value(self, name: str) -> Any:
-        port = self._ports.get(name)
-        return None if port is None else port.Eval(self._context)
-
-
 def _run(
-    loop: _Loop,
+    loop: ServedLoop,
     period: float,
     name: str,
     rate: float,

@@ -22,24 +22,24 @@ from drake_srg.vision.camera import DRAKE_PIXEL_CENTER
 COLOR, DEPTH = "/camera/color/image_raw", "/camera/depth/image_raw"
 CAMERA_INFO, BLOBS = "/camera/color/camera_info", "/blobs"
 OBJECT_POSE = "/object_pose"
+_ROOT = "/camera"
 
 
-def camera_topics(
-    camera: str, intrinsics: CameraInfo, pick: str = ""
+def image_topics(
+    camera: str, intrinsics: CameraInfo, root: str = _ROOT
 ) -> dict[str, Topic]:
-    """Return the topics of a camera and of the localizer, by name.
+    """Return the topics of a camera by COLOR, DEPTH and CAMERA_INFO.
 
     After the time, their `convert` takes:
 
     - COLOR: pixels, shape (h, w, 3), uint8
     - DEPTH: Drake's depths [m], shape (h, w), float32
     - CAMERA_INFO: nothing
-    - BLOBS, OBJECT_POSE: list of `Blob`
 
     Args:
         camera: The camera's name in the scenario.
         intrinsics: Intrinsics of both images.
-        pick: Name of the object that OBJECT_POSE tells of.
+        root: What their names begin with in place of "/camera".
     """
     frame_id = f"camera_{camera}"
 
@@ -54,21 +54,40 @@ def camera_topics(
     def info(make: MakeMessage, time: float) -> Any:
         return _camera_info(make, time, frame_id, intrinsics)
 
+    image = "sensor_msgs/msg/Image"
+    return {
+        name: Topic(root + name.removeprefix(_ROOT), kind, {}, convert, sensor=True)
+        for name, kind, convert in (
+            (COLOR, image, color),
+            (DEPTH, image, depth),
+            (CAMERA_INFO, "sensor_msgs/msg/CameraInfo", info),
+        )
+    }
+
+
+def camera_topics(
+    camera: str, intrinsics: CameraInfo, pick: str = ""
+) -> dict[str, Topic]:
+    """Return the topics of a camera and of the localizer, by name.
+
+    Those of the camera are `image_topics`. After the time, `convert` of BLOBS and
+    OBJECT_POSE takes a list of `Blob`.
+
+    Args:
+        camera: The camera's name in the scenario.
+        intrinsics: Intrinsics of both images.
+        pick: Name of the object that OBJECT_POSE tells of.
+    """
+
     def pose(make: MakeMessage, time: float, blobs: Sequence[Blob]) -> Any:
         certain = [b for b in blobs if b.object_name == pick and b.certain]
         best = max(certain, key=lambda blob: blob.trust, default=None)
         return best and pose_message(make, time, best.X_WO)
 
-    image = "sensor_msgs/msg/Image"
     return {
-        topic.name: topic
-        for topic in (
-            Topic(COLOR, image, {}, color, sensor=True),
-            Topic(DEPTH, image, {}, depth, sensor=True),
-            Topic(CAMERA_INFO, "sensor_msgs/msg/CameraInfo", {}, info, sensor=True),
-            Topic(BLOBS, "std_msgs/msg/String", {}, _blobs),
-            Topic(OBJECT_POSE, "geometry_msgs/msg/PoseStamped", {}, pose),
-        )
+        **image_topics(camera, intrinsics),
+        BLOBS: Topic(BLOBS, "std_msgs/msg/String", {}, _blobs),
+        OBJECT_POSE: Topic(OBJECT_POSE, "geometry_msgs/msg/PoseStamped", {}, pose),
     }
 
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.pictures import served_camera
-from drake_srg.bridges.serve import control_period
+from drake_srg.bridges.served_loop import control_period
 from drake_srg.bridges.topics import COLOR, camera_topics
 from drake_srg.experiments.bridge_client import (
     WIRES,

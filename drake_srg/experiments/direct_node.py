@@ -43,6 +43,10 @@ class DirectNode:
         """See `Node`."""
         self._receivers.setdefault(topic, []).append(receive)
 
+    def hears(self, topic: str) -> bool:
+        """Return whether anybody has subscribed to a topic."""
+        return topic in self._receivers
+
     def publish(self, topic: Topic) -> None:
         """See `Node`."""
 

@@ -113,6 +113,10 @@ class SimulatedCamera(Camera):
         """See `Camera`."""
         return self._robot.picture(self._name)
 
+    def newest(self) -> Picture:
+        """See `Camera`."""
+        return self._robot.picture(self._name)
+
 
 class DirectLine:
     """A line to a robot's servos without a wire, which loses some of their replies.

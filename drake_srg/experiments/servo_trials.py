@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.framework import Context, Diagram
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.cell.hands import MakeHand
@@ -24,7 +25,7 @@ from drake_srg.types import Mode, Vector
 SCENARIO = "kitchen_servoing"
 # An object that has risen this far with the hand is lifted [m], as in metrics.json.
 _LIFTED = 0.015
-_LONGEST = 12.0  # s
+LONGEST = 12.0  # of a trial [s]
 # The grasp is over, well or badly, once one of these modes begins.
 _OVER = {Mode.TRANSFER, Mode.RELEASE, Mode.RETREAT, Mode.FAILED, Mode.DONE}
 # Each way of looking, and the camera on which its grasp relies. Looking once is what
@@ -93,6 +94,13 @@ def grasp_once(
         seed: Of the draws.
         overrides: Further settings of the scenario.
     """
+    return _run(grasp_scenario(case, method, seed, overrides))
+
+
+def grasp_scenario(
+    case: Case, method: str, seed: int, overrides: Sequence[str] = ()
+) -> Scenario:
+    """Return the scenario of a trial; see `grasp_once`."""
     camera, settings = METHODS[method]
     scenario = load_scenario(
         SCENARIO,
@@ -109,7 +117,7 @@ def grasp_once(
     if scenario.servoing is None:
         used.remove("hand")
     cameras = {name: c for name, c in scenario.cameras.items() if name in used}
-    return _run(dc.replace(scenario, cameras=cameras))
+    return dc.replace(scenario, cameras=cameras)
 
 
 def _errors(case: Case, seed: int) -> str:
@@ -126,34 +134,65 @@ def _run(scenario: Scenario) -> Grasped:
     ApplySimulatorConfig(scenario.simulator_config, simulator)
     root = simulator.get_mutable_context()
     context = my_context(cell, root)
-    arm, p_GO_planned = _hand()
-    name = scenario.task.pick
-
-    def X_WO() -> Vector:
-        poses = cell.GetOutputPort("object_poses_cheat").Eval(context)
-        position: Vector = poses[name].translation()
-        return position
-
-    start = X_WO()[2]
-    off: Vector | None = None
-    previous = Mode.IDLE
+    watch = GraspWatch(scenario, cell, context)
     simulator.Initialize()
-    while root.get_time() < _LONGEST:
+    while root.get_time() < LONGEST:
         try:
             with failure_time(SCENARIO, simulator):
                 simulator.AdvanceTo(root.get_time() + 2.0 * scenario.planner.period)
         except ScenarioError:
-            return _ended(False, off, "simulation")
-        status = cell.GetOutputPort("planner.status").Eval(context)
-        if status.mode is Mode.CLOSE and previous is not Mode.CLOSE:
-            state = cell.GetOutputPort("arm.state_cheat").Eval(context)
-            off = arm.X_WG(state[: arm.n]).inverse() @ X_WO() - p_GO_planned
-        previous = status.mode
-        if status.mode in _OVER:
-            lifted = bool(X_WO()[2] - start > _LIFTED)
-            held = status.mode is Mode.TRANSFER and lifted
-            return _ended(held, off, "" if held else _reason(status.mode, off))
-    return _ended(False, off, "time")
+            return watch.ended("simulation")
+        grasped = watch.look(cell.GetOutputPort("planner.status").Eval(context).mode)
+        if grasped is not None:
+            return grasped
+    return watch.ended("time")
+
+
+class GraspWatch:
+    """Judges a grasp by ground truth.
+
+    Args:
+        scenario: Of the grasp.
+        station: With the outputs `object_poses_cheat` and `arm.state_cheat`.
+        context: Of the station, with the object where it is at the start.
+    """
+
+    def __init__(self, scenario: Scenario, station: Diagram, context: Context) -> None:
+        self._pick, self._context = scenario.task.pick, context
+        self._poses = station.GetOutputPort("object_poses_cheat")
+        self._state = station.GetOutputPort("arm.state_cheat")
+        self._start = self._p_WO()[2]
+        self._off: Vector | None = None
+        self._previous = Mode.IDLE
+
+    def look(self, mode: Mode) -> Grasped | None:
+        """Return the end of the trial once the grasp is over.
+
+        Args:
+            mode: Of the planner, now.
+        """
+        if mode is Mode.CLOSE and self._previous is not Mode.CLOSE:
+            arm, p_GO_planned = _hand()
+            q = self._state.Eval(self._context)[: arm.n]
+            self._off = arm.X_WG(q).inverse() @ self._p_WO() - p_GO_planned
+        self._previous = mode
+        if mode not in _OVER:
+            return None
+        lifted = bool(self._p_WO()[2] - self._start > _LIFTED)
+        held = mode is Mode.TRANSFER and lifted
+        return self.ended("" if held else _reason(mode, self._off))
+
+    def ended(self, reason: str) -> Grasped:
+        """Return the end of a trial; "" says that the object is held."""
+        held, off = not reason, self._off
+        if off is None:
+            return Grasped(held, None, None, reason)
+        norm = np.linalg.norm
+        return Grasped(held, float(norm(off)), float(norm(off[1:])), reason)
+
+    def _p_WO(self) -> Vector:
+        position: Vector = self._poses.Eval(self._context)[self._pick].translation()
+        return position
 
 
 @functools.cache
@@ -170,10 +209,3 @@ def _reason(mode: Mode, off: Vector | None) -> str:
     if off is None:
         return "no plan" if mode is Mode.FAILED else "not reached"
     return "missed" if mode is Mode.RELEASE else "lost"
-
-
-def _ended(held: bool, off: Vector | None, reason: str) -> Grasped:
-    if off is None:
-        return Grasped(held, None, None, reason)
-    norm = np.linalg.norm
-    return Grasped(held, float(norm(off)), float(norm(off[1:])), reason)

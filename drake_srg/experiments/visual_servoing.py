@@ -14,13 +14,19 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.experiments.grasp_rows import (
+    LEAST_HELD,
+    MOST_OFF,
+    error_rows,
+    grasp_errors,
+    held_rows,
+)
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.servo_trials import METHODS, Case, Grasped, grasp_once
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
-from drake_srg.types import Vector
 
 CASES = (
     Case(0.0),
@@ -30,15 +36,11 @@ CASES = (
     Case(distance=0.020, angle=np.deg2rad(5.0)),
 )
 SERVOS = ("pbvs", "ibvs")
-# The criteria, set before the first run: a servo must grasp in every case, as all
-# methods must an object at rest with a good calibration, and it must be within the
-# distance at which `servoing.tolerance` lets the fingers close.
-_LEAST_HELD, _MOST_OFF = 0.95, 3e-3
-# With half the step, no more of a servo's trials may end otherwise than it may lose,
-# and the grasp error may change by a sixth of that distance (median).
-_MOST_OTHERWISE, _MOST_CHANGED = 1.0 - _LEAST_HELD, 0.5e-3
+# The criteria are those of `grasp_rows`. All methods must grasp an object at rest with
+# a good calibration. With half the step, no more of a servo's trials may end otherwise
+# than it may lose, and the grasp error may change by a sixth of its limit (median).
+_MOST_OTHERWISE, _MOST_CHANGED = 1.0 - LEAST_HELD, 0.5e-3
 _HALF = ("simulator_config.max_step_size=0.005859375", "simulator_config.accuracy=1e-3")
-_RESAMPLES = 2000
 
 _Results = Mapping[tuple[Case, str], Sequence[Grasped]]
 
@@ -116,26 +118,9 @@ def _trial(
 def _rows(results: _Results) -> list[Row]:
     rows = []
     for (case, method), made in results.items():
-        name = f"{case}, {method}"
-        held = [grasped.held for grasped in made]
-        low, high = wilson_interval(sum(held), len(held))
-        share, servo = float(np.mean(held)), method in SERVOS
-        if servo or case == CASES[0]:
-            rows.append(Row.at_least(name, "held", _LEAST_HELD, share, "", spread=0.05))
-        else:
-            rows.append(Row.info(name, "held", share, "", spread=0.05))
-        rows.append(Row.info(name, "held, at least", low, "", spread=0.05))
-        rows.append(Row.info(name, "held, at most", high, "", spread=0.05))
-        errors = _errors(made)
-        if not len(errors):
-            continue
-        median, (low, high) = float(np.median(errors)), _interval(errors)
-        if servo:
-            rows.append(Row.at_most(name, "grasp error", _MOST_OFF, median, "m"))
-        else:
-            rows.append(Row.info(name, "grasp error", median, "m"))
-        rows.append(Row.info(name, "grasp error, at least", low, "m"))
-        rows.append(Row.info(name, "grasp error, at most", high, "m"))
+        name, servo = f"{case}, {method}", method in SERVOS
+        rows += held_rows(name, made, judged=servo or case == CASES[0])
+        rows += error_rows(name, made, judged=servo)
     return rows
 
 
@@ -179,18 +164,6 @@ def _half_step_rows(results: _Results, halved: _Results) -> list[Row]:
     return rows
 
 
-def _errors(made: Sequence[Grasped]) -> Vector:
-    """Return the errors of the grasps in which the fingers closed [m]."""
-    return np.array([g.error for g in made if g.error is not None], dtype=float)
-
-
-def _interval(errors: Vector) -> tuple[float, float]:
-    """Return the 95 % interval of the median, by the bootstrap [m]."""
-    drawn = np.random.default_rng(0).choice(errors, (_RESAMPLES, len(errors)))
-    low, high = np.quantile(np.median(drawn, axis=1), (0.025, 0.975))
-    return float(low), float(high)
-
-
 def _figure(results: _Results) -> Any:
     figure = make_figure(8.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -209,14 +182,14 @@ def _figure(results: _Results) -> Any:
             x, share, width=0.9 * width, yerr=[share - low, high - share], **style
         )
         for j, m in enumerate(made):
-            errors = 1e3 * _errors(m)
+            errors = 1e3 * grasp_errors(m)
             if len(errors):
                 box = lower.boxplot(
                     errors, positions=[x[j]], widths=0.8 * width, whis=(5, 95), sym=""
                 )
                 for part in (*box["boxes"], *box["medians"], *box["whiskers"]):
                     part.set_color(COLORS[i])
-    lower.axhline(1e3 * _MOST_OFF, color="#333333", lw=0.8, ls="--")
+    lower.axhline(1e3 * MOST_OFF, color="#333333", lw=0.8, ls="--")
     lower.set_yscale("log")
     lower.set_xticks(at, [str(case) for case in cases], fontsize=8)
     upper.set_ylim(0.0, 1.05)

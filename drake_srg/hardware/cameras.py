@@ -36,6 +36,14 @@ class Camera(abc.ABC):
             ScenarioError: If no picture arrives.
         """
 
+    @abc.abstractmethod
+    def newest(self) -> Picture | None:
+        """Return the newest picture, if there is one; does not wait.
+
+        Raises:
+            ScenarioError: If the camera is not the scenario's.
+        """
+
 
 @dc.dataclass(kw_only=True)
 class RosCamera:
@@ -95,8 +103,7 @@ class _RosCamera(Camera):
         config = self._config
         patience = patience or config.patience
         found = self._album.wait(after, patience)
-        if self._misfit:
-            raise ScenarioError(f"cameras.{self._name}: {self._misfit}")
+        self._check()
         if found is None:
             raise ScenarioError(
                 f"cameras.{self._name}: no picture newer than {after:.2f} s arrived "
@@ -104,6 +111,15 @@ class _RosCamera(Camera):
                 "camera and joint states need one clock"
             )
         return found
+
+    def newest(self) -> Picture | None:
+        """See `Camera`."""
+        self._check()
+        return self._album.newest
+
+    def _check(self) -> None:
+        if self._misfit:
+            raise ScenarioError(f"cameras.{self._name}: {self._misfit}")
 
     def _check_info(self, message: Any) -> None:
         # ROS 1 has the matrix as K, which rosbags calls so too.

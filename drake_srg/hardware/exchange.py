@@ -8,6 +8,8 @@ from collections.abc import Sequence
 
 from drake_srg.bridges.commands import PortValues
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.servoing.sightings import Sighting
+from drake_srg.servoing.status import ServoCommand, ServoStatus
 from drake_srg.types import Mode, PlannerStatus
 
 
@@ -17,9 +19,11 @@ class Tick:
 
     Attributes:
         values: Measurements by output port of the station, with the robot's clock.
+        servo: The visual servo's report, if there is one.
     """
 
     values: PortValues
+    servo: ServoStatus | None = None
 
 
 @dc.dataclass(frozen=True)
@@ -31,12 +35,16 @@ class Answer:
         motion: The arm's motion; None: the one before goes on.
         closure: Of the gripper, 0 open .. 1 closed.
         status: The report on the task.
+        command: To the visual servo, if there is one.
+        sighting: What a new picture of its camera shows; None: there is no new one.
     """
 
     time: float
     motion: Motion | None
     closure: float
     status: PlannerStatus
+    command: ServoCommand = ServoCommand.PASS
+    sighting: Sighting | None = None
 
     @property
     def mode(self) -> Mode:

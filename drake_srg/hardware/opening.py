@@ -42,6 +42,11 @@ class Hardware:
     cameras: Mapping[str, Camera]
     start: PortValues
 
+    @property
+    def lag(self) -> float:
+        """How long after a command the slowest part is to be there [s]."""
+        return max((link.lag for link in self.links), default=0.0)
+
 
 @contextlib.contextmanager
 def open_hardware(
@@ -98,7 +103,7 @@ def _subscribe(node: Node, inbox: CommandInbox) -> None:
 def open_cameras(
     scenario: Scenario, config: HardwareConfig, warnings: Warnings
 ) -> Iterator[Mapping[str, Camera]]:
-    """Connect to the localizer's cameras, and wait for a picture of each.
+    """Connect to the cameras of localizer and servo, and wait for a picture of each.
 
     Raises:
         ScenarioError: If a camera is missing from the hardware file, does not fit the
@@ -109,10 +114,13 @@ def open_cameras(
     robot = MakeRobot(scenario, config, warnings, "_cameras")
     with contextlib.closing(robot.nodes):
         cameras = {}
-        for name in scenario.localizer.cameras:
+        users = dict.fromkeys(scenario.localizer.cameras, "localizer")
+        if scenario.servoing is not None:
+            users[scenario.servoing.camera] = "visual servo"
+        for name, user in users.items():
             if name not in config.cameras:
                 raise ScenarioError(
-                    f"hardware: cameras.{name}: missing, but the localizer needs it"
+                    f"hardware: cameras.{name}: missing, but the {user} needs it"
                 )
             cameras[name] = config.cameras[name].connect(name, robot)
         robot.nodes.open()

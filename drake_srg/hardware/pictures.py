@@ -129,6 +129,12 @@ class Album:
             _add(self._depth, stamp_of(message), pixels)
             self._pair(stamp_of(message))
 
+    @property
+    def newest(self) -> Picture | None:
+        """The newest picture, if there is one."""
+        with self._changed:
+            return self._newest
+
     def wait(self, after: float, patience: float) -> Picture | None:
         """Return the newest picture once it is newer than a time; None: none came.
 

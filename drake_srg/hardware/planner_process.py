@@ -2,10 +2,7 @@
 
 Both take long: images tenths of a second, plans seconds. In the process of the control
 loop they would hold it up, whatever thread they are in. So they run as a cell of their
-own, with a station that mirrors the robot's, and the clock of that cell is moved by
-messages: a tick with the newest measurements lets it advance by one planner period, and
-an answer goes back. While the planner thinks it takes no ticks, so its clock stands
-still, as it does in simulation, where planning takes no simulated time either.
+own, see `planner_cell`.
 """
 
 from __future__ import annotations
@@ -21,19 +18,13 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
-from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.bridges.commands import PortValues, Warnings
-from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
-from drake_srg.hardware.link import Link
 from drake_srg.hardware.opening import Hardware, open_cameras
-from drake_srg.hardware.station import AddHardwareStation
-from drake_srg.lifetime import my_context
-from drake_srg.planning.planner_machine import PlannerMachine
+from drake_srg.hardware.planner_cell import MirrorLink, PlannerCell
 from drake_srg.scenario import Scenario
 
 # Ticks under way. More would let the planner's clock run behind the robot's, fewer
@@ -150,76 +141,6 @@ class PlannerProcess(PlannerLink):
             if isinstance(message, Ended):
                 self._ready.set()
                 return
-
-
-class MirrorLink(Link):
-    """A link whose measurements come from ticks; it drops the commands.
-
-    Args:
-        outputs: Sizes of the measurements, by name.
-    """
-
-    def __init__(self, outputs: dict[str, int]) -> None:
-        self.outputs = outputs
-        self.values: PortValues = {}
-
-    def take(self) -> PortValues:
-        """See `Link`."""
-        return self.values
-
-    def send(self, commands: PortValues) -> None:
-        """See `Link`."""
-
-    def close(self) -> None:
-        """See `Link`."""
-
-
-class PlannerCell:
-    """A cell whose clock ticks move.
-
-    Args:
-        scenario: That runs on the hardware.
-        hardware: With a `MirrorLink` as its only link, and the cameras.
-    """
-
-    def __init__(self, scenario: Scenario, hardware: Hardware) -> None:
-        (mirror,) = hardware.links
-        assert isinstance(mirror, MirrorLink)
-        self._mirror, self._period = mirror, scenario.planner.period
-
-        def make_station(scenario: Scenario) -> Diagram:
-            builder = DiagramBuilder()
-            AddHardwareStation(builder, scenario, hardware, None, self._period)
-            return builder.Build()
-
-        cell = MakeCell(scenario, make_station)
-        self._cell = cell
-        self._planner = cell.GetSubsystemByName("planner")
-        if not isinstance(self._planner, PlannerMachine):
-            raise ScenarioError(
-                "script: must be empty on hardware, where motions are planned"
-            )
-        self._simulator = Simulator(cell)
-        self._simulator.Initialize()
-        self._motion: Any = None
-        self._ticks = 0
-
-    def answer(self, tick: Tick) -> Answer:
-        """Advance by one planner period, and return what is commanded then."""
-        self._mirror.values = tick.values
-        self._ticks += 1
-        self._simulator.AdvanceTo(self._ticks * self._period)
-        root = self._simulator.get_context()
-        context = my_context(self._planner, root)
-        motion = self._planner.motion(context)
-        new = motion is not self._motion
-        self._motion = motion
-        return Answer(
-            root.get_time() - self._period,  # when the planner was last updated
-            motion if new else None,
-            float(self._planner.GetOutputPort("closure_commanded").Eval(context)[0]),
-            self._planner.GetOutputPort("status").Eval(context),
-        )
 
 
 def _run(

@@ -16,6 +16,8 @@ from drake_srg.hardware.pause import Pause
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.servoing.sightings import Sighting
+from drake_srg.servoing.status import ServoCommand
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 
 
@@ -28,6 +30,8 @@ class Plan:
         behind: The planner's clock lags this much behind ours in `motion` [s].
         closure: Of the gripper.
         status: The planner's report.
+        command: To the visual servo, if there is one.
+        sighting: The newest one of its camera while it tracks, if there is one.
         answered: When the last answer arrived [s].
         pause: While the arm is stopped, and until it is back on its path. It replaces
             `motion`, and is by our clock.
@@ -39,6 +43,8 @@ class Plan:
     behind: float = 0.0
     closure: float = 0.0
     status: PlannerStatus = dc.field(default_factory=PlannerStatus)
+    command: ServoCommand = ServoCommand.PASS
+    sighting: Sighting | None = None
     answered: float = 0.0
     pause: Pause | None = None
     departed: float | None = None
@@ -51,8 +57,14 @@ class Plan:
 
     def after(self, answer: Answer, time: float) -> Plan:
         """Return the plan that follows from an answer at a time [s]."""
+        tracks = answer.command is ServoCommand.TRACK
         plan = dc.replace(
-            self, closure=answer.closure, status=answer.status, answered=time
+            self,
+            closure=answer.closure,
+            status=answer.status,
+            command=answer.command,
+            sighting=answer.sighting or (self.sighting if tracks else None),
+            answered=time,
         )
         motion = answer.motion
         if motion is None:
@@ -101,7 +113,9 @@ class Plan:
             self.status, mode=Mode.FAILED, failure=Failure.STOPPED, message=reason
         )
         motion = self.motion.stopped(time - self.behind)
-        return dc.replace(self, motion=motion, status=status)
+        servoed = self.command is not ServoCommand.PASS
+        command = ServoCommand.HOLD if servoed else self.command
+        return dc.replace(self, motion=motion, status=status, command=command)
 
     def _goes_on(self, motion: Motion) -> bool:
         """Return whether a motion is this one, but for the stop that it ends with."""
@@ -167,7 +181,7 @@ class RemotePlanner(LeafSystem):
         self._safety = self.DeclareVectorInputPort(name="safety.state", size=2)
         self._held = self.DeclareVectorInputPort("arm.position_held", len(home))
         self._plan = self.DeclareAbstractState(AbstractValue.Make(Plan(Motion(home))))
-        ticket = self.abstract_state_ticket(self._plan)
+        self.plan_ticket = ticket = self.abstract_state_ticket(self._plan)
         AddPlannerOutputs(
             self,
             len(home),
@@ -223,8 +237,11 @@ class RemotePlanner(LeafSystem):
         state.get_mutable_abstract_state(int(self._plan)).set_value(plan)
         return EventStatus.Succeeded()
 
-    def _post(self, context: Context) -> None:
-        if self.plan(context).pause is not None:
-            return
+    def tick(self, context: Context) -> Tick:
+        """Return what the planner gets to know now."""
         values = {name: self.GetInputPort(name).Eval(context) for name in self._names}
-        self._planner.post(Tick({name: np.array(v) for name, v in values.items()}))
+        return Tick({name: np.array(v) for name, v in values.items()})
+
+    def _post(self, context: Context) -> None:
+        if self.plan(context).pause is None:
+            self._planner.post(self.tick(context))

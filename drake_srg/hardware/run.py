@@ -20,6 +20,7 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 from drake_srg.hardware.cell import MakeHardwareCell, measurements
 from drake_srg.hardware.config import HardwareConfig
+from drake_srg.hardware.link import STAMP
 from drake_srg.hardware.loop import ControlLoop
 from drake_srg.hardware.opening import Hardware, open_hardware
 from drake_srg.hardware.planner_process import PlannerProcess
@@ -100,6 +101,7 @@ def run_on_hardware(
                 )
             )
             _check_home(scenario, hardware)
+            check_servo(scenario, config, hardware)
             station = MakeHardwareStation(scenario, hardware)
             planner = stack.enter_context(
                 contextlib.closing(
@@ -114,7 +116,8 @@ def run_on_hardware(
             )
             builder = DiagramBuilder()
             cell = builder.AddNamedSystem(
-                "cell", MakeHardwareCell(scenario, station, planner, _PLANNING)
+                "cell",
+                MakeHardwareCell(scenario, station, planner, _PLANNING, hardware.lag),
             )
             if out is not None and record:
                 stack.enter_context(AddRosbagRecorder(builder, cell, scenario, out))
@@ -144,6 +147,19 @@ def _check_home(scenario: Scenario, hardware: Hardware) -> None:
         raise ScenarioError(
             f"arm.home: the arm must start there, but joint {worst + 1} is "
             f"{away[worst]:.3f} rad away (allowed: {_HOME})"
+        )
+
+
+def check_servo(scenario: Scenario, config: HardwareConfig, hardware: Hardware) -> None:
+    """Raise a ScenarioError if a visual servo cannot work."""
+    if scenario.servoing is None:
+        return
+    if config.release:
+        raise ScenarioError("release: must be 0 with servoing, where a stop is final")
+    if STAMP not in hardware.start:
+        raise ScenarioError(
+            "servoing: needs an arm whose states have time stamps "
+            "(allowed: !Ros1Arm, !Ros2Arm)"
         )
 
 

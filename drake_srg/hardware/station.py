@@ -132,9 +132,10 @@ def AddHardwareStation(
         for name, port in commands.items():
             builder.ExportInput(port, name)
     else:
-        lag = max(link.lag for link in links)
-        _AddMonitor(builder, scenario, reader, writer, safety, lag)
+        _AddMonitor(builder, scenario, reader, writer, safety, hardware.lag)
     for name, camera in hardware.cameras.items():
+        if name not in scenario.localizer.cameras:
+            continue  # a visual servo's
         feed = builder.AddNamedSystem(
             f"camera_{name}", CameraFeed(camera, camera_pose(scenario, name))
         )

@@ -10,6 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.servoing.config import ServoConfig
 from drake_srg.servoing.goal_filter import MovingGoal
+from drake_srg.servoing.hand_over import HandOver
 from drake_srg.servoing.motion import JointStep
 from drake_srg.servoing.status import ServoFault, ServoState, ServoStatus
 from drake_srg.types import Vector
@@ -31,13 +32,18 @@ class Memory:
         R_WG_goal: The hand's orientation at the goal.
         twist: Of the hand, [v; w] in world, shape (6,) [m/s], [rad/s].
         next_look: When the next image is due [s].
+        taken: When the latest image was taken [s].
+        heard: When it arrived, or before the first one, when the servo began [s].
         frame: Of the latest image; None before the first one.
         p_frame: Where the hand was when that image was new, shape (3,) [m].
         same: Number of images equal to it since.
         missed: Images in a row without a usable sighting.
         near_goal: Images in a row with the hand at its goal.
+        near_since: When the first of them arrived [s].
         top: Height at which a hand that is raised stops [m]; None before that.
         stuck: Steps in a row in which the arm did not move the hand as it should.
+        v: Velocity of the commands, shape (N,) [rad/s].
+        hand_over: While the servo passes, how far it still is from what is planned.
     """
 
     status: ServoStatus = dc.field(default_factory=ServoStatus)
@@ -45,13 +51,18 @@ class Memory:
     R_WG_goal: RotationMatrix = dc.field(default_factory=RotationMatrix)
     twist: Vector = dc.field(default_factory=lambda: np.zeros(6))
     next_look: float = 0.0
+    taken: float = -np.inf
+    heard: float = 0.0
     frame: int | None = None
     p_frame: Vector = dc.field(default_factory=lambda: np.zeros(3))
     same: int = 0
     missed: int = 0
     near_goal: int = 0
+    near_since: float = 0.0
     top: float | None = None
     stuck: int = 0
+    v: Vector = dc.field(default_factory=lambda: np.zeros(0))
+    hand_over: HandOver | None = None
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Memory:
         return self
@@ -60,7 +71,23 @@ class Memory:
     def begun(cls, q: Vector, R_WG: RotationMatrix, time: float) -> Memory:
         """Return the memory of a servo that begins with the arm at `q` (N,) [rad]."""
         status = ServoStatus(ServoState.TRACKING, q=q)
-        return cls(status, R_WG_goal=R_WG, next_look=time)
+        return cls(status, R_WG_goal=R_WG, next_look=time, heard=time)
+
+    def passing(self, planned: Vector, config: ServoConfig) -> Memory:
+        """Return the memory of a servo that passes on planned positions (N,) [rad]."""
+        hand_over = self.hand_over
+        if self.status.state is not ServoState.PASSING and not self.status.at_rest:
+            hand_over = HandOver(self.status.q - planned, self.v)
+        elif self.status.state is ServoState.PASSING and hand_over is None:
+            return self
+        if hand_over is not None:
+            hand_over = hand_over.stepped(config.period)
+        return Memory(hand_over=hand_over)
+
+    def holding(self, time: float) -> Memory:
+        """Return the memory of a servo that brakes and holds the hand."""
+        memory = self._reporting(state=ServoState.HOLDING, fault=None)
+        return dc.replace(memory, heard=time)
 
     def following(self) -> Memory:
         """Return the memory of a servo that needs no images any more."""
@@ -88,6 +115,13 @@ class Memory:
             return dc.replace(self, frame=frame, p_frame=p_WG, same=0), False
         moved = float(np.linalg.norm(p_WG - self.p_frame))
         return dc.replace(self, same=self.same + 1), moved > config.moved
+
+    def waited(self, time: float, config: ServoConfig) -> Memory:
+        """Return the memory after a time at which there was no new image."""
+        memory = dc.replace(self, next_look=time)
+        if time - self.heard < config.patience * config.camera_period:
+            return memory
+        return memory._reporting(state=ServoState.FAILED, fault=ServoFault.SILENT)
 
     def missed_one(self, fault: ServoFault, config: ServoConfig) -> Memory:
         """Return the memory after an image that does not tell the goal."""
@@ -131,20 +165,26 @@ class Memory:
 
     def _close(self, error: float, config: ServoConfig) -> Memory:
         assert self.goal is not None
-        near_goal = self.near_goal + 1 if error < config.tolerance else 0
+        near, first = error < config.tolerance, self.near_goal == 0
+        near_since = self.heard if first else self.near_since
+        # Images on their way when the first one arrived do not count: the hand could
+        # not yet react to it.
+        counts = first or self.taken >= near_since
+        near_goal = self.near_goal + counts if near else 0
         reached = near_goal >= config.settled
         state = ServoState.REACHED if reached else ServoState.TRACKING
         memory = self._reporting(state=state, error=error, velocity=self.goal.v_W)
-        return dc.replace(memory, near_goal=near_goal)
+        return dc.replace(memory, near_goal=near_goal, near_since=near_since)
 
     def stepped(self, made: JointStep, twist: Vector, config: ServoConfig) -> Memory:
         """Return the memory after a step of the arm towards a twist of the hand."""
         moves = np.linalg.norm(twist[:3]) > _SLOW
         stuck = self.stuck + 1 if moves and made.achieved < _NO_STEP else 0
+        v = (made.q - self.status.q) / config.period
         memory = self._reporting(q=made.q, at_rest=not np.any(twist))
         if stuck * config.period >= config.patience * config.camera_period:
             memory = memory._reporting(state=ServoState.FAILED, fault=ServoFault.STUCK)
-        return dc.replace(memory, twist=twist, stuck=stuck)
+        return dc.replace(memory, twist=twist, stuck=stuck, v=v)
 
     def _reporting(self, **changes: Any) -> Memory:
         return dc.replace(self, status=dc.replace(self.status, **changes))

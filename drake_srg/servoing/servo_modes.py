@@ -49,6 +49,7 @@ SERVO_TRANSITIONS: Table = {
         *TRANSITIONS[Mode.LIFT],
     ],
 }
+_HELD = (ServoState.HOLDING, ServoState.FAILED)
 _LATE = "it does not reach the object in time"
 
 
@@ -68,6 +69,8 @@ def servo_transition(
 
 def servo_command(mode: Mode, memory: PlannerMemory) -> ServoCommand:
     """Return what the servo must do in a mode."""
+    if mode is Mode.GRASP and memory.trouble.failure is not None:
+        return ServoCommand.HOLD  # the way out begins where the hand rests
     if mode is Mode.LIFT and memory.attempt.looked:
         return ServoCommand.PASS
     return COMMANDS.get(mode, ServoCommand.PASS)
@@ -110,18 +113,22 @@ class ServoGrasp(Servoed, Grasp):
         self.time_limit = time_limit
 
     def update(self, memory: PlannerMemory, now: Now) -> PlannerMemory:
-        """Plan a way out once the servo has failed."""
+        """Plan a way out once the servo has failed, and the hand is at rest."""
         memory, servo = super().update(memory, now), _servo(now)
         attempt = memory.attempt
-        late = now.time - attempt.ready_at > self.time_limit
-        failed = servo.state is ServoState.FAILED and servo.at_rest
-        if attempt.escape is not None or not (failed or late):
+        if attempt.escape is not None:
             return memory
-        seen = servo.fault not in (None, ServoFault.STUCK)
-        why = servo.fault.value if servo.fault is not None and failed else _LATE
-        failure = Failure.NOT_SEEN if seen else Failure.OUT_OF_REACH
-        trouble = Trouble(failure, f"visual servo: {why}")
-        return self.replanner.escape(dc.replace(memory, trouble=trouble), now.time)
+        failed = servo.state is ServoState.FAILED
+        late = now.time - attempt.ready_at > self.time_limit
+        if memory.trouble.failure is None and (failed or late):
+            seen = servo.fault not in (None, ServoFault.STUCK)
+            why = servo.fault.value if servo.fault is not None and failed else _LATE
+            failure = Failure.NOT_SEEN if seen else Failure.OUT_OF_REACH
+            trouble = Trouble(failure, f"visual servo: {why}")
+            memory = dc.replace(memory, trouble=trouble)
+        if memory.trouble.failure is None or not servo.at_rest:
+            return memory
+        return self.replanner.escape(memory, now.time)
 
     def observe_mode(self, memory: PlannerMemory, now: Now) -> Observation:
         """Report that the hand has reached the object, or that there is a way out."""
@@ -157,7 +164,7 @@ class ServoLift(Lift):
         """Plan once the hand is at rest; the motion begins when the plan is ready."""
         servo = _servo(now)
         memory = dc.replace(memory, motion=Motion(servo.q))
-        if servo.state is not ServoState.HOLDING or not servo.at_rest:
+        if servo.state not in _HELD or not servo.at_rest:
             return memory
         memory = self.replanner.carry(memory, now.time)
         attempt = dc.replace(memory.attempt, looked=True)

@@ -12,26 +12,40 @@ from drake_srg.types import Vector
 
 
 @dc.dataclass(frozen=True, eq=False)
-class PoseSighting:
-    """An object's pose in one image."""
+class Taken:
+    """When an image was taken, and where the arm was then."""
+
+    time: float = -np.inf  # by the servo's clock [s]
+    q: Vector = dc.field(default_factory=lambda: np.zeros(0))  # shape (N,) [rad]
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Sighting:
+    """What one image shows; base class."""
 
     frame: int = 0  # equal for equal images
-    # The object in the colour imager C (z into the scene) [m]; None: it is not seen.
-    X_CO: RigidTransform | None = None
+    # When the image was taken, by the clock of camera and arm [s]; NaN: now.
+    stamp: float = dc.field(default=np.nan, kw_only=True)
+    # The same by the servo's clock, and where the arm was; None: now.
+    taken: Taken | None = dc.field(default=None, kw_only=True)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> PoseSighting:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Sighting:
         return self
 
 
 @dc.dataclass(frozen=True, eq=False)
-class FeatureSighting:
+class PoseSighting(Sighting):
+    """An object's pose in one image."""
+
+    # The object in the colour imager C (z into the scene) [m]; None: it is not seen.
+    X_CO: RigidTransform | None = None
+
+
+@dc.dataclass(frozen=True, eq=False)
+class FeatureSighting(Sighting):
     """Image points of an object in one image."""
 
-    frame: int = 0  # equal for equal images
     # Image coordinates at focal length 1, shape (n, 2), and depths [m], shape (n,); n =
     # 0: the object is not in the image, or not all of it.
     points: Vector = dc.field(default_factory=lambda: np.zeros((0, 2)))
     depths: Vector = dc.field(default_factory=lambda: np.zeros(0))
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> FeatureSighting:
-        return self

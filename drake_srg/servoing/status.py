@@ -18,6 +18,7 @@ class ServoCommand(enum.Enum):
     TRACK = "track"  # drive the hand by what the camera shows
     FOLLOW = "follow"  # go on as the goal last moved, without the camera
     RAISE = "raise"  # the same, but upwards; then brake, and hold the hand
+    HOLD = "hold"  # brake, and hold the hand
 
 
 class ServoState(enum.Enum):
@@ -37,6 +38,7 @@ class ServoFault(enum.Enum):
 
     LOST = "the object is not in the image, or not all of it"
     FROZEN = "the image stays the same although the hand moves"
+    SILENT = "no new images arrive"
     SINGULAR = "the features do not determine the motion"
     STUCK = "the arm cannot move the hand that way"
 

@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context
 from pydrake.systems.sensors import ImageDepth32F, ImageRgba8U
 
 from drake_srg.lifetime import LeafSystem
+from drake_srg.servoing.sightings import Sighting
 from drake_srg.servoing.silhouette import silhouette
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.color import ColorRange
@@ -31,7 +32,12 @@ class Tracker(LeafSystem):
     """
 
     def __init__(
-        self, color: ColorRange, camera: CameraModel, *, min_area: int, nothing: object
+        self,
+        color: ColorRange,
+        camera: CameraModel,
+        *,
+        min_area: int,
+        nothing: Sighting,
     ) -> None:
         super().__init__()
         if not camera.imager("color").same_as(camera.imager("depth")):
@@ -52,15 +58,24 @@ class Tracker(LeafSystem):
             prerequisites_of_calc={self.all_input_ports_ticket()},
         )
 
-    def _calc_sighting(self, context: Context, output: AbstractValue) -> None:
-        color: npt.NDArray[Any] = self.GetInputPort("color_image").Eval(context).data
-        depth = self.GetInputPort("depth_image").Eval(context).data[..., 0]
+    def sight(self, color: npt.NDArray[Any], depth: npt.NDArray[Any]) -> Sighting:
+        """Return what an image shows.
+
+        Args:
+            color: RGBA, shape (h, w, 4).
+            depth: Shape (h, w) [m].
+        """
         region = silhouette(self._color.mask(color), min_area=self._min_area)
-        output.set_value(self._sight(zlib.crc32(color.tobytes()), region, depth))
+        return self._sight(zlib.crc32(color.tobytes()), region, depth)
+
+    def _calc_sighting(self, context: Context, output: AbstractValue) -> None:
+        color = self.GetInputPort("color_image").Eval(context).data
+        depth = self.GetInputPort("depth_image").Eval(context).data[..., 0]
+        output.set_value(self.sight(color, depth))
 
     def _sight(
         self, frame: int, region: Mask | None, depth: npt.NDArray[Any]
-    ) -> object:
+    ) -> Sighting:
         """Return what an image shows.
 
         Args:

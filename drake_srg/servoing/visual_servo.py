@@ -15,7 +15,7 @@ from drake_srg.servoing.arm import ServoArm
 from drake_srg.servoing.config import ServoConfig
 from drake_srg.servoing.memory import Memory
 from drake_srg.servoing.motion import behind, hand_twist, joint_step, limited
-from drake_srg.servoing.sightings import FeatureSighting, PoseSighting
+from drake_srg.servoing.sightings import Sighting, Taken
 from drake_srg.servoing.status import (
     ServoCommand,
     ServoFault,
@@ -25,6 +25,7 @@ from drake_srg.servoing.status import (
 from drake_srg.types import Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
+_PASS = ServoCommand.PASS
 _ROUNDING = 1e-9  # of times of updates, which are multiples of the period [s]
 
 
@@ -49,19 +50,22 @@ class VisualServo(LeafSystem):
 
     Inputs: `command` (ServoCommand); `position_planned` (N) [rad]; `arm_state` (2N),
     [q; v] in rad and rad/s; `sighting`, what the camera shows, evaluated only while the
-    servo tracks, every `config.camera_period`. Outputs: `position_commanded` (N) [rad];
-    `status` (ServoStatus).
+    servo tracks, every `config.camera_period`. A sighting that is `taken` earlier is
+    used once, with the arm as it was then; the servo looks for the next one every
+    `config.period`. Outputs: `position_commanded` (N) [rad]; `status` (ServoStatus).
 
-    With PASS, `position_planned` passes at once and unchanged. With TRACK, every image
+    With PASS, `position_planned` passes at once and unchanged, if the servo rests;
+    otherwise its commands first go there without a jump. With TRACK, every image
     gives the hand's goal in world. An alpha-beta filter follows the goal and its
     velocity, and every `config.period` the hand moves towards where it is by now. With
     FOLLOW, no image counts, and the hand moves on with the goal's last velocity. With
-    RAISE, it does so upwards by `config.rise`, and then brakes and rests.
+    RAISE, it does so upwards by `config.rise`, and then brakes and rests. With HOLD, it
+    brakes and rests at once.
 
     The hand is held while the object is not wholly in the image or the features do not
     determine the motion. After `config.patience` such images, or as many equal images
-    of a moving hand, or as long without getting the arm to move, the servo fails: it
-    brakes, holds, and tells why, until the command is PASS.
+    of a moving hand, or as long without a new image or without getting the arm to move,
+    the servo fails: it brakes, holds, and tells why, until the command is PASS.
 
     Args:
         arm: Kinematics of arm and hand.
@@ -76,7 +80,7 @@ class VisualServo(LeafSystem):
         arm: ServoArm,
         X_GC: RigidTransform,
         axis_G: Vector,
-        sighting: PoseSighting | FeatureSighting,
+        sighting: Sighting,
         config: ServoConfig,
     ) -> None:
         super().__init__()
@@ -127,9 +131,17 @@ class VisualServo(LeafSystem):
         return memory
 
     def _calc_position(self, context: Context, output: BasicVector) -> None:
-        q = self._memory(context).status.q
-        passing = self._command.Eval(context) is ServoCommand.PASS or not len(q)
-        output.SetFromVector(self._planned.Eval(context) if passing else q)
+        memory = self._memory(context)
+        rests = memory.status.at_rest and self._command.Eval(context) is _PASS
+        passing = rests or memory.status.state is ServoState.PASSING
+        q = self._passed(context, memory) if passing else memory.status.q
+        output.SetFromVector(q)
+
+    def _passed(self, context: Context, memory: Memory) -> Vector:
+        """Return what a servo that passes commands, shape (N,) [rad]."""
+        planned: Vector = self._planned.Eval(context)
+        over = memory.hand_over
+        return planned if over is None else planned + over.offset
 
     def _calc_status(self, context: Context, output: AbstractValue) -> None:
         output.set_value(self._memory(context).status)
@@ -137,16 +149,19 @@ class VisualServo(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         memory, time = self._memory(context), context.get_time()
         command: ServoCommand = self._command.Eval(context)
-        if command is ServoCommand.PASS:
-            if memory.status.state is ServoState.PASSING:
+        if command is _PASS:
+            passing = memory.passing(self._planned.Eval(context), self.config)
+            if passing is memory:
                 return EventStatus.DidNothing()
-            memory = Memory()
+            memory = passing
         else:
             if memory.status.state is ServoState.PASSING:
-                q = self._planned.Eval(context).copy()
+                q = self._passed(context, memory).copy()
                 memory = Memory.begun(q, self._arm.X_WG(q).rotation(), time)
             if memory.status.state is not ServoState.FAILED:
-                if command is ServoCommand.FOLLOW:
+                if command is ServoCommand.HOLD:
+                    memory = memory.holding(time)
+                elif command is ServoCommand.FOLLOW:
                     memory = memory.following()
                 elif command is ServoCommand.RAISE:
                     height = self._arm.X_WG(memory.status.q).translation()[2]
@@ -160,11 +175,17 @@ class VisualServo(LeafSystem):
     def _looked(self, context: Context, memory: Memory, time: float) -> Memory:
         """Return the memory after an image, or after the time of one."""
         config = self.config
-        memory = dc.replace(memory, next_look=time + config.camera_period)
-        X_WG = self._arm.X_WG(self._measured.Eval(context)[: self._arm.n])
+        q = self._measured.Eval(context)[: self._arm.n]
         if config.looks and memory.status.images >= config.looks:
-            return memory.near(X_WG.translation(), time, config)
-        sighting = self._sighting.Eval(context)
+            memory = dc.replace(memory, next_look=time + config.camera_period)
+            return memory.near(self._arm.X_WG(q).translation(), time, config)
+        sighting: Sighting = self._sighting.Eval(context)
+        taken = sighting.taken or Taken(time, q)
+        if taken.time <= memory.taken:
+            return memory.waited(time, config)
+        next_look = time + config.camera_period if sighting.taken is None else time
+        memory = dc.replace(memory, next_look=next_look, taken=taken.time, heard=time)
+        X_WG = self._arm.X_WG(taken.q)
         memory, frozen = memory.compared(sighting.frame, X_WG.translation(), config)
         if frozen:
             return memory.missed_one(ServoFault.FROZEN, config)
@@ -172,7 +193,7 @@ class VisualServo(LeafSystem):
         if isinstance(X_CC_goal, ServoFault):
             return memory.missed_one(X_CC_goal, config)
         X_WG_goal = X_WG @ self._X_GC @ X_CC_goal @ self._X_GC.inverse()
-        return memory.seen(X_WG, X_WG_goal, time, config)
+        return memory.seen(X_WG, X_WG_goal, taken.time, config)
 
     def _moved(self, memory: Memory, time: float) -> Memory:
         """Return the memory after a step of the arm."""

@@ -17,6 +17,7 @@ class FakeProcess:
 
     def __init__(self, scenario, camera, state, show, warnings):
         self.camera, self.state, self.show = camera, state, show
+        self.scenario = scenario
         self.idle, self.is_closed, self.looks = True, False, []
 
     def look(self, time, state, topics):
@@ -56,6 +57,23 @@ def test_the_served_camera_is_the_localizer_s_first():
 
 def test_without_a_localizer_the_scenario_s_first_camera_is_served():
     assert served_camera(load_scenario("gripper_bench"))[0] == "overview"
+
+
+def test_the_camera_of_a_visual_servo_is_served_too(made):
+    scenario = load_scenario("kitchen_servoing")
+    pictures = Pictures(scenario, Warnings(print))
+    hand = "/camera_hand/color/image_raw"
+    assert {COLOR, hand, "/camera_hand/color/camera_info"} < set(pictures.topics)
+    period = scenario.servoing.camera_period
+    bridge = look(pictures, 0.0, hand)
+    for step in range(1, 5):
+        look(pictures, 0.5 * step * period, hand)
+    (process,) = made
+    assert process.camera == "hand"
+    assert set(process.scenario.cameras) == {"hand"}
+    assert [time for time, _ in process.looks] == [0.5 * period, 1.5 * period]
+    process.show(0.1, COLOR, ("pixels",))
+    assert bridge.messages == {hand: [(0.1, ("pixels",))]}
 
 
 def test_a_scenario_without_cameras_has_no_topics(made):

@@ -1,5 +1,6 @@
 """A servo with an arm that follows perfectly and a camera that sees ideal features."""
 
+import dataclasses as dc
 import functools
 
 import numpy as np
@@ -13,7 +14,7 @@ from drake_srg.servoing.arm import ServoArm
 from drake_srg.servoing.config import ServoConfig
 from drake_srg.servoing.image_based import ImageBasedServo
 from drake_srg.servoing.position_based import PositionBasedServo
-from drake_srg.servoing.sightings import FeatureSighting, PoseSighting
+from drake_srg.servoing.sightings import FeatureSighting, PoseSighting, Taken
 from drake_srg.servoing.status import ServoCommand
 from drake_srg.station.plant import MakeModelsPlant
 
@@ -89,13 +90,13 @@ class IdealHand:
             return PoseSighting(self.frame, X_CO)
         return features(X_CO, self.frame)
 
-    def tick(self, sighting=None):
+    def tick(self, sighting=None, planned=None):
         """Advance by a control period, and return the status."""
         sighting = self.sight() if sighting is None else sighting
         fix(
             self.servo,
             self.context,
-            position_planned=self.q,
+            position_planned=self.q if planned is None else planned,
             arm_state=np.concatenate([self.q, np.zeros(7)]),
             sighting=AbstractValue.Make(sighting),
         )
@@ -118,6 +119,25 @@ class IdealHand:
         X_WG_goal = self.X_WO_now() @ X_GO.inverse()
         X_WG = arm().X_WG(self.q)
         return float(np.linalg.norm(X_WG_goal.translation() - X_WG.translation()))
+
+
+class LateHand(IdealHand):
+    """The same with images that arrive 0.1 s late, until the camera falls silent."""
+
+    def __init__(self, *arguments, **settings):
+        super().__init__(*arguments, **settings)
+        self.silent, self._taken = False, []
+        self._latest = dc.replace(super().sight(), taken=Taken())
+
+    def sight(self):
+        ticks = round(self.time / self.config.period)
+        if ticks % round(self.config.camera_period / self.config.period) == 0:
+            taken = Taken(self.time, self.q)
+            self._taken.append(dc.replace(super().sight(), taken=taken))
+        arrived = [s for s in self._taken if s.taken.time <= self.time - 0.1]
+        if arrived and not self.silent:
+            self._latest = arrived[-1]
+        return self._latest
 
 
 def object_at(offset):

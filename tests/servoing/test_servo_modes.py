@@ -86,6 +86,7 @@ def test_the_fingers_close_once_the_servo_has_reached_the_object():
     [
         (ServoFault.LOST, Failure.NOT_SEEN),
         (ServoFault.FROZEN, Failure.NOT_SEEN),
+        (ServoFault.SILENT, Failure.NOT_SEEN),
         (ServoFault.SINGULAR, Failure.NOT_SEEN),
         (ServoFault.STUCK, Failure.OUT_OF_REACH),
     ],
@@ -108,9 +109,24 @@ def test_a_servo_that_takes_too_long_is_left():
     mode, memory = grasping()
     memory = mode.update(memory, now(3.9, ServoState.TRACKING))
     assert mode.replanner.escapes == 0
-    memory = mode.update(memory, now(4.1, ServoState.TRACKING))
+    assert servo_command(Mode.GRASP, memory) is ServoCommand.TRACK
+    memory = mode.update(memory, now(4.1, ServoState.TRACKING, at_rest=False))
     assert memory.trouble.failure is Failure.OUT_OF_REACH
     assert "in time" in memory.trouble.message
+    # The way out is planned from where the hand comes to rest.
+    assert servo_command(Mode.GRASP, memory) is ServoCommand.HOLD
+    assert mode.replanner.escapes == 0
+    memory = mode.update(memory, now(4.3, ServoState.HOLDING))
+    assert mode.replanner.escapes == 1
+    assert "in time" in memory.trouble.message
+
+
+def test_the_rest_is_planned_from_where_a_servo_has_failed():
+    mode = ServoLift(CONFIG, FakeReplanner(), 1)
+    memory = PlannerMemory(Motion(Q))
+    failed = now(1.0, ServoState.FAILED, fault=ServoFault.STUCK)
+    assert mode.look(memory, failed).attempt.looked
+    assert mode.replanner.carries == 1
 
 
 def test_the_rest_is_planned_once_the_raised_hand_rests_and_a_failure_ends_it():

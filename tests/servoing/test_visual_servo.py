@@ -12,7 +12,15 @@ from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.servoing.sightings import FeatureSighting, PoseSighting
 from drake_srg.servoing.status import ServoCommand, ServoFault, ServoState
-from servoing.ideal_hand import CONFIG, HOME, X_GC, IdealHand, arm, object_at
+from servoing.ideal_hand import (
+    CONFIG,
+    HOME,
+    X_GC,
+    IdealHand,
+    LateHand,
+    arm,
+    object_at,
+)
 
 KINDS = ["pbvs", "ibvs"]
 OFFSET = np.array([0.03, -0.02, -0.05])
@@ -170,11 +178,73 @@ def test_planned_positions_pass_unchanged_and_the_servo_begins_there():
     hand.tick()
     assert np.max(np.abs(hand.q - HOME)) < 0.01
     hand.run(1.0)
+    hand.fix(ServoCommand.HOLD)
+    hand.run(0.5)
+    assert hand.status.at_rest
     hand.fix(ServoCommand.PASS)
     fix(hand.servo, hand.context, position_planned=HOME)
     np.testing.assert_array_equal(
         read(hand.servo, hand.context, "position_commanded"), HOME
     )
+
+
+def test_a_moving_servo_goes_to_planned_positions_without_a_jump():
+    hand = IdealHand("pbvs", object_at([0.05, 0.05, -0.08]))
+    hand.run(0.4)
+    planned = hand.q.copy()  # a planner knows where the hand was
+    hand.run(0.05)
+    q = [hand.q]
+    hand.fix(ServoCommand.PASS)
+    for _ in range(400):
+        hand.tick(planned=planned)
+        q.append(hand.q)
+    np.testing.assert_array_equal(hand.q, planned)
+    acceleration = np.diff(q, 2, axis=0) / CONFIG.period**2
+    assert np.max(np.abs(acceleration)) < 10.0
+
+
+def test_a_hand_that_is_told_to_hold_brakes_and_goes_on_when_it_may():
+    hand = IdealHand("pbvs", object_at(OFFSET))
+    hand.run(0.3)
+    hand.fix(ServoCommand.HOLD)
+    hand.run(0.5)
+    assert (hand.status.state, hand.status.at_rest) == (ServoState.HOLDING, True)
+    hand.fix(ServoCommand.TRACK)
+    hand.run(2.5)
+    assert hand.status.state is ServoState.REACHED
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_late_images_are_used_where_the_arm_was_then(kind):
+    velocity = np.array([0.0, 0.05, 0.0])
+    hand = LateHand(kind, object_at([0.0, -0.05, -0.05]), velocity)
+    hand.run(3.0)
+    assert hand.status.state is ServoState.REACHED
+    np.testing.assert_allclose(hand.status.velocity, velocity, atol=2e-3)
+    assert hand.away() < 2e-3
+
+
+def test_images_on_their_way_do_not_count_at_the_goal():
+    hand = LateHand("pbvs", object_at([0.0, 0.0, 0.0]))  # it is there already
+    statuses = hand.run(1.0)
+    first = next(i for i, status in enumerate(statuses) if status.images)
+    reached = next(i for i, s in enumerate(statuses) if s.state is ServoState.REACHED)
+    # One image, those of the next 0.1 s, and then the others that it takes.
+    waited = (reached - first) * CONFIG.period
+    assert waited > 0.1 + (CONFIG.settled - 2) * CONFIG.camera_period
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_camera_that_falls_silent_stops_the_hand(kind):
+    hand = LateHand(kind, object_at(OFFSET))
+    hand.run(0.5)
+    images, hand.silent = hand.status.images, True
+    patience = CONFIG.patience * CONFIG.camera_period
+    hand.run(patience + CONFIG.speed / CONFIG.acceleration + 2 * CONFIG.period)
+    assert hand.status.state is ServoState.FAILED
+    assert hand.status.fault is ServoFault.SILENT
+    assert hand.status.at_rest
+    assert hand.status.images <= images + 1
 
 
 def test_looking_once_goes_where_the_first_image_showed_the_goal():

@@ -43,6 +43,7 @@ def run(
     rate: float = 0.25,
     watchdog: float = 0.05,
     lead: float = 0.05,
+    settings: Sequence[str] = (),
     keep: str = "",
 ) -> ExperimentResult:
     """Do the task of a scenario through a wire.
@@ -59,16 +60,20 @@ def run(
         watchdog: Of the safety monitor [s].
         lead: How far ahead commands are sent [s]; it must exceed the way there and
             back.
+        settings: Of the scenario on both sides, `KEY=VALUE` each.
         keep: File of finished runs; with it, an experiment that was cut off goes on.
     """
     kept = KeptTrials(keep)
     setting = f"{scenario} {wire} {latency} {loss} {rate} {watchdog} {lead}"
+    setting = " ".join([setting, *settings])
     results: list[dict[str, Any]] = []
     for number in track(range(seed, seed + seeds), label=lambda s: f"seed {s}"):
         faults = {"latency": latency, "loss": loss, "seed": number}
 
         def trial(number: int = number, faults: dict[str, Any] = faults) -> Any:
-            return run_trial(scenario, wire, number, faults, rate, watchdog, lead)
+            return run_trial(
+                scenario, wire, number, faults, rate, watchdog, lead, settings
+            )
 
         results.append(dict(kept(f"{setting} {number}", trial)))
     placed = [r for r in results if r["placed"]]
@@ -110,6 +115,7 @@ def run_trial(
     rate: float,
     watchdog: float,
     lead: float,
+    settings: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Serve a cell, do its task from another process, and judge where the object is.
 
@@ -121,10 +127,15 @@ def run_trial(
         rate: Seconds of both sides per real second.
         watchdog: Of the safety monitor [s].
         lead: How far ahead commands are sent [s].
+        settings: Of the scenario on both sides, `KEY=VALUE` each.
     """
+    loaded = load_scenario(scenario, seed=seed, overrides=settings)
+    servoing = loaded.servoing
+    hand = "" if servoing is None else servoing.camera
     with TemporaryDirectory() as folder, open_wire(wire, "hardware_loop") as opened:
         served, ran = Path(folder, "served"), Path(folder, "ran")
         common = [scenario, "--seed", str(seed)]
+        common += [word for each in settings for word in ("--set", each)]
         station = ServedProcess(
             *common,
             *("--rate", str(rate), "--out", str(served), "--set", "arm.limits=null"),
@@ -132,7 +143,9 @@ def run_trial(
         )
         try:
             file = Path(folder, "robot.yaml")
-            file.write_text(robot_file(wire, opened.arguments, faults, rate, lead))
+            file.write_text(
+                robot_file(wire, opened.arguments, faults, rate, lead, hand)
+            )
             safety = f"safety={{watchdog: {watchdog}}}"
             command = [sys.executable, "-m", "drake_srg", "run", *common, "--json"]
             command += ["--hardware", str(file), "--out", str(ran), "--set", safety]
@@ -142,7 +155,6 @@ def run_trial(
         finally:
             station.stop()
         answer = json.loads(done.stdout)
-        loaded = load_scenario(scenario, seed=seed)
         poses = read_log(served / "log.npz")[f"object_pose.{loaded.task.pick}"]
     goal = final_pose(loaded, row_to_pose(poses[0])).translation()
     error = float(np.linalg.norm(poses[-1, :3] - goal))
@@ -166,8 +178,18 @@ def robot_file(
     faults: dict[str, Any],
     rate: float,
     lead: float,
+    hand: str = "",
 ) -> str:
-    """Return the text of the hardware file for a served cell."""
+    """Return the text of the hardware file for a served cell.
+
+    Args:
+        wire: "ROS 1" or "ROS 2".
+        serve_arguments: Of `drake-srg serve`.
+        faults: As in a hardware file.
+        rate: Seconds of both sides per real second.
+        lead: How far ahead commands are sent [s].
+        hand: Name of a visual servo's camera; "" without one.
+    """
     ros = "Ros1" if wire == "ROS 1" else "Ros2"
     node = {"--master": "master", "--domain": "domain"}
     given = dict(zip(serve_arguments[1::2], serve_arguments[2::2], strict=True))
@@ -175,6 +197,13 @@ def robot_file(
     rest = {ros.lower(): nodes, "faults": faults, "rate": rate, "patience": 120.0}
     tags = (
         f"arm: !{ros}Arm {{lead: {lead}}}\ngripper: !{ros}Gripper {{}}\n"
-        f"cameras: {{ceiling: !{ros}Camera {{}}}}\n"
+        f"cameras:\n  ceiling: !{ros}Camera {{}}\n"
     )
+    if hand:
+        tags += (
+            f"  {hand}: !{ros}Camera\n"
+            f"    color: /camera_{hand}/color/image_raw\n"
+            f"    depth: /camera_{hand}/depth/image_raw\n"
+            f"    info: /camera_{hand}/color/camera_info\n"
+        )
     return tags + yaml.safe_dump(rest)

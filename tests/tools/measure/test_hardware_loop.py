@@ -18,3 +18,11 @@ def test_the_hardware_file_of_a_run_can_be_loaded():
     config = parse_hardware(text, "robot.yaml")
     assert isinstance(config.gripper, Ros2Gripper)
     assert (config.ros2.domain, config.rate) == (9, 0.5)
+    assert list(config.cameras) == ["ceiling"]
+
+
+def test_the_camera_of_a_visual_servo_has_topics_of_its_own():
+    text = robot_file("ROS 2", ("--ros2", "--domain", "9"), FAULTS, 0.5, 0.1, "hand")
+    config = parse_hardware(text, "robot.yaml")
+    assert config.cameras["ceiling"].color == "/camera/color/image_raw"
+    assert config.cameras["hand"].color == "/camera_hand/color/image_raw"
