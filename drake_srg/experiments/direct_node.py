@@ -10,13 +10,14 @@ from typing import Any
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.bridges.commands import CommandError, Warnings
+from drake_srg.bridges.ros2.follow_joint_trajectory import with_actions
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.link import Robot
 from drake_srg.hardware.opening import MakeRobot
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 
-_STORE = get_typestore(Stores.ROS2_HUMBLE)
+_STORE = with_actions(get_typestore(Stores.ROS2_HUMBLE))
 
 
 def make_message(kind: str, *values: Any, **fields: Any) -> Any:
@@ -49,6 +50,10 @@ class DirectNode:
 
     def publish(self, topic: Topic) -> None:
         """See `Node`."""
+
+    def has_subscribers(self, topic: str) -> bool:
+        """See `Node`."""
+        return True
 
     def send(self, topic: Topic, time: float, *values: Any) -> None:
         """See `Node`."""

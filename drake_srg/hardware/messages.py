@@ -134,7 +134,7 @@ def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
                 velocities=np.zeros(0),
                 accelerations=np.zeros(0),
                 effort=np.zeros(0),
-                time_from_start=_duration(make, t_i - times[0]),
+                time_from_start=duration(make, t_i - times[0]),
             )
             for t_i, q_i in zip(times, q, strict=True)
         ]
@@ -148,6 +148,7 @@ def joint_trajectory(name: str, joints: Sequence[str]) -> Topic:
     return Topic(name, kind, {}, convert)
 
 
-def _duration(make: MakeMessage, seconds: float) -> Any:
+def duration(make: MakeMessage, seconds: float) -> Any:
+    """Return a time [s] as a builtin_interfaces/msg/Duration."""
     sec, nanosec = divmod(round(seconds * 1e9), 10**9)
     return make("builtin_interfaces/msg/Duration", sec=sec, nanosec=nanosec)

@@ -103,6 +103,10 @@ class Node:
         if self._bridge is not None:
             self._bridge.publish(topic, time, values)
 
+    def has_subscribers(self, topic: str) -> bool:
+        """Return whether anybody subscribes to a topic that this node publishes."""
+        return self._bridge is not None and self._bridge.has_subscribers(topic)
+
     def close(self) -> None:
         """Leave the network. A second call does nothing."""
         if self._bridge is not None:

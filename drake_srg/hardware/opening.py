@@ -77,6 +77,7 @@ def open_hardware(
     period = scenario.arm.period
     with contextlib.ExitStack() as stack:
         robot = MakeRobot(scenario, config, warnings)
+        stack.callback(robot.nodes.close)  # after the links, which may have last words
         links: list[Link] = []
         for driver in (config.arm, config.gripper):
             link = driver.connect(robot)
@@ -84,7 +85,6 @@ def open_hardware(
             if config.faults is not None:
                 link = FaultyLink(link, config.faults, period)
             links.append(link)
-        stack.callback(robot.nodes.close)
         if inbox is not None and isinstance(config.arm, RosArm):
             _subscribe(robot.nodes.of(config.arm.version), inbox)
         robot.nodes.open()

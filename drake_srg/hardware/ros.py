@@ -8,17 +8,11 @@ import numpy as np
 
 from drake_srg.bridges.commands import PortValues
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.hardware.arm_streams import ArmStream, PositionStream, TrajectoryStream
+from drake_srg.hardware.goal_stream import GoalStream
 from drake_srg.hardware.link import STAMP, HardwareDriver, Link, Mailbox, Robot
-from drake_srg.hardware.messages import (
-    JointStates,
-    joint_trajectory,
-    numbers,
-    obeys,
-    percent,
-)
+from drake_srg.hardware.messages import JointStates, numbers, obeys, percent
 from drake_srg.hardware.nodes import Node
-from drake_srg.hardware.window import Window
-from drake_srg.recording.ros_topics import float64_array
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _ARRAY = "std_msgs/msg/Float64MultiArray"
@@ -47,7 +41,16 @@ class RosArm(HardwareDriver):
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""
-        return _ArmLink(self, robot, robot.nodes.of(self.version))
+        node = robot.nodes.of(self.version)
+        return _ArmLink(self, robot, node, self._stream(robot, node))
+
+    def _stream(self, robot: Robot, node: Node) -> ArmStream:
+        """Return the way of the commands."""
+        joints, arm = robot.arm_joints, robot.scenario.arm
+        assert arm is not None
+        if self.stream == "positions":
+            return PositionStream(node, self.command, len(joints))
+        return TrajectoryStream(node, self.command, joints, self.lead, arm.period)
 
 
 class Ros1Arm(RosArm):
@@ -56,45 +59,61 @@ class Ros1Arm(RosArm):
     version = 1
 
 
+@dc.dataclass(kw_only=True)
 class Ros2Arm(RosArm):
     """An arm that speaks ROS 2."""
 
-    version = 2
+    version: ClassVar[int] = 2
+
+    # `action`: as trajectories, but as goals of the control_msgs/FollowJointTrajectory
+    # named `action`, two for each `lead`. Answers must take less than half a `lead`.
+    # The server must use rmw_cyclonedds_cpp.
+    stream: str = dc.field(
+        default="trajectory", metadata={"among": ("trajectory", "positions", "action")}
+    )
+    action: str = "/joint_trajectory_controller/follow_joint_trajectory"
+
+    def _stream(self, robot: Robot, node: Node) -> ArmStream:
+        if self.stream != "action":
+            return super()._stream(robot, node)
+        arm = robot.scenario.arm
+        assert arm is not None
+        return GoalStream(
+            node,
+            self.action,
+            robot.arm_joints,
+            self.lead,
+            arm.period,
+            robot.warnings,
+        )
 
 
 class _ArmLink(Link):
-    def __init__(self, config: RosArm, robot: Robot, node: Node) -> None:
+    def __init__(
+        self, config: RosArm, robot: Robot, node: Node, stream: ArmStream
+    ) -> None:
         n = len(robot.arm_joints)
         self.outputs = {"arm.state_measured": 2 * n, "arm.torque_measured": n}
-        self._node, self._mail = node, Mailbox()
+        self._mail, self._stream, self.lag = Mailbox(), stream, stream.lag
         self._joints = JointStates(robot.arm_joints)
-        self._window: Window | None = None
-        if config.stream == "positions":
-            self._topic = float64_array(config.command, "arm.position_commanded", n)
-        else:
-            arm = robot.scenario.arm
-            assert arm is not None
-            self._topic = joint_trajectory(config.command, robot.arm_joints)
-            self._window = Window(config.lead, arm.period)
-            self.lag = config.lead
         node.subscribe(config.state, _JOINT_STATE, self._receive)
-        node.publish(self._topic)
 
     def take(self) -> PortValues:
         """See `Link`."""
-        return self._mail.take()
+        values = self._mail.take()
+        return {} if self._stream.fails else values
 
     def close(self) -> None:
         """See `Link`; the node that it shares is closed elsewhere."""
+        self._stream.close()
 
     def send(self, commands: PortValues) -> None:
         """See `Link`."""
-        q = commands["arm.position_commanded"]
-        if self._window is None:
-            self._node.send(self._topic, 0.0, q)
-        elif math.isfinite(self._joints.stamp):
-            times, positions = self._window.after(q, self._joints.stamp)
-            self._node.send(self._topic, 0.0, times, positions)
+        self._stream.send(
+            commands["arm.position_commanded"],
+            self._joints.stamp,
+            stopped=bool(commands["gripper.hold"][0]),
+        )
 
     def _receive(self, message: Any) -> None:
         read = self._joints.read(message)

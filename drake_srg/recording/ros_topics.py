@@ -43,6 +43,7 @@ class Topic:
         optional: The ports that may stay unconnected.
         sensor: Whether ROS 2 publishes it with its QoS for sensors, which never sends
             a lost message again.
+        latched: Whether ROS 2 keeps the last message for later subscribers.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Topic:
     period: float | None = None
     optional: frozenset[str] = frozenset()
     sensor: bool = False
+    latched: bool = False
 
 
 def stamp(make: MakeMessage, time: float) -> Any:

@@ -9,6 +9,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from rosbags.typesys import Stores, get_typestore
 
 from drake_srg.bridges.commands import CommandError, Warnings
+from drake_srg.bridges.ros2.follow_joint_trajectory import with_actions
 from drake_srg.hardware.cell import MakeHardwareCell
 from drake_srg.hardware.exchange import Answer, PlannerLink
 from drake_srg.hardware.link import Link, Robot
@@ -24,7 +25,7 @@ from drake_srg.types import Mode, PlannerStatus
 
 PERIOD = 0.005
 HOME = np.array([0.0, -0.3, 0.0, -1.9, 0.0, 1.5, 0.0])
-STORE = get_typestore(Stores.ROS2_HUMBLE)
+STORE = with_actions(get_typestore(Stores.ROS2_HUMBLE))
 
 
 @functools.cache
@@ -135,6 +136,7 @@ class FakeNode:
 
     def __init__(self):
         self.sent, self.told = [], []
+        self.heard = True  # whether others listen
         self._receivers = {}
 
     def subscribe(self, topic, type, receive, largest=0):
@@ -142,6 +144,9 @@ class FakeNode:
 
     def publish(self, topic):
         pass
+
+    def has_subscribers(self, topic):
+        return self.heard
 
     def send(self, topic, time, *values):
         self.sent.append((topic, topic.convert(make, time, *values)))

@@ -25,7 +25,8 @@ from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import COMMAND_LIMIT, CommandInbox
 from drake_srg.bridges.ros2.commands import CommandReader
 from drake_srg.bridges.ros2.dds_domain import domain_id, open_participant
-from drake_srg.bridges.ros2.dds_types import payload_type
+from drake_srg.bridges.ros2.dds_types import payload_type, topic_name
+from drake_srg.bridges.ros2.follow_joint_trajectory import with_actions
 from drake_srg.recording.ros_topics import MakeMessage, Topic
 
 # ROS 2's rmw_qos_profile_default and rmw_qos_profile_sensor_data, except that a
@@ -35,13 +36,20 @@ _DEFAULT = (
     Policy.History.KeepLast(10),
 )
 _SENSOR = (Policy.Reliability.BestEffort, Policy.History.KeepLast(5))
+# Of an action's status (rcl_action_qos_profile_status_default).
+_LATCHED = (
+    Policy.Reliability.Reliable(max_blocking_time=0),
+    Policy.Durability.TransientLocal,
+    Policy.History.KeepLast(1),
+)
 
 
 class Ros2Bridge(Bridge):
     """A ROS 2 node that obeys commands and publishes topics.
 
     On DDS, a topic is `rt/NAME` with ROS 2's type name, XCDR1 data, and the type's hash
-    in its user data, as since Iron. Topics have ROS 2's default QoS (reliable), camera
+    in its user data, as since Iron. A topic whose name begins without a slash, such as
+    a service's, has that name on DDS. Topics have ROS 2's default QoS (reliable), camera
     topics that for sensors (best effort). Commands may have either.
 
     On the loopback interface, Fast DDS finds the node with default settings, Cyclone
@@ -84,7 +92,7 @@ class Ros2Bridge(Bridge):
         interface: str = "127.0.0.1",
         name: str = "drake_srg",
     ):
-        self._store = get_typestore(Stores.ROS2_HUMBLE)
+        self._store = with_actions(get_typestore(Stores.ROS2_HUMBLE))
         self.domain = domain_id(domain)
         received = [topic.largest for topic in inbox.topics.values()]
         limit = max([largest_message(topics, self._make), *received])
@@ -98,7 +106,7 @@ class Ros2Bridge(Bridge):
                 topic.name: DataWriter(
                     self._participant,
                     self._topic(topic.name, topic.type),
-                    self._qos(topic.type, *(_SENSOR if topic.sensor else _DEFAULT)),
+                    self._qos(topic.type, *_policies(topic)),
                 )
                 for topic in topics
             }
@@ -145,16 +153,24 @@ class Ros2Bridge(Bridge):
         return self._store.types[type](*values, **fields)
 
     def _topic(self, name: str, type: str) -> DdsTopic[Any]:
-        return DdsTopic(self._participant, f"rt{name}", payload_type(self._store, type))
+        return DdsTopic(
+            self._participant, topic_name(name), payload_type(self._store, type)
+        )
 
     def _qos(self, type: str, *policies: Any) -> Qos:
-        return Qos(
-            *policies,
-            Policy.DataRepresentation(
-                use_cdrv0_representation=True, use_xcdrv2_representation=False
-            ),
-            Policy.Userdata(f"typehash={self._store.hash_rihs01(type)};".encode()),
+        representation = Policy.DataRepresentation(
+            use_cdrv0_representation=True, use_xcdrv2_representation=False
         )
+        if "/msg/" not in type:  # ROS 2 gives services and actions other hashes
+            return Qos(*policies, representation)
+        text = f"typehash={self._store.hash_rihs01(type)};"
+        return Qos(*policies, representation, Policy.Userdata(text.encode()))
+
+
+def _policies(topic: Topic) -> tuple[Any, ...]:
+    if topic.latched:
+        return _LATCHED
+    return _SENSOR if topic.sensor else _DEFAULT
 
 
 def largest_message(topics: Sequence[Topic], make: MakeMessage) -> int:

@@ -34,8 +34,13 @@ def type_name(message: str) -> str:
 
     For `std_msgs/msg/Int32` it is `std_msgs::msg::dds_::Int32_`.
     """
-    package, _, name = message.split("/")
-    return f"{package}::msg::dds_::{name}_"
+    package, kind, name = message.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def topic_name(name: str) -> str:
+    """Return the DDS topic of a ROS topic; without a slash, a name is DDS's already."""
+    return f"rt{name}" if name.startswith("/") else name
 
 
 def payload_type(store: Typestore, message: str) -> Any:
