@@ -19,6 +19,7 @@ from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.pictures import Pictures
 from drake_srg.bridges.served_loop import (
+    MakeActionServer,
     ServedLoop,
     control_period,
     fix_defaults,
@@ -104,7 +105,9 @@ def Serve(
             if out is not None:
                 bag = AddRosbagRecorder(builder, station, scenario, out)
                 recording = stack.enter_context(bag).path
-            inbox = station_inbox(scenario, station, warnings)
+            actions = MakeActionServer(scenario, station)
+            requests, replies = ([], []) if actions is None else actions.topics
+            inbox = station_inbox(scenario, station, warnings, requests)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
             simulator = Simulator(root)
@@ -116,7 +119,10 @@ def Serve(
             if out is not None and scenario.arm is not None:
                 replay = ServedReplay(name, scenario, root, station)
         pictures = Pictures(scenario, warnings)
-        outlet = Outlet(connect(inbox, [*topics, *pictures.topics.values()]), warnings)
+        published = [*topics, *pictures.topics.values(), *replies]
+        outlet = Outlet(connect(inbox, published), warnings)
+        if actions is not None:
+            actions.connect(inbox, outlet)
         for bridge in outlet.bridges:
             stack.callback(bridge.close)
         stack.callback(pictures.close)
@@ -134,6 +140,7 @@ def Serve(
                     inbox,
                     outlet,
                     replay,
+                    actions,
                 ),
                 control_period(scenario),
                 name,

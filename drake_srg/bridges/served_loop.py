@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram
 
-from drake_srg.bridges.commands import CommandInbox, Warnings, station_topics
+from drake_srg.bridges.action_server import ActionServer
+from drake_srg.bridges.commands import (
+    CommandInbox,
+    CommandTopic,
+    Warnings,
+    station_topics,
+)
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.safety_commands import SafetyGate, safety_topics
 from drake_srg.bridges.served_replay import ServedReplay
-from drake_srg.bridges.trajectory_topics import trajectory_topics
+from drake_srg.bridges.trajectory_topics import TRAJECTORY, trajectory_topics
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.recording.ros_topics import Topic
@@ -31,16 +37,34 @@ def control_period(scenario: Scenario) -> float:
     return scenario.plant_config.time_step or 1.0 / 256.0
 
 
+def MakeActionServer(scenario: Scenario, station: Diagram) -> ActionServer | None:
+    """Return the action server of an arm that follows trajectories, else None."""
+    if TRAJECTORY not in input_ports(station):
+        return None
+    plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
+    return ActionServer(plant, control_period(scenario))
+
+
 def station_inbox(
-    scenario: Scenario, station: Diagram, warnings: Warnings
+    scenario: Scenario,
+    station: Diagram,
+    warnings: Warnings,
+    others: Iterable[CommandTopic] = (),
 ) -> CommandInbox:
-    """Return the inbox for all commands that a served station obeys."""
+    """Return the inbox for all commands that a served station obeys.
+
+    Args:
+        scenario: The scenario.
+        station: Of `MakeServedStation`.
+        warnings: Where refused commands are reported.
+        others: Topics besides those that command input ports.
+    """
     joints = () if scenario.gripper is None else scenario.gripper.joint_names
     plant = station.GetSubsystemByName("station").GetSubsystemByName("plant")
     inputs = input_ports(station)
     commands = station_topics(plant, inputs, joints)
     commands += trajectory_topics(plant, inputs, control_period(scenario))
-    return CommandInbox(commands + safety_topics(inputs), warnings)
+    return CommandInbox([*commands, *safety_topics(inputs), *others], warnings)
 
 
 def fix_defaults(station: Diagram, context: Context) -> None:
@@ -72,6 +96,7 @@ class ServedLoop:
         inbox: Where commands arrive.
         outlet: Publishes.
         replay: What is sampled for the replay, if anything.
+        actions: The arm's action server, connected, if it has one.
     """
 
     def __init__(
@@ -85,8 +110,9 @@ class ServedLoop:
         inbox: CommandInbox,
         outlet: Outlet,
         replay: ServedReplay | None = None,
+        actions: ActionServer | None = None,
     ) -> None:
-        self._replay = replay
+        self._replay, self._actions = replay, actions
         self._name, self._simulator, self._advance = name, simulator, advance
         self.inbox, self.outlet = inbox, outlet
         self._topics, self._pictures = topics, pictures
@@ -108,6 +134,12 @@ class ServedLoop:
         the commands. The remaining steps of the control period take real time, for
         which clients would otherwise wait.
         """
+        if self._actions is not None:
+            self._actions.advance(
+                self._root.get_time(),
+                self._value("arm.state_measured"),
+                self._value("arm.position_commanded"),
+            )
         for name, value in self._gate.admit(self.inbox.take(), self._context).items():
             self._station.GetInputPort(name).FixValue(self._context, value)
         time = min(self._root.get_time() + self._plant_step, until)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -38,15 +38,34 @@ def trajectory_topics(
     """
     if TRAJECTORY not in inputs:
         return []
-    limits = joint_limits(plant, "arm")
-    names = _joint_names(plant)
 
     def at_once(q: Vector) -> PortValues:
         return {TRAJECTORY: trajectory_piece(np.array([period]), q[np.newaxis])}
 
-    check = checked_positions(limits, lambda q: {"": q}, obeyed=True)
+    return [
+        CommandTopic("/joint_trajectory", _KIND, trajectory_command(plant), whole=True),
+        CommandTopic(
+            "/kuka",
+            "std_msgs/msg/Float64MultiArray",
+            checked_positions(joint_limits(plant, "arm"), at_once, obeyed=True),
+        ),
+    ]
 
-    def trajectory(message: Any) -> PortValues:
+
+def trajectory_command(plant: MultibodyPlant) -> Callable[[Any], PortValues]:
+    """Return what checks a JointTrajectory and makes a command of it.
+
+    It raises a CommandError if the trajectory is invalid.
+
+    Args:
+        plant: Has the model instance `arm`.
+    """
+    names = arm_joint_names(plant)
+    check = checked_positions(
+        joint_limits(plant, "arm"), lambda q: {"": q}, obeyed=True
+    )
+
+    def command(message: Any) -> PortValues:
         given, points = list(message.joint_names), message.points
         if sorted(given) != sorted(names):
             raise CommandError("joints", f"needs the joints {', '.join(names)}")
@@ -60,27 +79,21 @@ def trajectory_topics(
             if len(point.positions) != len(names):
                 raise CommandError("length", f"needs {len(names)} positions per point")
             positions.append(check(np.array(point.positions)[order])[""])
-        times = np.array([_seconds(point.time_from_start) for point in points])
+        times = np.array([seconds(point.time_from_start) for point in points])
         if np.any(np.diff(times, prepend=-1e-9) <= 0.0):
             raise CommandError("times", "needs points in the order of their times")
-        start = _seconds(message.header.stamp)
+        start = seconds(message.header.stamp)
         return {TRAJECTORY: trajectory_piece(times, np.array(positions), start)}
 
-    return [
-        CommandTopic("/joint_trajectory", _KIND, trajectory, whole=True),
-        CommandTopic(
-            "/kuka",
-            "std_msgs/msg/Float64MultiArray",
-            checked_positions(limits, at_once, obeyed=True),
-        ),
-    ]
+    return command
 
 
-def _seconds(time: Any) -> float:
+def seconds(time: Any) -> float:
+    """Return a builtin_interfaces/Time or Duration in seconds."""
     return float(time.sec) + 1e-9 * float(time.nanosec)
 
 
-def _joint_names(plant: MultibodyPlant) -> list[str]:
+def arm_joint_names(plant: MultibodyPlant) -> list[str]:
     """Return the names of the arm's joints, in the order of its positions."""
     model = plant.GetModelInstanceByName("arm")
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(model)]

@@ -6,7 +6,7 @@ import dataclasses as dc
 import math
 import threading
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from drake_srg.bridges.ros2.follow_joint_trajectory import (
     ErrorCode,
     FollowJointTrajectory,
     GoalStatus,
+    goal_id,
+    goal_info,
 )
 from drake_srg.hardware.arm_streams import ArmStream
 from drake_srg.hardware.messages import duration, joint_trajectory
@@ -23,7 +25,6 @@ from drake_srg.hardware.nodes import Node
 from drake_srg.hardware.service_client import ServiceClient
 from drake_srg.hardware.window import Window
 from drake_srg.recording.ros_topics import MakeMessage, header
-from drake_srg.recording.ros_topics import stamp as stamp_message
 from drake_srg.types import Vector
 
 # How late an answer or a result may be, and how long the server may take to be found,
@@ -77,12 +78,13 @@ class GoalStream(ArmStream):
     ) -> None:
         self.lag = lead
         self._name, self._warnings = name, warnings
-        self._window, self._interval = Window(lead, period), 0.5 * lead
+        self._window = Window(lead, period)
+        self._interval = 0.5 * (lead - period)  # so that rounding costs no period
         trajectory = joint_trajectory(name, joints)
 
         def goal(make: MakeMessage, id: bytes, times: Vector, q: Vector) -> Any:
             return {
-                "goal_id": _uuid(make, id),
+                "goal_id": goal_id(make, id),
                 "trajectory": trajectory.convert(make, 0.0, times, q),
                 "multi_dof_trajectory": make(
                     "trajectory_msgs/msg/MultiDOFJointTrajectory",
@@ -100,10 +102,16 @@ class GoalStream(ArmStream):
         action = FollowJointTrajectory(name)
         self._send = ServiceClient[_Goal](node, action.send_goal, goal, self._answered)
         self._result = ServiceClient[_Goal](
-            node, action.get_result, _result_request, self._ended
+            node,
+            action.get_result,
+            lambda make, id: {"goal_id": goal_id(make, id)},
+            self._ended,
         )
         self._cancel = ServiceClient[_Goal](
-            node, action.cancel_goal, _cancel_request, lambda goal, reply: None
+            node,
+            action.cancel_goal,
+            lambda make, id: {"goal_info": goal_info(make, id, 0.0)},
+            lambda goal, reply: None,  # its result tells
         )
         # Commands come from the control loop, replies from the node's thread.
         self._lock = threading.RLock()
@@ -190,23 +198,6 @@ class GoalStream(ArmStream):
             if goal.end < before and not goal.canceled:
                 goal.canceled = True
                 self._cancel.call(goal, goal.id)
-
-
-def _uuid(make: MakeMessage, id: bytes) -> Any:
-    return make("unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(id, np.uint8))
-
-
-def _result_request(make: MakeMessage, id: bytes) -> Mapping[str, Any]:
-    return {"goal_id": _uuid(make, id)}
-
-
-def _cancel_request(make: MakeMessage, id: bytes) -> Mapping[str, Any]:
-    info = make(
-        "action_msgs/msg/GoalInfo",
-        goal_id=_uuid(make, id),
-        stamp=stamp_message(make, 0.0),
-    )
-    return {"goal_info": info}
 
 
 def _describe(reply: Any) -> str:

@@ -1,5 +1,7 @@
 """An arm that is driven by an action, with a server that the test answers for."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -115,8 +117,8 @@ def test_a_motion_becomes_two_goals_per_lead_that_overlap():
     server = FakeServer()
     server.move(1.0)
     assert len(server.goals) == 20
-    spans = [span(goal) for goal in server.goals]
-    for (_, end), (begin, next_end) in zip(spans, spans[1:], strict=False):
+    spans = [span(goal) for goal in server.goals[1:]]
+    for (_, end), (begin, next_end) in itertools.pairwise(spans):
         assert begin < end - 0.5 * LEAD + 1e-6
         assert next_end > end
     goal = server.goals[-1]

@@ -64,6 +64,9 @@ class Ros1Bridge(Bridge):
         timing: Timing | None = None,
     ):
         self._store = _load_noetic_types()
+        # ROS 1 has no services of ROS 2.
+        topics = [topic for topic in topics if _is_ours(topic)]
+        commands = filter(_is_ours, inbox.topics.values())
         self._inbox, self._timing = inbox, timing or Timing()
         self._sequence = {topic.name: 0 for topic in topics}
         self._publications = {
@@ -75,7 +78,7 @@ class Ros1Bridge(Bridge):
             master or os.environ.get("ROS_MASTER_URI") or _DEFAULT_MASTER,
             host,
             list(self._publications.values()),
-            [self._subscription(name, topic) for topic in inbox.topics.values()],
+            [self._subscription(name, topic) for topic in commands],
             inbox.warnings,
             self._timing,
         )
@@ -164,6 +167,10 @@ class Ros1Bridge(Bridge):
         """Report an unexpected error; the loop goes on."""
         reason = context.get("exception") or context["message"]
         self._inbox.warnings.warn("ROS 1 fault", f"ROS 1: {reason!r}")
+
+
+def _is_ours(topic: Topic | CommandTopic) -> bool:
+    return topic.name.startswith("/") and not topic.type.startswith("action_msgs/")
 
 
 def _load_noetic_types() -> Any:

@@ -49,8 +49,8 @@ class Ros2Bridge(Bridge):
 
     On DDS, a topic is `rt/NAME` with ROS 2's type name, XCDR1 data, and the type's hash
     in its user data, as since Iron. A topic whose name begins without a slash, such as
-    a service's, has that name on DDS. Topics have ROS 2's default QoS (reliable), camera
-    topics that for sensors (best effort). Commands may have either.
+    a service's, has that name on DDS. Topics have ROS 2's default QoS (reliable),
+    camera topics that for sensors (best effort). Commands may have either.
 
     On the loopback interface, Fast DDS finds the node with default settings, Cyclone
     DDS with ROS_LOCALHOST_ONLY=1. Images of 640 x 480 exceed Linux's default receive
@@ -106,13 +106,13 @@ class Ros2Bridge(Bridge):
                 topic.name: DataWriter(
                     self._participant,
                     self._topic(topic.name, topic.type),
-                    self._qos(topic.type, *_policies(topic)),
+                    self._qos(topic.name, topic.type, _policies(topic), writes=True),
                 )
                 for topic in topics
             }
 
             def make_reader(topic: str, *policies: Any) -> DataReader[Any]:
-                qos = self._qos(types[topic], *policies)
+                qos = self._qos(topic, types[topic], policies, writes=False)
                 return DataReader(self._participant, subscribed[topic], qos)
 
             reader = CommandReader(self._participant, inbox, self._store, make_reader)
@@ -157,14 +157,23 @@ class Ros2Bridge(Bridge):
             self._participant, topic_name(name), payload_type(self._store, type)
         )
 
-    def _qos(self, type: str, *policies: Any) -> Qos:
-        representation = Policy.DataRepresentation(
-            use_cdrv0_representation=True, use_xcdrv2_representation=False
+    def _qos(
+        self, name: str, type: str, policies: Sequence[Any], *, writes: bool
+    ) -> Qos:
+        user_data = []
+        if not name.startswith("/"):
+            # rmw_cyclonedds_cpp finds by it which reader and writer belong together.
+            role = "clientid" if name.startswith("rq") == writes else "serviceid"
+            user_data = [f"{role}={self._participant.guid.hex};"]
+        elif "/msg/" in type:
+            user_data = [f"typehash={self._store.hash_rihs01(type)};"]
+        return Qos(
+            *policies,
+            Policy.DataRepresentation(
+                use_cdrv0_representation=True, use_xcdrv2_representation=False
+            ),
+            *(Policy.Userdata(text.encode()) for text in user_data),
         )
-        if "/msg/" not in type:  # ROS 2 gives services and actions other hashes
-            return Qos(*policies, representation)
-        text = f"typehash={self._store.hash_rihs01(type)};"
-        return Qos(*policies, representation, Policy.Userdata(text.encode()))
 
 
 def _policies(topic: Topic) -> tuple[Any, ...]:

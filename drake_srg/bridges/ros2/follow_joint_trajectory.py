@@ -18,6 +18,10 @@ import dataclasses as dc
 import enum
 from typing import Any
 
+import numpy as np
+
+from drake_srg.recording.ros_topics import MakeMessage, stamp
+
 _FOLLOW = "control_msgs/action/FollowJointTrajectory"
 _CANCEL = "action_msgs/srv/CancelGoal"
 FEEDBACK = f"{_FOLLOW}_FeedbackMessage"
@@ -178,11 +182,27 @@ class FollowJointTrajectory:
         return f"{self.name}/_action/status"
 
 
+def goal_id(make: MakeMessage, id: bytes) -> Any:
+    """Return the 16 bytes of a goal's ID as a message."""
+    return make("unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(id, np.uint8))
+
+
+def goal_info(make: MakeMessage, id: bytes, time: float) -> Any:
+    """Return a goal's ID and time [s] as a message."""
+    return make(
+        "action_msgs/msg/GoalInfo",
+        goal_id=goal_id(make, id),
+        stamp=stamp(make, time),
+    )
+
+
 def with_actions(store: Any) -> Any:
     """Add the action's types to rosbags' store of message types, and return it."""
     from rosbags.typesys import get_types_from_msg
 
     for name, text in _DEFINITIONS.items():
         lines = "\n".join(line.strip() for line in text.splitlines())
-        store.register(get_types_from_msg(lines, name))
+        # Its name for a type of a service has a "msg" in it.
+        (fields,) = get_types_from_msg(lines, name).values()
+        store.register({name: fields})
     return store
