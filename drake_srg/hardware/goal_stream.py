@@ -52,11 +52,11 @@ class GoalStream(ArmStream):
     (ros-controls/ros2_controllers, "Trajectory Replacement"). The last one ends where
     the arm is to rest.
 
-    The arm obeys no more once a goal is rejected, aborted, or canceled by another, once
-    an answer or a result is missing, or once the server has gone. Then all goals are
-    canceled, no others are sent, and the user is told. A stop of the safety monitor
-    goes along the path, by goals as ever; what is then left of them is canceled, and so
-    it is when the stream is closed.
+    The arm obeys no more once a goal is rejected in time, aborted, or canceled by
+    another, once an answer or a result is missing, or once the server has gone. Then
+    all goals are canceled, no others are sent, and the user is told. A stop of the
+    safety monitor goes along the path, by goals as ever; what is then left of them is
+    canceled, and so it is when the stream is closed.
 
     Args:
         node: The node; not yet open.
@@ -119,7 +119,9 @@ class GoalStream(ArmStream):
         self._newest: _Goal | None = None
         self._last: Vector | None = None  # command
         self._changed = False  # since the newest goal
-        self._first, self._next = math.inf, -math.inf  # times by the robot's clock
+        # By the robot's clock [s]: of the first and the last command, and before which
+        # there is no new goal.
+        self._first, self._stamp, self._next = math.inf, -math.inf, -math.inf
         self._found = False  # the server
 
     def send(self, q: Vector, stamp: float, *, stopped: bool) -> None:
@@ -127,7 +129,7 @@ class GoalStream(ArmStream):
         with self._lock:
             if self.fails or not math.isfinite(stamp):
                 return
-            self._first = min(self._first, stamp)
+            self._first, self._stamp = min(self._first, stamp), stamp
             times, positions = self._window.after(q, stamp)
             if self._last is None or not np.array_equal(q, self._last):
                 self._changed, self._last = True, q.copy()
@@ -171,10 +173,23 @@ class GoalStream(ArmStream):
         with self._lock:
             if not reply.accepted:
                 self._goals.pop(goal.id, None)
-                self._fail("a goal was rejected")
+                self._reject(goal)
                 return
             goal.accepted = True
         self._result.call(goal, goal.id)
+
+    def _reject(self, goal: _Goal) -> None:
+        if self._stamp <= goal.end:
+            self._fail("a goal was rejected")
+            return
+        # A wire or a server was held up. The arm has come to rest meanwhile; if it is
+        # far behind, the safety monitor stops the commands.
+        self._changed = True  # so that there is another goal, even for a resting arm
+        self._warnings.warn(
+            f"{self._name} late",
+            f"{self._name}: a goal came too late; does `lead` exceed twice the way of "
+            "a message there and back?",
+        )
 
     def _ended(self, goal: _Goal, reply: Any) -> None:
         with self._lock:

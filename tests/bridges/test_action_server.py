@@ -46,7 +46,7 @@ class Served:
     """A server whose arm is where the test says, and its client."""
 
     def __init__(self):
-        self.told, self.time = [], 1.0
+        self.told, self.time = [], 0.995
         self.node = DirectNode()
         self.replies, self.statuses = {}, []
         for service in (ACTION.send_goal, ACTION.cancel_goal, ACTION.get_result):
@@ -60,6 +60,7 @@ class Served:
         self.inbox = CommandInbox(requests, warnings)
         self.server.connect(self.inbox, Outlet([DirectBridge(self.node)], warnings))
         self._numbers = 0
+        self.advance()
 
     def _keep(self, service, reply):
         self.replies[service, reply.number] = reply
@@ -224,6 +225,7 @@ def test_a_request_waits_until_its_client_can_hear_the_reply():
     served.node.hears = hears
     served.advance()
     assert served.replies[ACTION.send_goal, 1].accepted
+    assert TRAJECTORY in served.inbox.take()
     served.node.hears = lambda topic: False
     with pytest.raises(AttributeError):
         served.goal(B)

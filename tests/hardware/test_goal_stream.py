@@ -194,6 +194,23 @@ def test_a_rejected_goal_stops_the_arm_and_cancels_the_one_before():
     assert server.canceled == before
 
 
+def test_a_goal_that_comes_too_late_is_followed_by_another():
+    server = FakeServer()
+    server.move(0.1)
+    server.answers = False
+    server.step(HOME + 0.5)
+    server.rest(2.0 * LEAD, HOME + 0.5)
+    late = server.goals[-1]
+    server.answers, server.accepts = True, False
+    server.answer(late)
+    server.accepts = True
+    server.rest(0.1, HOME + 0.5)
+    (told,) = server.node.told
+    assert told.startswith("/arm/follow: a goal came too late")
+    assert span(server.goals[-1])[1] > span(late)[1]
+    assert server.obeys
+
+
 @pytest.mark.parametrize(
     "code, reason",
     [

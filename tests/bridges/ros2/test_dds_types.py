@@ -2,7 +2,7 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from bridges.ros2 import dds_peer
-from drake_srg.bridges.ros2.dds_types import payload_type, type_name
+from drake_srg.bridges.ros2.dds_types import payload_type, topic_name, type_name
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
@@ -12,10 +12,16 @@ STORE = get_typestore(Stores.ROS2_HUMBLE)
     [
         ("std_msgs/msg/Int32", "std_msgs::msg::dds_::Int32_"),
         ("rosgraph_msgs/msg/Clock", "rosgraph_msgs::msg::dds_::Clock_"),
+        ("action_msgs/srv/Cancel_Request", "action_msgs::srv::dds_::Cancel_Request_"),
     ],
 )
 def test_types_have_ros_2_s_names(message, name):
     assert type_name(message) == name
+
+
+def test_names_without_a_slash_are_those_of_dds():
+    assert topic_name("/grasp") == "rt/grasp"
+    assert topic_name("rq/addRequest") == "rq/addRequest"
 
 
 @pytest.mark.parametrize("cls", dds_peer.TYPES.values(), ids=dds_peer.TYPES.keys())
