@@ -7,8 +7,11 @@ from rosbags.rosbag2 import Reader
 
 from bridges.fake_bridge import FakeBridge
 from drake_srg.bridges import pacing
+from drake_srg.bridges.action_server import ACTION
+from drake_srg.bridges.ros2.follow_joint_trajectory import goal_info
 from drake_srg.bridges.serve import Serve
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.experiments.direct_node import make_message
 from drake_srg.scenario import load_scenario
 
 PICTURES = {
@@ -146,6 +149,22 @@ def test_other_scenarios_are_served_too(name):
     bridge, _ = serve(act, until=0.06, name=name)
     assert set(bridge.messages) == STATE
     assert series(bridge, "gripper.closure_commanded")[1][-1] == 0.2
+
+
+@pytest.mark.parametrize("overrides, count", [(["arm.limits=null"], 3), ([], 0)])
+def test_an_arm_that_follows_trajectories_has_an_action_server(overrides, count):
+    def act(bridge):
+        for topic in bridge.inbox.topics.values():
+            if topic.name == ACTION.cancel_goal.request and bridge.time < 0.006:
+                info = goal_info(make_message, bytes(16), 0.0)
+                request = make_message(topic.type, client=3, number=4, goal_info=info)
+                bridge.inbox.receive_message(topic.name, request)
+
+    bridge, _ = serve(act, until=0.02, overrides=overrides)
+    requests = [name for name in bridge.inbox.topics if name.startswith("rq/")]
+    assert len(requests) == count
+    replies = bridge.messages.get(ACTION.cancel_goal.reply, [])
+    assert len(replies) == (1 if count else 0)
 
 
 def test_a_station_without_arm_and_gripper_publishes_a_clock():

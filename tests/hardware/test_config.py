@@ -15,12 +15,21 @@ def test_tags_choose_the_drivers():
     assert [*config.cameras] == ["top"]
 
 
+def test_only_ros_2_has_actions():
+    config = parse_hardware(GOOD.replace("lead: 0.1", "stream: action"), "robot.yaml")
+    assert config.arm.action.startswith("/joint_trajectory_controller/")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("", "arm: missing (allowed: !Ros1Arm"),
         ("arm: !Ros2Arm {}", "gripper: missing (allowed: !Ros1Gripper"),
         ("arm: !Arm {}\ngripper: !Ros2Gripper {}", "unknown tag !Arm"),
+        (
+            "arm: !Ros1Arm {stream: action}\ngripper: !Ros1Gripper {}",
+            "arm.stream: must be trajectory or positions",
+        ),
         (GOOD + "speed: 1", "unknown key 'speed'"),
         (GOOD + "ros2: {domain: 300}", "ros2.domain: must be at most 232"),
         (GOOD + "faults: {loss: 2}", "faults.loss: must be at most 1"),

@@ -24,14 +24,11 @@ from drake_srg.recording.ros_topics import MakeMessage, stamp
 
 _FOLLOW = "control_msgs/action/FollowJointTrajectory"
 _CANCEL = "action_msgs/srv/CancelGoal"
-FEEDBACK = f"{_FOLLOW}_FeedbackMessage"
 STATUS = "action_msgs/msg/GoalStatusArray"
 _HEADER = """
 uint64 client
 int64 number
 """
-_POINT = "trajectory_msgs/JointTrajectoryPoint"
-_MULTI_POINT = "trajectory_msgs/MultiDOFJointTrajectoryPoint"
 _DEFINITIONS = {
     "control_msgs/msg/JointTolerance": """
         string name
@@ -67,17 +64,6 @@ _DEFINITIONS = {
     f"{_CANCEL}_Response": f"""{_HEADER}
         int8 return_code
         action_msgs/GoalInfo[] goals_canceling""",
-    FEEDBACK: f"""
-        unique_identifier_msgs/UUID goal_id
-        std_msgs/Header header
-        string[] joint_names
-        {_POINT} desired
-        {_POINT} actual
-        {_POINT} error
-        string[] multi_dof_joint_names
-        {_MULTI_POINT} multi_dof_desired
-        {_MULTI_POINT} multi_dof_actual
-        {_MULTI_POINT} multi_dof_error""",
 }
 
 
@@ -170,11 +156,6 @@ class FollowJointTrajectory:
     def cancel_goal(self) -> Service:
         """Stops following goals."""
         return Service(f"{self.name}/_action/cancel_goal", _CANCEL)
-
-    @property
-    def feedback(self) -> str:
-        """The topic that tells how far the joints are from the goal's path."""
-        return f"{self.name}/_action/feedback"
 
     @property
     def status(self) -> str:

@@ -1,3 +1,4 @@
+import contextlib
 import socket
 import threading
 
@@ -6,6 +7,13 @@ import pytest
 from bridges.ros1 import peers
 from bridges.ros1.peers import CLOCK
 from bridges.waiting import wait_until
+from drake_srg.bridges.commands import CommandInbox, CommandTopic, Warnings
+from drake_srg.bridges.ros1.bridge import Ros1Bridge
+from drake_srg.bridges.ros2.follow_joint_trajectory import (
+    STATUS,
+    FollowJointTrajectory,
+)
+from drake_srg.recording.ros_topics import Topic
 
 
 def test_the_first_status_knows_whether_the_master_answers(new_bridge, master):
@@ -39,3 +47,18 @@ def test_after_a_request_to_shut_down_publishing_does_nothing(bridge, master, to
     bridge.publish(CLOCK, 1.0, [])
     assert not bridge.has_subscribers("/clock")
     assert len(told.about("user request")) == 1
+
+
+def test_services_of_ros_2_are_left_to_ros_2(told):
+    service = FollowJointTrajectory("/arm/follow").cancel_goal
+    inbox = CommandInbox(
+        [CommandTopic(service.request, service.request_type, dict)],
+        Warnings(told.append),
+    )
+    reply = Topic(service.reply, service.reply_type, {}, dict)
+    status = Topic("/arm/status", STATUS, {}, dict)
+    master = "http://127.0.0.1:9"
+    with contextlib.closing(
+        Ros1Bridge(inbox, [reply, status], master=master)
+    ) as bridge:
+        assert not bridge.has_subscribers(reply.name)
