@@ -28,7 +28,7 @@ def test_only_ros_2_has_actions():
         ("arm: !Arm {}\ngripper: !Ros2Gripper {}", "unknown tag !Arm"),
         (
             "arm: !Ros1Arm {stream: action}\ngripper: !Ros1Gripper {}",
-            "arm.stream: must be trajectory or positions",
+            "arm.stream: must be one of positions, trajectory; got",
         ),
         (GOOD + "speed: 1", "unknown key 'speed'"),
         (GOOD + "ros2: {domain: 300}", "ros2.domain: must be at most 232"),
