@@ -43,6 +43,7 @@ def run(
     rate: float = 0.25,
     watchdog: float = 0.05,
     lead: float = 0.05,
+    stream: str = "trajectory",
     settings: Sequence[str] = (),
     keep: str = "",
 ) -> ExperimentResult:
@@ -60,11 +61,14 @@ def run(
         watchdog: Of the safety monitor [s].
         lead: How far ahead commands are sent [s]; it must exceed the way there and
             back.
+        stream: Of the commands, as in a hardware file.
         settings: Of the scenario on both sides, `KEY=VALUE` each.
         keep: File of finished runs; with it, an experiment that was cut off goes on.
     """
     kept = KeptTrials(keep)
     setting = f"{scenario} {wire} {latency} {loss} {rate} {watchdog} {lead}"
+    if stream != "trajectory":
+        setting += f" {stream}"
     setting = " ".join([setting, *settings])
     results: list[dict[str, Any]] = []
     for number in track(range(seed, seed + seeds), label=lambda s: f"seed {s}"):
@@ -72,7 +76,7 @@ def run(
 
         def trial(number: int = number, faults: dict[str, Any] = faults) -> Any:
             return run_trial(
-                scenario, wire, number, faults, rate, watchdog, lead, settings
+                scenario, wire, number, faults, rate, watchdog, lead, settings, stream
             )
 
         results.append(dict(kept(f"{setting} {number}", trial)))
@@ -116,6 +120,7 @@ def run_trial(
     watchdog: float,
     lead: float,
     settings: Sequence[str] = (),
+    stream: str = "trajectory",
 ) -> dict[str, Any]:
     """Serve a cell, do its task from another process, and judge where the object is.
 
@@ -128,6 +133,7 @@ def run_trial(
         watchdog: Of the safety monitor [s].
         lead: How far ahead commands are sent [s].
         settings: Of the scenario on both sides, `KEY=VALUE` each.
+        stream: Of the commands, as in a hardware file.
     """
     loaded = load_scenario(scenario, seed=seed, overrides=settings)
     servoing = loaded.servoing
@@ -144,7 +150,7 @@ def run_trial(
         try:
             file = Path(folder, "robot.yaml")
             file.write_text(
-                robot_file(wire, opened.arguments, faults, rate, lead, hand)
+                robot_file(wire, opened.arguments, faults, rate, lead, hand, stream)
             )
             safety = f"safety={{watchdog: {watchdog}}}"
             command = [sys.executable, "-m", "drake_srg", "run", *common, "--json"]
@@ -179,6 +185,7 @@ def robot_file(
     rate: float,
     lead: float,
     hand: str = "",
+    stream: str = "trajectory",
 ) -> str:
     """Return the text of the hardware file for a served cell.
 
@@ -189,6 +196,7 @@ def robot_file(
         rate: Seconds of both sides per real second.
         lead: How far ahead commands are sent [s].
         hand: Name of a visual servo's camera; "" without one.
+        stream: Of the commands.
     """
     ros = "Ros1" if wire == "ROS 1" else "Ros2"
     node = {"--master": "master", "--domain": "domain"}
@@ -196,7 +204,8 @@ def robot_file(
     nodes = {node[key]: yaml.safe_load(value) for key, value in given.items()}
     rest = {ros.lower(): nodes, "faults": faults, "rate": rate, "patience": 120.0}
     tags = (
-        f"arm: !{ros}Arm {{lead: {lead}}}\ngripper: !{ros}Gripper {{}}\n"
+        f"arm: !{ros}Arm {{lead: {lead}, stream: {stream}}}\n"
+        f"gripper: !{ros}Gripper {{}}\n"
         f"cameras:\n  ceiling: !{ros}Camera {{}}\n"
     )
     if hand:

@@ -26,3 +26,9 @@ def test_the_camera_of_a_visual_servo_has_topics_of_its_own():
     config = parse_hardware(text, "robot.yaml")
     assert config.cameras["ceiling"].color == "/camera/color/image_raw"
     assert config.cameras["hand"].color == "/camera_hand/color/image_raw"
+
+
+def test_commands_can_be_goals_of_an_action():
+    serve = ("--ros2", "--domain", "9")
+    text = robot_file("ROS 2", serve, FAULTS, 0.5, 0.1, stream="action")
+    assert parse_hardware(text, "robot.yaml").arm.stream == "action"
