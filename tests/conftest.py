@@ -1,9 +1,15 @@
 """Settings and fixtures shared by all tests."""
 
 import gc
+import os
 import sys
 import weakref
 from pathlib import Path
+
+# One thread per process, before NumPy loads its BLAS: the test workers share the cores,
+# and BLAS's threads, which wait in a loop, cost most on small matrices. Processes that
+# tests start inherit it.
+os.environ.update(LP_NUM_THREADS="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 import pytest
 from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
