@@ -154,6 +154,7 @@ def test_the_bench_plays_its_script():
         sum(step.duration for step in bench.script), abs=0.02
     )
     assert metrics.localization_error_m is None
+    assert metrics.hold_drift_m_per_s < 30e-6  # as still as the accurate bench
     assert np.linalg.norm(metrics.placement_error_m) < 2e-3
     z = result.log["object_pose.soup_can"][:, 2]
     assert np.max(z) > z[0] + 0.15  # it was lifted
