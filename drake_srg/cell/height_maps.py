@@ -21,6 +21,8 @@ from drake_srg.vision.surface import Surface
 # The map leaves out the bin and as much around it, for errors of the map [m].
 _AROUND_BIN = 0.006
 _AROUND_ROW = 0.08  # and this much around the middles of a row [m]
+# A hand beside a bin hides the bin only where it is this much higher than the rim [m].
+_ABOVE_RIM = 0.03
 
 
 def AddHeightMapper(
@@ -37,7 +39,11 @@ def AddHeightMapper(
         for corner, opposite, around in taken
     ]
     region = _surface(scenario, np.array(clear.region.min), np.array(clear.region.max))
-    return _AddMapper("height_mapper", builder, scenario, station, region, ignored)
+    # The planner looks with the arm out of the way.
+    config = HeightMapConfig(over_edge=True)
+    return _AddMapper(
+        "height_mapper", builder, scenario, station, region, ignored, config=config
+    )
 
 
 def AddDestinationMapper(
@@ -48,7 +54,12 @@ def AddDestinationMapper(
     low = np.min([place.low for place in places], axis=0) - BESIDE
     high = np.max([place.high for place in places], axis=0) + BESIDE
     region = _surface(scenario, low, high)
-    return _AddMapper("destination_mapper", builder, scenario, station, region)
+    config = HeightMapConfig(over_edge=True)
+    if rims := [box[1][2] for box in bin_boxes(scenario).values()]:
+        config.thing = float(max(rims)) + _ABOVE_RIM - scenario.table.height
+    return _AddMapper(
+        "destination_mapper", builder, scenario, station, region, config=config
+    )
 
 
 def destinations(scenario: Scenario) -> list[Destination]:
@@ -68,10 +79,10 @@ def _AddMapper(
     station: Diagram,
     region: Surface,
     ignored: Sequence[Surface] = (),
+    *,
+    config: HeightMapConfig,
 ) -> HeightMapper:
     cameras = camera_models(scenario)
-    # The planner looks with the arm out of the way.
-    config = HeightMapConfig(over_edge=True)
     mapper = HeightMapper(cameras, region, ignored=ignored, config=config)
     builder.AddNamedSystem(name, mapper)
     for camera in cameras:

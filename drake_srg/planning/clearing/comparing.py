@@ -12,7 +12,7 @@ from drake_srg.types import HeightMap, Vector
 # and in standard deviations of what noise changes.
 _SAME, _DEVIATIONS = 0.003, 3.0
 # Changes of less than this are noise at the edges of things [m³].
-LEAST_VOLUME = 1.0e-6
+_LEAST_VOLUME = 1.0e-6
 # At least this share of what has left its place has left the map. What moves as its
 # neighbour is taken casts other shadows: 0.26 was seen as a hammer left a heap.
 _LEAST_SHARE = 0.2
@@ -54,7 +54,7 @@ def has_gone(
     if not np.any(drop[near] > 0.0):
         return False
     left, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
-    least = max(LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * left)
+    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * left)
     return bool(volume > least)
 
 

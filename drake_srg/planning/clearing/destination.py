@@ -7,16 +7,16 @@ import dataclasses as dc
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.planning.clearing.comparing import LEAST_VOLUME, fallen
+from drake_srg.planning.clearing.comparing import fallen
 from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].
 BESIDE = 0.1
-# At least this share of the volume that has left the table is seen where it went.
-# Things lie differently there, behind a rim, on other things and in them.
-_LEAST_SHARE = 0.2
-# At most so much is seen beside, as a share of what is seen inside: a load that hangs
-# over the rim may fall either way.
+# Where loads go, at least this share of their volume rises, and at least so much [m³]:
+# more than noise. Things lie differently there, behind a rim, on others and in them,
+# and push others down.
+_LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
+# At most this share rises beside: a load that hangs over the rim may fall either way.
 _MOST_BESIDE = 0.25
 # What was set down is as high as it was, within [m].
 _SAME_HEIGHT = 0.015
@@ -62,11 +62,10 @@ class Destination:
         risen = -fallen(before, after)
         inside, around = self.contains(after), self.contains(after, BESIDE)
         area = after.resolution**2
-        more = area * float(np.sum(risen[inside]))
-        beside = area * float(np.sum(np.fmax(risen[around & ~inside], 0.0)))
-        if more < max(LEAST_VOLUME, _LEAST_SHARE * load.volume):
+        rises = area * np.fmax(risen, 0.0)
+        if np.sum(rises[inside]) < max(_LEAST_VOLUME, _LEAST_SHARE * load.volume):
             return False
-        if beside > _MOST_BESIDE * more:
+        if np.sum(rises[around & ~inside]) > _MOST_BESIDE * load.volume:
             return False
         if self.level is None:
             return True

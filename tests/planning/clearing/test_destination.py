@@ -34,10 +34,18 @@ def test_a_load_that_hangs_over_the_rim_may_fall_out():
 
 
 @given(seeds)
-def test_what_only_moves_in_the_bin_is_no_new_load(seed):
-    before, after = noisy(table(BEFORE), seed), noisy(table((0.3, 0.2)), seed + 1)
-    assert not BIN.has_received(before, after, LOAD)
-    assert not BIN.has_received(before, noisy(table(BEFORE), seed + 1), LOAD)
+def test_a_bin_that_has_not_changed_has_received_nothing(seed):
+    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
+    for share in (0.05, 1.0):
+        load = SeenLoad(share * LOAD.volume, TALL)
+        assert not BIN.has_received(before, after, load)
+
+
+def test_a_load_may_push_another_down():
+    before, after = table(BEFORE, (0.35, 0.2)), table(BEFORE, (0.3, 0.2))
+    assert BIN.has_received(before, after, LOAD)
+    fell_out = table(BEFORE, (0.3, 0.2), (0.43, 0.2))
+    assert not BIN.has_received(before, fell_out, LOAD)
 
 
 def test_what_is_hidden_is_not_seen():
