@@ -23,19 +23,23 @@ SCENES: Scenes = {
 }
 
 
-def run(track: Track, *, trials: int = 8, seed: int = 8000) -> ExperimentResult:
+def run(
+    track: Track, *, trials: int = 8, seed: int = 8000, keep: str = ""
+) -> ExperimentResult:
     """Clear the table in every scene.
 
     Args:
         track: Shows progress.
         trials: Of each scene.
         seed: Of the first trial.
+        keep: File of finished trials, with which a run that was cut off goes on.
     """
     return run_tables(
         track,
         SCENES,
         trials,
         seed,
+        keep,
         place="in the bin",
         title="Tables cleared into a bin",
     )

@@ -25,14 +25,23 @@ SCENES: Scenes = {
 }
 
 
-def run(track: Track, *, trials: int = 5, seed: int = 8100) -> ExperimentResult:
+def run(
+    track: Track, *, trials: int = 5, seed: int = 8100, keep: str = ""
+) -> ExperimentResult:
     """Sort the table in every scene.
 
     Args:
         track: Shows progress.
         trials: Of each scene.
         seed: Of the first trial.
+        keep: File of finished trials, with which a run that was cut off goes on.
     """
     return run_tables(
-        track, SCENES, trials, seed, place="where they belong", title="Tables sorted"
+        track,
+        SCENES,
+        trials,
+        seed,
+        keep,
+        place="where they belong",
+        title="Tables sorted",
     )

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
@@ -33,7 +35,14 @@ class Case:
 
 
 def run_tables(
-    track: Track, scenes: Scenes, trials: int, seed: int, *, place: str, title: str
+    track: Track,
+    scenes: Scenes,
+    trials: int,
+    seed: int,
+    keep: str = "",
+    *,
+    place: str,
+    title: str,
 ) -> ExperimentResult:
     """Run every scene with every seed.
 
@@ -42,20 +51,26 @@ def run_tables(
         scenes: The scenes by name.
         trials: Of each scene.
         seed: Of the first trial.
+        keep: See `KeptTrials`.
         place: Where the objects belong, such as `in the bin`.
         title: Of the figure.
     """
     runs: dict[Case, Metrics] = {}
+    kept = KeptTrials(keep)
     # All scenes with one seed before any with the next.
     for case in track([Case(s, seed + i) for i in range(trials) for s in scenes]):
-        name, overrides = scenes[case.scene]
-        scenario = load_scenario(name, seed=case.seed, overrides=overrides)
-        runs[case] = Simulate(scenario, name=name).metrics
+        run = functools.partial(_run, *scenes[case.scene], case.seed)
+        runs[case] = Metrics(**kept(str(case), run))
     tables = {
         "trials": trial_columns(runs, place),
         "objects": object_columns(runs, scenes),
     }
     return ExperimentResult(judge(runs, place), tables, draw(runs, place, title))
+
+
+def _run(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
+    scenario = load_scenario(name, seed=seed, overrides=overrides)
+    return dc.asdict(Simulate(scenario, name=name).metrics)
 
 
 @dc.dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Shares and claims of made-up tables."""
 
+import dataclasses as dc
 import types
 
 import pytest
@@ -14,6 +15,7 @@ from drake_srg.experiments.table_trials import (
     shares,
     trial_columns,
 )
+from drake_srg.simulation.metrics import Metrics
 
 PLACE = "in the bin"
 SCENES = {
@@ -81,20 +83,28 @@ def test_a_line_for_each_table_and_object():
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_scenes_run_one_after_the_other(monkeypatch, scene):
+def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
     seen = []
 
     def simulate(scenario, *, name):
         seen.append((name, scenario.random_seed))
         things = {n: {"cleared": True} for n in list(scenario.objects)[:1]}
-        things = {
-            n: t | {"outcome": "cleared", "attempts": 1} for n, t in things.items()
-        }
-        made = table(total=1, cleared=1, picks=1, held=1)
-        made.objects = things
-        return types.SimpleNamespace(metrics=made)
+        for thing in things.values():
+            thing |= {"outcome": "cleared", "attempts": 1}
+        values = dict.fromkeys(field.name for field in dc.fields(Metrics))
+        values |= vars(table(total=1, cleared=1, picks=1, held=1)) | {"objects": things}
+        return types.SimpleNamespace(metrics=Metrics(**values))
 
     monkeypatch.setattr(table_trials, "Simulate", simulate)
-    made = run_tables(quiet, {scene: SCENES[scene]}, 2, 5, place=PLACE, title="Tables")
+    for _ in range(2):
+        made = run_tables(
+            quiet,
+            {scene: SCENES[scene]},
+            2,
+            5,
+            str(tmp_path / "kept"),
+            place=PLACE,
+            title="Tables",
+        )
+        assert made.passed
     assert seen == [(SCENES[scene][0], 5), (SCENES[scene][0], 6)]
-    assert made.passed
