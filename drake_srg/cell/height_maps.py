@@ -54,12 +54,18 @@ def AddDestinationMapper(
     low = np.min([place.low for place in places], axis=0) - BESIDE
     high = np.max([place.high for place in places], axis=0) + BESIDE
     region = _surface(scenario, low, high)
-    config = HeightMapConfig(over_edge=True)
-    if rims := [box[1][2] for box in bin_boxes(scenario).values()]:
-        config.thing = float(max(rims)) + _ABOVE_RIM - scenario.table.height
+    config = destination_map_config(scenario)
     return _AddMapper(
         "destination_mapper", builder, scenario, station, region, config=config
     )
+
+
+def destination_map_config(scenario: Scenario) -> HeightMapConfig:
+    """Return thresholds with which a hand beside a bin hides nothing inside."""
+    config = HeightMapConfig(over_edge=True)
+    if rims := [high[2] for _, high in bin_boxes(scenario).values()]:
+        config.thing = float(max(rims)) + _ABOVE_RIM - scenario.table.height
+    return config
 
 
 def destinations(scenario: Scenario) -> list[Destination]:
