@@ -16,7 +16,7 @@ from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
-from drake_srg.simulation.simulate import Simulate
+from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
 from drake_srg.sweeps.statistics import wilson_interval
 
 # Of a scenario: its name and its overrides.
@@ -70,7 +70,10 @@ def run_tables(
 
 def _run(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
     scenario = load_scenario(name, seed=seed, overrides=overrides)
-    return dc.asdict(Simulate(scenario, name=name).metrics)
+    result = Simulate(scenario, name=name)
+    if result.status.message == STOPPED_BY_USER:
+        raise KeyboardInterrupt  # half a trial is no result
+    return dc.asdict(result.metrics)
 
 
 @dc.dataclass(frozen=True)

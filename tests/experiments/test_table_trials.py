@@ -16,6 +16,8 @@ from drake_srg.experiments.table_trials import (
     trial_columns,
 )
 from drake_srg.simulation.metrics import Metrics
+from drake_srg.simulation.simulate import STOPPED_BY_USER
+from drake_srg.types import Mode, PlannerStatus
 
 PLACE = "in the bin"
 SCENES = {
@@ -93,7 +95,9 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
             thing |= {"outcome": "cleared", "attempts": 1}
         values = dict.fromkeys(field.name for field in dc.fields(Metrics))
         values |= vars(table(total=1, cleared=1, picks=1, held=1)) | {"objects": things}
-        return types.SimpleNamespace(metrics=Metrics(**values))
+        return types.SimpleNamespace(
+            metrics=Metrics(**values), status=PlannerStatus(mode=Mode.DONE)
+        )
 
     monkeypatch.setattr(table_trials, "Simulate", simulate)
     for _ in range(2):
@@ -108,3 +112,14 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
         )
         assert made.passed
     assert seen == [(SCENES[scene][0], 5), (SCENES[scene][0], 6)]
+
+
+def test_an_interrupted_trial_is_no_result(monkeypatch, tmp_path):
+    stopped = PlannerStatus(mode=Mode.FAILED, message=STOPPED_BY_USER)
+    monkeypatch.setattr(
+        table_trials, "Simulate", lambda *_, **__: types.SimpleNamespace(status=stopped)
+    )
+    kept = tmp_path / "kept"
+    with pytest.raises(KeyboardInterrupt):
+        run_tables(quiet, SCENES, 1, 5, str(kept), place=PLACE, title="Tables")
+    assert not kept.exists()
