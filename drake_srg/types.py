@@ -4,7 +4,7 @@ import dataclasses as dc
 import enum
 import math
 from collections.abc import Mapping
-from typing import TypeAlias
+from typing import Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -227,6 +227,17 @@ class HeightMap:
         ix_iy = np.rint((p_W[..., :2] - self.origin) / self.resolution)
         return ix_iy[..., ::-1].astype(np.intp)
 
+    def completed(self, earlier: Self | None) -> Self:
+        """Return this map with what an earlier one of the same grid shows in its gaps.
+
+        Args:
+            earlier: The earlier map; None: there is none.
+        """
+        if earlier is None:
+            return self
+        gap = np.isnan(self.height)
+        return dc.replace(self, height=np.where(gap, earlier.height, self.height))
+
 
 @dc.dataclass(frozen=True, eq=False)
 class LabeledHeightMap(HeightMap):
@@ -235,6 +246,14 @@ class LabeledHeightMap(HeightMap):
     # Index into `names`, shape (ny, nx); negative where nothing of interest is.
     label: npt.NDArray[np.int8]
     names: tuple[str, ...]  # of objects, of colours, or `all`
+
+    def completed(self, earlier: Self | None) -> Self:
+        """Return this map completed with an earlier one, the labels with its labels."""
+        if earlier is None:
+            return self
+        whole = super().completed(earlier)
+        label = np.where(np.isnan(self.height), earlier.label, self.label)
+        return dc.replace(whole, label=label)
 
 
 class Mode(enum.Enum):

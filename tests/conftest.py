@@ -1,9 +1,15 @@
 """Settings and fixtures shared by all tests."""
 
 import gc
+import os
 import sys
 import weakref
 from pathlib import Path
+
+# One thread per process, before NumPy loads its BLAS: the test workers share the cores,
+# and BLAS's threads, which wait in a loop, cost most on small matrices. Processes that
+# tests start inherit it.
+os.environ.update(LP_NUM_THREADS="0", OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
 
 import pytest
 from experiments.fake_experiment import fake  # noqa: F401 (a fixture)
@@ -24,15 +30,17 @@ settings.load_profile("drake_srg")
 
 # The files that take longest, first: the workers then end together.
 LONGEST = (
+    "test_notebooks.py",
     "scenarios/test_thesis_kitchen.py",
     "scenarios/test_assistive_arm.py",
-    "scenarios/test_fast.py",
-    "vision/test_convex_pieces.py",
+    "simulation/test_simulate.py",
     "sweeps/test_engines.py",
-    "scenarios/test_own_cell.py",
-    "cli/test_sweep.py",
-    "test_notebooks.py",
     "test_readme.py",
+    "scenarios/test_own_cell.py",
+    "scenarios/test_fast.py",
+    "planning/task/test_protective_stop.py",
+    "simulation/test_recorders.py",
+    "vision/test_convex_pieces.py",
     "vision/test_shape_fit.py",
 )
 

@@ -6,7 +6,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
-from drake_srg.types import Blob, BlobFlag, Box, Cylinder, HeightMap, Sphere
+from drake_srg.types import (
+    Blob,
+    BlobFlag,
+    Box,
+    Cylinder,
+    HeightMap,
+    LabeledHeightMap,
+    Sphere,
+)
 
 PLAIN = Blob("can", "eye", (1.0, 2.0), RigidTransform(), 0.9)
 HIDDEN = frozenset({BlobFlag.OCCLUDED})
@@ -109,3 +117,16 @@ def test_the_cells_of_a_height_map():
     rows, columns = np.indices((3, 5))
     np.testing.assert_array_equal(map_.cells(middles), np.stack([rows, columns], -1))
     np.testing.assert_array_equal(map_.cells(np.array([0.084, -0.2])), [0, -2])
+
+
+def test_maps_are_completed_with_earlier_ones():
+    height = np.array([[np.nan, 0.1], [np.nan, 0.2]])
+    label = np.array([[-1, 0], [-1, 1]], np.int8)
+    labeled = LabeledHeightMap(np.zeros(2), 0.01, height, label, ("a", "b"))
+    earlier = LabeledHeightMap(
+        np.zeros(2), 0.01, np.full((2, 2), 0.3), np.ones((2, 2), np.int8), ("a", "b")
+    )
+    whole = labeled.completed(earlier)
+    np.testing.assert_array_equal(whole.height, [[0.3, 0.1], [0.3, 0.2]])
+    np.testing.assert_array_equal(whole.label, [[1, 0], [1, 1]])
+    assert labeled.completed(None) is labeled

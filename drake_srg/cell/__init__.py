@@ -8,8 +8,9 @@ from drake_srg.cell.cell import (
     ConnectPlanner,
     MakeCell,
 )
-from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
+from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.cell.hands import MakeHand, register_gripper
+from drake_srg.cell.height_maps import AddDestinationMapper, AddHeightMapper
 from drake_srg.cell.planners import (
     MakePlanner,
     MakeScriptedPlanner,
@@ -19,6 +20,7 @@ from drake_srg.cell.planners import (
 
 __all__ = [
     "AddCell",
+    "AddDestinationMapper",
     "AddDisturber",
     "AddHeightMapper",
     "ConnectClearingPlanner",

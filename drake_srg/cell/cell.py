@@ -6,7 +6,8 @@ from collections.abc import Callable
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
 from drake_srg.cell.choosing import AddThingLabeler, chooses
-from drake_srg.cell.clearing import AddHeightMapper, MakeClearingPlanner
+from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.cell.height_maps import AddDestinationMapper, AddHeightMapper
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
 from drake_srg.cell.planners import MakePlanner, MakeScriptedPlanner, MakeTaughtPlanner
 from drake_srg.cell.servoing import ConnectHandCamera, MakeServoingPlanner
@@ -121,7 +122,14 @@ def AddCell(
         if chooses(scenario):
             labeled = AddThingLabeler(builder, scenario, station, seen)
         planner = builder.AddNamedSystem("planner", MakeClearingPlanner(scenario))
-        ConnectClearingPlanner(builder, station, labeled, planner)
+        destinations = AddDestinationMapper(builder, scenario, station)
+        ConnectClearingPlanner(
+            builder,
+            station,
+            labeled,
+            planner,
+            destinations.GetOutputPort("height_map"),
+        )
         builder.ExportOutput(seen, "height_mapper.height_map")
     else:
         localizer = AddLocalizer(builder, scenario, station)
@@ -203,7 +211,11 @@ def ConnectPlanner(
 
 
 def ConnectClearingPlanner(
-    builder: DiagramBuilder, station: Diagram, height_map: OutputPort, planner: System
+    builder: DiagramBuilder,
+    station: Diagram,
+    height_map: OutputPort,
+    planner: System,
+    destination_map: OutputPort | None = None,
 ) -> None:
     """Connect a planner with ports of `ClearingPlanner` to the other systems.
 
@@ -212,8 +224,12 @@ def ConnectClearingPlanner(
         station: A station with the ports of `MakeStation`'s.
         height_map: Where the height map comes from.
         planner: The planner.
+        destination_map: Where the map of the bins or of the row comes from; None: the
+            planner takes what it held for cleared.
     """
     builder.Connect(height_map, planner.GetInputPort("height_map"))
+    if destination_map is not None:
+        builder.Connect(destination_map, planner.GetInputPort("destination_map"))
     ConnectSensors(builder, station, planner)
     ConnectCommands(builder, station, planner)
 

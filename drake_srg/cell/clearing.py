@@ -1,24 +1,21 @@
-"""The parts of a cell that clears its table: height mapper, bins and planner."""
+"""The planner of a cell that clears its table."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable
 
 import numpy as np
-from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.systems.framework import Diagram, DiagramBuilder
 
+from drake_srg.cell.bins import bin_boxes, bin_key
 from drake_srg.cell.choosing import chooses, labels, row_places
 from drake_srg.cell.hands import MakeHand
-from drake_srg.cell.perception import camera_models
 from drake_srg.cell.planners import own_scene
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.objects.corners import body_corners
+from drake_srg.planning.clearing.aside import posture_aside
 from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.clearing.reach import reach_with_hand_down
@@ -35,51 +32,15 @@ from drake_srg.planning.motion.inverse_kinematics import (
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.scenario import Scenario
-from drake_srg.station.plant import Models
 from drake_srg.types import Vector
-from drake_srg.vision.config import HeightMapConfig
-from drake_srg.vision.height_mapper import HeightMapper
-from drake_srg.vision.surface import Surface
 
 # Height of the fingers' ends above the table where the arm's reach counts [m].
 _TIPS = 0.02
-# The map leaves out the bin and as much around it, for errors of the map [m].
-_AROUND_BIN = 0.006
 _ANY_YAW = tuple(np.linspace(-np.pi, np.pi, 8, endpoint=False))
-_AROUND_ROW = 0.08  # and this much around the middles of a row [m]
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
 _OVER = 0.44
 # Distance between the bin's middle and other places to let go, a share of its length.
 _ASIDE = 0.22
-# A bin's rim is at least that high above the table [m].
-_LEAST_RIM = 0.02
-
-
-def AddHeightMapper(
-    builder: DiagramBuilder, scenario: Scenario, station: Diagram
-) -> HeightMapper:
-    """Add the height mapper of a scenario and connect it to the station's cameras."""
-    clear = scenario.task.clear
-    assert clear is not None
-    low, high = clear.region.min, clear.region.max
-    surface = Surface((low[0], low[1]), (high[0], high[1]), scenario.table.height)
-    cameras = camera_models(scenario)
-    taken = [(*box, _AROUND_BIN) for box in bin_boxes(scenario).values()]
-    if row := list(row_places(scenario).values()):
-        taken.append((np.min(row, axis=0), np.max(row, axis=0), _AROUND_ROW))
-    ignored = []
-    for corner, opposite, around in taken:
-        (x0, y0), (x1, y1) = corner[:2] - around, opposite[:2] + around
-        ignored.append(Surface((x0, y0), (x1, y1), surface.height))
-    # The planner looks with the arm out of the way.
-    config = HeightMapConfig(over_edge=True)
-    mapper = HeightMapper(cameras, surface, ignored=ignored, config=config)
-    builder.AddNamedSystem("height_mapper", mapper)
-    for name in cameras:
-        for port in ("depth_image", "body_pose_in_world"):
-            source = station.GetOutputPort(f"camera_{name}.{port}")
-            builder.Connect(source, mapper.GetInputPort(f"{name}.{port}"))
-    return mapper
 
 
 def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
@@ -105,6 +66,8 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
     q_over = into[0].q_over
     reach = reach_with_hand_down(scene, q_over, p_WG)
+    places = [motions.destination.middle for motions in into]
+    q_aside = posture_aside(scene, q_over, places)
     choosing = chooses(scenario)
     kind = ChosenGrasps if choosing else HeightMapGrasps
     grasps = kind(hand.pinch, table, reach=reach)
@@ -117,6 +80,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             [label.named for label in found],
             table,
             config,
+            q_aside,
         )
     else:  # then nothing needs to stay where it is, and heaps may be pushed
         pushes = PushMotions(
@@ -128,7 +92,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             reach=reach,
             relief=grasps.relief,
         )
-        planner = PickPlanner(grasps, into[0], config, pushes)
+        planner = PickPlanner(grasps, into[0], config, pushes, q_aside)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
@@ -191,12 +155,13 @@ def _motions_to(
     try:
         q_over = _posture_over(scene, q_home, p_WO)
     except ScenarioError as error:
-        raise ScenarioError(f"{_key(scenario, name)}: {error}") from None
+        raise ScenarioError(f"{bin_key(scenario, name)}: {error}") from None
     return ClearingMotions(
         scene,
         Moves(scene, hand.p_GT, scenario.planner),
         q_home,
         q_over,
+        destination=Destination(low[:2], high[:2]),
         table=scenario.table.height,
         rim=float(high[2]),
         aside=_ASIDE * np.where(size == size.max(), size, 0.0),
@@ -236,51 +201,3 @@ def _posture_over(
     failed = [ik for ik in found if isinstance(ik, IkFailure)]
     reason = min(failed, key=lambda ik: ik.violation).message
     raise ScenarioError(f"out of reach: {reason}")
-
-
-def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
-    """Return the least and greatest corner of each bin by name, in world, (3,) [m].
-
-    Raises:
-        ScenarioError: If a model has no collision geometry, or does not rise above the
-            table.
-    """
-    models = Models.of(scenario)
-    boxes = {}
-    for name in scenario.task.place.bins:
-        try:
-            boxes[name] = _bin_box(models, name)
-        except ScenarioError as error:
-            raise ScenarioError(f"{_key(scenario, name)}: {error}") from None
-        rise = boxes[name][1][2] - scenario.table.height
-        if rise < _LEAST_RIM:
-            raise ScenarioError(
-                f"{_key(scenario, name)}: {name!r} is no bin: it must rise at least "
-                f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
-            )
-    return boxes
-
-
-def _key(scenario: Scenario, name: str) -> str:
-    """Return the key that names a bin, for messages."""
-    return "task.place.bin" if scenario.task.place.bin else f"task.place.bins.{name}"
-
-
-@functools.lru_cache(maxsize=4)
-def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    models.add_to(plant)
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
-    inspector = scene_graph.model_inspector()
-    corners = [np.zeros((0, 3))]
-    for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name)):
-        body = plant.get_body(index)
-        X_WB: RigidTransform = plant.EvalBodyPoseInWorld(context, body)
-        if plant.GetCollisionGeometriesForBody(body):
-            corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
-    points = np.concatenate(corners)
-    if not len(points):
-        raise ScenarioError(f"{name!r} has no collision geometry")
-    return points.min(axis=0), points.max(axis=0)

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import ROW, destinations, row_places
-from drake_srg.cell.clearing import bin_boxes
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.objects.models import simple_shape
@@ -38,7 +38,8 @@ class ObjectOutcome:
     Attributes:
         cleared: Whether it rests in its bin.
         outcome: `cleared`, `wrong_bin` if it rests in another, or why the planner has
-            left it; `not_seen` if it does not say.
+            left it: `dropped` if it was let go and not seen in its bin, `not_seen` if
+            the planner does not say.
         attempts: Grasps that were nearest to it.
     """
 
@@ -93,8 +94,9 @@ class ClearingOutcome:
     @property
     def honest(self) -> bool:
         """Whether all that is left is named, and nothing claimed that is not true."""
+        lost = (Failure.NOT_SEEN.value, Failure.DROPPED.value)
         named = all(
-            thing.cleared or thing.outcome != Failure.NOT_SEEN.value
+            thing.cleared or thing.outcome not in lost
             for thing in self.objects.values()
         )
         claimed = self.picks_held <= self.cleared
@@ -135,6 +137,8 @@ def clearing_outcome(
         else:
             outcome = CLEARED if cleared else WRONG_BIN
         outcomes[name] = ObjectOutcome(cleared, outcome, attempts[name])
+    for name in _dropped(log, outcomes, status.left):
+        outcomes[name] = dc.replace(outcomes[name], outcome=Failure.DROPPED.value)
     spent = time[-1] - status.localized_at
     ended = np.isin(log["mode"], [MODES.index(m) for m in (Mode.DONE, Mode.FAILED)])
     if ended.any():
@@ -207,6 +211,24 @@ def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Left]) -> str:
     if not near:
         return Failure.NOT_SEEN.value
     return min(near, key=lambda pair: pair[0])[1].failure.value
+
+
+def _dropped(
+    log: Mapping[str, Vector],
+    outcomes: Mapping[str, ObjectOutcome],
+    left: Sequence[Left],
+) -> list[str]:
+    """Return what must be the loads that the planner has not seen in their bins.
+
+    These are unnamed objects, as many as there were such loads, the nearest first.
+    """
+    lost = [thing.p_W for thing in left if thing.failure is Failure.DROPPED]
+    unnamed = [n for n, o in outcomes.items() if o.outcome == Failure.NOT_SEEN.value]
+
+    def distance(name: str) -> float:
+        return min(float(np.linalg.norm(log[_pose(name)][-1, :3] - p)) for p in lost)
+
+    return sorted(unnamed, key=distance)[: len(lost)] if lost else []
 
 
 def _attempts(

@@ -7,7 +7,7 @@ For example::
         rig.move([0.0, 0.0, 0.2], 1.0)  # lower the hand over the object
         rig.advance(1.5, closure=1.0, force_limit=0.3)
         rig.move([0.0, 0.0, 0.4], 1.0)
-        rig.advance(3.0, arm=shake([0.0, 0.0, 0.4], [0.0, 9.81, 0.0], 2.0, 3.0))
+        rig.advance(2.0, arm=shake([0.0, 0.0, 0.4], [0.0, 9.81, 0.0], 2.0, 2.0))
         held = rig.X_WO().translation()[2] > 0.1
         log = rig.log()
     largest_force = log["gripper.contact_force"].max()

@@ -31,6 +31,7 @@ from drake_srg.types import Failure, Mode, PlannerStatus, Vector
 # A run continues for this time after the planner has ended, to let objects settle, and
 # up to the greatest time while objects that are to be cleared still move [s].
 _SETTLE, _MOST_SETTLE = 0.5, 5.0
+STOPPED_BY_USER = "stopped by the user"  # the message of a run that was interrupted
 
 
 @dc.dataclass(frozen=True)
@@ -268,7 +269,7 @@ def _run(
             status,
             mode=Mode.FAILED,
             failure=Failure.STOPPED,
-            message="stopped by the user",
+            message=STOPPED_BY_USER,
         )
     elapsed = wall.perf_counter() - start
     return status, RunTimes(root.get_time() - start_time, elapsed)

@@ -91,7 +91,8 @@ def align(
             H += limits.ridge * np.trace(H) * np.eye(len(H))
             step = -np.linalg.solve(H, b)
             length = float(np.linalg.norm(step))
-            X_WO = _moved(X_WO, basis @ step * min(1.0, 0.3 * radius / length))
+            shorter = 0.3 * radius / max(length, 0.3 * radius)
+            X_WO = _moved(X_WO, basis @ step * shorter)
             if length < 0.03 * softness * pixel:
                 break
     covariance = np.linalg.inv(H)

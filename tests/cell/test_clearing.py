@@ -5,7 +5,8 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.cell import clearing
-from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
+from drake_srg.cell.bins import bin_boxes
+from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario

@@ -17,6 +17,8 @@ from drake_srg.sweeps import sweep
 from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows
 
+TESTS = Path(__file__).parents[1]
+ROOT = TESTS.parent
 ABSENT = ["--set", "object.present=false"]
 
 
@@ -128,26 +130,36 @@ def test_a_file_that_a_trial_cannot_read_is_not_blamed_on_out(
     assert "--out" not in line and "--resume" in line
 
 
+# A sweep in a process of its own, whose trials take no time: `stub.slow` only waits.
+STUBBED = """
+import sys
+from drake_srg.cli.main import main
+from drake_srg.sweeps import sweep
+from sweeps import stub
+run_sweep = sweep.run_sweep
+sweep.run_sweep = lambda *a, **o: run_sweep(*a, **{**o, "trial_function": stub.slow})
+sweep.check_scenario = stub.unchecked
+sys.exit(main())
+"""
+
+
 @pytest.mark.slow
-def test_an_ended_sweep_continues_where_it_stopped(tmp_path, monkeypatch):
-    command = arguments(tmp_path, "--trials", "8", "--jobs", "1")
+def test_an_ended_sweep_continues_where_it_stopped(tmp_path, stubbed):
+    command = arguments(tmp_path, "--trials", "8", "--jobs", "1", "--seed", "5")
     done = end_sweep(command, tmp_path, signal.SIGINT)
     command.append("--resume")
     for end in (signal.SIGTERM, signal.SIGKILL):
         before, done = done, end_sweep(command, tmp_path, end)
         assert done > before
     # The remaining trials run in this process, which is there already.
-    monkeypatch.setattr(cli_sweep, "make_engine", lambda options: stub.StubEngine())
     assert main(command) == 0
-    rows = read_rows(tmp_path)
-    assert rows["trial"].to_pylist() == list(range(8))
-    for row in rows.to_pylist()[::7]:  # one from before its ends, one from after
-        seed, trial = row["seed"] - row["trial"], row["trial"]
-        again = sweep.run_trial(
-            sweep.load_tree(stub.SCENARIO, ABSENT[1:]), stub.SCENARIO, seed, trial
-        )
-        for name, value in again.row.items():
-            assert name in TIMING_COLUMNS or row[name] == value
+    rows = read_rows(tmp_path).to_pylist()
+    assert [row["trial"] for row in rows] == list(range(8))
+    # As in a sweep that nothing ended.
+    assert main(arguments(tmp_path / "whole", "--trials", "8", "--seed", "5")) == 0
+    for row, whole in zip(rows, read_rows(tmp_path / "whole").to_pylist(), strict=True):
+        for name, value in whole.items():
+            assert name in TIMING_COLUMNS or row[name] == value, name
 
 
 def end_sweep(command, out, end):
@@ -159,10 +171,11 @@ def end_sweep(command, out, end):
 
     before = finished()
     with subprocess.Popen(
-        [*HEEDING_CTRL_C, sys.executable, "-m", "drake_srg", *command],
+        [*HEEDING_CTRL_C, sys.executable, "-c", STUBBED, *command],
         stderr=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        env={**os.environ, "PYTHONPATH": f"{TESTS}:{ROOT}"},
     ) as sweeping:
         while not finished() - before:
             assert sweeping.poll() is None

@@ -37,12 +37,6 @@ def test_the_fast_kitchen_is_recorded(run):
     assert files >= {"video.mp4", "recording.mcap", "log.npz", "metrics.json"}
 
 
-def test_the_fast_arm_loses_a_slippery_cylinder():
-    overrides = ["object.friction=0", "planner.max_attempts=1"]
-    metrics = Simulate(load_scenario("assistive_arm_fast", overrides=overrides)).metrics
-    assert metrics.failure in ("no_grasp", "dropped")
-
-
 def test_the_fingers_of_the_fast_arm_meet_only_with_their_pads():
     station = MakeStation(load_scenario("assistive_arm_fast"))
     inspector = station.GetSubsystemByName("scene_graph").model_inspector()
@@ -55,12 +49,6 @@ def test_the_fingers_of_the_fast_arm_meet_only_with_their_pads():
     assert all("_pad_" in name for pair in own for name in pair)
 
 
-def test_the_fast_bench_holds_its_can_as_still_as_the_accurate_one():
-    metrics = Simulate(load_scenario("gripper_bench_fast")).metrics
-    assert metrics.success
-    assert metrics.hold_drift_m_per_s < 30e-6
-
-
 def test_the_fast_kitchen_loses_a_can_without_friction():
     scenario = load_scenario(
         "kitchen_fast", overrides=["object.friction=0", "planner.max_attempts=1"]
@@ -70,14 +58,12 @@ def test_the_fast_kitchen_loses_a_can_without_friction():
     assert result.metrics.failure in ("no_grasp", "dropped")
 
 
-def test_the_same_seed_gives_the_same_log():
+@pytest.mark.parametrize("name", ["kitchen_fast", "assistive_arm_fast"])
+def test_the_same_seed_gives_the_same_log(name):
     overrides = ["planner.time_budget=1.0"]
-    logs = [
-        Simulate(load_scenario("kitchen_fast", overrides=overrides)).log
-        for _ in range(2)
-    ]
-    for name, array in logs[0].items():
-        np.testing.assert_array_equal(array, logs[1][name])
+    logs = [Simulate(load_scenario(name, overrides=overrides)).log for _ in range(2)]
+    for key, array in logs[0].items():
+        np.testing.assert_array_equal(array, logs[1][key], err_msg=key)
 
 
 def test_a_fast_cell_looks_like_any_other():

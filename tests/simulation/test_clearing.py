@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
+from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import row_places
-from drake_srg.cell.clearing import bin_boxes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.simulation.log_format import MODES, pose_to_row
@@ -79,6 +79,19 @@ def test_what_is_left_needs_a_reason(scenario):
     found = outcome(scenario, ends, left=(elsewhere, there))
     assert found.honest
     assert found.objects[B].outcome == "too_wide"
+
+
+def test_a_load_that_missed_the_bin_was_dropped(scenario):
+    lost = Left(np.array([0.34, -0.56, 0.0]), Failure.DROPPED)
+    ends = {A: [0.34, -0.3, 0.05], B: ON_TABLE}
+    found = outcome(scenario, ends, left=(lost,))
+    assert [thing.outcome for thing in found.objects.values()] == [
+        *("dropped", "not_seen")
+    ]
+    seen = Left(np.array([0.6, 0.1, 0.05]), Failure.TOO_WIDE)
+    found = outcome(scenario, ends, left=(seen, lost))
+    assert found.objects[B].outcome == "too_wide"
+    assert not found.honest  # it was to be cleared
 
 
 def test_a_claim_too_many_is_not_honest(scenario):

@@ -26,6 +26,15 @@ from . import stub
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("unchecked")]
 
 
+@pytest.fixture(scope="module", autouse=True)
+def no_thread_limits():
+    """Unset what all tests inherit, so that only engines limit their workers."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in THREADS:
+            patch.delenv(name, raising=False)
+        yield
+
+
 @pytest.fixture(scope="module")
 def cluster():
     """Two nodes on this machine, with one core each."""
@@ -34,7 +43,10 @@ def cluster():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))  # of the stub
-        cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+        cluster = Cluster(
+            initialize_head=True,
+            head_node_args={"num_cpus": 1, "include_dashboard": False},
+        )
         cluster.add_node(num_cpus=1)
         yield cluster
         ray.shutdown()

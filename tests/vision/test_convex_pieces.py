@@ -74,7 +74,7 @@ def the_blob(thing):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "yaw"), [("hammer", 0.3), ("hammer", 1.9), ("mug", -2.4), ("mug", 1.9)]
+    ("name", "yaw"), [("hammer", 0.3), ("hammer", 1.9), ("mug", -2.4)]
 )
 def test_a_standing_object_is_located_with_its_yaw(name, yaw):
     R_WO = RotationMatrix.MakeZRotation(yaw)
@@ -84,11 +84,10 @@ def test_a_standing_object_is_located_with_its_yaw(name, yaw):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("x", "y"), [(0.12, -0.08), (-0.15, 0.1)])
-def test_what_is_certain_is_right(x, y):
+def test_what_is_certain_is_right():
     """A mug is nearly round: only its handle shows how it is turned."""
     R_WO = RollPitchYaw(np.pi / 2, 0.0, 5.6).ToRotationMatrix()
-    for blob in locate([lying(MUG, R_WO, x, y)], [target(shape=MUG)]):
+    for blob in locate([lying(MUG, R_WO, 0.12, -0.08)], [target(shape=MUG)]):
         turn = turn_between(MUG, blob.X_WO.rotation(), R_WO)
         assert not blob.certain or turn < np.deg2rad(1.0)
 

@@ -6,6 +6,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Cylinder
+from drake_srg.vision import pose_fit
 from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.pose_fit import align
 from vision.ray_cast import lying, view_of
@@ -61,3 +62,12 @@ def test_a_guess_turned_about_the_cylinders_axis_changes_nothing(tilt, yaw, spin
     )
     # The 72 sides of the ends' circles are turned.
     assert a == pytest.approx(b, abs=0.05 * PIXEL)
+
+
+def test_a_guess_that_nothing_moves_stays(monkeypatch):
+    still = (np.zeros(5), np.eye(5))
+    monkeypatch.setattr(pose_fit, "_depth_cost", lambda *_: still)
+    monkeypatch.setattr(pose_fit, "_outline_cost", lambda *_: still)
+    X_WO, _ = lying(CYLINDER, 0.0, 0.0, 0.02, 0.01)
+    found = align(CYLINDER, X_WO, view_of(CYLINDER, X_WO), (0.3,), CONFIG)
+    assert found.X_WO.IsNearlyEqualTo(X_WO, 1e-12)

@@ -112,6 +112,7 @@ class ChoosingPlanner(PickPlanner):
             when the planner is done makes the task fail.
         table: Height of the table [m].
         config: Attempts and latency.
+        q_aside: See `PickPlanner`.
     """
 
     def __init__(
@@ -122,8 +123,9 @@ class ChoosingPlanner(PickPlanner):
         required: Sequence[bool],
         table: float,
         config: PlannerConfig,
+        q_aside: Vector | None = None,
     ) -> None:
-        super().__init__(grasps, motions[0], config)
+        super().__init__(grasps, motions[0], config, q_aside=q_aside)
         self._by_label, self._table = tuple(motions), table
         self._names, self._required = tuple(names), tuple(required)
 

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from drake_srg.planning.clearing.comparing import volume_gone
+from drake_srg.planning.clearing.destination import Destination, SeenLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
@@ -21,6 +23,7 @@ class Pick:
     grasp: TopGrasp
     motions: Mapping[Mode, Trajectory]
     height_map: HeightMap
+    destination: Destination  # of what it takes
     ready_at: float  # when planning has taken its time [s]
     # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
     angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
@@ -30,6 +33,19 @@ class Pick:
     def placing(self) -> bool:
         """Whether the load is set down, not dropped."""
         return Mode.PLACE in self.motions
+
+    def drop(self, after: HeightMap) -> Drop:
+        """Return what it has let go, by the map of the table after it."""
+        volume = volume_gone(self.height_map, after)
+        return Drop(self.destination, SeenLoad(volume, self.grasp.height))
+
+
+@dc.dataclass(frozen=True)
+class Drop:
+    """A load that the hand has let go."""
+
+    destination: Destination
+    load: SeenLoad
 
 
 @dc.dataclass(frozen=True)
@@ -60,6 +76,10 @@ class ClearingMemory:
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
     taken: int = 0  # things that were felt in the hand and are gone from the table
+    destinations: HeightMap | None = None  # the latest map of where loads go
+    drop: Drop | None = None  # the load that was let go last, until it is looked for
+    arrived: int = 0  # things that were taken and seen where they belong
+    lost: tuple[Left, ...] = ()  # where things were let go that were not
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0
     first_seen_at: float = np.inf  # when the first pick was planned [s]
@@ -83,10 +103,10 @@ class ClearingMemory:
             mode=mode,
             failure=self.failure if mode is Mode.FAILED else None,
             attempts=self.picks,
-            cycles=self.taken,
+            cycles=self.arrived,
             looks=self.looks,
             localized_at=self.first_seen_at if self.picks else 0.0,
             message=self.message,
             planning_wall=self.planning_wall,
-            left=self.left,
+            left=self.left + self.lost,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Callable
 from typing import ClassVar, TypeAlias
 
 from pydrake.trajectories import Trajectory
@@ -14,7 +15,15 @@ from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.senses import HandSenses
 from drake_srg.types import Failure, HeightMap, Mode
 
-Senses: TypeAlias = HandSenses[HeightMap]
+
+@dc.dataclass(frozen=True)
+class Senses(HandSenses[HeightMap]):
+    """Measurements at one time; `see` returns the height map of the table."""
+
+    # Looks at where loads go; returns None without a camera for that.
+    see_destinations: Callable[[], HeightMap | None]
+
+
 Now: TypeAlias = state_machine.Moment[Senses]
 Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
 

@@ -13,7 +13,13 @@ from drake_srg.planning.clearing.clearing_mode import (
     Now,
 )
 from drake_srg.planning.clearing.comparing import is_still
-from drake_srg.planning.clearing.ending_modes import Done, Failed, Home, Retreat
+from drake_srg.planning.clearing.ending_modes import (
+    Done,
+    Failed,
+    Home,
+    Retreat,
+    Verify,
+)
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.arm_motion import Motion
@@ -59,6 +65,7 @@ class Idle(ClearingMode):
             ready=pick is not None and now.time >= pick.ready_at,
             pushing=push is not None and now.time >= push.ready_at,
             finished=memory.finished,
+            unseen=memory.drop is not None,
         )
 
 
@@ -114,13 +121,14 @@ class Grasp(ClearingMode):
 
 
 class Close(ClearingMode):
-    """Closes the fingers."""
+    """Closes the fingers; meanwhile, looks for the load before, away from the arm."""
 
     mode = Mode.CLOSE
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Close the fingers."""
+        """Close the fingers, and judge the load before."""
         closure = memory.planned.grasp.closure_closed
+        memory = self.planner.look_for_load(memory, entry.senses.see_destinations())
         return dc.replace(super().enter(memory, entry), closure=closure)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
@@ -205,7 +213,7 @@ class Release(ClearingMode):
 
 
 _KINDS: list[type[ClearingMode]] = [Idle, Push, PreGrasp, Grasp, Close, Lift]
-_KINDS += [Transfer, Place, Release, Retreat, Home, Done, Failed]
+_KINDS += [Transfer, Place, Release, Retreat, Verify, Home, Done, Failed]
 
 
 def clearing_modes(planner: PickPlanner) -> dict[Mode, ClearingMode]:

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.columns import columns, highest_near
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
@@ -41,7 +42,7 @@ _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare pos
 class ClearingMotions:
     """Plans the motions of a pick in a planning scene; holds nothing between calls.
 
-    `scene`, `q_home` and `q_over` can be read from it.
+    `scene`, `q_home`, `q_over` and `destination` can be read from it.
 
     Args:
         scene: The arm, the gripper, the furniture and the bin.
@@ -49,6 +50,7 @@ class ClearingMotions:
         q_home: Where the arm begins and ends, shape (N,) [rad].
         q_over: High over the bin, with the hand down, shape (N,) [rad]. In neither
             posture may the arm hide the table from the cameras.
+        destination: The bin.
         table: Height of the table [m].
         rim: Height of the bin's rim [m].
         aside: From the bin's middle to where every third load is dropped, and to the
@@ -63,6 +65,7 @@ class ClearingMotions:
         q_home: Vector,
         q_over: Vector,
         *,
+        destination: Destination,
         table: float,
         rim: float,
         aside: Vector,
@@ -71,6 +74,7 @@ class ClearingMotions:
         self.scene, self._moves, self._config = scene, moves, config
         self.q_home = np.asarray(q_home, dtype=float)
         self.q_over = np.asarray(q_over, dtype=float)
+        self.destination = destination
         self._table, self._rim = table, rim
         self._aside = np.array([*aside, 0.0])
 
@@ -90,11 +94,11 @@ class ClearingMotions:
         except NoPathError as error:
             return error.failure
 
-    def plan_home(self, q_start: Vector) -> Trajectory | PlanningFailure:
-        """Plan the way back to `q_home` from over the bin, shape (N,) [rad]."""
+    def plan_way(self, q_start: Vector, q_goal: Vector) -> Trajectory | PlanningFailure:
+        """Plan the way between postures high above the table, shape (N,) [rad] each."""
         self.scene.SetFingers({})
         try:
-            path = self._moves.joint_path(q_start, self.q_home)
+            path = self._moves.joint_path(q_start, q_goal)
             return self._moves.timed(path, self._moves.free)
         except NoPathError as error:
             return error.failure

@@ -26,6 +26,7 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
         name: ClearingPlanner
         input_ports:
         - height_map
+        - destination_map (optional)
         - arm_state
         - gripper_state
         - grasped
@@ -36,9 +37,10 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
         - mode
         - status
 
-    Inputs: `height_map` (HeightMap), evaluated only when the planner looks; `arm_state`
-    (2N) and `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once
-    both fingers sense something; `proximity` (m), signed distances [m].
+    Inputs: `height_map` and `destination_map` (HeightMap each), of the table and of
+    where loads go, evaluated only when the planner looks; `arm_state` (2N) and
+    `gripper_state` (2n), [q; v] in rad and rad/s; `grasped` (1), nonzero once both
+    fingers sense something; `proximity` (m), signed distances [m].
 
     Outputs: `position_commanded` (N) [rad]; `closure_commanded` (1), 0 open .. 1
     closed; `mode` (Mode); `status` (PlannerStatus).
@@ -49,6 +51,11 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
     there (touch, proximity and their angles), and if what was at the grasp is gone
     from the table. Grasps that failed are avoided. At `config.max_attempts` failures in
     one place, the thing there is left.
+
+    A load counts as cleared once it is seen where it was let go. The planner looks for
+    it when the arm is at the next grasp and, after the last one, aside. What it does
+    not see there is among `status.left`. Without `destination_map`, to have held a load
+    is enough.
 
     DONE means that nothing is left on the table, or that `status.left` says what is,
     and why.
@@ -76,6 +83,9 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
         self._map = self.DeclareAbstractInputPort(
             name="height_map", model_value=AbstractValue.Make(_NO_MAP)
         )
+        self._destinations = self.DeclareAbstractInputPort(
+            name="destination_map", model_value=AbstractValue.Make(_NO_MAP)
+        )
         self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
         self._gripper = self.DeclareVectorInputPort(
             name="gripper_state", size=2 * num_fingers
@@ -95,4 +105,9 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
             grasped=bool(self._grasped.Eval(context)[0]),
             proximity=self._proximity.Eval(context),
             see=lambda: self._map.Eval(context),
+            see_destinations=lambda: (
+                self._destinations.Eval(context)
+                if self._destinations.HasValue(context)
+                else None
+            ),
         )

@@ -50,18 +50,23 @@ def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
     return float(np.nanmax(height_map.height[near], initial=-np.inf))
 
 
-def thing_at(height_map: HeightMap, table: float, p_W: Vector) -> Vector:
+def thing_at(
+    height_map: HeightMap, table: float, p_W: Vector, step: float = np.inf
+) -> Vector:
     """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
 
-    Things that touch count as one. Where the map shows nothing, the place itself is all
-    there is.
+    Things that touch count as one, unless a step in height parts them. Where the map
+    shows nothing, or only a step, the place itself is all there is.
 
     Args:
         height_map: The map.
         table: Height of the table [m].
         p_W: The place, shape (2 or 3,) [m].
+        step: The least such step, from one cell to the next but one [m].
     """
-    high = (np.nan_to_num(height_map.height) > table + _LEAST_HEIGHT).astype(np.uint8)
+    height = np.nan_to_num(height_map.height, nan=table).astype(np.float32)
+    steps = cv2.morphologyEx(height, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
+    high = ((height > table + _LEAST_HEIGHT) & (steps < step)).astype(np.uint8)
     _, labels = cv2.connectedComponents(high, connectivity=8)
     row, column = height_map.cells(np.asarray(p_W))
     inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]

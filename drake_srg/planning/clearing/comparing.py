@@ -29,7 +29,7 @@ def is_still(before: HeightMap, after: HeightMap) -> bool:
     A falling thing is too high for the map. It shows as unseen cells that move.
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
-    moved = _opened(unseen) | (_drop(before, after) != 0.0)
+    moved = _opened(unseen) | (fallen(before, after) != 0.0)
     _, _, regions, _ = cv2.connectedComponentsWithStats(moved.astype(np.uint8))
     largest = max(regions[1:, cv2.CC_STAT_AREA], default=0)
     return bool(largest * after.resolution**2 < _LEAST_AREA)
@@ -49,17 +49,25 @@ def has_gone(
         p_W: The place, shape (2 or 3,) [m].
         radius: Around it [m].
     """
-    drop = _drop(before, after)
+    drop = fallen(before, after)
     near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
     if not np.any(drop[near] > 0.0):
         return False
-    fallen, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
-    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * fallen)
+    left, volume = np.sum(drop[drop > 0.0]), np.sum(drop)
+    least = max(_LEAST_VOLUME / after.resolution**2, _LEAST_SHARE * left)
     return bool(volume > least)
 
 
-def _drop(before: HeightMap, after: HeightMap) -> Vector:
-    """Return by how much each cell has fallen [m]; 0 where a map shows nothing."""
+def volume_gone(before: HeightMap, after: HeightMap) -> float:
+    """Return by how much less is on the map [m³]."""
+    return float(np.sum(fallen(before, after))) * after.resolution**2
+
+
+def fallen(before: HeightMap, after: HeightMap) -> Vector:
+    """Return by how much each cell has fallen [m], shape (ny, nx).
+
+    Noise does not count. A cell that a map does not show has not fallen.
+    """
     drop: Vector = before.height - after.height
     known = np.abs(drop[np.isfinite(drop)])
     noise = 1.4826 * float(np.median(known)) if len(known) else 0.0  # most is table

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 
+import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
@@ -52,6 +53,39 @@ class Retreat(LastChance):
         return self.planned(memory, entry, motion)
 
 
+# How far around a bin the planner looks for what has missed it [m]. Farther off, it
+# might see its own arm.
+_AROUND = 0.2
+
+
+class Verify(LastChance):
+    """Moves the arm aside and looks for the last load, and for anything beside it."""
+
+    mode = Mode.VERIFY
+
+    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
+        """Plan the way aside, and go."""
+        planner = self.planner
+        motion = planner.motions.plan_way(memory.motion.destination, planner.q_aside)
+        return self.planned(memory, entry, motion)
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Look once the arm is aside, and plan a pick of what is there after all."""
+        if memory.drop is None or not memory.motion.arrived(now.senses.q, now.time):
+            return memory
+        seen = now.senses.see()
+        around = memory.drop.destination.contains(seen, _AROUND)
+        height = np.where(around, seen.height, np.nan)
+        seen = dc.replace(seen, height=height).completed(memory.height_map)
+        memory = self.planner.look_for_load(memory, now.senses.see_destinations())
+        return self.planner.plan(memory, seen, now.time)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report the arrival once the planner has looked."""
+        observed = super().observe_mode(memory, now)
+        return dc.replace(observed, arrived=observed.arrived and memory.drop is None)
+
+
 class Home(LastChance):
     """Moves the arm home."""
 
@@ -59,7 +93,8 @@ class Home(LastChance):
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Plan the way home, and go."""
-        motion = self.planner.motions.plan_home(memory.motion.destination)
+        motions = self.planner.motions
+        motion = motions.plan_way(memory.motion.destination, motions.q_home)
         return self.planned(memory, entry, motion, self.config.home_wait)
 
 

@@ -14,6 +14,8 @@ from drake_srg.types import HeightMap, Vector
 # hangs lower, but no household object by more than `_MOST_SAG` [m]: the hammer, held by
 # its head, has a handle of 0.32 m.
 _SAGS_BEYOND, _MOST_SAG = 0.1, 0.22
+# Things that touch are parted by a step of this height [m]: more than noise makes.
+_STEP = 0.015
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
 _ASIDE = 0.12
 
@@ -41,8 +43,9 @@ class Load:
             height_map: Of the table before.
             table: Height of the table [m].
         """
-        away = thing_at(height_map, table, p_WC) - p_WC[:2]
-        far = float(np.max(np.linalg.norm(away, axis=1)))
+        # Its neighbours may hang from it, but do not move its middle.
+        far = float(np.max(np.linalg.norm(_away(height_map, table, p_WC), axis=1)))
+        away = _away(height_map, table, p_WC, _STEP)
         middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
         return cls(
             p_GC=X_WG.inverse() @ p_WC,
@@ -50,3 +53,11 @@ class Load:
             sag=min(max(far - _SAGS_BEYOND, 0.0), _MOST_SAG),
             middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
         )
+
+
+def _away(
+    height_map: HeightMap, table: float, p_WC: Vector, step: float = np.inf
+) -> Vector:
+    """Return where the cells of the thing at a grasp are from there, (n, 2) [m]."""
+    away: Vector = thing_at(height_map, table, p_WC, step) - p_WC[:2]
+    return away

@@ -35,6 +35,8 @@ class PickPlanner:
         motions: Plans the motions of a grasp.
         config: Attempts and latency.
         pushes: Plans pushes where no grasp is left; None: nothing is pushed.
+        q_aside: High beside where loads go, which the arm hides from no camera there,
+            shape (N,) [rad]; None: home.
     """
 
     def __init__(
@@ -43,10 +45,12 @@ class PickPlanner:
         motions: ClearingMotions,
         config: PlannerConfig,
         pushes: PushMotions | None = None,
+        q_aside: Vector | None = None,
     ) -> None:
         self.grasps = grasps
         self.motions = motions
         self.pushes = pushes
+        self.q_aside = motions.q_home if q_aside is None else q_aside
         self.config = config
 
     def motions_with(
@@ -60,9 +64,33 @@ class PickPlanner:
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         memory = dc.replace(memory, pick=None, height_map=height_map)
-        if pick.held and gone:
-            return dc.replace(memory, taken=memory.taken + 1, pushes=0)
-        return dc.replace(memory, tried=(*memory.tried, pick.grasp))
+        if not (pick.held and gone):
+            return dc.replace(memory, tried=(*memory.tried, pick.grasp))
+        memory = dc.replace(memory, taken=memory.taken + 1, pushes=0)
+        if memory.destinations is None:  # then to have taken it must do
+            return dc.replace(memory, arrived=memory.arrived + 1)
+        return dc.replace(memory, drop=pick.drop(height_map))
+
+    def look_for_load(
+        self, memory: ClearingMemory, seen: HeightMap | None
+    ) -> ClearingMemory:
+        """Judge by a map of where loads go whether the last one has come there.
+
+        A load that is not seen there does not count as cleared.
+        """
+        if seen is None:
+            return memory
+        before, drop = memory.destinations, memory.drop
+        seen = seen.completed(before)
+        looks = memory.looks + 1
+        memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
+        if before is None or drop is None:
+            return memory
+        if drop.destination.has_received(before, seen, drop.load):
+            return dc.replace(memory, arrived=memory.arrived + 1)
+        place = np.array([*drop.destination.middle, 0.0])
+        lost = Left(place, Failure.DROPPED)
+        return dc.replace(memory, lost=(*memory.lost, lost))
 
     def give_up(self, memory: ClearingMemory) -> ClearingMemory:
         """Count the pick under way as failed, because something has stopped the arm."""
@@ -110,7 +138,8 @@ class PickPlanner:
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue
-            pick = Pick(grasp, motions, height_map, time + self.config.latency)
+            ready_at = time + self.config.latency
+            pick = Pick(grasp, motions, height_map, there.destination, ready_at)
             break
         left: list[Left] = []
         push = None

@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -20,6 +21,14 @@ from drake_srg.types import HeightMap, Mode, Vector
 _TIPS = 0.0
 # Height above its support at which a thing is let go [m].
 _ABOVE = 0.002
+# Distance from the place within which all of a thing is [m]: the least spacing of
+# things that the hand takes, so that neighbours do not count.
+_AROUND = 0.06
+
+
+def row_destination(p_WO: Vector) -> Destination:
+    """Return where a thing with its middle at a place of the row is, (3,) [m]."""
+    return Destination(p_WO[:2] - _AROUND, p_WO[:2] + _AROUND, float(p_WO[2]))
 
 
 class RowMotions(ClearingMotions):
@@ -54,6 +63,7 @@ class RowMotions(ClearingMotions):
             moves,
             q_home,
             q_over,
+            destination=row_destination(place),
             table=table,
             rim=float(place[2]),
             aside=np.zeros(2),

@@ -15,6 +15,7 @@ class Observation:
     ready: bool = False  # a pick is planned, and the planning latency has passed
     pushing: bool = False  # the same of a push
     finished: bool = False  # no grasp takes anything that is left
+    unseen: bool = False  # nor was the last load seen where it belongs
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the motion is over, but something has stopped the arm
     astray: bool = False  # the arm is where something has stopped it
@@ -36,8 +37,10 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
     Mode.IDLE: [
         (lambda o, t, c: o.ready, Mode.PRE_GRASP),
         (lambda o, t, c: o.pushing, Mode.PUSH),
+        (lambda o, t, c: o.finished and o.unseen, Mode.VERIFY),
         (lambda o, t, c: o.finished, Mode.HOME),
     ],
+    Mode.VERIFY: [(lambda o, t, c: o.arrived, Mode.IDLE)],
     Mode.PUSH: [
         (lambda o, t, c: o.arrived, Mode.IDLE),
         (lambda o, t, c: o.stuck, Mode.RETREAT),

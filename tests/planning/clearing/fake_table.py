@@ -9,6 +9,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
@@ -22,7 +23,8 @@ from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
 
-HOME, OVER = np.zeros(2), np.full(2, 4.0)
+HOME, OVER, ASIDE = np.zeros(2), np.full(2, 4.0), np.full(2, 5.0)
+BIN = Destination(np.array([0.1, 0.1]), np.array([0.4, 0.3]))  # on a map of its own
 RESOLUTION = 0.005
 SIDE = 0.04  # of the square things [m]
 TALL = 0.05
@@ -91,6 +93,7 @@ class Motions:
     """Stands in for `ClearingMotions`: every motion takes a second."""
 
     q_home = HOME
+    destination = BIN
 
     def __init__(self, unreachable=()):
         self.unreachable = unreachable
@@ -107,8 +110,8 @@ class Motions:
         lines = zip(modes, ends[:-1], ends[1:], strict=True)
         return {mode: _line(a, b) for mode, a, b in lines}
 
-    def plan_home(self, q_start):
-        return _line(q_start, HOME)
+    def plan_way(self, q_start, q_goal):
+        return _line(q_start, q_goal)
 
     def plan_retreat(self, q_start, fingers):
         return _line(q_start, OVER)
@@ -140,7 +143,7 @@ class Run:
 
     def __post_init__(self):
         picks = self.picks or PickPlanner(
-            self.grasps, self.motions, self.config, self.pushes
+            self.grasps, self.motions, self.config, self.pushes, ASIDE
         )
         self.planner = ClearingPlanner(picks, 4, 4)
         self.simulator = Simulator(self.planner)
@@ -155,6 +158,10 @@ class Run:
 
     def show(self, height_map):
         self.fix("height_map", height_map)
+
+    def show_bin(self, *places):
+        """Show a bin with a thing at each place, on the map of destinations."""
+        self.fix("destination_map", table(*places))
 
     def feel(self, held):
         self.fix("grasped", [float(held)])

@@ -5,7 +5,8 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.cell.clearing import MakeClearingPlanner, bin_boxes
+from drake_srg.cell.bins import bin_boxes
+from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget

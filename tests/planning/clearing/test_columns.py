@@ -1,5 +1,7 @@
 """Boxes around what a map shows."""
 
+import dataclasses as dc
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -43,3 +45,21 @@ def test_a_thing_is_all_that_touches(place):
 def test_where_nothing_is_the_place_counts():
     cells = thing_at(table(), 0.0, np.array([0.1, 0.1, 0.0]))
     np.testing.assert_allclose(cells, [[0.1, 0.1]])
+
+
+def test_a_step_parts_things_that_touch():
+    touching = table((0.1, 0.1), tall=0.03)
+    higher = table((0.14, 0.1), tall=0.06)
+    both = dc.replace(touching, height=np.fmax(touching.height, higher.height))
+    p_W = np.array([0.1, 0.1])
+    whole, part = (thing_at(both, 0.0, p_W, step) for step in (np.inf, 0.015))
+    assert whole[:, 0].max() > 0.15
+    assert part[:, 0].max() < 0.125
+    assert part[:, 0].min() < 0.095
+
+
+def test_where_there_is_only_a_step_the_place_is_all():
+    wall = table()
+    wall.height[:, 20] = 0.05
+    p_W = np.array([0.1, 0.1])
+    assert thing_at(wall, 0.0, p_W, 0.015).tolist() == [[0.1, 0.1]]

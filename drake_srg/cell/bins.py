@@ -1,0 +1,67 @@
+"""The bins of a scenario, measured on their models."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.objects.corners import body_corners
+from drake_srg.scenario import Scenario
+from drake_srg.station.plant import Models
+from drake_srg.types import Vector
+
+# A bin's rim is at least that high above the table [m].
+_LEAST_RIM = 0.02
+
+
+def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
+    """Return the least and greatest corner of each bin by name, in world, (3,) [m].
+
+    Raises:
+        ScenarioError: If a model has no collision geometry, or does not rise above the
+            table.
+    """
+    models = Models.of(scenario)
+    boxes = {}
+    for name in scenario.task.place.bins:
+        try:
+            boxes[name] = _bin_box(models, name)
+        except ScenarioError as error:
+            raise ScenarioError(f"{bin_key(scenario, name)}: {error}") from None
+        rise = boxes[name][1][2] - scenario.table.height
+        if rise < _LEAST_RIM:
+            raise ScenarioError(
+                f"{bin_key(scenario, name)}: {name!r} is no bin: it must rise at least "
+                f"{_LEAST_RIM} m above the table, got {rise:.3f} m"
+            )
+    return boxes
+
+
+def bin_key(scenario: Scenario, name: str) -> str:
+    """Return the key that names a bin, for messages."""
+    return "task.place.bin" if scenario.task.place.bin else f"task.place.bins.{name}"
+
+
+@functools.lru_cache(maxsize=4)
+def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    models.add_to(plant)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    inspector = scene_graph.model_inspector()
+    corners = [np.zeros((0, 3))]
+    for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name)):
+        body = plant.get_body(index)
+        X_WB: RigidTransform = plant.EvalBodyPoseInWorld(context, body)
+        if plant.GetCollisionGeometriesForBody(body):
+            corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
+    points = np.concatenate(corners)
+    if not len(points):
+        raise ScenarioError(f"{name!r} has no collision geometry")
+    return points.min(axis=0), points.max(axis=0)

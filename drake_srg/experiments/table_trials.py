@@ -1,0 +1,217 @@
+"""Trials that take objects off a table, and their rows, tables and figure."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+import functools
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from drake_srg.experiments.kept_trials import KeptTrials
+from drake_srg.experiments.registry import Track
+from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.recording.figure import COLORS, make_figure, style_axes
+from drake_srg.scenario import load_scenario
+from drake_srg.simulation.metrics import Metrics
+from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
+from drake_srg.sweeps.statistics import wilson_interval
+
+# Of a scenario: its name and its overrides.
+Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
+
+
+@dc.dataclass(frozen=True)
+class Case:
+    """A scene and the seed of its objects."""
+
+    scene: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.scene}, seed {self.seed}"
+
+
+def run_tables(
+    track: Track,
+    scenes: Scenes,
+    trials: int,
+    seed: int,
+    keep: str = "",
+    *,
+    place: str,
+    title: str,
+) -> ExperimentResult:
+    """Run every scene with every seed.
+
+    Args:
+        track: Shows progress.
+        scenes: The scenes by name.
+        trials: Of each scene.
+        seed: Of the first trial.
+        keep: See `KeptTrials`.
+        place: Where the objects belong, such as `in the bin`.
+        title: Of the figure.
+    """
+    runs: dict[Case, Metrics] = {}
+    kept = KeptTrials(keep)
+    # All scenes with one seed before any with the next.
+    for case in track([Case(s, seed + i) for i in range(trials) for s in scenes]):
+        run = functools.partial(_run, *scenes[case.scene], case.seed)
+        runs[case] = Metrics(**kept(str(case), run))
+    tables = {
+        "trials": trial_columns(runs, place),
+        "objects": object_columns(runs, scenes),
+    }
+    return ExperimentResult(judge(runs, place), tables, draw(runs, place, title))
+
+
+def _run(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
+    scenario = load_scenario(name, seed=seed, overrides=overrides)
+    result = Simulate(scenario, name=name)
+    if result.status.message == STOPPED_BY_USER:
+        raise KeyboardInterrupt  # half a trial is no result
+    return dc.asdict(result.metrics)
+
+
+@dc.dataclass(frozen=True)
+class Share:
+    """Successes among trials."""
+
+    count: int
+    total: int
+
+    @property
+    def value(self) -> float:
+        """Their share; 0 without trials."""
+        return self.count / max(self.total, 1)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The 95 % interval (Wilson)."""
+        return wilson_interval(self.count, self.total)
+
+
+def shares(runs: Sequence[Metrics], place: str) -> dict[str, Share]:
+    """Return the shares of objects that are in place and of picks held."""
+    total = {
+        key: sum(getattr(m, key) or 0 for m in runs)
+        for key in ("objects_total", "objects_cleared", "picks", "picks_held")
+    }
+    return {
+        f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
+        "picks held": Share(total["picks_held"], total["picks"]),
+    }
+
+
+def of_scene(runs: Mapping[Case, Metrics], scene: str) -> list[Metrics]:
+    """Return the metrics of a scene's trials."""
+    return [m for case, m in runs.items() if case.scene == scene]
+
+
+def judge(runs: Mapping[Case, Metrics], place: str) -> list[Row]:
+    """Expect that no claim is false, and state the rest."""
+    rows = []
+    for scene in dict.fromkeys(case.scene for case in runs):
+        own = of_scene(runs, scene)
+        rows.append(Row.info(scene, "trials", len(own), "", spread=1.0))
+        for what, share in shares(own, place).items():
+            low, high = share.bounds
+            for suffix, value in (
+                ("", share.value),
+                (", at least", low),
+                (", at most", high),
+            ):
+                rows.append(Row.info(scene, f"{what}{suffix}", value, "", spread=0.15))
+        picks = sum(m.picks or 0 for m in own)
+        rows.append(Row.info(scene, "picks", picks, "", spread=3.0 + 0.3 * picks))
+        rates = [m.picks_per_hour for m in own if m.picks_per_hour]
+        if rates:
+            rate = float(np.median(rates))
+            rows.append(Row.info(scene, "picks held per hour, median", rate, "1/h"))
+        rows += [
+            Row.info(scene, reason, count, "objects", spread=3.0 + 0.3 * count)
+            for reason, count in sorted(_reasons(own).items())
+        ]
+        false = sum(false_claims(m) for m in own)
+        rows.append(Row.at_most(scene, f"claimed, not {place}", 0.0, false, "objects"))
+    return rows
+
+
+def false_claims(metrics: Metrics) -> int:
+    """Return how many objects more the planner claims than are in place."""
+    return max((metrics.picks_held or 0) - (metrics.objects_cleared or 0), 0)
+
+
+def _reasons(runs: Sequence[Metrics]) -> Counter[str]:
+    """Return how many objects are not in place, by their outcome."""
+    return Counter(
+        str(thing["outcome"])
+        for m in runs
+        for thing in (m.objects or {}).values()
+        if not thing["cleared"]
+    )
+
+
+def trial_columns(runs: Mapping[Case, Metrics], place: str) -> dict[str, list[Any]]:
+    """Return a line of the table for each trial."""
+    table: dict[str, list[Any]] = {}
+    for case, m in runs.items():
+        for column, value in (
+            ("scene", case.scene),
+            ("seed", case.seed),
+            ("success", int(m.success)),
+            ("failure", m.failure or ""),
+            ("objects", m.objects_total),
+            (place, m.objects_cleared),
+            ("picks", m.picks),
+            ("held", m.picks_held),
+            ("picks per hour", m.picks_per_hour or np.nan),
+            ("simulated [s]", m.sim_time_s),
+        ):
+            table.setdefault(column, []).append(value)
+    return table
+
+
+def object_columns(
+    runs: Mapping[Case, Metrics], scenes: Scenes
+) -> dict[str, list[Any]]:
+    """Return a line of the table for each object."""
+    table: dict[str, list[Any]] = {}
+    for case, m in runs.items():
+        name, overrides = scenes[case.scene]
+        objects = load_scenario(name, seed=case.seed, overrides=overrides).objects
+        for thing, outcome in (m.objects or {}).items():
+            model = objects[thing].model
+            for column, value in (
+                ("scene", case.scene),
+                ("seed", case.seed),
+                ("object", model.rpartition("/")[2][:-4] if model else thing),
+                ("outcome", outcome["outcome"]),
+                ("attempts", outcome["attempts"]),
+            ):
+                table.setdefault(column, []).append(value)
+    return table
+
+
+def draw(runs: Mapping[Case, Metrics], place: str, title: str) -> Any:
+    """Draw the shares of each scene with their intervals."""
+    scenes = list(dict.fromkeys(case.scene for case in runs))
+    found = {scene: shares(of_scene(runs, scene), place) for scene in scenes}
+    figure = make_figure(8.0, 1.6 + 0.5 * len(scenes), title)
+    axes = figure.subplots()
+    style_axes(axes, xlabel="share, with its 95 % interval")
+    y = np.arange(len(scenes))[::-1]
+    for i, what in enumerate(shares((), place)):
+        values = np.array([found[scene][what].value for scene in scenes])
+        bounds = np.array([found[scene][what].bounds for scene in scenes]).T
+        errors = np.maximum([values - bounds[0], bounds[1] - values], 0.0)
+        at = y + 0.15 * (1 - 2 * i)
+        axes.errorbar(values, at, xerr=errors, fmt="o", color=COLORS[i], label=what)
+    axes.set_yticks(y, scenes)
+    axes.set_ylim(-0.5, len(scenes) - 0.5)
+    axes.set_xlim(0.0, 1.02)
+    axes.legend(fontsize=8, frameon=False, loc="lower left")
+    return figure

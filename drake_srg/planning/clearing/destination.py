@@ -1,0 +1,81 @@
+"""Where loads go, and whether height maps show that one has come there."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.planning.clearing.comparing import fallen
+from drake_srg.types import HeightMap, Vector
+
+# How far around a destination a load may be seen that has missed it [m].
+BESIDE = 0.1
+# Where loads go, at least this share of their volume rises, and at least so much [m³]:
+# more than noise. Things lie differently there, behind a rim, on others and in them,
+# and push others down.
+_LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
+# At most this share rises beside: a load that hangs over the rim may fall either way.
+_MOST_BESIDE = 0.25
+# What was set down is as high as it was, within [m].
+_SAME_HEIGHT = 0.015
+
+
+@dc.dataclass(frozen=True)
+class SeenLoad:
+    """A load as it was seen on the table."""
+
+    volume: float  # m³, with whatever is hidden below it
+    height: float  # of its top above the table [m]
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Destination:
+    """A rectangle that loads are dropped or set down in.
+
+    Attributes:
+        low: Its least x, y in world, shape (2,) [m].
+        high: Its greatest.
+        level: World z of what loads are set down on, to stand as they stood before [m];
+            None where they are dropped.
+    """
+
+    low: Vector
+    high: Vector
+    level: float | None = None
+
+    @property
+    def middle(self) -> Vector:
+        """Its middle, x, y in world, shape (2,) [m]."""
+        middle: Vector = 0.5 * (self.low + self.high)
+        return middle
+
+    def has_received(self, before: HeightMap, after: HeightMap, load: SeenLoad) -> bool:
+        """Return whether maps show that a load has come here, and not beside.
+
+        Args:
+            before: The map before.
+            after: The map now.
+            load: As it was seen on the table.
+        """
+        risen = -fallen(before, after)
+        inside, around = self.contains(after), self.contains(after, BESIDE)
+        area = after.resolution**2
+        rises = area * np.fmax(risen, 0.0)
+        if np.sum(rises[inside]) < max(_LEAST_VOLUME, _LEAST_SHARE * load.volume):
+            return False
+        if np.sum(rises[around & ~inside]) > _MOST_BESIDE * load.volume:
+            return False
+        if self.level is None:
+            return True
+        top = np.median(after.height[inside & (risen > 0.0)]) - self.level
+        return bool(abs(top - load.height) < _SAME_HEIGHT)
+
+    def contains(
+        self, height_map: HeightMap, margin: float = 0.0
+    ) -> npt.NDArray[np.bool_]:
+        """Return which cells of a map are inside or within a margin [m], (ny, nx)."""
+        p_W = height_map.middles()
+        inside = (p_W >= self.low - margin) & (p_W <= self.high + margin)
+        return np.asarray(np.all(inside, axis=-1))

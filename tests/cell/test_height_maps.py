@@ -1,0 +1,45 @@
+"""Maps of where loads go."""
+
+import numpy as np
+import pytest
+
+from drake_srg.cell.bins import bin_boxes
+from drake_srg.cell.height_maps import destination_map_config, destinations
+from drake_srg.scenario import load_scenario
+from drake_srg.vision.config import HeightMapConfig
+from drake_srg.vision.height_map import height_map
+from drake_srg.vision.surface import Surface
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return load_scenario("clear_table", overrides=["clutter.count=1"])
+
+
+def test_destinations_are_the_bins_or_the_places_of_a_row(scenario):
+    (place,) = destinations(scenario)
+    np.testing.assert_allclose(place.middle, [0.34, -0.56], atol=1e-9)
+    assert place.level is None
+    row = destinations(load_scenario("row_table"))
+    assert [round(float(p.middle[0]), 6) for p in row] == [0.25, 0.37, 0.49, 0.61]
+    assert {place.level for place in row} == {0.0}
+
+
+def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
+    low, high = bin_boxes(scenario)["bin"]
+    around = Surface((low[0] - 0.1, low[1] - 0.1), (high[0] + 0.1, high[1] + 0.1), 0.0)
+    x, y = np.meshgrid(
+        *(np.arange(a, b, 0.002) for a, b in zip(around.min, around.max, strict=True))
+    )
+    inside = (x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])
+    hand = (abs(x - 0.4) < 0.05) & (y > high[1]) & (y < high[1] + 0.08)
+    z = np.where(hand, 0.5, np.where(inside, high[2], 0.0))
+    cloud = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    (place,) = destinations(scenario)
+
+    def unknown(config):
+        seen = height_map([cloud], around, config=config)
+        return np.mean(np.isnan(seen.height[place.contains(seen)]))
+
+    assert unknown(destination_map_config(scenario)) < 0.05
+    assert unknown(HeightMapConfig(over_edge=True)) > 0.9  # it seems to be the robot

@@ -1,0 +1,125 @@
+"""Shares and claims of made-up tables."""
+
+import dataclasses as dc
+import types
+
+import pytest
+
+from drake_srg.experiments import table_trials
+from drake_srg.experiments.registry import quiet
+from drake_srg.experiments.table_trials import (
+    Case,
+    judge,
+    object_columns,
+    run_tables,
+    shares,
+    trial_columns,
+)
+from drake_srg.simulation.metrics import Metrics
+from drake_srg.simulation.simulate import STOPPED_BY_USER
+from drake_srg.types import Mode, PlannerStatus
+
+PLACE = "in the bin"
+SCENES = {
+    "spread": ("clear_table_fast", ("clutter.count=2",)),
+    "sorted": ("sort_table", ()),
+}
+
+
+def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide"):
+    things = {
+        f"clutter_{i + 1}": {
+            "cleared": i < cleared,
+            "outcome": "cleared" if i < cleared else outcome,
+            "attempts": 1,
+        }
+        for i in range(total)
+    }
+    return types.SimpleNamespace(
+        success=True,
+        failure=None,
+        objects_total=total,
+        objects_cleared=cleared,
+        picks=picks,
+        picks_held=held,
+        picks_per_hour=600.0,
+        sim_time_s=30.0,
+        objects=things,
+    )
+
+
+def rows(*tables):
+    runs = {Case("spread", i): metrics for i, metrics in enumerate(tables)}
+    return {row.quantity: row for row in judge(runs, PLACE)}
+
+
+def test_shares_count_all_tables():
+    found = shares([table(), table(cleared=6, picks=2, held=2)], PLACE)
+    assert (found["objects in the bin"].count, found["objects in the bin"].total) == (
+        *(11, 12),
+    )
+    assert found["picks held"].value == 0.6
+    low, high = found["picks held"].bounds
+    assert low < 0.6 < high
+
+
+def test_reasons_and_picks_are_counted():
+    found = rows(table(), table())
+    assert found["too_wide"].measured == 2
+    assert found["picks"].measured == 16
+
+
+def test_a_claim_too_many_fails():
+    claim = "claimed, not in the bin"
+    assert rows(table())[claim].passed
+    assert not rows(table(), table(cleared=2, held=4))[claim].passed
+
+
+def test_a_line_for_each_table_and_object():
+    runs = {Case("spread", 0): table(total=2, cleared=2)}
+    runs[Case("spread", 1)] = table(total=1, cleared=1)
+    assert {len(column) for column in trial_columns(runs, PLACE).values()} == {2}
+    objects = object_columns(runs, SCENES)
+    assert {len(column) for column in objects.values()} == {3}
+    assert "None" not in objects["object"]
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
+    seen = []
+
+    def simulate(scenario, *, name):
+        seen.append((name, scenario.random_seed))
+        things = {n: {"cleared": True} for n in list(scenario.objects)[:1]}
+        for thing in things.values():
+            thing |= {"outcome": "cleared", "attempts": 1}
+        values = dict.fromkeys(field.name for field in dc.fields(Metrics))
+        values |= vars(table(total=1, cleared=1, picks=1, held=1)) | {"objects": things}
+        return types.SimpleNamespace(
+            metrics=Metrics(**values), status=PlannerStatus(mode=Mode.DONE)
+        )
+
+    monkeypatch.setattr(table_trials, "Simulate", simulate)
+    for _ in range(2):
+        made = run_tables(
+            quiet,
+            {scene: SCENES[scene]},
+            2,
+            5,
+            str(tmp_path / "kept"),
+            place=PLACE,
+            title="Tables",
+        )
+        assert made.passed
+    assert seen == [(SCENES[scene][0], 5), (SCENES[scene][0], 6)]
+
+
+def test_an_interrupted_trial_is_no_result(monkeypatch, tmp_path):
+    stopped = PlannerStatus(mode=Mode.FAILED, message=STOPPED_BY_USER)
+    monkeypatch.setattr(
+        table_trials, "Simulate", lambda *_, **__: types.SimpleNamespace(status=stopped)
+    )
+    kept = tmp_path / "kept"
+    with pytest.raises(KeyboardInterrupt):
+        run_tables(quiet, SCENES, 1, 5, str(kept), place=PLACE, title="Tables")
+    assert not kept.exists()

@@ -1,0 +1,66 @@
+"""What maps of a bin show of a load that was dropped."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.planning.clearing.destination import Destination, SeenLoad
+from planning.clearing.fake_table import BIN, SIDE, TALL, table
+from planning.clearing.test_comparing import noisy
+
+LOAD = SeenLoad(volume=SIDE**2 * TALL, height=TALL)
+BEFORE = (0.15, 0.15)  # it has been there before
+seeds = st.integers(0, 2**32 - 1)
+inside = st.tuples(st.floats(0.25, 0.38), st.floats(0.12, 0.28))
+
+
+@given(seeds, inside)
+def test_a_load_in_the_bin_is_seen(seed, place):
+    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE, place), seed + 1)
+    assert BIN.has_received(before, after, LOAD)
+
+
+@given(seeds, st.floats(0.03, 0.08))
+def test_a_load_beside_the_bin_is_not_in_it(seed, far):
+    before = noisy(table(BEFORE), seed)
+    for place in ((0.4 + far, 0.2), (0.2, 0.3 + far), (0.1 - far, 0.2)):
+        after = noisy(table(BEFORE, place), seed + 1)
+        assert not BIN.has_received(before, after, LOAD)
+
+
+def test_a_load_that_hangs_over_the_rim_may_fall_out():
+    assert not BIN.has_received(table(), table((0.4, 0.2)), LOAD)
+
+
+@given(seeds)
+def test_a_bin_that_has_not_changed_has_received_nothing(seed):
+    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
+    for share in (0.05, 1.0):
+        load = SeenLoad(share * LOAD.volume, TALL)
+        assert not BIN.has_received(before, after, load)
+
+
+def test_a_load_may_push_another_down():
+    before, after = table(BEFORE, (0.35, 0.2)), table(BEFORE, (0.3, 0.2))
+    assert BIN.has_received(before, after, LOAD)
+    fell_out = table(BEFORE, (0.3, 0.2), (0.43, 0.2))
+    assert not BIN.has_received(before, fell_out, LOAD)
+
+
+def test_what_is_hidden_is_not_seen():
+    after = table((0.3, 0.2))
+    after.height[after.height > 0.0] = np.nan
+    assert not BIN.has_received(table(), after.completed(table()), LOAD)
+
+
+def test_far_less_than_was_taken_is_something_else():
+    large = SeenLoad(10.0 * LOAD.volume, TALL)
+    assert not BIN.has_received(table(), table((0.3, 0.2)), large)
+
+
+@pytest.mark.parametrize(("tall", "stands"), [(TALL, True), (0.5 * TALL, False)])
+def test_what_is_set_down_must_stand(tall, stands):
+    place = Destination(BIN.low, BIN.high, level=0.0)
+    assert place.has_received(table(), table((0.3, 0.2), tall=tall), LOAD) == stands
+    assert BIN.has_received(table(), table((0.3, 0.2), tall=tall), LOAD)

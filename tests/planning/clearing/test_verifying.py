@@ -1,0 +1,72 @@
+"""What the planner claims of loads that it has dropped, and what it does about them."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+
+from drake_srg.types import Failure, Mode
+from planning.clearing.fake_table import ASIDE, CONFIG, HOME, table
+from planning.clearing.test_clearing_planner import A, B, pick, run
+
+IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
+
+
+def test_a_load_counts_once_it_is_seen_in_the_bin():
+    both = run(A, B)
+    both.show_bin()
+    pick(both, after=table(B))
+    assert both.status.cycles == 0
+    both.until(Mode.GRASP)
+    both.show_bin(IN_BIN)
+    pick(both, after=table())
+    assert both.status.cycles == 1
+    both.until(Mode.VERIFY)
+    both.show_bin(IN_BIN, (0.3, 0.2))
+    both.until(Mode.HOME)
+    arm = both.planner.GetOutputPort("position_commanded")
+    np.testing.assert_allclose(arm.Eval(both.context), ASIDE, atol=0.5)
+    both.until(Mode.DONE)
+    assert (both.status.cycles, both.status.left) == (2, ())
+    np.testing.assert_allclose(arm.Eval(both.context), HOME)
+
+
+@pytest.mark.parametrize("seen", [(), (BESIDE,)])
+def test_what_is_not_seen_in_the_bin_is_told(seen):
+    both = run(A, B)
+    both.show_bin()
+    pick(both, after=table(B))
+    both.until(Mode.GRASP)
+    both.show_bin(*seen)
+    pick(both, after=table())
+    both.until(Mode.VERIFY)
+    both.show_bin(*seen, IN_BIN)
+    both.until(Mode.DONE)
+    assert both.status.cycles == 1
+    assert [left.failure for left in both.status.left] == [Failure.DROPPED]
+
+
+def test_takes_what_fell_beside_the_bin_where_the_arm_has_hidden_it():
+    far = (0.45, 0.35)  # such as the arm itself
+    fell = run(A, B, far, shown=table(A))
+    fell.show_bin()
+    hidden = table()
+    hidden.height[:, 50:70] = np.nan  # the arm is above
+    pick(fell, after=hidden)
+    fell.until(Mode.VERIFY)
+    fell.show(table(B, far))
+    pick(fell, after=table())
+    fell.until(Mode.VERIFY)
+    fell.show_bin(IN_BIN)
+    fell.until(Mode.DONE)
+    assert fell.motions.taken == [A, B]
+    assert fell.status.cycles == 1
+    assert [left.failure for left in fell.status.left] == [Failure.DROPPED]
+
+
+def test_nothing_is_looked_for_that_was_not_held():
+    empty = run(A, config=dc.replace(CONFIG, max_attempts=1))
+    empty.show_bin()
+    pick(empty, after=table(A), felt=False)
+    empty.until(Mode.DONE)
+    assert Mode.VERIFY not in empty.modes
