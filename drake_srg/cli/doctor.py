@@ -33,6 +33,7 @@ OLDEST_DRAKE = "1.51.1"
 _PACKAGES = {
     "cv2": "opencv-python-headless",
     "ruckig": "ruckig",
+    "threadpoolctl": "threadpoolctl",
     "toppra": "toppra",
 }
 _ROSBAGS = {"rosbags.rosbag2": "rosbags"}

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
@@ -97,7 +98,9 @@ def train(
         from drake_srg.learning.policy import load_policy
 
         best = load_policy(out / POLICY)
-    with EventLog(out) as events, StatusLine(shown=progress) as line:
+    # The networks are small: BLAS's threads would mostly wait for each other, in loops.
+    one_thread = threadpool_limits(1, "blas")
+    with one_thread, EventLog(out) as events, StatusLine(shown=progress) as line:
         recent: list[bool] = []
         while learner.steps < training.steps or best is None:
             left = min(learner.round_steps, training.steps - learner.steps)

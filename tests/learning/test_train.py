@@ -3,6 +3,7 @@ import json
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.cloning import CloningConfig
@@ -25,6 +26,24 @@ def test_training_writes_a_policy_and_how_it_went(tmp_path):
     log = json.loads((tmp_path / LOG).read_text())
     assert log["history"][-1][:2] == [130, 130]
     assert any(path.name.startswith("events.") for path in tmp_path.iterdir())
+
+
+def test_blas_has_one_thread_while_it_trains(tmp_path, monkeypatch):
+    threads = []
+
+    def validate(*_):
+        threads.extend(
+            pool["num_threads"]
+            for pool in threadpool_info()
+            if pool["user_api"] == "blas"
+        )
+        return 1.0
+
+    monkeypatch.setattr("drake_srg.learning.train.validate", validate)
+    with threadpool_limits(2, "blas"):
+        train(training(), tmp_path)
+    assert threads
+    assert set(threads) == {1}
 
 
 def test_the_same_training_gives_the_same_bytes(tmp_path):
