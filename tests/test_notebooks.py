@@ -44,6 +44,8 @@ def outputs(notebook):
     found = []
     for cell in notebook.cells:
         for output in cell.get("outputs", []):
+            if output.get("name") == "stderr":
+                continue  # warnings of a busy machine are not part of the notebook
             data = output.get("data", {"text/plain": output.get("text", "")})
             found += [(output.output_type, kind, data[kind]) for kind in sorted(data)]
     return found
