@@ -25,7 +25,7 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.experiments.served_trials import Served, grasp_served
-from drake_srg.experiments.servo_trials import Case
+from drake_srg.experiments.servo_trials import Case, trial_order
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 
 CASES = (Case(0.0), Case(0.02), Case(0.05))
@@ -52,14 +52,7 @@ def run(
         keep: File of finished trials, with which a run that was cut off goes on.
     """
     kept = KeptTrials(keep)
-    # All cases of one seed before the next seed, so that a file of a run that was cut
-    # off has as many trials of each.
-    order = [
-        (case, method, seed)
-        for seed in range(first_seed, first_seed + trials)
-        for case in CASES
-        for method in SERVOS
-    ]
+    order = trial_order(CASES, SERVOS, range(first_seed, first_seed + trials))
     results: dict[tuple[Case, str], list[Served]] = {}
     lines: list[dict[str, Any]] = []
     for case, method, seed in track(order, lambda t: f"{t[0]}, {t[1]}"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
@@ -78,6 +78,18 @@ class Grasped:
     error: float | None
     across: float | None
     reason: str
+
+
+def trial_order(
+    cases: Collection[Case], methods: Collection[str], seeds: Collection[int]
+) -> list[tuple[Case, str, int]]:
+    """Return all trials: every case and method of one seed before the next seed.
+
+    A file of a run that was cut off then has as many trials of each.
+    """
+    return [
+        (case, method, seed) for seed in seeds for case in cases for method in methods
+    ]
 
 
 def grasp_once(

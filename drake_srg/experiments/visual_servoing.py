@@ -24,7 +24,13 @@ from drake_srg.experiments.grasp_rows import (
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
-from drake_srg.experiments.servo_trials import METHODS, Case, Grasped, grasp_once
+from drake_srg.experiments.servo_trials import (
+    METHODS,
+    Case,
+    Grasped,
+    grasp_once,
+    trial_order,
+)
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
 
@@ -63,14 +69,7 @@ def run(
         keep: File of finished trials, with which a run that was cut off goes on.
     """
     kept = KeptTrials(keep)
-    # All cases of one seed before the next seed, so that a file of a run that was cut
-    # off has as many trials of each.
-    order = [
-        (case, method, seed)
-        for seed in range(first_seed, first_seed + trials)
-        for case in CASES
-        for method in METHODS
-    ]
+    order = trial_order(CASES, METHODS, range(first_seed, first_seed + trials))
     again = [
         (case, method, seed)
         for case, method, seed in order
