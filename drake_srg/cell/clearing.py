@@ -161,7 +161,7 @@ def _motions_to(
         Moves(scene, hand.p_GT, scenario.planner),
         q_home,
         q_over,
-        destination=Destination(low[:2], high[:2]),
+        destination=Destination(low[:2], high[:2], rim=float(high[2])),
         table=scenario.table.height,
         rim=float(high[2]),
         aside=_ASIDE * np.where(size == size.max(), size, 0.0),

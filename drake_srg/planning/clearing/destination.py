@@ -16,8 +16,10 @@ BESIDE = 0.1
 # more than noise. Things lie differently there, behind a rim, on others and in them,
 # and push others down.
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share rises beside: a load that hangs over the rim may fall either way.
+# At most this share rises beside, or this near to the rim and higher than it [m]: a
+# load that leans on the rim may hang over it where no camera sees, and fall either way.
 _MOST_BESIDE = 0.25
+_NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # What was set down is as high as it was, within [m].
 _SAME_HEIGHT = 0.015
 
@@ -39,11 +41,13 @@ class Destination:
         high: Its greatest.
         level: World z of what loads are set down on, to stand as they stood before [m];
             None where they are dropped.
+        rim: World z of a bin's rim [m]; None: it has none.
     """
 
     low: Vector
     high: Vector
     level: float | None = None
+    rim: float | None = None
 
     @property
     def middle(self) -> Vector:
@@ -61,6 +65,9 @@ class Destination:
         """
         risen = -fallen(before, after)
         inside, around = self.contains(after), self.contains(after, BESIDE)
+        if self.rim is not None:
+            low = after.height < self.rim + _ABOVE_RIM
+            inside &= low | self.contains(after, -_NEAR_RIM)
         area = after.resolution**2
         rises = area * np.fmax(risen, 0.0)
         if np.sum(rises[inside]) < max(_LEAST_VOLUME, _LEAST_SHARE * load.volume):

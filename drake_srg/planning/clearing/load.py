@@ -27,7 +27,8 @@ class Load:
     p_GC: Vector  # the grasp in the hand, shape (3,) [m]
     below: float  # how far it hangs below the grasp [m]
     sag: float  # how much further it may hang, turned in the hand [m]
-    middle_G: Vector  # from the grasp to its middle, level, in the hand, (3,) [m]
+    # From the grasp to where its middle may be expected, level, in the hand, (3,) [m].
+    middle_G: Vector
     # From the bin's middle to where it is dropped, in world, shape (3,) [m].
     aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
@@ -47,6 +48,8 @@ class Load:
         far = float(np.max(np.linalg.norm(_away(height_map, table, p_WC), axis=1)))
         away = _away(height_map, table, p_WC, _STEP)
         middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
+        if far > _SAGS_BEYOND:  # it is there, or below the hand: halfway errs least
+            middle *= 0.5
         return cls(
             p_GC=X_WG.inverse() @ p_WC,
             below=max(float(p_WC[2]) - table, 0.01),

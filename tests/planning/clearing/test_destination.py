@@ -33,6 +33,15 @@ def test_a_load_that_hangs_over_the_rim_may_fall_out():
     assert not BIN.has_received(table(), table((0.4, 0.2)), LOAD)
 
 
+@pytest.mark.parametrize(
+    ("x", "tall", "seen"),
+    [(0.36, TALL, False), (0.36, 0.03, True), (0.25, TALL, True)],
+)
+def test_a_load_that_leans_on_the_rim_may_hang_over_it(x, tall, seen):
+    deep = Destination(BIN.low, BIN.high, rim=0.02)
+    assert deep.has_received(table(), table((x, 0.2), tall=tall), LOAD) == seen
+
+
 @given(seeds)
 def test_a_bin_that_has_not_changed_has_received_nothing(seed):
     before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
