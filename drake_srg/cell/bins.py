@@ -1,4 +1,4 @@
-"""The bins of a scenario, measured on their models."""
+"""The bins of a scenario and the foot of its arm, measured on their models."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
     boxes = {}
     for name in scenario.task.place.bins:
         try:
-            boxes[name] = _bin_box(models, name)
+            boxes[name] = _fixed_box(models, name)
         except ScenarioError as error:
             raise ScenarioError(f"{bin_key(scenario, name)}: {error}") from None
         rise = boxes[name][1][2] - scenario.table.height
@@ -47,8 +47,14 @@ def bin_key(scenario: Scenario, name: str) -> str:
     return "task.place.bin" if scenario.task.place.bin else f"task.place.bins.{name}"
 
 
+def foot_box(scenario: Scenario) -> tuple[Vector, Vector]:
+    """Return the least and greatest corner of what the arm stands on, (3,) [m]."""
+    return _fixed_box(Models.of(scenario), "arm")
+
+
 @functools.lru_cache(maxsize=4)
-def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
+def _fixed_box(models: Models, name: str) -> tuple[Vector, Vector]:
+    """Return the corners of those bodies of a model that cannot move."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     models.add_to(plant)
@@ -59,7 +65,7 @@ def _bin_box(models: Models, name: str) -> tuple[Vector, Vector]:
     for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name)):
         body = plant.get_body(index)
         X_WB: RigidTransform = plant.EvalBodyPoseInWorld(context, body)
-        if plant.GetCollisionGeometriesForBody(body):
+        if plant.IsAnchored(body) and plant.GetCollisionGeometriesForBody(body):
             corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
     points = np.concatenate(corners)
     if not len(points):

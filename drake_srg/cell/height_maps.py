@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
-from drake_srg.cell.bins import bin_boxes
+from drake_srg.cell.bins import bin_boxes, foot_box
 from drake_srg.cell.choosing import row_places
 from drake_srg.cell.perception import camera_models
 from drake_srg.planning.clearing.destination import BESIDE, Destination
@@ -20,6 +20,7 @@ from drake_srg.vision.surface import Surface
 
 # The map leaves out the bin and as much around it, for errors of the map [m].
 _AROUND_BIN = 0.006
+_AROUND_FOOT = 0.05  # and this much around the foot of the arm [m]
 _AROUND_ROW = 0.08  # and this much around the middles of a row [m]
 # A hand beside a bin hides the bin only where it is this much higher than the rim [m].
 _ABOVE_RIM = 0.03
@@ -32,6 +33,7 @@ def AddHeightMapper(
     clear = scenario.task.clear
     assert clear is not None
     taken = [(*box, _AROUND_BIN) for box in bin_boxes(scenario).values()]
+    taken.append((*foot_box(scenario), _AROUND_FOOT))
     if row := list(row_places(scenario).values()):
         taken.append((np.min(row, axis=0), np.max(row, axis=0), _AROUND_ROW))
     ignored = [

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from drake_srg.cell.bins import bin_boxes
+from drake_srg.cell.bins import bin_boxes, foot_box
 from drake_srg.cell.height_maps import destination_map_config, destinations
 from drake_srg.scenario import load_scenario
 from drake_srg.vision.config import HeightMapConfig
@@ -43,3 +43,9 @@ def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
 
     assert unknown(destination_map_config(scenario)) < 0.05
     assert unknown(HeightMapConfig(over_edge=True)) > 0.9  # it seems to be the robot
+
+
+def test_the_foot_of_the_arm_is_link_0(scenario):
+    low, high = foot_box(scenario)
+    assert np.all(low[:2] < [-0.08, -0.08])
+    assert np.all(np.abs(high - [0.1, 0.1, 0.15]) < 0.05)
