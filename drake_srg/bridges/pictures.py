@@ -16,7 +16,7 @@ from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
 
-_PERIOD = 0.1  # shortest time between pictures [s, simulated]
+PERIOD = 0.1  # shortest time between pictures [s, simulated]
 
 
 @dc.dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ServedCamera:
     name: str
     scenario: Scenario
     topics: Mapping[str, Topic]
-    period: float = _PERIOD
+    period: float = PERIOD
 
 
 def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
@@ -49,13 +49,20 @@ def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
     return None
 
 
-def served_cameras(scenario: Scenario) -> Iterator[ServedCamera]:
-    """Yield the camera of `served_camera`, and then that of a visual servo."""
+def served_cameras(
+    scenario: Scenario, period: float = PERIOD
+) -> Iterator[ServedCamera]:
+    """Yield the camera of `served_camera`, and then that of a visual servo.
+
+    Args:
+        scenario: What is served.
+        period: Shortest time between pictures of the first one [s, simulated].
+    """
     first = served_camera(scenario)
     if first is None:
         return
     topics = camera_topics(*first, scenario.task.pick)
-    yield ServedCamera(first[0], scenario, topics)
+    yield ServedCamera(first[0], scenario, topics, period)
     servoing = scenario.servoing
     if servoing is None or servoing.camera == first[0]:
         return
@@ -82,13 +89,18 @@ class Pictures:
     Args:
         scenario: The scenario that is served.
         warnings: Where failures are reported.
+        period: Shortest time between pictures, except those of a visual servo's camera
+            [s, simulated].
 
     Attributes:
         topics: The topics that can be subscribed to, by name.
     """
 
-    def __init__(self, scenario: Scenario, warnings: Warnings):
-        self._cameras = [_Published(c, warnings) for c in served_cameras(scenario)]
+    def __init__(
+        self, scenario: Scenario, warnings: Warnings, period: float = PERIOD
+    ) -> None:
+        cameras = served_cameras(scenario, period)
+        self._cameras = [_Published(camera, warnings) for camera in cameras]
         topics = [t for c in self._cameras for t in c.camera.topics.values()]
         self.topics = {topic.name: topic for topic in topics}
 

@@ -17,7 +17,7 @@ from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.commands import CommandInbox, Warnings
 from drake_srg.bridges.outlet import Outlet
 from drake_srg.bridges.pacing import Pacer
-from drake_srg.bridges.pictures import Pictures
+from drake_srg.bridges.pictures import PERIOD, Pictures
 from drake_srg.bridges.served_loop import (
     MakeActionServer,
     ServedLoop,
@@ -28,6 +28,7 @@ from drake_srg.bridges.served_loop import (
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.garbage import short_collections
 from drake_srg.common.ports import output_ports
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder
@@ -60,6 +61,7 @@ def Serve(
     *,
     name: str = "scenario",
     rate: float = 1.0,
+    camera_period: float = PERIOD,
     out: Path | None = None,
     stop: threading.Event | None = None,
     tell: Callable[[str], None] = print,
@@ -78,6 +80,8 @@ def Serve(
         name: The scenario's name, for messages.
         rate: Simulated seconds per real second; 0 means as fast as possible, as in
             Drake.
+        camera_period: Shortest time between pictures, except those of a visual servo's
+            camera [s, simulated].
         out: Folder for recording.mcap and replay.html; None records nothing.
         stop: Ends the run when set, by any thread or by a signal handler.
         tell: Called with warnings for the user, from any thread.
@@ -118,7 +122,7 @@ def Serve(
             advance = MakeAdvance(simulator, station, scenario)
             if out is not None and scenario.arm is not None:
                 replay = ServedReplay(name, scenario, root, station)
-        pictures = Pictures(scenario, warnings)
+        pictures = Pictures(scenario, warnings, camera_period)
         published = [*topics, *pictures.topics.values(), *replies]
         outlet = Outlet(connect(inbox, published), warnings)
         if actions is not None:
@@ -128,26 +132,21 @@ def Serve(
         stack.callback(pictures.close)
         _check_ports(name, outlet.bridges, station)
         start = wall.monotonic()
+        loop = ServedLoop(
+            name,
+            simulator,
+            advance,
+            station,
+            topics,
+            pictures,
+            inbox,
+            outlet,
+            replay,
+            actions,
+        )
         try:
-            _run(
-                ServedLoop(
-                    name,
-                    simulator,
-                    advance,
-                    station,
-                    topics,
-                    pictures,
-                    inbox,
-                    outlet,
-                    replay,
-                    actions,
-                ),
-                control_period(scenario),
-                name,
-                rate,
-                stop,
-                report,
-            )
+            with short_collections():
+                _run(loop, control_period(scenario), name, rate, stop, report)
         except ScenarioError as error:
             failure = error
         elapsed = wall.monotonic() - start

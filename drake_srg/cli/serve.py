@@ -54,6 +54,13 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         help="simulated seconds per real second; 0: as fast as possible (default: 1)",
     )
     serve.add_argument(
+        "--camera-period",
+        type=_period,
+        default=0.1,
+        metavar="SECONDS",
+        help="shortest time between pictures (default: %(default)g)",
+    )
+    serve.add_argument(
         "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
     )
     serve.add_argument(
@@ -64,13 +71,24 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
 
 
 def _rate(text: str) -> float:
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = math.nan
+    rate = _number(text)
     if not 0.0 <= rate < math.inf:
         raise argparse.ArgumentTypeError(f"must be a number of at least 0, got {text}")
     return rate
+
+
+def _period(text: str) -> float:
+    period = _number(text)
+    if not 0.0 < period < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a positive number, got {text}")
+    return period
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def serve(options: argparse.Namespace) -> int:
@@ -117,6 +135,7 @@ def serve(options: argparse.Namespace) -> int:
                 functools.partial(bridges.connect, scenario),
                 name=name,
                 rate=options.rate,
+                camera_period=options.camera_period,
                 out=None if options.no_record else out,
                 stop=stop,
                 tell=lambda text: status.interrupt(f"drake-srg: warning: {text}"),

@@ -115,6 +115,13 @@ def test_pictures_of_subscribed_topics_are_due_every_tenth_of_a_second(made):
     assert made[0].looks == [(0.05, [COLOR, BLOBS]), (0.16, [COLOR, BLOBS])]
 
 
+def test_pictures_may_be_due_less_often(made):
+    pictures = Pictures(KITCHEN, Warnings(print), period=0.2)
+    for time in (0.0, 0.05, 0.16, 0.24, 0.26):
+        look(pictures, time, COLOR)
+    assert [time for time, _ in made[0].looks] == [0.05, 0.26]
+
+
 def test_a_busy_process_gets_no_work(made):
     pictures = Pictures(KITCHEN, Warnings(print))
     look(pictures, 0.0, DEPTH)

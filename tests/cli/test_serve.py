@@ -26,6 +26,7 @@ COMMAND = (sys.executable, "-m", "drake_srg", "serve")
         (["kitten", "--ros2"], "unknown scenario 'kitten'"),
         (["kitchen", "--ros2", "--rate", "-1"], "--rate: must be a number of at least"),
         (["kitchen", "--ros2", "--rate", "fast"], "at least 0, got fast"),
+        (["kitchen", "--ros2", "--camera-period", "0"], "must be a positive number"),
         pytest.param(
             ["kitchen", "--ros2", "--domain", "233"],
             "must be 0 to 232, got 233",
