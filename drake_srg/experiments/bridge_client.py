@@ -131,6 +131,13 @@ class ServedProcess:
         return self._errors.read().strip()
 
 
+def free_port() -> int:
+    """Return a TCP port of this machine that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
 @contextlib.contextmanager
 def run_roscore(experiment: str) -> Iterator[str]:
     """Run a roscore on a free port and yield its URI.
@@ -145,9 +152,7 @@ def run_roscore(experiment: str) -> Iterator[str]:
         raise ScenarioError(
             f"{experiment}: needs a roscore: sudo apt-get install -y ros-core"
         )
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     process = subprocess.Popen(
         ["roscore", "-p", str(port)],
         stdout=subprocess.DEVNULL,

@@ -111,7 +111,7 @@ def run_over_servos(
     context = simulator.get_context()
     status = cell.GetOutputPort("planner.status")
     state = cell.GetOutputPort("safety.state")
-    end, stopped, rounding = scenario.planner.time_budget, "", math.nan
+    end, stopped, counts = scenario.planner.time_budget, "", math.nan
     reboot = math.inf if wire.reboot is None else wire.reboot
     while robot.time < end and not stopped:
         time = robot.time + arm.period
@@ -125,8 +125,9 @@ def run_over_servos(
         if doing in (SafetyState.PROTECTIVE_STOP, SafetyState.EMERGENCY_STOP):
             stopped = why.value
         mode = status.Eval(context).mode
-        if mode is Mode.RELEASE and math.isnan(rounding):
-            rounding = _rounding(scenario, robot)
+        if mode is Mode.RELEASE and math.isnan(counts):
+            q = robot.arm_position()[: len(arm.home)]
+            counts = rounding(scenario, q, robot.pose().translation())
         if mode in (Mode.DONE, Mode.FAILED):
             end = min(end, time + _SETTLE)
     for link in hardware.links:
@@ -142,16 +143,21 @@ def run_over_servos(
         stopped,
         report.failure.value if report.failure else "",
         float(np.max(np.abs(error[:2]))),
-        rounding,
+        counts,
         told,
     )
 
 
-def _rounding(scenario: Scenario, robot: ServoRobot) -> float:
-    """Return how far half a count of every joint moves the object in x or y [m]."""
+def rounding(scenario: Scenario, q: Vector, p_WO: Vector) -> float:
+    """Return how far half a count of every joint moves a held object in x or y [m].
+
+    Args:
+        scenario: With an arm of N joints.
+        q: Their positions, shape (N,) [rad].
+        p_WO: The object's, shape (3,) [m].
+    """
     arm = ServoArm(MakeModelsPlant(scenario))
-    q = robot.arm_position()[: arm.n]
-    p_GO_W = robot.pose().translation() - arm.X_WG(q).translation()
+    p_GO_W = p_WO - arm.X_WG(q).translation()
     v, w = np.split(arm.jacobian(q), 2)
     of_object = v + np.cross(w, p_GO_W, axis=0)
     half = 0.5 * abs(JOINT.to_angle(1) - JOINT.to_angle(0))

@@ -1,218 +1,170 @@
-"""Pick and place through a wire: our planner on one side, our served cell on the other.
+"""Pick and place through wires: our planner on one side, our served cell on the other.
 
-For each seed, `drake-srg serve` runs the cell in one process, and `drake-srg run
---hardware` does its task from another. The judge is the served cell's log, which the
-planner's side never sees.
+A clean wire is judged by the same seeds in one process. With a fault, a run must place
+the object, or say why it did not.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
+import dataclasses as dc
+import functools
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import yaml
 
-from drake_srg.cell.goals import final_pose
-from drake_srg.experiments.bridge_client import ServedProcess, open_wire
+from drake_srg.common.exceptions import ScenarioError, suggest
+from drake_srg.experiments.cycles import run_cycle
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
 from drake_srg.recording.figure import make_figure, style_axes
-from drake_srg.recording.log import read_log
-from drake_srg.scenario import load_scenario
-from drake_srg.simulation.log_format import row_to_pose
+from measure.served_runs import Case, ServedRun, run_served
 
-_PATIENCE = 1200.0  # longest run [s, real]
+_TRAY = ("slides.tray.start=5.0", "slides.tray.speed=0.02")
+
+# Two cores do not keep these cells, a loop and a planner in real time at every moment.
+_SLOW = 0.5
+
+CASES: Mapping[str, Case] = {
+    "kitchen_fast, ROS 2": Case("kitchen_fast"),
+    "kitchen_fast, ROS 1": Case("kitchen_fast", wire="ROS 1"),
+    "kitchen_fast, action": Case("kitchen_fast", stream="action", lead=0.2),
+    "kitchen, ROS 2": Case("kitchen", rate=_SLOW),
+    "kitchen_tendon, ROS 2": Case("kitchen_tendon", rate=_SLOW),
+    "kitchen_tendon, gripper by servo": Case(
+        "kitchen_tendon", servos="gripper", rate=_SLOW
+    ),
+    "assistive_arm, ROS 2": Case("assistive_arm", rate=_SLOW),
+    "assistive_arm, servo bus": Case("assistive_arm", servos="all"),
+    "20 ms late": Case("kitchen_fast", latency=0.02, lead=0.12),
+    "5 % lost": Case("kitchen_fast", loss=0.05, lead=0.12),
+    "camera at 5 Hz": Case("kitchen_fast", camera_period=0.2),
+    "moving tray": Case("kitchen_servoing", watchdog=0.2, settings=_TRAY),
+}
+_FAULTY = ("20 ms late", "5 % lost", "camera at 5 Hz", "moving tray")
+# Placement may be off by this many times what it is in one process, besides what whole
+# counts of servos make of it.
+_FACTOR = 2.0
+# Neither pictures nor plans come at the same moments in two runs: by how much a largest
+# error may differ [mm].
+_SPREAD = 0.5
 
 
 def run(
     track: Track,
     *,
-    scenario: str = "kitchen_fast",
-    wire: str = "ROS 2",
-    seeds: int = 3,
+    seeds: int = 10,
     seed: int = 0,
-    latency: float = 0.0,
-    loss: float = 0.0,
-    rate: float = 0.25,
-    watchdog: float = 0.05,
-    lead: float = 0.05,
-    stream: str = "trajectory",
-    settings: Sequence[str] = (),
+    cases: Sequence[str] = (),
+    rate: float = 1.0,
     keep: str = "",
 ) -> ExperimentResult:
-    """Do the task of a scenario through a wire.
+    """Do the tasks through every wire.
 
     Args:
         track: Shows progress.
-        scenario: To serve and to run.
-        wire: "ROS 1" or "ROS 2".
-        seeds: How many runs.
+        seeds: Runs of each case.
         seed: The first one's.
-        latency: Added in both directions [s].
-        loss: Share of messages lost in both directions.
-        rate: Seconds of both sides per real second, for a machine that is too slow.
-        watchdog: Of the safety monitor [s].
-        lead: How far ahead commands are sent [s]; it must exceed the way there and
-            back.
-        stream: Of the commands, as in a hardware file.
-        settings: Of the scenario on both sides, `KEY=VALUE` each.
+        cases: Names of cases; none: all.
+        rate: Times each case's own rate, for a machine that is too slow.
         keep: File of finished runs; with it, an experiment that was cut off goes on.
+
+    Raises:
+        ScenarioError: If there is no such case, or a program for one is missing.
     """
+    for name in cases:
+        if name not in CASES:
+            raise ScenarioError(f"cases: unknown case {name!r} {suggest(name, CASES)}")
     kept = KeptTrials(keep)
-    setting = f"{scenario} {wire} {latency} {loss} {rate} {watchdog} {lead}"
-    if stream != "trajectory":
-        setting += f" {stream}"
-    setting = " ".join([setting, *settings])
-    results: list[dict[str, Any]] = []
-    for number in track(range(seed, seed + seeds), label=lambda s: f"seed {s}"):
-        faults = {"latency": latency, "loss": loss, "seed": number}
-
-        def trial(number: int = number, faults: dict[str, Any] = faults) -> Any:
-            return run_trial(
-                scenario, wire, number, faults, rate, watchdog, lead, settings, stream
-            )
-
-        results.append(dict(kept(f"{setting} {number}", trial)))
-    placed = [r for r in results if r["placed"]]
-    errors = [r["error_m"] for r in placed]
-    claimed = sum(bool(r["claimed"]) for r in results)
-    wrong = sum(bool(r["claimed"]) and not r["placed"] for r in results)
+    numbers = range(seed, seed + seeds)
+    # Every case of one seed before the next: what was cut off has as many of each.
+    todo = [(name, number) for number in numbers for name in cases or CASES]
+    runs: dict[str, list[ServedRun]] = {}
+    inside: dict[str, list[float]] = {}
+    for name, number in track(todo, label=lambda each: f"{each[0]}, seed {each[1]}"):
+        case = CASES[name]
+        trial = functools.partial(_through, case, number, rate)
+        made = kept(f"{name} {rate} {number}", trial)
+        runs.setdefault(name, []).append(ServedRun(**made))
+        if name not in _FAULTY:
+            trial = functools.partial(_inside, case.scenario, number)
+            made = kept(f"{case.scenario} {number}", trial)
+            inside.setdefault(name, []).append(made["error"])
     rows = [
-        Row.info(setting, "placed", float(len(placed)), f"of {seeds}"),
-        Row.info(setting, "claimed by the planner", float(claimed), f"of {seeds}"),
-        Row.info(setting, "claimed wrongly", float(wrong), ""),
-        Row.info(setting, "placement error, largest", max(errors, default=0.0), "m"),
-        Row.info(
-            setting,
-            "time the loop was held up, sum",
-            sum(r["lost_s"] for r in results),
-            "s",
-        ),
+        row
+        for name, made in runs.items()
+        for row in judge(name, made, max(inside.get(name, ()), default=None))
     ]
-    columns = {key: [r[key] for r in results] for key in results[0]}
-    return ExperimentResult(rows, {"hardware_loop": columns}, draw(results))
+    lines = [
+        {"case": name, "seed": number, **dc.asdict(made)}
+        for name, all_made in runs.items()
+        for number, made in zip(numbers, all_made, strict=True)
+    ]
+    columns = {key: [line[key] for line in lines] for key in lines[0]}
+    return ExperimentResult(rows, {"hardware_loop": columns}, draw(runs))
 
 
-def draw(results: Sequence[Mapping[str, Any]]) -> Any:
-    """Plot the distance of each run's object from its goal."""
-    figure = make_figure(7.0, 2.6)
+def _through(case: Case, seed: int, rate: float) -> Mapping[str, Any]:
+    return dc.asdict(run_served(case, seed, rate))
+
+
+def _inside(scenario: str, seed: int) -> Mapping[str, Any]:
+    """Return the larger of the placement errors in x and y in one process [m]."""
+    x, y, _ = run_cycle(scenario, seed).metrics.placement_error_m or (np.nan,) * 3
+    return {"error": float(max(abs(x), abs(y)))}
+
+
+def judge(name: str, runs: Sequence[ServedRun], inside: float | None) -> list[Row]:
+    """Judge the runs of a case.
+
+    Args:
+        name: Of the case.
+        runs: Its runs.
+        inside: Largest placement error of the same seeds in one process [m]; None if
+            they are not compared.
+    """
+    placed = [run for run in runs if run.placed]
+    wrong = sum(run.claimed and not run.placed for run in runs)
+    silent = sum(not run.placed and not run.told for run in runs)
+    count, what = f"placed, of {len(runs)}", "largest placement error in x or y"
+    worst = 1e3 * max((run.error for run in placed), default=np.nan)
+    rows = [
+        Row.info(name, count, len(placed), "")
+        if name in _FAULTY
+        else Row.at_least(name, count, len(runs), len(placed), ""),
+        Row.at_most(name, "claimed, but not placed", 0, wrong, ""),
+        Row.at_most(name, "neither placed nor told why", 0, silent, ""),
+    ]
+    if inside is None and placed:
+        rows.append(Row.info(name, what, worst, "mm", spread=_SPREAD))
+    elif inside is not None:
+        counts = 1e3 * max((run.rounding for run in placed), default=0.0)
+        limit = _FACTOR * 1e3 * inside + counts
+        rows += [
+            Row.at_most(name, what, limit, worst, "mm", spread=_SPREAD),
+            Row.info(name, "the same in one process", 1e3 * inside, "mm"),
+        ]
+    held_up = float(np.median([run.held_up for run in runs]))
+    return [
+        *rows,
+        Row.info(name, "loop held up, median of the sums", held_up, "s", clock="time"),
+    ]
+
+
+def draw(runs: Mapping[str, Sequence[ServedRun]]) -> Any:
+    """Plot the placement errors of each case."""
+    figure = make_figure(8.0, 4.2)
     axes = figure.subplots()
-    axes.plot([r["seed"] for r in results], [1e3 * r["error_m"] for r in results], "o")
-    axes.set_xticks([r["seed"] for r in results])
-    axes.set_ylim(bottom=0.0)
-    style_axes(axes, xlabel="seed", ylabel="distance from the goal [mm]")
+    for k, made in enumerate(runs.values()):
+        errors = [1e3 * run.error for run in made if run.placed]
+        axes.plot(errors, np.linspace(k - 0.25, k + 0.25, len(errors)), "o", ms=3)
+    labels = [
+        f"{name} ({sum(run.placed for run in made)} of {len(made)})"
+        for name, made in runs.items()
+    ]
+    axes.set_yticks(range(len(runs)), labels, fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlim(left=0.0)
+    style_axes(axes, xlabel="placement error, larger of x and y [mm]", ylabel="")
     return figure
-
-
-def run_trial(
-    scenario: str,
-    wire: str,
-    seed: int,
-    faults: dict[str, Any],
-    rate: float,
-    watchdog: float,
-    lead: float,
-    settings: Sequence[str] = (),
-    stream: str = "trajectory",
-) -> dict[str, Any]:
-    """Serve a cell, do its task from another process, and judge where the object is.
-
-    Args:
-        scenario: Its name.
-        wire: "ROS 1" or "ROS 2".
-        seed: Of the scenario.
-        faults: As in a hardware file.
-        rate: Seconds of both sides per real second.
-        watchdog: Of the safety monitor [s].
-        lead: How far ahead commands are sent [s].
-        settings: Of the scenario on both sides, `KEY=VALUE` each.
-        stream: Of the commands, as in a hardware file.
-    """
-    loaded = load_scenario(scenario, seed=seed, overrides=settings)
-    servoing = loaded.servoing
-    hand = "" if servoing is None else servoing.camera
-    with TemporaryDirectory() as folder, open_wire(wire, "hardware_loop") as opened:
-        served, ran = Path(folder, "served"), Path(folder, "ran")
-        common = [scenario, "--seed", str(seed)]
-        common += [word for each in settings for word in ("--set", each)]
-        station = ServedProcess(
-            *common,
-            *("--rate", str(rate), "--out", str(served), "--set", "arm.limits=null"),
-            *opened.arguments,
-        )
-        try:
-            file = Path(folder, "robot.yaml")
-            file.write_text(
-                robot_file(wire, opened.arguments, faults, rate, lead, hand, stream)
-            )
-            safety = f"safety={{watchdog: {watchdog}}}"
-            command = [sys.executable, "-m", "drake_srg", "run", *common, "--json"]
-            command += ["--hardware", str(file), "--out", str(ran), "--set", safety]
-            done = subprocess.run(
-                command, capture_output=True, text=True, timeout=_PATIENCE, check=False
-            )
-        finally:
-            station.stop()
-        answer = json.loads(done.stdout)
-        poses = read_log(served / "log.npz")[f"object_pose.{loaded.task.pick}"]
-    goal = final_pose(loaded, row_to_pose(poses[0])).translation()
-    error = float(np.linalg.norm(poses[-1, :3] - goal))
-    return {
-        "seed": seed,
-        "claimed": bool(answer.get("claimed")),
-        "failure": answer.get("failure") or answer.get("error") or "",
-        "stops": ", ".join(stop["reason"] for stop in answer.get("safety_stops") or ()),
-        "attempts": answer.get("attempts", 0),
-        "placed": error <= loaded.task.place.tolerance,
-        "error_m": error,
-        "cycle_s": answer.get("cycle_time_s") or 0.0,
-        "lost_s": (answer.get("wall_time_s") or 0.0) * rate
-        - (answer.get("sim_time_s") or 0.0),
-    }
-
-
-def robot_file(
-    wire: str,
-    serve_arguments: Any,
-    faults: dict[str, Any],
-    rate: float,
-    lead: float,
-    hand: str = "",
-    stream: str = "trajectory",
-) -> str:
-    """Return the text of the hardware file for a served cell.
-
-    Args:
-        wire: "ROS 1" or "ROS 2".
-        serve_arguments: Of `drake-srg serve`.
-        faults: As in a hardware file.
-        rate: Seconds of both sides per real second.
-        lead: How far ahead commands are sent [s].
-        hand: Name of a visual servo's camera; "" without one.
-        stream: Of the commands.
-    """
-    ros = "Ros1" if wire == "ROS 1" else "Ros2"
-    node = {"--master": "master", "--domain": "domain"}
-    given = dict(zip(serve_arguments[1::2], serve_arguments[2::2], strict=True))
-    nodes = {node[key]: yaml.safe_load(value) for key, value in given.items()}
-    rest = {ros.lower(): nodes, "faults": faults, "rate": rate, "patience": 120.0}
-    tags = (
-        f"arm: !{ros}Arm {{lead: {lead}, stream: {stream}}}\n"
-        f"gripper: !{ros}Gripper {{}}\n"
-        f"cameras:\n  ceiling: !{ros}Camera {{}}\n"
-    )
-    if hand:
-        tags += (
-            f"  {hand}: !{ros}Camera\n"
-            f"    color: /camera_{hand}/color/image_raw\n"
-            f"    depth: /camera_{hand}/depth/image_raw\n"
-            f"    info: /camera_{hand}/color/camera_info\n"
-        )
-    return tags + yaml.safe_dump(rest)

@@ -1,34 +1,45 @@
+import dataclasses as dc
+
 import pytest
 
-from drake_srg.hardware.config import parse_hardware
-from drake_srg.hardware.ros import Ros1Arm, Ros2Gripper
-from measure.hardware_loop import robot_file
+from drake_srg.common.exceptions import ScenarioError
+from measure import hardware_loop
+from measure.hardware_loop import CASES, judge
+from measure.served_runs import ServedRun
 
-FAULTS = {"latency": 0.02, "loss": 0.05, "seed": 3}
-
-
-def test_the_hardware_file_of_a_run_can_be_loaded():
-    text = robot_file("ROS 1", ("--ros1", "--master", "http://x:1"), FAULTS, 1.0, 0.1)
-    config = parse_hardware(text, "robot.yaml")
-    assert isinstance(config.arm, Ros1Arm)
-    assert config.arm.lead == 0.1
-    assert config.ros1.master == "http://x:1"
-    assert config.faults.latency == pytest.approx(0.02)
-    text = robot_file("ROS 2", ("--ros2", "--domain", "9"), FAULTS, 0.5, 0.1)
-    config = parse_hardware(text, "robot.yaml")
-    assert isinstance(config.gripper, Ros2Gripper)
-    assert (config.ros2.domain, config.rate) == (9, 0.5)
-    assert list(config.cameras) == ["ceiling"]
+GOOD = ServedRun(True, True, "", 1.0e-3, 0.0, 7.0, 0.1)
+TOLD = ServedRun(False, False, "stale", 0.2, 0.0, 0.0, 0.1)
+CLEAN, FAULTY = "kitchen, ROS 2", "5 % lost"
 
 
-def test_the_camera_of_a_visual_servo_has_topics_of_its_own():
-    text = robot_file("ROS 2", ("--ros2", "--domain", "9"), FAULTS, 0.5, 0.1, "hand")
-    config = parse_hardware(text, "robot.yaml")
-    assert config.cameras["ceiling"].color == "/camera/color/image_raw"
-    assert config.cameras["hand"].color == "/camera_hand/color/image_raw"
+def failed(rows):
+    return {row.quantity for row in rows if not row.passed}
 
 
-def test_commands_can_be_goals_of_an_action():
-    serve = ("--ros2", "--domain", "9")
-    text = robot_file("ROS 2", serve, FAULTS, 0.5, 0.1, stream="action")
-    assert parse_hardware(text, "robot.yaml").arm.stream == "action"
+def test_a_clean_wire_places_every_object():
+    assert not failed(judge(CLEAN, [GOOD, GOOD], 0.6e-3))
+    assert failed(judge(CLEAN, [GOOD, TOLD], 0.6e-3)) == {"placed, of 2"}
+
+
+def test_a_faulty_one_may_stop_and_say_why():
+    assert not failed(judge(FAULTY, [GOOD, TOLD], None))
+    silent = dc.replace(TOLD, told="")
+    assert failed(judge(FAULTY, [silent], None)) == {"neither placed nor told why"}
+
+
+@pytest.mark.parametrize("name", [CLEAN, FAULTY])
+def test_nothing_may_be_claimed_that_is_not_so(name):
+    wrong = dc.replace(TOLD, claimed=True)
+    assert "claimed, but not placed" in failed(judge(name, [wrong], 0.6e-3))
+
+
+def test_errors_are_judged_by_those_in_one_process():
+    what = "largest placement error in x or y"
+    assert failed(judge(CLEAN, [GOOD], 0.4e-3)) == {what}
+    assert not failed(judge(CLEAN, [dc.replace(GOOD, rounding=0.3e-3)], 0.4e-3))
+
+
+def test_an_unknown_case_is_named():
+    assert CLEAN in CASES
+    with pytest.raises(ScenarioError, match="unknown case 'kitchen, ROS 3'"):
+        hardware_loop.run(lambda items, label: items, cases=["kitchen, ROS 3"])
