@@ -9,20 +9,14 @@ import sys
 from pathlib import Path
 
 from drake_srg.cli.process import stop_on_signals
+from drake_srg.cli.ros import add_ros_arguments, speaks_ros
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 
 
 def add_arguments(serve: argparse.ArgumentParser) -> None:
     """Add the command's arguments, except the scenario."""
-    serve.add_argument("--ros1", action="store_true", help="run a ROS 1 node")
-    serve.add_argument(
-        "--master", metavar="URI", help="ROS 1 master (default: $ROS_MASTER_URI)"
-    )
-    serve.add_argument("--ros2", action="store_true", help="run a ROS 2 node")
-    serve.add_argument(
-        "--domain", type=int, metavar="N", help="ROS 2 domain (default: $ROS_DOMAIN_ID)"
-    )
+    add_ros_arguments(serve, "run a ROS 1 node", "run a ROS 2 node", "clients")
     serve.add_argument(
         "--servo",
         metavar="tcp:PORT|pty",
@@ -33,12 +27,6 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         type=int,
         metavar="1|2",
         help="Dynamixel protocol of the servos (default: 1)",
-    )
-    serve.add_argument(
-        "--host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="this machine's address for clients (default: %(default)s)",
     )
     serve.add_argument(
         "--name",
@@ -109,10 +97,11 @@ def serve(options: argparse.Namespace) -> int:
         from drake_srg.bridges.serve import Serve
         from drake_srg.scenario import load_scenario
 
+        ros1, ros2 = speaks_ros(options)
         bridges = BridgeOptions(
-            ros1=options.ros1 or options.master is not None,
+            ros1=ros1,
             master=options.master,
-            ros2=options.ros2 or options.domain is not None,
+            ros2=ros2,
             domain=options.domain,
             servo=options.servo,
             protocol=options.protocol,

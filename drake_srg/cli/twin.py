@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from drake_srg.cli.process import SUCCESS, TASK_FAILED, stop_on_signals, writing
+from drake_srg.cli.ros import add_ros_arguments, speaks_ros
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.status_line import StatusLine
 
@@ -39,20 +40,7 @@ def add_command(
 
 
 def _add_arguments(twin: argparse.ArgumentParser) -> None:
-    twin.add_argument("--ros1", action="store_true", help="listen to ROS 1")
-    twin.add_argument(
-        "--master", metavar="URI", help="ROS 1 master (default: $ROS_MASTER_URI)"
-    )
-    twin.add_argument("--ros2", action="store_true", help="listen to ROS 2")
-    twin.add_argument(
-        "--domain", type=int, metavar="N", help="ROS 2 domain (default: $ROS_DOMAIN_ID)"
-    )
-    twin.add_argument(
-        "--host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="this machine's address for the robot (default: %(default)s)",
-    )
+    add_ros_arguments(twin, "listen to ROS 1", "listen to ROS 2", "the robot")
     twin.add_argument(
         "--hardware",
         type=Path,
@@ -111,8 +99,7 @@ def _config(options: argparse.Namespace) -> HardwareConfig:
     from drake_srg.hardware.nodes import Ros1Config, Ros2Config
     from drake_srg.hardware.ros import Ros1Arm, Ros1Gripper, Ros2Arm, Ros2Gripper
 
-    ros1 = options.ros1 or options.master is not None
-    ros2 = options.ros2 or options.domain is not None
+    ros1, ros2 = speaks_ros(options)
     if ros1 + ros2 + (options.hardware is not None) != 1:
         raise ScenarioError("twin: needs one of --ros1, --ros2 and --hardware")
     if options.hardware is not None:
