@@ -79,7 +79,13 @@ class ClearingMotions:
         self._aside = np.array([*aside, 0.0])
 
     def plan(
-        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap, number: int = 0
+        self,
+        q_start: Vector,
+        grasp: TopGrasp,
+        height_map: HeightMap,
+        number: int = 0,
+        *,
+        filled: float = -np.inf,
     ) -> dict[Mode, Trajectory] | PlanningFailure:
         """Plan from `q_start` to a grasp, and with what it takes over the bin.
 
@@ -88,9 +94,10 @@ class ClearingMotions:
             grasp: The grasp.
             height_map: Of the table, for motions to keep clear of what is on it.
             number: Of loads that were dropped before.
+            filled: World z up to which the bin may be filled [m].
         """
         try:
-            return self._plan(np.asarray(q_start), grasp, height_map, number)
+            return self._plan(np.asarray(q_start), grasp, height_map, number, filled)
         except NoPathError as error:
             return error.failure
 
@@ -126,16 +133,22 @@ class ClearingMotions:
         return failure
 
     def _plan(
-        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap, number: int
+        self,
+        q_start: Vector,
+        grasp: TopGrasp,
+        height_map: HeightMap,
+        number: int,
+        filled: float,
     ) -> dict[Mode, Trajectory]:
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
         near = self._config.approach_distance
         approach = max(near, over - float(grasp.p_WC[2]))
         load = Load.seen(self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table)
-        if not load.sag:  # long things need the whole bin
-            side = (number + 1) % 3 - 1
-            load = dc.replace(load, aside_W=side * self._aside)
+        side = 0 if load.long else (number + 1) % 3 - 1
+        load = dc.replace(
+            load, aside_W=side * self._aside, piled=max(filled - self._rim, 0.0)
+        )
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,
         # and what hangs from it rises on its way to the bin.
@@ -145,10 +158,10 @@ class ClearingMotions:
             except NoPathError as error:
                 failed = error
                 continue
-            for sag in dict.fromkeys((load.sag, 0.0)):
+            for lifted in (load, load.level):
                 try:
                     return to | self._carry(
-                        q_grasp, grasp, load, height, height_map, sag=sag
+                        q_grasp, grasp, load, height, height_map, lifted
                     )
                 except NoPathError as error:
                     failed = error
@@ -186,28 +199,26 @@ class ClearingMotions:
         load: Load,
         least: float,
         height_map: HeightMap,
-        *,
-        sag: float,
+        lifted: Load,
     ) -> dict[Mode, Trajectory]:
         """Return the motions with the load, which is lifted by `least` [m] or more.
 
-        It may sag by `sag` [m] on the way, and by `load.sag` where it is dropped.
+        It is lifted as high as `lifted` needs, and dropped from as high as `load` does.
 
         Raises:
             NoPathError: If there are none.
         """
         scene, moves = self.scene, self._moves
-        lift = max(least, self._rim + _RIM - self._table + sag)
+        rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
-            up = moves.straight(q_grasp, moves.above(q_grasp, lift))
+            up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
             lifting = moves.timed(up, moves.holding, straight=True)
-        hanging = dc.replace(load, sag=sag)
-        with self._standing(height_map, beside=grasp.p_WC), self._loaded(hanging):
+        with self._standing(height_map, beside=grasp.p_WC), self._loaded(lifted):
             down = self._into_bin(grasp, load)
             away = (
                 moves.joint_path(up[-1], down[-1])
-                if sag == load.sag
+                if lifted is load
                 # It rises on the way, and what hangs from the hand clears the rim.
                 else np.vstack([moves.joint_path(up[-1], down[0]), down[1:]])
             )
@@ -241,15 +252,16 @@ class ClearingMotions:
     def _into_bin(self, grasp: TopGrasp, load: Load) -> Vector:
         """Return the way from `q_over` to where the load is dropped, (k, N) [rad].
 
-        The load's middle is over the bin's or beside that, and just above its rim.
+        The load's middle is over the bin's or beside that, and just above its rim and
+        whatever is in it, or as far above as the hand is at `q_over`.
 
         Raises:
             NoPathError: If the arm cannot go there.
         """
         X_WG = self.scene.X_WG(self.q_over)
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
-        least = self._rim + _RIM + load.sag + below
-        lower = X_WG.translation()[2] - least
+        least = self._rim + load.piled + load.sag + _RIM + below
+        lower = max(X_WG.translation()[2] - least, 0.0)
         aside = load.aside_W - X_WG.rotation() @ load.middle_G
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
         path: Vector = self._moves.straight(self.q_over, place)

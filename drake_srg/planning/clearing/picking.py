@@ -134,7 +134,13 @@ class PickPlanner:
             if there is None:
                 continue
             planned += 1
-            motions = there.plan(q_start, grasp, height_map, memory.picks)
+            motions = there.plan(
+                q_start,
+                grasp,
+                height_map,
+                memory.picks,
+                filled=memory.filled(there.destination),
+            )
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue

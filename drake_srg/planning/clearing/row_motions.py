@@ -78,8 +78,7 @@ class RowMotions(ClearingMotions):
         load: Load,
         least: float,
         height_map: HeightMap,
-        *,
-        sag: float,
+        lifted: Load,
     ) -> dict[Mode, Trajectory]:
         """See `ClearingMotions`; the way with the load ends where it is set down."""
         scene, moves = self.scene, self._moves
@@ -96,7 +95,7 @@ class RowMotions(ClearingMotions):
         lower = float(p_WG[2] - self._place[2]) - palm - _ABOVE
         down = over.shifted(np.array([0.0, 0.0, -lower]))
         with self._standing(height_map, beside=grasp.p_WC):
-            with self._loaded(dc.replace(load, sag=0.0)):
+            with self._loaded(load.level):
                 goal = moves.straight(self.q_over, over)[-1]
                 across = moves.joint_path(up[-1], goal)
                 crossing = moves.timed(across, moves.holding)
