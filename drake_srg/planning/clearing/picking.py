@@ -16,7 +16,7 @@ from drake_srg.planning.clearing.clearing_memory import (
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.push_motions import PushMotions
-from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
+from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Left, Vector
@@ -25,6 +25,9 @@ from drake_srg.types import Failure, HeightMap, Left, Vector
 _MOST_GRASPS = 30
 # Places that are nearer to each other belong to one thing [m].
 _SAME_THING = 0.06
+# Grasps of one thing fail alike, such as on the rim of a plate, if what is between the
+# fingers is as wide and as high within [m].
+_ALIKE = 0.01
 
 
 class PickPlanner:
@@ -123,8 +126,8 @@ class PickPlanner:
         pick = None
         planned = 0
         for grasp in found.grasps:
-            if self._given_up(memory.tried, grasp.p_WC):
-                stuck = self._given_up(memory.stopped, grasp.p_WC)
+            if self._given_up(memory.tried, grasp, found):
+                stuck = self._given_up(memory.stopped, grasp, found)
                 why = Failure.STOPPED if stuck else Failure.NO_GRASP
                 missed.append(Left(grasp.p_WC, why))
                 continue
@@ -173,9 +176,18 @@ class PickPlanner:
         motions = self.pushes.plan(memory.motion.destination, height_map)
         return PlannedPush(motions, time + self.config.latency) if motions else None
 
-    def _given_up(self, tried: Iterable[TopGrasp], p_W: Vector) -> bool:
-        """Return whether as many grasps as allowed have failed at a place."""
-        count = sum(_near(grasp.p_WC, p_W) for grasp in tried)
+    def _given_up(
+        self, tried: Iterable[TopGrasp], grasp: TopGrasp, found: GraspPlan
+    ) -> bool:
+        """Return whether as many grasps as allowed have failed there, or alike."""
+        count = sum(
+            _near(failed.p_WC, grasp.p_WC)
+            or (
+                found.connected(failed.p_WC, grasp.p_WC)
+                and failed.takes_as_much(grasp, _ALIKE)
+            )
+            for failed in tried
+        )
         return count >= self.config.max_attempts
 
 

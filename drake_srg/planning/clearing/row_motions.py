@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses as dc
-
 import numpy as np
 from pydrake.trajectories import Trajectory
 

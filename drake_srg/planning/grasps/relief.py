@@ -107,6 +107,15 @@ class Relief:
                 at = int(np.argmax(distances))
         return found
 
+    def connected(self, p_1: Vector, p_2: Vector) -> bool:
+        """Return whether two places, x, y in world [m], are on one thing."""
+        rows, columns = self.map.cells(np.array([p_1[:2], p_2[:2]])).T
+        ny, nx = self.labels.shape
+        if not np.all((rows >= 0) & (rows < ny) & (columns >= 0) & (columns < nx)):
+            return False
+        first, second = self.labels[rows, columns]
+        return bool(first == second != 0)
+
     def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
         """Return heights above the table at points; 0 outside the map.
 

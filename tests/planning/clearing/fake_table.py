@@ -85,7 +85,11 @@ class Grasps:
         ]
         relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
         return GraspPlan(
-            tuple(grasps), len(left), lambda: tuple(refused), relief.places
+            tuple(grasps),
+            len(left),
+            lambda: tuple(refused),
+            relief.places,
+            relief.connected,
         )
 
 

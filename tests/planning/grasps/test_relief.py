@@ -63,6 +63,18 @@ def test_the_unknown_is_level():
     assert found.things == ()
 
 
+def test_connected_places_are_on_one_thing():
+    found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
+    middles = found.map.middles()
+    one, another = (middles[tuple(thing.cells.T)] for thing in found.things)
+    first, same, other = one[0], one[-1], another[0]
+    table, outside = middles[2, 2], np.array([9.0, 9.0])
+    assert found.connected(first, same)
+    for place in (other, table, outside):
+        assert not found.connected(first, place)
+        assert not found.connected(table, place)
+
+
 @given(st.floats(0.005, 0.1))
 def test_places_are_on_things_and_near_every_part_of_them(apart):
     found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
