@@ -29,7 +29,7 @@ from drake_srg.types import Box, HeightMap, Mode, Shape, Vector
 _TIPS = 0.0
 # How far the open hand reaches around its middle. A hand that comes from the side keeps
 # the middle of its pads so much higher than whatever is within that radius [m].
-_HAND_RADIUS, _OVER = 0.16, 0.06
+HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
 # Distance of a stuck hand from what it presses on: so much of an overlap is free [m].
@@ -141,7 +141,7 @@ class ClearingMotions:
         filled: float,
     ) -> dict[Mode, Trajectory]:
         q_grasp = self._reach(grasp)
-        over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
+        over = highest_near(height_map, grasp.p_WC, HAND_RADIUS) + _OVER
         near = self._config.approach_distance
         approach = max(near, over - float(grasp.p_WC[2]))
         load = Load.seen(self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table)

@@ -9,6 +9,8 @@ from pydrake.math import RigidTransform
 from drake_srg.types import Box, HeightMap, Shape, Vector
 
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
+# Noise breaks low things apart. Parts within this many cells of each other are one.
+_GAP = np.ones((5, 5), np.uint8)
 
 
 def columns(
@@ -66,7 +68,8 @@ def thing_at(
     """
     height = np.nan_to_num(height_map.height, nan=table).astype(np.float32)
     steps = cv2.morphologyEx(height, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-    high = ((height > table + _LEAST_HEIGHT) & (steps < step)).astype(np.uint8)
+    high = (height > table + _LEAST_HEIGHT).astype(np.uint8)
+    high = cv2.morphologyEx(high, cv2.MORPH_CLOSE, _GAP) & (steps < step)
     _, labels = cv2.connectedComponents(high, connectivity=8)
     row, column = height_map.cells(np.asarray(p_W))
     inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]

@@ -13,7 +13,7 @@ from drake_srg.planning.clearing.clearing_memory import (
     Pick,
     PlannedPush,
 )
-from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
@@ -84,6 +84,12 @@ class PickPlanner:
         if seen is None:
             return memory
         before, drop = memory.destinations, memory.drop
+        if memory.pick is not None and drop is not None:
+            # The hand, at the next grasp, is no load beside the bin.
+            p_WC = memory.pick.grasp.p_WC[:2]
+            hand = np.linalg.norm(seen.middles() - p_WC, axis=-1) < HAND_RADIUS
+            hand &= ~drop.destination.contains(seen)
+            seen = dc.replace(seen, height=np.where(hand, np.nan, seen.height))
         seen = seen.completed(before)
         looks = memory.looks + 1
         memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
