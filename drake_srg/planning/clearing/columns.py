@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, Shape, Vector
 
+_TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
 # Noise breaks low things apart. Parts within this many cells of each other are one.
 _GAP = np.ones((5, 5), np.uint8)
@@ -40,6 +45,29 @@ def columns(
     return boxes
 
 
+@contextlib.contextmanager
+def standing(
+    scene: PlanningScene,
+    height_map: HeightMap,
+    table: float,
+    taken: Vector | None = None,
+) -> Iterator[None]:
+    """Let what a map shows stand in a scene, except where something is taken.
+
+    Args:
+        scene: The planning scene.
+        height_map: The map.
+        table: Height of the table [m].
+        taken: Where, shape (2 or 3,) [m]; None: nothing is.
+    """
+    with contextlib.ExitStack() as stack:
+        for shape, X_WO in columns(height_map, table):
+            p_W = X_WO.translation()[:2]
+            if taken is None or np.linalg.norm(p_W - taken[:2]) > _TAKEN_RADIUS:
+                stack.enter_context(scene.standing(shape, X_WO))
+        yield
+
+
 def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
     """Return the height of the highest thing near a place, in world [m].
 
@@ -69,8 +97,9 @@ def thing_at(
     height = np.nan_to_num(height_map.height, nan=table).astype(np.float32)
     steps = cv2.morphologyEx(height, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
     high = (height > table + _LEAST_HEIGHT).astype(np.uint8)
-    high = cv2.morphologyEx(high, cv2.MORPH_CLOSE, _GAP) & (steps < step)
-    _, labels = cv2.connectedComponents(high, connectivity=8)
+    high = cv2.morphologyEx(high, cv2.MORPH_CLOSE, _GAP)
+    high = (steps < step) & (np.asarray(high) > 0)
+    _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
     row, column = height_map.cells(np.asarray(p_W))
     inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]
     if not (inside and high[row, column]):
