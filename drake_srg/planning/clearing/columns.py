@@ -96,9 +96,9 @@ def thing_at(
     """
     height = np.nan_to_num(height_map.height, nan=table).astype(np.float32)
     steps = cv2.morphologyEx(height, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-    high = (height > table + _LEAST_HEIGHT).astype(np.uint8)
-    high = cv2.morphologyEx(high, cv2.MORPH_CLOSE, _GAP)
-    high = (steps < step) & (np.asarray(high) > 0)
+    found = (height > table + _LEAST_HEIGHT).astype(np.uint8)
+    joined = np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, _GAP))
+    high = (joined > 0) & (steps < step)
     _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
     row, column = height_map.cells(np.asarray(p_W))
     inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]
