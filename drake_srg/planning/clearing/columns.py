@@ -12,6 +12,8 @@ from pydrake.math import RigidTransform
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, Shape, Vector
 
+# Between pads there may be a gap, such as that of a fork. The thing is as near as [m]:
+_FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
 # Noise breaks low things apart. Parts within this many cells of each other are one.
@@ -86,7 +88,7 @@ def thing_at(
     """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
 
     Things that touch count as one, unless a step in height parts them. Where the map
-    shows nothing, or only a step, the place itself is all there is.
+    shows nothing near, or only steps, the place itself is all there is.
 
     Args:
         height_map: The map.
@@ -100,9 +102,9 @@ def thing_at(
     joined = np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, _GAP))
     high = (joined > 0) & (steps < step)
     _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
-    row, column = height_map.cells(np.asarray(p_W))
-    inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]
-    if not (inside and high[row, column]):
-        return np.asarray(p_W, dtype=float)[np.newaxis, :2]
-    cells: Vector = height_map.middles()[labels == labels[row, column]]
+    middles, place = height_map.middles(), np.asarray(p_W, dtype=float)[:2]
+    away = np.where(high, np.linalg.norm(middles - place, axis=-1), np.inf)
+    if away.min() > _FORK:
+        return place[np.newaxis]
+    cells: Vector = middles[labels == labels.flat[away.argmin()]]
     return cells

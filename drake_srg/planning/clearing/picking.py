@@ -189,8 +189,9 @@ class PickPlanner:
         count = sum(
             _near(failed.p_WC, grasp.p_WC)
             or (
-                found.connected(failed.p_WC, grasp.p_WC)
-                and failed.takes_as_much(grasp, _ALIKE)
+                failed.takes_as_much(grasp, _ALIKE)
+                # It may have moved a little since.
+                and found.beside_same(grasp.p_WC, failed.p_WC, _SAME_THING)
             )
             for failed in tried
         )

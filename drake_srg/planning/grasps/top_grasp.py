@@ -108,7 +108,7 @@ class GraspPlan:
     things: int = 0
     explain: Callable[[], tuple[Refusal, ...]] = tuple
     places: Callable[[float], Sequence[Vector]] = lambda apart: ()
-    connected: Callable[[Vector, Vector], bool] = lambda p_1, p_2: False
+    beside_same: Callable[[Vector, Vector, float], bool] = lambda p_1, p_2, apart: False
 
     @functools.cached_property
     def refused(self) -> tuple[Refusal, ...]:

@@ -122,7 +122,7 @@ class TopGraspSearch(abc.ABC):
             len(relief.things),
             lambda: self._refusals(relief, grasps, seed),
             relief.places,
-            relief.connected,
+            relief.beside_same,
         )
 
     def _refusals(

@@ -89,7 +89,7 @@ class Grasps:
             len(left),
             lambda: tuple(refused),
             relief.places,
-            relief.connected,
+            relief.beside_same,
         )
 
 

@@ -52,6 +52,13 @@ def test_noise_does_not_break_a_low_thing_apart():
     assert cells[:, 0].max() < 0.15
 
 
+def test_the_thing_around_a_gap_between_the_pads():
+    fork = table((0.1, 0.1), (0.2, 0.1), (0.15, 0.12))
+    cells = thing_at(fork, 0.0, np.array([0.15, 0.09]))
+    assert cells[:, 0].min() < 0.1
+    assert cells[:, 0].max() > 0.2
+
+
 def test_where_nothing_is_the_place_counts():
     cells = thing_at(table(), 0.0, np.array([0.1, 0.1, 0.0]))
     np.testing.assert_allclose(cells, [[0.1, 0.1]])
