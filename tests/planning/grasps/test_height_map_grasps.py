@@ -175,3 +175,13 @@ def test_a_ball_is_held_below_its_middle(radius):
     ends = grasp.X_WG.translation()[2] - HAND.deepest - TABLE
     assert ends < radius
     assert np.hypot(*grasp.p_WC[:2]) < 0.008
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_makes_no_flank_of_the_rim_of_a_plate(seed):
+    plate = height_map(noise=0.003, seed=seed)
+    radius = np.linalg.norm(plate.middles(), axis=-1)
+    plate.height[:] += np.interp(radius, [0.085, 0.128], [0.01, 0.024]) * (
+        radius < 0.13
+    )
+    assert PLANNER.plan(plate).grasps == ()
