@@ -94,6 +94,24 @@ def test_a_load_clears_the_rim_even_if_it_hangs_from_the_pads(
     assert risen(motions, turned, height_map) < risen(motions, grasp, height_map)
 
 
+def test_far_out_a_load_that_hangs_is_drawn_in_before_it_crosses_the_rim(
+    scenario, motions
+):
+    grasp, height_map = bar_at((0.78, 0.05), -0.1, 0.2)
+    planned = motions.plan(motions.q_home, grasp, height_map)
+    assert not isinstance(planned, PlanningFailure), planned.message
+    low, high = bin_boxes(scenario)["bin"]
+    p_GC = grasp.X_WG.inverse() @ grasp.p_WC
+    way = planned[Mode.TRANSFER]
+    over = []
+    for time in np.linspace(way.start_time(), way.end_time(), 60):
+        p_WC = motions.scene.X_WG(way.value(time)[:, 0]) @ p_GC
+        if np.all(p_WC[:2] > low[:2]) and np.all(p_WC[:2] < high[:2]):
+            over.append(p_WC[2] - 0.2)
+    assert over
+    assert min(over) > high[2]
+
+
 def test_loads_are_carried_over_what_is_in_the_bin(scenario, motions):
     filled = bin_boxes(scenario)["bin"][1][2] + 0.1
     planned = motions.plan(
