@@ -152,8 +152,10 @@ def _motions_to(
     size = (high - low)[:2]
     q_home = np.array(scenario.arm.home)
     p_WO = np.array([*(0.5 * (low + high))[:2], high[2] + _OVER])
+    # Long loads lie across the direction of closing: along the bin, if the arm can.
+    along = 0.0 if size[0] < size[1] else 0.5 * np.pi
     try:
-        q_over = _posture_over(scene, q_home, p_WO)
+        q_over = _posture_over(scene, q_home, p_WO, [along, along + np.pi], _ANY_YAW)
     except ScenarioError as error:
         raise ScenarioError(f"{bin_key(scenario, name)}: {error}") from None
     return ClearingMotions(
@@ -173,7 +175,7 @@ def _posture_over(
     scene: PlanningScene,
     q_home: Vector,
     p_WO: Vector,
-    yaws: Iterable[float] = _ANY_YAW,
+    *yaws: Iterable[float],
 ) -> Vector:
     """Return the posture nearest to home with the hand down over the bin, (N,) [rad].
 
@@ -181,23 +183,25 @@ def _posture_over(
         scene: The arm and the bin.
         q_home: The arm's home, shape (N,) [rad].
         p_WO: Where the palm must be, shape (3,) [m].
-        yaws: Directions in which the fingers may close, from the world's x [rad].
+        *yaws: Directions in which the fingers may close, from the world's x [rad];
+            later ones only where the arm cannot do any of the earlier ones.
 
     Raises:
         ScenarioError: If there is none.
     """
     scene.SetFingers({})
-    found = [
-        solve_inverse_kinematics(
-            scene,
-            HandTarget.from_pose(palm_pose(p_WO, yaw)),
-            q_nominal=q_home,
-        )
-        for yaw in yaws
-    ]
-    solved = [ik for ik in found if isinstance(ik, IkSolution)]
-    if solved:
-        return min(solved, key=lambda ik: ik.cost).q
+    for some in yaws:
+        found = [
+            solve_inverse_kinematics(
+                scene,
+                HandTarget.from_pose(palm_pose(p_WO, yaw)),
+                q_nominal=q_home,
+            )
+            for yaw in some
+        ]
+        solved = [ik for ik in found if isinstance(ik, IkSolution)]
+        if solved:
+            return min(solved, key=lambda ik: ik.cost).q
     failed = [ik for ik in found if isinstance(ik, IkFailure)]
     reason = min(failed, key=lambda ik: ik.violation).message
     raise ScenarioError(f"out of reach: {reason}")

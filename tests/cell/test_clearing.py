@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 
+import numpy as np
 import pytest
 
 from drake_srg.cell import clearing
@@ -53,7 +54,10 @@ def test_the_hand_drops_over_the_bin():
     scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
     planner = MakeClearingPlanner(scenario)
     motions = planner.planner.motions
-    p_W = motions.scene.X_WG(motions.q_over).translation()
+    X_WG = motions.scene.X_WG(motions.q_over)
+    p_W = X_WG.translation()
     low, high = bin_boxes(scenario)["bin"]
+    long = int(np.argmax((high - low)[:2]))  # loads lie across the closing direction
+    assert abs(X_WG.rotation().matrix()[long, 2]) > 0.99
     assert p_W[:2] == pytest.approx(0.5 * (low + high)[:2], abs=1e-3)
     assert p_W[2] > high[2] + 0.2

@@ -97,6 +97,18 @@ class ClearingMemory:
         assert self.pick is not None, "this mode needs a planned pick"
         return self.pick
 
+    def filled(self, destination: Destination) -> float:
+        """Return the world z up to which a destination may be filled [m].
+
+        The load that was let go last has not been looked for yet: it may lie on top.
+        """
+        if self.destinations is None:
+            return -np.inf
+        top = destination.top(self.destinations)
+        if self.drop is not None and self.drop.destination is destination:
+            top += self.drop.load.height
+        return top
+
     def status(self, mode: Mode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
         return PlannerStatus(

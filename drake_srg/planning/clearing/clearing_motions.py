@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.columns import columns, highest_near
+from drake_srg.planning.clearing.columns import highest_near, standing
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
@@ -23,19 +23,21 @@ from drake_srg.planning.motion.inverse_kinematics import (
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.types import Box, HeightMap, Mode, Shape, Vector
+from drake_srg.types import Box, HeightMap, Mode, Vector
 
 # Margin of the hand while it is at a grasp [m]: grasps keep their own clearance.
 _TIPS = 0.0
 # How far the open hand reaches around its middle. A hand that comes from the side keeps
 # the middle of its pads so much higher than whatever is within that radius [m].
-_HAND_RADIUS, _OVER = 0.16, 0.06
+HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
 # Distance of a stuck hand from what it presses on: so much of an overlap is free [m].
 _PRESSED = -0.02
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
-_TAKEN_RADIUS = 0.12  # things this near to the grasp are the load itself [m]
+# Shares of the distance from the arm by which a load is drawn in that it cannot lift
+# high enough where it is.
+_DRAWN_IN = (0.15, 0.3, 0.45)
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
 
 
@@ -79,7 +81,13 @@ class ClearingMotions:
         self._aside = np.array([*aside, 0.0])
 
     def plan(
-        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap, number: int = 0
+        self,
+        q_start: Vector,
+        grasp: TopGrasp,
+        height_map: HeightMap,
+        number: int = 0,
+        *,
+        filled: float = -np.inf,
     ) -> dict[Mode, Trajectory] | PlanningFailure:
         """Plan from `q_start` to a grasp, and with what it takes over the bin.
 
@@ -88,9 +96,10 @@ class ClearingMotions:
             grasp: The grasp.
             height_map: Of the table, for motions to keep clear of what is on it.
             number: Of loads that were dropped before.
+            filled: World z up to which the bin may be filled [m].
         """
         try:
-            return self._plan(np.asarray(q_start), grasp, height_map, number)
+            return self._plan(np.asarray(q_start), grasp, height_map, number, filled)
         except NoPathError as error:
             return error.failure
 
@@ -126,29 +135,35 @@ class ClearingMotions:
         return failure
 
     def _plan(
-        self, q_start: Vector, grasp: TopGrasp, height_map: HeightMap, number: int
+        self,
+        q_start: Vector,
+        grasp: TopGrasp,
+        height_map: HeightMap,
+        number: int,
+        filled: float,
     ) -> dict[Mode, Trajectory]:
         q_grasp = self._reach(grasp)
-        over = highest_near(height_map, grasp.p_WC, _HAND_RADIUS) + _OVER
+        over = highest_near(height_map, grasp.p_WC, HAND_RADIUS) + _OVER
         near = self._config.approach_distance
         approach = max(near, over - float(grasp.p_WC[2]))
         load = Load.seen(self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table)
-        if not load.sag:  # long things need the whole bin
-            side = (number + 1) % 3 - 1
-            load = dc.replace(load, aside_W=side * self._aside)
+        side = 0 if load.long else (number + 1) % 3 - 1
+        load = dc.replace(
+            load, aside_W=side * self._aside, piled=max(filled - self._rim, 0.0)
+        )
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,
-        # and what hangs from it rises on its way to the bin.
+        # and draws what hangs from it in.
         for height in dict.fromkeys((approach, near)):
             try:
                 to = self._approach(q_start, q_grasp, grasp, height, height_map)
             except NoPathError as error:
                 failed = error
                 continue
-            for sag in dict.fromkeys((load.sag, 0.0)):
+            for lifted in (load, load.level):
                 try:
                     return to | self._carry(
-                        q_grasp, grasp, load, height, height_map, sag=sag
+                        q_grasp, grasp, load, height, height_map, lifted
                     )
                 except NoPathError as error:
                     failed = error
@@ -172,7 +187,7 @@ class ClearingMotions:
         with scene.reaching(_TIPS):
             down = moves.straight(q_grasp, moves.above(q_grasp, height))[::-1]
             lowering = moves.timed(down, moves.free, straight=True)
-        with self._standing(height_map):
+        with standing(self.scene, height_map, self._table):
             to = moves.joint_path(q_start, down[0])
             return {
                 Mode.PRE_GRASP: moves.timed(to, moves.free),
@@ -186,33 +201,49 @@ class ClearingMotions:
         load: Load,
         least: float,
         height_map: HeightMap,
-        *,
-        sag: float,
+        lifted: Load,
     ) -> dict[Mode, Trajectory]:
         """Return the motions with the load, which is lifted by `least` [m] or more.
 
-        It may sag by `sag` [m] on the way, and by `load.sag` where it is dropped.
+        It is lifted as high as `lifted` needs, and dropped from as high as `load` does.
 
         Raises:
             NoPathError: If there are none.
         """
         scene, moves = self.scene, self._moves
-        lift = max(least, self._rim + _RIM - self._table + sag)
+        rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
-            up = moves.straight(q_grasp, moves.above(q_grasp, lift))
+            up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
             lifting = moves.timed(up, moves.holding, straight=True)
-        hanging = dc.replace(load, sag=sag)
-        with self._standing(height_map, beside=grasp.p_WC), self._loaded(hanging):
+        around = standing(scene, height_map, self._table, taken=grasp.p_WC)
+        with around, self._loaded(lifted):
             down = self._into_bin(grasp, load)
-            away = (
-                moves.joint_path(up[-1], down[-1])
-                if sag == load.sag
-                # It rises on the way, and what hangs from the hand clears the rim.
-                else np.vstack([moves.joint_path(up[-1], down[0]), down[1:]])
-            )
+            drawn = up[-1:] if lifted is load else self._drawn_in(up[-1], load)
+            with self._loaded(load):
+                across = moves.joint_path(drawn[-1], down[-1])
+            away = np.vstack([drawn, across[1:]])
             carrying = moves.timed(away, moves.holding)
         return {Mode.LIFT: lifting, Mode.TRANSFER: carrying}
+
+    def _drawn_in(self, q: Vector, load: Load) -> Vector:
+        """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
+
+        Raises:
+            NoPathError: If the arm cannot go there.
+        """
+        X_WG = self.scene.X_WG(q)
+        away = (X_WG.translation() - self.scene.p_WA) * [1.0, 1.0, 0.0]
+        up = np.array([0.0, 0.0, load.sag + load.piled])
+        for share in _DRAWN_IN:
+            target = HandTarget.from_pose(X_WG).shifted(up - share * away)
+            try:
+                path: Vector = self._moves.straight(q, target)
+            except NoPathError as error:
+                failed = error
+            else:
+                return path
+        raise failed
 
     def _reach(self, grasp: TopGrasp) -> Vector:
         """Return the posture of a grasp nearest to `q_over`, either finger in front.
@@ -241,41 +272,20 @@ class ClearingMotions:
     def _into_bin(self, grasp: TopGrasp, load: Load) -> Vector:
         """Return the way from `q_over` to where the load is dropped, (k, N) [rad].
 
-        The load's middle is over the bin's or beside that, and just above its rim.
+        The load's middle is over the bin's or beside that, and just above its rim and
+        whatever is in it, or as far above as the hand is at `q_over`.
 
         Raises:
             NoPathError: If the arm cannot go there.
         """
         X_WG = self.scene.X_WG(self.q_over)
         below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
-        least = self._rim + _RIM + load.sag + below
-        lower = X_WG.translation()[2] - least
+        least = self._rim + load.piled + load.sag + _RIM + below
+        lower = max(X_WG.translation()[2] - least, 0.0)
         aside = load.aside_W - X_WG.rotation() @ load.middle_G
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
         path: Vector = self._moves.straight(self.q_over, place)
         return path
-
-    @contextlib.contextmanager
-    def _standing(
-        self, height_map: HeightMap, beside: Vector | None = None
-    ) -> Iterator[None]:
-        """Let what a map shows stand on the table, except where something is taken."""
-        with contextlib.ExitStack() as stack:
-            for shape, X_WO in self._things(height_map, beside):
-                stack.enter_context(self.scene.standing(shape, X_WO))
-            yield
-
-    def _things(
-        self, height_map: HeightMap, beside: Vector | None
-    ) -> Sequence[tuple[Shape, RigidTransform]]:
-        things = columns(height_map, self._table)
-        if beside is None:
-            return things
-        return [
-            (shape, X_WO)
-            for shape, X_WO in things
-            if np.linalg.norm(X_WO.translation()[:2] - beside[:2]) > _TAKEN_RADIUS
-        ]
 
     @contextlib.contextmanager
     def _loaded(self, load: Load) -> Iterator[None]:

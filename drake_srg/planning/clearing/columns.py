@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 import cv2
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Box, HeightMap, Shape, Vector
 
+# Between pads there may be a gap, such as that of a fork. The thing is as near as [m]:
+_FORK = 0.02
+_TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
+# Noise breaks low things apart. Parts within this many cells of each other are one.
+_GAP = np.ones((5, 5), np.uint8)
 
 
 def columns(
@@ -38,6 +47,29 @@ def columns(
     return boxes
 
 
+@contextlib.contextmanager
+def standing(
+    scene: PlanningScene,
+    height_map: HeightMap,
+    table: float,
+    taken: Vector | None = None,
+) -> Iterator[None]:
+    """Let what a map shows stand in a scene, except where something is taken.
+
+    Args:
+        scene: The planning scene.
+        height_map: The map.
+        table: Height of the table [m].
+        taken: Where, shape (2 or 3,) [m]; None: nothing is.
+    """
+    with contextlib.ExitStack() as stack:
+        for shape, X_WO in columns(height_map, table):
+            p_W = X_WO.translation()[:2]
+            if taken is None or np.linalg.norm(p_W - taken[:2]) > _TAKEN_RADIUS:
+                stack.enter_context(scene.standing(shape, X_WO))
+        yield
+
+
 def highest_near(height_map: HeightMap, p_W: Vector, radius: float) -> float:
     """Return the height of the highest thing near a place, in world [m].
 
@@ -56,7 +88,7 @@ def thing_at(
     """Return the middles of the cells of the thing at a place, shape (n, 2) [m].
 
     Things that touch count as one, unless a step in height parts them. Where the map
-    shows nothing, or only a step, the place itself is all there is.
+    shows nothing near, or only steps, the place itself is all there is.
 
     Args:
         height_map: The map.
@@ -66,11 +98,13 @@ def thing_at(
     """
     height = np.nan_to_num(height_map.height, nan=table).astype(np.float32)
     steps = cv2.morphologyEx(height, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-    high = ((height > table + _LEAST_HEIGHT) & (steps < step)).astype(np.uint8)
-    _, labels = cv2.connectedComponents(high, connectivity=8)
-    row, column = height_map.cells(np.asarray(p_W))
-    inside = 0 <= row < high.shape[0] and 0 <= column < high.shape[1]
-    if not (inside and high[row, column]):
-        return np.asarray(p_W, dtype=float)[np.newaxis, :2]
-    cells: Vector = height_map.middles()[labels == labels[row, column]]
+    found = (height > table + _LEAST_HEIGHT).astype(np.uint8)
+    joined = np.asarray(cv2.morphologyEx(found, cv2.MORPH_CLOSE, _GAP))
+    high = (joined > 0) & (steps < step)
+    _, labels = cv2.connectedComponents(high.astype(np.uint8), connectivity=8)
+    middles, place = height_map.middles(), np.asarray(p_W, dtype=float)[:2]
+    away = np.where(high, np.linalg.norm(middles - place, axis=-1), np.inf)
+    if away.min() > _FORK:
+        return place[np.newaxis]
+    cells: Vector = middles[labels == labels.flat[away.argmin()]]
     return cells

@@ -20,6 +20,9 @@ _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
 # load that leans on the rim may hang over it where no camera sees, and fall either way.
 _MOST_BESIDE = 0.25
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
+# A bin's edge in maps flickers between wall and table within this distance outside [m].
+# As far inside, there may still be wall [m].
+_EDGE, _WALL = 0.01, 0.02
 # What was set down is as high as it was, within [m].
 _SAME_HEIGHT = 0.015
 
@@ -67,6 +70,7 @@ class Destination:
         inside, around = self.contains(after), self.contains(after, BESIDE)
         if self.rim is not None:
             low = after.height < self.rim + _ABOVE_RIM
+            around &= ~(low & self.contains(after, _EDGE)) | inside
             inside &= low | self.contains(after, -_NEAR_RIM)
         area = after.resolution**2
         rises = area * np.fmax(risen, 0.0)
@@ -78,6 +82,11 @@ class Destination:
             return True
         top = np.median(after.height[inside & (risen > 0.0)]) - self.level
         return bool(abs(top - load.height) < _SAME_HEIGHT)
+
+    def top(self, height_map: HeightMap) -> float:
+        """Return the world z of the highest thing inside, -inf if none is seen [m]."""
+        inside = height_map.height[self.contains(height_map, -_WALL)]
+        return float(np.nanmax(inside, initial=-np.inf))
 
     def contains(
         self, height_map: HeightMap, margin: float = 0.0

@@ -10,10 +10,11 @@ from pydrake.math import RigidTransform
 from drake_srg.planning.clearing.columns import thing_at
 from drake_srg.types import HeightMap, Vector
 
-# A load that reaches further than this from the grasp may turn in the hand. Then it
-# hangs lower, but no household object by more than `_MOST_SAG` [m]: the hammer, held by
-# its head, has a handle of 0.32 m.
-_SAGS_BEYOND, _MOST_SAG = 0.1, 0.22
+# A load turns about the line between the pads until it hangs from them, but no
+# household object by more than `_MOST_SAG` [m] below where it lay: the hammer, held by
+# its head, has a handle of 0.32 m. What reaches further than `_LONG` from the grasp may
+# hang beside where it lay [m].
+_MOST_SAG, _LONG = 0.22, 0.1
 # Things that touch are parted by a step of this height [m]: more than noise makes.
 _STEP = 0.015
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
@@ -27,10 +28,17 @@ class Load:
     p_GC: Vector  # the grasp in the hand, shape (3,) [m]
     below: float  # how far it hangs below the grasp [m]
     sag: float  # how much further it may hang, turned in the hand [m]
+    long: bool  # it needs the whole bin
     # From the grasp to where its middle may be expected, level, in the hand, (3,) [m].
     middle_G: Vector
     # From the bin's middle to where it is dropped, in world, shape (3,) [m].
     aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    piled: float = 0.0  # how far what is in the bin rises above its rim [m]
+
+    @property
+    def level(self) -> Load:
+        """The same load if it does not turn in the hand, and the bin is not full."""
+        return dc.replace(self, sag=0.0, piled=0.0)
 
     @classmethod
     def seen(
@@ -45,15 +53,20 @@ class Load:
             table: Height of the table [m].
         """
         # Its neighbours may hang from it, but do not move its middle.
-        far = float(np.max(np.linalg.norm(_away(height_map, table, p_WC), axis=1)))
+        all_away = _away(height_map, table, p_WC)
+        across_W = X_WG.rotation().matrix()[:2, 2]  # of the line between the pads
+        hangs = float(np.max(np.abs(all_away @ across_W)))
+        below = max(float(p_WC[2]) - table, 0.01)
+        long = bool(np.max(np.linalg.norm(all_away, axis=1)) > _LONG)
         away = _away(height_map, table, p_WC, _STEP)
         middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
-        if far > _SAGS_BEYOND:  # it is there, or below the hand: halfway errs least
+        if long:  # it is there, or below the hand: halfway errs least
             middle *= 0.5
         return cls(
             p_GC=X_WG.inverse() @ p_WC,
-            below=max(float(p_WC[2]) - table, 0.01),
-            sag=min(max(far - _SAGS_BEYOND, 0.0), _MOST_SAG),
+            below=below,
+            sag=min(max(hangs - below, 0.0), _MOST_SAG),
+            long=long,
             middle_G=X_WG.rotation().inverse() @ np.array([*middle, 0.0]),
         )
 

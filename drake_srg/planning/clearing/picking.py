@@ -13,10 +13,10 @@ from drake_srg.planning.clearing.clearing_memory import (
     Pick,
     PlannedPush,
 )
-from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.push_motions import PushMotions
-from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
+from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Left, Vector
@@ -25,6 +25,9 @@ from drake_srg.types import Failure, HeightMap, Left, Vector
 _MOST_GRASPS = 30
 # Places that are nearer to each other belong to one thing [m].
 _SAME_THING = 0.06
+# Grasps of one thing fail alike, such as on the rim of a plate, if what is between the
+# fingers is as wide and as high within [m].
+_ALIKE = 0.01
 
 
 class PickPlanner:
@@ -81,6 +84,12 @@ class PickPlanner:
         if seen is None:
             return memory
         before, drop = memory.destinations, memory.drop
+        if memory.pick is not None and drop is not None:
+            # The hand, at the next grasp, is no load beside the bin.
+            p_WC = memory.pick.grasp.p_WC[:2]
+            hand = np.linalg.norm(seen.middles() - p_WC, axis=-1) < HAND_RADIUS
+            hand &= ~drop.destination.contains(seen)
+            seen = dc.replace(seen, height=np.where(hand, np.nan, seen.height))
         seen = seen.completed(before)
         looks = memory.looks + 1
         memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
@@ -123,8 +132,8 @@ class PickPlanner:
         pick = None
         planned = 0
         for grasp in found.grasps:
-            if self._given_up(memory.tried, grasp.p_WC):
-                stuck = self._given_up(memory.stopped, grasp.p_WC)
+            if self._given_up(memory.tried, grasp, found):
+                stuck = self._given_up(memory.stopped, grasp, found)
                 why = Failure.STOPPED if stuck else Failure.NO_GRASP
                 missed.append(Left(grasp.p_WC, why))
                 continue
@@ -134,7 +143,13 @@ class PickPlanner:
             if there is None:
                 continue
             planned += 1
-            motions = there.plan(q_start, grasp, height_map, memory.picks)
+            motions = there.plan(
+                q_start,
+                grasp,
+                height_map,
+                memory.picks,
+                filled=memory.filled(there.destination),
+            )
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))
                 continue
@@ -167,9 +182,19 @@ class PickPlanner:
         motions = self.pushes.plan(memory.motion.destination, height_map)
         return PlannedPush(motions, time + self.config.latency) if motions else None
 
-    def _given_up(self, tried: Iterable[TopGrasp], p_W: Vector) -> bool:
-        """Return whether as many grasps as allowed have failed at a place."""
-        count = sum(_near(grasp.p_WC, p_W) for grasp in tried)
+    def _given_up(
+        self, tried: Iterable[TopGrasp], grasp: TopGrasp, found: GraspPlan
+    ) -> bool:
+        """Return whether as many grasps as allowed have failed there, or alike."""
+        count = sum(
+            _near(failed.p_WC, grasp.p_WC)
+            or (
+                failed.takes_as_much(grasp, _ALIKE)
+                # It may have moved a little since.
+                and found.beside_same(grasp.p_WC, failed.p_WC, _SAME_THING)
+            )
+            for failed in tried
+        )
         return count >= self.config.max_attempts
 
 

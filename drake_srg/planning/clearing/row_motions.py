@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses as dc
-
 import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.columns import standing
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
@@ -78,8 +77,7 @@ class RowMotions(ClearingMotions):
         load: Load,
         least: float,
         height_map: HeightMap,
-        *,
-        sag: float,
+        lifted: Load,
     ) -> dict[Mode, Trajectory]:
         """See `ClearingMotions`; the way with the load ends where it is set down."""
         scene, moves = self.scene, self._moves
@@ -95,8 +93,8 @@ class RowMotions(ClearingMotions):
         palm = float(grasp.X_WG.translation()[2]) - self._table  # above the support
         lower = float(p_WG[2] - self._place[2]) - palm - _ABOVE
         down = over.shifted(np.array([0.0, 0.0, -lower]))
-        with self._standing(height_map, beside=grasp.p_WC):
-            with self._loaded(dc.replace(load, sag=0.0)):
+        with standing(scene, height_map, self._table, taken=grasp.p_WC):
+            with self._loaded(load.level):
                 goal = moves.straight(self.q_over, over)[-1]
                 across = moves.joint_path(up[-1], goal)
                 crossing = moves.timed(across, moves.holding)

@@ -23,16 +23,20 @@ class HeightMapGrasps(TopGraspSearch):
     """
 
     def proposals(self, relief: Relief, rng: Generator) -> tuple[Vector, Vector]:
-        """Return points on things and their middles, each with all directions."""
-        config, things = self._config, relief.things
-        total = sum(len(thing.cells) for thing in things)
-        points = [thing.middle for thing in things]
-        middles = relief.map.middles()
-        for thing in things:
-            share = round(config.points * len(thing.cells) / total)
-            count = min(max(share, config.points_per_thing), len(thing.cells))
-            cells = thing.cells[rng.choice(len(thing.cells), count, replace=False)]
-            points += list(middles[cells[:, 0], cells[:, 1]])
+        """Return points on things and their middles, each with all directions.
+
+        The points are where the hand reaches, which may be only the end of a thing.
+        """
+        config, middles = self._config, relief.map.middles()
+        points = [thing.middle for thing in relief.things]
+        parts = [middles[tuple(thing.cells.T)] for thing in relief.things]
+        if self._reach is not None:
+            parts = [part[self._reach.contains(part)] for part in parts]
+        total = sum(map(len, parts))
+        for part in parts:
+            share = round(config.points * len(part) / max(total, 1))
+            count = min(max(share, config.points_per_thing), len(part))
+            points += list(part[rng.choice(len(part), count, replace=False)])
         p_W = np.array(points)
         yaws = np.pi * (np.arange(config.yaws) / config.yaws - 0.5)
         return np.repeat(p_W, len(yaws), axis=0), np.tile(yaws, len(p_W))

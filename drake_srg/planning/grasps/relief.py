@@ -14,8 +14,9 @@ from drake_srg.types import HeightMap, Vector
 _NEAR = 0.01
 # Smoothing rounds edges; it pays from this noise on [m].
 _NOISY = 3e-4
-# A thing is higher than the table's noise by this many standard deviations.
-_DEVIATIONS = 4.0
+# A thing is higher than the table's noise by this many standard deviations. From there
+# it extends over whatever is higher than it by so many.
+_DEVIATIONS, _EXTENDS = 4.0, 2.0
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -78,7 +79,8 @@ class Relief:
             above = np.asarray(cv2.medianBlur(above, 3), np.float32)
             noise = _noise(above[~unknown])
         least = max(least_height, _DEVIATIONS * noise)
-        labels, things = _things(map_, above, least, least_area)
+        extends = max(least_height, _EXTENDS * noise)
+        labels, things = _things(map_, above, least, extends, least_area)
         return cls(map_, above, unknown, noise, least, labels, things)
 
     def only(self, thing: Thing) -> Relief:
@@ -107,6 +109,21 @@ class Relief:
                 at = int(np.argmax(distances))
         return found
 
+    def beside_same(self, p_1: Vector, p_2: Vector, apart: float) -> bool:
+        """Return whether a thing is at `p_1` and within `apart` of `p_2`, in world [m].
+
+        Args:
+            p_1: Shape (2 or 3,).
+            p_2: Shape (2 or 3,).
+            apart: The distance.
+        """
+        row, column = self.map.cells(np.asarray(p_1))
+        ny, nx = self.labels.shape
+        if not (0 <= row < ny and 0 <= column < nx and self.labels[row, column]):
+            return False
+        parts = self.map.middles()[self.labels == self.labels[row, column]]
+        return bool(np.linalg.norm(parts - p_2[:2], axis=1).min() <= apart)
+
     def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
         """Return heights above the table at points; 0 outside the map.
 
@@ -128,16 +145,25 @@ def _noise(above: npt.NDArray[np.float32]) -> float:
 
 
 def _things(
-    map_: HeightMap, above: npt.NDArray[np.float32], least: float, least_area: float
+    map_: HeightMap,
+    above: npt.NDArray[np.float32],
+    least: float,
+    extends: float,
+    least_area: float,
 ) -> tuple[npt.NDArray[np.int32], tuple[Thing, ...]]:
-    """Return the number of the thing in each cell, and the things."""
-    count, found, stats, _ = cv2.connectedComponentsWithStats(
-        (above > least).astype(np.uint8), connectivity=8
+    """Return the number of the thing in each cell, and the things.
+
+    They have `least_area` [m²] that is higher than `least`, and extend over all cells
+    around it that are higher than `extends` [m]: noise breaks low things apart.
+    """
+    count, found = cv2.connectedComponents(
+        (above > extends).astype(np.uint8), connectivity=8
     )
     labels = np.array(found, np.int32)
+    areas = np.bincount(labels[above > least], minlength=count) * map_.resolution**2
     middles, things = map_.middles(), []
     for label in range(1, count):
-        if stats[label, cv2.CC_STAT_AREA] * map_.resolution**2 < least_area:
+        if areas[label] < least_area:
             labels[labels == label] = 0
             continue
         cells = np.argwhere(labels == label)

@@ -77,6 +77,11 @@ class TopGrasp:
         turn = abs((self.yaw - other.yaw + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
         return bool(apart < distance and turn < angle)
 
+    def takes_as_much(self, other: TopGrasp, within: float) -> bool:
+        """Return whether another grasp takes what is as wide and high, `within` [m]."""
+        wider, higher = self.width - other.width, self.height - other.height
+        return max(abs(wider), abs(higher)) < within
+
 
 @dc.dataclass(frozen=True, eq=False)
 class Refusal:
@@ -103,6 +108,7 @@ class GraspPlan:
     things: int = 0
     explain: Callable[[], tuple[Refusal, ...]] = tuple
     places: Callable[[float], Sequence[Vector]] = lambda apart: ()
+    beside_same: Callable[[Vector, Vector, float], bool] = lambda p_1, p_2, apart: False
 
     @functools.cached_property
     def refused(self) -> tuple[Refusal, ...]:

@@ -122,6 +122,7 @@ class TopGraspSearch(abc.ABC):
             len(relief.things),
             lambda: self._refusals(relief, grasps, seed),
             relief.places,
+            relief.beside_same,
         )
 
     def _refusals(

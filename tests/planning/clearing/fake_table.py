@@ -85,7 +85,11 @@ class Grasps:
         ]
         relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
         return GraspPlan(
-            tuple(grasps), len(left), lambda: tuple(refused), relief.places
+            tuple(grasps),
+            len(left),
+            lambda: tuple(refused),
+            relief.places,
+            relief.beside_same,
         )
 
 
@@ -100,7 +104,7 @@ class Motions:
         self.taken = []
         self.places = False  # loads are set down, not dropped
 
-    def plan(self, q_start, grasp, height_map, number=0):
+    def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")

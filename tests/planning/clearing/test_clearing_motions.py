@@ -77,21 +77,71 @@ def test_motions_follow_one_another(motions):
 
 def test_far_out_a_long_load_is_lifted_less(motions):
     far = (0.78, 0.05)
+    assert 0.1 < risen(motions, *bar_at(far)) < risen(motions, *bar_at(PLACE)) - 0.05
+
+
+@pytest.mark.parametrize("length", [0.06, 0.12, 0.18])
+def test_a_load_clears_the_rim_even_if_it_hangs_from_the_pads(
+    scenario, motions, length
+):
+    """It turns about the line between the pads, down to its farther end."""
+    (_, high), far_end = bin_boxes(scenario)["bin"], 0.7 * length
+    grasp, height_map = bar_at(PLACE, -0.3 * length, far_end)
+    lowest = grasp.p_WC[2] + risen(motions, grasp, height_map) - far_end
+    assert lowest > high[2] + 0.02
+    # Between the pads it lies level, and needs no more than its own height.
+    turned = dc.replace(grasp, X_WG=palm_pose(grasp.X_WG.translation(), 0.5 * np.pi))
+    assert risen(motions, turned, height_map) < risen(motions, grasp, height_map)
+
+
+def test_far_out_a_load_that_hangs_is_drawn_in_before_it_crosses_the_rim(
+    scenario, motions
+):
+    grasp, height_map = bar_at((0.78, 0.05), -0.1, 0.2)
+    planned = motions.plan(motions.q_home, grasp, height_map)
+    assert not isinstance(planned, PlanningFailure), planned.message
+    low, high = bin_boxes(scenario)["bin"]
+    p_GC = grasp.X_WG.inverse() @ grasp.p_WC
+    way = planned[Mode.TRANSFER]
+    over = []
+    for time in np.linspace(way.start_time(), way.end_time(), 60):
+        p_WC = motions.scene.X_WG(way.value(time)[:, 0]) @ p_GC
+        if np.all(p_WC[:2] > low[:2]) and np.all(p_WC[:2] < high[:2]):
+            over.append(p_WC[2] - 0.2)
+    assert over
+    assert min(over) > high[2]
+
+
+def test_loads_are_carried_over_what_is_in_the_bin(scenario, motions):
+    filled = bin_boxes(scenario)["bin"][1][2] + 0.1
+    planned = motions.plan(
+        motions.q_home, grasp_at(PLACE), moved(table(PLACE)), filled=filled
+    )
+    assert not isinstance(planned, PlanningFailure), planned.message
+    below = grasp_at(PLACE).X_WG.translation()[2]  # the palm's origin, to the table
+    for mode in (Mode.LIFT, Mode.TRANSFER):
+        end = planned[mode].value(1e9)[:, 0]
+        assert motions.scene.X_WG(end).translation()[2] > filled + below + 0.02
+
+
+def risen(motions, grasp, height_map):
+    """Return how high a grasp is lifted [m]."""
+    planned = motions.plan(motions.q_home, grasp, height_map)
+    assert not isinstance(planned, PlanningFailure), planned.message
+    lift = planned[Mode.LIFT]
+    start, end = (
+        motions.scene.X_WG(lift.value(time)[:, 0]).translation()[2]
+        for time in (lift.start_time(), lift.end_time())
+    )
+    return end - start
+
+
+def bar_at(place, low=-0.2, high=0.2):
+    """Return a grasp across a bar along y, from `low` to `high`, and its map [m]."""
     height_map = moved(table())
-    row = np.abs(height_map.middles()[:, 0, 1] - far[1]) < 0.02
-    height_map.height[row] = 0.03
-
-    def rise(place):
-        planned = motions.plan(motions.q_home, grasp_at(place), height_map)
-        assert not isinstance(planned, PlanningFailure), planned.message
-        lift = planned[Mode.LIFT]
-        start, end = (
-            motions.scene.X_WG(lift.value(time)[:, 0]).translation()[2]
-            for time in (lift.start_time(), lift.end_time())
-        )
-        return end - start
-
-    assert 0.1 < rise(far) < rise(PLACE) - 0.05
+    x, y = np.moveaxis(height_map.middles() - place, -1, 0)
+    height_map.height[(np.abs(x) < 0.02) & (y > low) & (y < high)] = 0.03
+    return grasp_at(place), height_map
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from planning.clearing.fake_table import (
 )
 
 A, B = (0.1, 0.1), (0.3, 0.2)
+BETWEEN = np.arange(0.1, 0.4, 0.03)  # x of squares that touch each other [m]
 
 
 def run(*places, shown=None, config=CONFIG, unreachable=(), refused=(), width=SIDE):
@@ -95,6 +96,30 @@ def test_leaves_what_fails_too_often():
     (left,) = stuck.status.left
     assert left.failure is Failure.NO_GRASP
     np.testing.assert_allclose(left.p_W[:2], A)
+
+
+@pytest.mark.parametrize(("joined", "attempts"), [(True, 2), (False, 8)])
+def test_grasps_that_are_alike_count_together_on_one_thing(joined, attempts):
+    # Such as all around the rim of a plate.
+    places = [(x, 0.2) for x in (0.1, 0.2, 0.3, 0.4)]
+    shown = table(*places, *((x, 0.2) for x in BETWEEN if joined))
+    tried = run(*places, shown=shown, config=dc.replace(CONFIG, max_attempts=2))
+    for _ in range(attempts):
+        pick(tried, after=shown, felt=False)
+    tried.until(Mode.DONE)
+    assert tried.status.attempts == attempts
+    assert {left.failure for left in tried.status.left} == {Failure.NO_GRASP}
+
+
+@pytest.mark.parametrize("wider", [0.005, 0.02])
+def test_grasps_of_another_width_are_tried_on_what_failed(wider):
+    places = [(0.1, 0.2), (0.2, 0.2)]
+    shown = table(*places, *((x, 0.2) for x in BETWEEN))
+    tried = run(*places, shown=shown, config=dc.replace(CONFIG, max_attempts=1))
+    tried.until(Mode.CLOSE)
+    tried.grasps.width += wider
+    tried.until(Mode.DONE)
+    assert tried.status.attempts == (2 if wider > 0.01 else 1)
 
 
 def test_grasps_of_what_is_given_up_leave_room_for_others():

@@ -42,6 +42,23 @@ def test_a_thing_is_all_that_touches(place):
     assert np.all(np.abs(cells - place) < 0.5 * SIDE)
 
 
+def test_noise_does_not_break_a_low_thing_apart():
+    low = table(*((x, 0.1) for x in np.arange(0.1, 0.3, 0.02)), tall=0.01)
+    low.height[:, 30:34] = 0.0
+    cells = thing_at(low, 0.0, np.array([0.1, 0.1]))
+    assert cells[:, 0].max() > 0.28
+    low.height[:, 30:36] = 0.0
+    cells = thing_at(low, 0.0, np.array([0.1, 0.1]))
+    assert cells[:, 0].max() < 0.15
+
+
+def test_the_thing_around_a_gap_between_the_pads():
+    fork = table((0.1, 0.1), (0.2, 0.1), (0.15, 0.12))
+    cells = thing_at(fork, 0.0, np.array([0.15, 0.09]))
+    assert cells[:, 0].min() < 0.1
+    assert cells[:, 0].max() > 0.2
+
+
 def test_where_nothing_is_the_place_counts():
     cells = thing_at(table(), 0.0, np.array([0.1, 0.1, 0.0]))
     np.testing.assert_allclose(cells, [[0.1, 0.1]])

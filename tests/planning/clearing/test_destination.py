@@ -42,6 +42,25 @@ def test_a_load_that_leans_on_the_rim_may_hang_over_it(x, tall, seen):
     assert deep.has_received(table(), table((x, 0.2), tall=tall), LOAD) == seen
 
 
+@pytest.mark.parametrize(("beyond", "seen"), [(0.0075, True), (0.04, False)])
+def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
+    deep = Destination(BIN.low, BIN.high, rim=0.12)
+    before, after = table(), table((0.25, 0.2), tall=0.02)
+    x, y = np.moveaxis(after.middles(), -1, 0)
+    near = (x > 0.4) & (x < 0.4 + beyond) & (y > 0.1) & (y < 0.3)
+    after.height[near] = 0.12
+    load = SeenLoad(volume=0.02 * SIDE**2, height=0.02)
+    assert deep.has_received(before, after, load) == seen
+
+
+def test_the_top_of_what_is_in_a_bin_leaves_out_its_walls():
+    height_map = table(BEFORE)
+    height_map.height[~BIN.contains(height_map, -0.01)] = 0.12
+    assert BIN.top(height_map) == TALL
+    height_map.height[:] = np.nan
+    assert BIN.top(height_map) == -np.inf
+
+
 @given(seeds)
 def test_a_bin_that_has_not_changed_has_received_nothing(seed):
     before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)

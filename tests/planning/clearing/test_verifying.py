@@ -46,6 +46,19 @@ def test_what_is_not_seen_in_the_bin_is_told(seen):
     assert [left.failure for left in both.status.left] == [Failure.DROPPED]
 
 
+@pytest.mark.parametrize(("hand", "seen"), [((0.45, 0.38), 1), ((0.45, 0.2), 0)])
+def test_the_hand_itself_is_no_load_beside_the_bin(hand, seen):
+    """It is where the next grasp is; what the camera sees elsewhere counts."""
+    near = (0.45, 0.38)
+    both = run(A, near)
+    both.show_bin()
+    pick(both, after=table(near))
+    both.until(Mode.GRASP)
+    both.show_bin(IN_BIN, hand)
+    pick(both, after=table())
+    assert both.status.cycles == seen
+
+
 def test_takes_what_fell_beside_the_bin_where_the_arm_has_hidden_it():
     far = (0.45, 0.35)  # such as the arm itself
     fell = run(A, B, far, shown=table(A))

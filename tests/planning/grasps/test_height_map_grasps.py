@@ -3,7 +3,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps, Reach
+from drake_srg.planning.grasps.height_map_grasps import (
+    HeightMapGrasps,
+    Reach,
+    TopGraspConfig,
+)
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.types import Failure, HeightMap
 
@@ -175,3 +179,27 @@ def test_a_ball_is_held_below_its_middle(radius):
     ends = grasp.X_WG.translation()[2] - HAND.deepest - TABLE
     assert ends < radius
     assert np.hypot(*grasp.p_WC[:2]) < 0.008
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_makes_no_flank_of_the_rim_of_a_plate(seed):
+    plate = height_map(noise=0.003, seed=seed)
+    radius = np.linalg.norm(plate.middles(), axis=-1)
+    plate.height[:] += np.interp(radius, [0.085, 0.128], [0.01, 0.024]) * (
+        radius < 0.13
+    )
+    assert PLANNER.plan(plate).grasps == ()
+
+
+def test_a_thing_may_be_in_reach_with_its_end_only():
+    # A bar beside a wide box, which has most of the area.
+    scene = height_map(
+        (0.0, 0.0, 0.0, 0.26, 0.03, 0.03), (0.1, 0.12, 0.0, 0.2, 0.14, 0.02)
+    )
+    few = TopGraspConfig(points=20, points_per_thing=4)
+    reach = Reach((-0.3, 0.0), 0.1, 0.182)
+    planner = HeightMapGrasps(HAND, TABLE, reach=reach, config=few)
+    for seed in range(5):
+        grasps = planner.plan(scene, seed=seed).grasps
+        assert grasps
+        assert all(grasp.p_WC[0] < -0.1 for grasp in grasps)

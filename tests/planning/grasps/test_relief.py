@@ -63,6 +63,30 @@ def test_the_unknown_is_level():
     assert found.things == ()
 
 
+def test_places_beside_the_same_thing():
+    found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
+    middles = found.map.middles()
+    one, another = (middles[tuple(thing.cells.T)] for thing in found.things)
+    table, outside = middles[2, 2], np.array([9.0, 9.0])
+    assert found.beside_same(one[0], one[-1], 0.0)
+    assert found.beside_same(one[0], one[-1] + [0.0, 0.02], 0.021)
+    for place in (another[0], table, outside):
+        assert not found.beside_same(one[0], place, 0.02)
+        assert not found.beside_same(table, place, 0.02)
+        assert not found.beside_same(outside, place, 0.02)
+
+
+@given(st.integers(0, 99), st.floats(0.006, 0.007))
+def test_noise_does_not_break_low_things_apart(seed, tall):
+    height = np.random.default_rng(seed).normal(TABLE, 0.003, (80, 100))
+    height[30:42, 10:90] += tall
+    map_ = HeightMap(np.array([1.0, 2.0]), 0.002, height)
+    found = Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+    assert np.count_nonzero(found.above[30:42, 10:90] < found.least) > 50
+    whole = max(found.things, key=lambda thing: len(thing.cells))
+    assert whole.size == pytest.approx((0.16, 0.024), abs=0.015)
+
+
 @given(st.floats(0.005, 0.1))
 def test_places_are_on_things_and_near_every_part_of_them(apart):
     found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
