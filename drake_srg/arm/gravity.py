@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context
 
@@ -40,6 +41,11 @@ class GravityCompensation(LeafSystem):
             )
             for name, model in zip(models, self._models, strict=True)
         ]
+        numbers = np.arange(plant.num_positions(), dtype=float)
+        self._where = [  # each model's positions among all
+            plant.GetPositionsFromArray(model, numbers).astype(int)
+            for model in self._models
+        ]
         self.DeclareVectorOutputPort(
             name="torque",
             size=plant.num_velocities(self._models[0]),
@@ -48,10 +54,10 @@ class GravityCompensation(LeafSystem):
         )
 
     def _calc_torque(self, context: Context, output: BasicVector) -> None:
-        for model, state in zip(self._models, self._states, strict=True):
-            self._plant.SetPositionsAndVelocities(
-                self._plant_context, model, state.Eval(context)
-            )
+        q = np.zeros(self._plant.num_positions())
+        for where, state in zip(self._where, self._states, strict=True):
+            q[where] = state.Eval(context)[: len(where)]
+        self._plant.SetPositions(self._plant_context, q)
         forces = self._plant.CalcGravityGeneralizedForces(self._plant_context)
         output.SetFromVector(
             -self._plant.GetVelocitiesFromArray(self._models[0], forces)

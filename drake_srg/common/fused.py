@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,6 @@ from pydrake.systems.framework import (
 
 from drake_srg.common.stages import Stage, declare_input, input_reader, weakly
 from drake_srg.lifetime import LeafSystem
-from drake_srg.types import Vector
 
 
 class StagePort(NamedTuple):
@@ -66,120 +65,152 @@ class FusedStages(LeafSystem):
             if isinstance(wire, str) and wire not in self._ports:
                 kind = stages[target.stage].input_kind(target.port)
                 self._ports[wire] = declare_input(self, wire, kind)
-        self._sources: dict[StagePort, _Source] = {}
-        self._outputs = {name: self._output(port) for name, port in outputs.items()}
+        self._reads: dict[tuple[str, bool], _Read] = {}
+        self._calls: dict[StagePort, _Call] = {}
+        self._outputs: dict[str, _Program] = {}
         for name, port in outputs.items():
+            call = self._output(port)
+            self._outputs[name] = _Program([call])
             self.DeclareVectorOutputPort(
                 name=name,
                 size=stages[port.stage].outputs[port.port].size,
                 calc=weakly(self, functools.partial(_calc, name)),
-                prerequisites_of_calc=self._outputs[name].tickets,
+                prerequisites_of_calc=call.tickets,
             )
-        self._steps: dict[float, list[_Step]] = {}
+        steps: dict[float, list[_Call]] = {}
         for name, stage in stages.items():
             if stage.period is not None:
                 step = self._step(name, stage.update)
-                self._steps.setdefault(stage.period, []).append(step)
-        for period in self._steps:
+                steps.setdefault(stage.period, []).append(step)
+        self._updates = {period: _Program(calls) for period, calls in steps.items()}
+        for period in self._updates:
             self.DeclarePeriodicDiscreteUpdateEvent(
                 period_sec=period,
                 offset_sec=0.0,
                 update=weakly(self, functools.partial(_update, period)),
             )
-        self._starts = [self._step(n, s.start) for n, s in stages.items() if s.starts]
-        if self._starts:
+        starts = [self._step(n, s.start) for n, s in stages.items() if s.starts]
+        self._start = _Program(starts)
+        if starts:
             self.DeclareInitializationDiscreteUpdateEvent(weakly(self, _start))
 
-    def _step(self, name: str, function: Callable[..., Any]) -> _Step:
-        sources = [self._source(name, port) for port in self._stages[name].input_names]
-        return _Step(function, self._places[name], sources)
+    def _step(self, name: str, function: Callable[..., Any]) -> _Call:
+        """Return the call of a stage's update or start."""
+        inputs = [self._input(name, port) for port in self._stages[name].input_names]
+        return _Call(function, self._places[name], inputs, set())
 
-    def _source(self, name: str, port: str) -> _Source:
+    def _input(self, name: str, port: str) -> _Read | _Call:
         """Return where a stage's input comes from."""
         stage, wire = self._stages[name], self._wires.get(StagePort(name, port))
+        required = port in stage.inputs
         if isinstance(wire, StagePort):
             return self._output(wire)
-        if wire is not None:
+        if wire is None:
+            if required:
+                raise ValueError(f"{name}: input port {port!r} has no source")
+            return _ABSENT
+        if (wire, required) not in self._reads:
             own = self._ports[wire]
-            read = input_reader(own, required=port in stage.inputs)
-            return _Source(lambda now: read(now.context), {own.ticket()})
-        if port in stage.inputs:
-            raise ValueError(f"{name}: input port {port!r} has no source")
-        return _Source(lambda now: None, set())
+            read = _Read(input_reader(own, required), {own.ticket()})
+            self._reads[wire, required] = read
+        return self._reads[wire, required]
 
-    def _output(self, port: StagePort) -> _Source:
-        """Return the output of a stage as a source."""
-        if port not in self._sources:
+    def _output(self, port: StagePort) -> _Call:
+        """Return the call that computes an output of a stage."""
+        if port not in self._calls:
             stage = self._stages[port.stage]
-            output, place = stage.outputs[port.port], self._places[port.stage]
-            sources = [self._source(port.stage, read) for read in output.reads]
+            output = stage.outputs[port.port]
+            inputs = [self._input(port.stage, read) for read in output.reads]
             tickets = {self.time_ticket()} if output.timed else set()
             if len(stage.initial):
                 tickets.add(self.xd_ticket())
-            self._sources[port] = _Source(
-                lambda now: np.asarray(now.apply(output.calc, place, sources)),
-                tickets.union(*(source.tickets for source in sources)),
-            )
-        return self._sources[port]
+            tickets = tickets.union(*(needed.tickets for needed in inputs))
+            place = self._places[port.stage]
+            self._calls[port] = _Call(output.calc, place, inputs, tickets)
+        return self._calls[port]
 
 
 @dc.dataclass(frozen=True, eq=False)
-class _Source:
-    """How to find a value at a moment, and what it depends on."""
+class _Read:
+    """A value from an input port: how to read it, and what it depends on."""
 
-    evaluate: Callable[[_Now], Any]
+    read: Callable[[Context], Any]
     tickets: set[DependencyTicket]
 
 
-class _Step(NamedTuple):
-    """A stage's update or start, where its state is, and its inputs."""
+_ABSENT = _Read(lambda context: None, set())
+
+
+@dc.dataclass(frozen=True, eq=False)
+class _Call:
+    """A value from a function of a stage: its state and inputs, and their tickets."""
 
     function: Callable[..., Any]
     place: slice
-    sources: list[_Source]
+    inputs: Sequence[_Read | _Call]
+    tickets: set[DependencyTicket]
 
 
-class _Now:
-    """A moment: its context, time and state, and the values found so far."""
+class _Program:
+    """Calls in an order in which each finds its inputs, none of them twice.
 
-    __slots__ = ("_values", "context", "state", "time")
+    The order is settled here, once, because an event comes every few milliseconds.
 
-    def __init__(self, context: Context) -> None:
-        self.context = context
-        self.time: float = context.get_time()
-        self.state: Vector = context.get_discrete_state(0).value()
-        self._values: dict[_Source, Any] = {}
+    Args:
+        last: The calls whose results count.
+    """
 
-    def apply(
-        self, function: Callable[..., Any], place: slice, sources: list[_Source]
-    ) -> Any:
-        """Call a function of a stage."""
-        values = self._values
-        for source in sources:
-            if source not in values:
-                values[source] = source.evaluate(self)
-        return function(self.time, self.state[place], *map(values.get, sources))
+    def __init__(self, last: Sequence[_Call]) -> None:
+        needed = list(dict.fromkeys(v for call in last for v in _needed(call)))
+        reads = [value for value in needed if isinstance(value, _Read)]
+        calls = [value for value in needed if isinstance(value, _Call)]
+        index = {value: i for i, value in enumerate((*reads, *calls))}
+        self._reads = [value.read for value in reads]
+        self._calls, self._last = (
+            [(c.function, c.place, [index[v] for v in c.inputs]) for c in group]
+            for group in (calls, last)
+        )
+
+    def results(self, context: Context) -> list[tuple[slice, Any]]:
+        """Return where the state of each of the last calls is, and its result."""
+        time, state = context.get_time(), context.get_discrete_state(0).value()
+        values = [read(context) for read in self._reads]
+        for function, place, inputs in self._calls:
+            result = function(time, state[place], *[values[i] for i in inputs])
+            values.append(np.asarray(result))
+        return [
+            (place, function(time, state[place], *[values[i] for i in inputs]))
+            for function, place, inputs in self._last
+        ]
+
+
+def _needed(call: _Call) -> Iterator[_Read | _Call]:
+    """Yield what a call needs, each value after those that it needs itself."""
+    for value in call.inputs:
+        if isinstance(value, _Call):
+            yield from _needed(value)
+        yield value
 
 
 def _calc(
     name: str, system: FusedStages, context: Context, output: BasicVector
 ) -> None:
-    output.SetFromVector(system._outputs[name].evaluate(_Now(context)))
+    ((_, value),) = system._outputs[name].results(context)
+    output.SetFromVector(value)
 
 
 def _update(
     period: float, system: FusedStages, context: Context, new: DiscreteValues
 ) -> None:
-    _run(system._steps[period], context, new)
+    _SetState(system._updates[period], context, new)
 
 
 def _start(system: FusedStages, context: Context, new: DiscreteValues) -> None:
-    _run(system._starts, context, new)
+    _SetState(system._start, context, new)
 
 
-def _run(steps: list[_Step], context: Context, new: DiscreteValues) -> None:
-    now, state = _Now(context), new.get_mutable_value()
-    for step in steps:
-        result = now.apply(*step)
+def _SetState(program: _Program, context: Context, new: DiscreteValues) -> None:
+    state = new.get_mutable_value()
+    for place, result in program.results(context):
         if result is not None:
-            state[step.place] = result
+            state[place] = result

@@ -30,37 +30,34 @@ class MinimumJerkConfig:
 
 
 def minimum_jerk_coefficients(
-    q: Vector, v: Vector, a: Vector, target: Vector, duration: Vector
-) -> Vector:
-    """Return the quintics from (q, v, a) to rest at `target`.
+    q: float, v: float, a: float, target: float, duration: float
+) -> tuple[float, ...]:
+    """Return the quintic from (q, v, a) to rest at `target`.
 
     A quintic is the motion of least integrated squared jerk between given end states
     (T. Flash, N. Hogan, J. Neurosci. 5(7), 1985).
 
     Args:
-        q: Positions at the start, shape (n,) [rad].
-        v: Velocities at the start, shape (n,) [rad/s].
-        a: Accelerations at the start, shape (n,) [rad/s²].
-        target: Positions at the end, shape (n,) [rad].
-        duration: Time from start to end, shape (n,) [s], positive.
+        q: Position at the start [rad].
+        v: Velocity at the start [rad/s].
+        a: Acceleration at the start [rad/s²].
+        target: Position at the end [rad].
+        duration: Time from start to end [s], positive.
 
     Returns:
-        Coefficients in normalised time s = t / duration, lowest power first, shape
-        (n, 6) [rad].
+        Its six coefficients in normalised time s = t / duration, lowest power first
+        [rad].
     """
     c1 = v * duration
-    c2 = 0.5 * a * duration**2
+    c2 = 0.5 * a * (duration * duration)
     d = target - q
-    return np.stack(
-        [
-            q,
-            c1,
-            c2,
-            10.0 * d - 6.0 * c1 - 3.0 * c2,
-            -15.0 * d + 8.0 * c1 + 3.0 * c2,
-            6.0 * d - 3.0 * c1 - c2,
-        ],
-        axis=1,
+    return (
+        q,
+        c1,
+        c2,
+        10.0 * d - 6.0 * c1 - 3.0 * c2,
+        -15.0 * d + 8.0 * c1 + 3.0 * c2,
+        6.0 * d - 3.0 * c1 - c2,
     )
 
 
@@ -128,24 +125,21 @@ class MinimumJerkReference(StageSystem):
         self, time: float, state: Vector, position_desired: Vector
     ) -> Vector | None:
         """See `Stage`."""
-        rows, desired = self._rows(state), position_desired
-        if desired.tolist() == rows[:, _TARGET].tolist():
+        rows, desired = self._rows(state).tolist(), position_desired.tolist()
+        if desired == [row[_TARGET] for row in rows]:
             return None
-        changed = desired != rows[:, _TARGET]
-        q, v, a = np.array(_evaluate(rows, time)).T
-        duration = np.maximum(
-            self.config.min_duration,
-            _PEAK_TO_MEAN_SPEED * np.abs(desired - q) / self.config.max_velocity,
-        )
-        new = np.column_stack(
-            [
-                np.full(self._n, time),
-                duration,
-                desired,
-                minimum_jerk_coefficients(q, v, a, desired, duration),
-            ]
-        )
-        return np.where(changed[:, None], new, rows).flatten()
+        # Joint by joint, like `_evaluate`.
+        for row, target in zip(rows, desired, strict=True):
+            if row[_TARGET] == target:
+                continue
+            q, v, a = _evaluate_joint(row, time)
+            duration = max(
+                self.config.min_duration,
+                _PEAK_TO_MEAN_SPEED * abs(target - q) / self.config.max_velocity,
+            )
+            quintic = minimum_jerk_coefficients(q, v, a, target, duration)
+            row[:] = [time, duration, target, *quintic]
+        return np.ravel(rows)
 
     def _reference(self, time: float, state: Vector) -> Vector:
         q, v, a = zip(*_evaluate(self._rows(state), time), strict=True)

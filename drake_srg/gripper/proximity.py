@@ -115,20 +115,17 @@ class ProximitySensors(StageSystem):
         normals: dict[int, Vector] = {}  # of the sensors with something near, in world
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
             A, B = pair.id_A, pair.id_B
-            for own, other, sign in ((A, B, -1.0), (B, A, 1.0)):
-                i = self._sensor_of.get(own.get_value())
-                if (
-                    i is None
-                    or pair.distance >= distances[i]
-                    or other.get_value() in self._ignored[i]
-                ):
+            a, b, distance = A.get_value(), B.get_value(), pair.distance
+            for link, own, other, sign in ((A, a, b, -1.0), (B, b, a, 1.0)):
+                i = self._sensor_of.get(own)
+                if i is None or distance >= distances[i] or other in self._ignored[i]:
                     continue
                 if i not in normals:
-                    link = query.inspector().GetFrameId(own)
-                    normals[i] = query.GetPoseInWorld(link).rotation() @ INWARD
+                    frame = query.inspector().GetFrameId(link)
+                    normals[i] = query.GetPoseInWorld(frame).rotation() @ INWARD
                 # A touch in a single point can lack a direction (NaN): it counts.
                 if not sign * (normals[i] @ pair.nhat_BA_W) < self._least_cosine:
-                    distances[i] = pair.distance
+                    distances[i] = distance
         return distances
 
     def _fired(self, time: float, state: Vector) -> list[float]:

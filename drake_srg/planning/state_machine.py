@@ -105,7 +105,9 @@ class MachineState(Generic[ModeT, MemoryT]):
     since: float = math.nan  # when the mode began [s]; NaN before initialization
 
     def __deepcopy__(self, memo: dict[int, Any]) -> MachineState[ModeT, MemoryT]:
-        return dc.replace(self, memory=copy.deepcopy(self.memory, memo))
+        memory = copy.deepcopy(self.memory, memo)
+        # Memories that copies may share are the rule, and a copy comes at every step.
+        return self if memory is self.memory else dc.replace(self, memory=memory)
 
 
 class StateMachine(LeafSystem, Generic[ModeT, MemoryT, SensesT, ObservationT]):

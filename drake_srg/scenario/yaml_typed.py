@@ -6,7 +6,9 @@ key, and it accepts mistyped tags, so `check_tree` checks everything first.
 
 from __future__ import annotations
 
+import copy
 import dataclasses as dc
+import functools
 import math
 import operator
 import types
@@ -73,22 +75,33 @@ def load_typed(schema: type[Any], tree: Any, origin: str) -> Any:
     Raises:
         ScenarioError: On the first mistake found.
     """
-    checked = check_tree(tree, schema, origin)
-    try:
-        return yaml_load_typed(schema=schema, data=yaml_dump(checked))
-    except Exception as error:
-        line = " ".join(str(error).split())
-        fail(origin, _misfit(schema, checked), f"cannot be read: {line[:200]}")
-
-
-def _misfit(schema: type[Any], tree: Mapping[str, Any]) -> str:
-    """Return the key of a dataclass whose value `yaml_load_typed` refuses."""
-    for key, value in tree.items():
+    result, kinds = schema(), typing.get_type_hints(schema)
+    for key, value in check_tree(tree, schema, origin).items():
         try:
-            yaml_load_typed(schema=schema, data=yaml_dump({key: value}))
-        except Exception:
-            return key
-    return ""
+            loaded = _load_field(_Field(schema, key, kinds[key], repr(value), value))
+        except Exception as error:
+            line = " ".join(str(error).split())
+            fail(origin, key, f"cannot be read: {line[:200]}")
+        setattr(result, key, copy.deepcopy(loaded))
+    return result
+
+
+@dc.dataclass(frozen=True)
+class _Field:
+    """A field of a dataclass to be loaded, told from others by its value's text."""
+
+    schema: type[Any]
+    key: str
+    kind: Any  # its type, which grows as drivers are accepted
+    text: str
+    value: Any = dc.field(compare=False)
+
+
+@functools.lru_cache(maxsize=256)
+def _load_field(field: _Field) -> Any:
+    """Return the value of a field; trials share most, whose text takes milliseconds."""
+    data = yaml_dump({field.key: field.value})
+    return getattr(yaml_load_typed(schema=field.schema, data=data), field.key)
 
 
 def _fields(schema: Any) -> dict[str, tuple[Any, Mapping[str, Any]]] | None:

@@ -19,9 +19,8 @@ duration = st.floats(0.08, 2.0)
 
 def quintic(q, v, a, target, duration):
     """The motion as a polynomial in time."""
-    arguments = (np.array([x]) for x in (q, v, a, target, duration))
-    (c,) = minimum_jerk_coefficients(*arguments)
-    return Polynomial(c / duration ** np.arange(6))
+    c = minimum_jerk_coefficients(q, v, a, target, duration)
+    return Polynomial(np.array(c) / duration ** np.arange(6))
 
 
 @given(position, speed, acceleration, position, duration)

@@ -51,10 +51,9 @@ def test_the_literal_law_measures_nothing(measured):
 def test_along_minimum_jerk_the_literal_terms_always_push_to_close(
     distance, share, duration, gain, integral
 ):
-    zero, start = np.zeros(1), np.array([0.4])
-    target = start + distance
-    c = minimum_jerk_coefficients(start, zero, zero, target, np.array([duration]))
-    blend = np.polynomial.Polynomial(c[0])
+    target = 0.4 + distance
+    c = minimum_jerk_coefficients(0.4, 0.0, 0.0, target, duration)
+    blend = np.polynomial.Polynomial(c)
     q, v = blend(share), blend.deriv()(share) / duration
     config = GripperServoConfig(
         kp=[0.0],
@@ -65,7 +64,7 @@ def test_along_minimum_jerk_the_literal_terms_always_push_to_close(
         law="literal",
     )
     servo, context = make(np.array([q, v, 0.0]), np.zeros(2), config)
-    fix(servo, context, position_desired=target)
+    fix(servo, context, position_desired=np.array([target]))
     assert pwm(servo, context)[0] >= -1e-12
 
 

@@ -149,3 +149,12 @@ def test_checking_is_idempotent(tree):
     except ScenarioError:
         return
     assert check_tree(checked, Outer, "f") == checked
+
+
+def test_a_loaded_value_is_the_callers_own():
+    text = "numbers: [3, 4]\ntable: {x: {count: 0}}\npose: {translation: [1, 2, 3]}"
+    first = load(text)
+    first.numbers[0], first.table["x"].count, first.pose.translation = 5.0, 7, [0, 0, 0]
+    again = load(text)
+    assert (again.numbers, again.table) == ([3.0, 4.0], {"x": Inner(count=0)})
+    np.testing.assert_array_equal(again.pose.translation, [1, 2, 3])

@@ -56,26 +56,28 @@ class InverseDynamics:
         self._arm = arm
         self._no_forces = MultibodyForces(arm.plant)
 
-    def holding(self, q: Vector) -> Vector:
-        """Return the torques that hold the arm at rest at `q` (N,) [rad], (N,) [N m].
+    def SetPosition(self, q: Vector) -> None:
+        """Move the arm to `q` (N,) [rad], where the torques are wanted."""
+        self._arm.plant.SetPositions(self._arm.context, self._arm.positions(q))
+
+    def holding(self) -> Vector:
+        """Return the torques that hold the arm at rest, (N,) [N m].
 
         Without them the arm would fall.
         """
-        plant = self._arm.plant
-        plant.SetPositions(self._arm.context, self._arm.positions(q))
-        gravity: Vector = plant.CalcGravityGeneralizedForces(self._arm.context)
+        gravity: Vector = self._arm.plant.CalcGravityGeneralizedForces(
+            self._arm.context
+        )
         return -gravity[self._arm.arm_indices]
 
-    def moving(self, q: Vector, v: Vector, a: Vector) -> Vector:
+    def moving(self, v: Vector, a: Vector) -> Vector:
         """Return the torques of a motion besides those that hold the arm, (N,) [N m].
 
         Args:
-            q: Positions, shape (N,) [rad].
             v: Velocities, shape (N,) [rad/s].
             a: Accelerations, shape (N,) [rad/s²].
         """
         plant, indices = self._arm.plant, self._arm.arm_indices
-        plant.SetPositions(self._arm.context, self._arm.positions(q))
         full = np.zeros(plant.num_velocities())
         full[indices] = v
         plant.SetVelocities(self._arm.context, full)

@@ -143,7 +143,9 @@ def plan_cartesian_path(
                 Failure.OUT_OF_REACH,
                 f"{where}, {joint} would jump by {np.max(jump):.2f} rad",
             )
-        hit = scene.first_hit(scene.edge(path[-1], q))
+        # The last waypoint has been checked with the segment before it.
+        samples = scene.edge(path[-1], q)
+        hit = scene.first_hit(samples if len(path) == 1 else samples[1:])
         if hit:
             return PlanningFailure(Failure.BLOCKED, f"{where}, {hit}", hit)
         path.append(q)

@@ -207,12 +207,21 @@ class PlanningScene(ArmModel):
             X_GO: The object's pose in the hand [m].
             margin: Distance that it keeps from furniture [m]; None: the hand's.
         """
+        with self._added_shape(self._held, shape, X_GO):
+            if margin is None:
+                yield
+            else:
+                with self.supporting(margin):
+                    yield
+
+    @contextlib.contextmanager
+    def supporting(self, margin: float) -> Iterator[None]:
+        """Let what is held come within `margin` [m] of furniture in the context."""
         held, obstacle = self._held.index(), self._obstacle.index()
-        self._SetMargin(held, self._hand_margin if margin is None else margin)
+        self._SetMargin(held, margin)
         self._checker.SetPaddingBetween(held, obstacle, self._hand_margin)
         try:
-            with self._added_shape(self._held, shape, X_GO):
-                yield
+            yield
         finally:
             self._SetMargin(held, self._hand_margin)
 

@@ -60,11 +60,12 @@ class _Limits(LinearConstraint):
     def compute_constraint_params(self, path: _Path, gridpoints: Vector) -> Any:
         """Return the bounds at the grid points, as toppra's `LinearConstraint` does."""
         q, dq, ddq = (path(gridpoints, order) for order in range(3))
-        still = np.zeros(self.dof)
-        moving = self._dynamics.moving
-        torque_u = [moving(q_i, still, dq_i) for q_i, dq_i in zip(q, dq, strict=True)]
-        torque_x = list(map(moving, q, dq, ddq))
-        hold = list(map(self._dynamics.holding, q))
+        torque_u, torque_x, hold = np.empty((3, *q.shape))
+        for i in range(len(q)):
+            self._dynamics.SetPosition(q[i])
+            torque_u[i] = self._dynamics.moving(np.zeros(self.dof), dq[i])
+            torque_x[i] = self._dynamics.moving(dq[i], ddq[i])
+            hold[i] = self._dynamics.holding()
         sides = np.vstack([np.eye(2 * self.dof), -np.eye(2 * self.dof)])
         bounds = canlinear_colloc_to_interpolate(
             np.hstack([dq, torque_u]),

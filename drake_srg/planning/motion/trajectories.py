@@ -172,8 +172,9 @@ def _torque_use(
     dynamics = InverseDynamics(scene)
     use = 0.0
     for q_i, v_i, a_i in zip(q, v, a, strict=True):
-        motion = dynamics.moving(q_i, v_i, a_i)
-        left = np.maximum(limit - np.sign(motion) * dynamics.holding(q_i), 1e-6)
+        dynamics.SetPosition(q_i)
+        motion = dynamics.moving(v_i, a_i)
+        left = np.maximum(limit - np.sign(motion) * dynamics.holding(), 1e-6)
         use = max(use, float(np.max(np.abs(motion) / left)))
     return use
 

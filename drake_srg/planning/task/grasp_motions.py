@@ -6,7 +6,12 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.grasps.grasp_search import Candidate, carrying, place_target
+from drake_srg.planning.grasps.grasp_search import (
+    SUPPORT_OVERLAP,
+    Candidate,
+    carrying,
+    place_target,
+)
 from drake_srg.planning.grasps.grasps import Grasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -96,19 +101,21 @@ class GraspMotions:
         """
         scene, grasp = self._scene, candidate.grasp
         motions: dict[Mode, Trajectory] = {}
-        with carrying(scene, shape, grasp, supported=True):
-            q_pick = candidate.q_grasp
-            up = self._moves.straight(q_pick, self._moves.above(q_pick), turning=True)
-            motions[Mode.LIFT] = self._moves.timed(
-                up, self._moves.holding, straight=True
-            )
-        across, down = self._transfer(up[-1], shape, X_WO_goal, candidate)
         with carrying(scene, shape, grasp):
+            with scene.supporting(SUPPORT_OVERLAP):
+                q_pick = candidate.q_grasp
+                up = self._moves.straight(
+                    q_pick, self._moves.above(q_pick), turning=True
+                )
+                motions[Mode.LIFT] = self._moves.timed(
+                    up, self._moves.holding, straight=True
+                )
+            across, down = self._transfer(up[-1], X_WO_goal, candidate)
             motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
-        with carrying(scene, shape, grasp, supported=True):
-            motions[Mode.PLACE] = self._moves.timed(
-                down, self._moves.holding, straight=True
-            )
+            with scene.supporting(SUPPORT_OVERLAP):
+                motions[Mode.PLACE] = self._moves.timed(
+                    down, self._moves.holding, straight=True
+                )
         return motions | self._leave(down[-1], grasp, shape, X_WO_goal)
 
     def place(
@@ -150,22 +157,20 @@ class GraspMotions:
         return motions
 
     def _transfer(
-        self,
-        q_lifted: Vector,
-        shape: Shape,
-        X_WO_goal: RigidTransform,
-        candidate: Candidate,
+        self, q_lifted: Vector, X_WO_goal: RigidTransform, candidate: Candidate
     ) -> tuple[Vector, Vector]:
         """Return the paths across, and down to the goal, both (K, N) [rad]."""
-        scene, grasp = self._scene, candidate.grasp
+        scene = self._scene
         lift = self._config.lift_height * _UP
         place = place_target(
-            grasp, X_WO_goal, self._config.place_height, angle_tolerance=_UPRIGHT
+            candidate.grasp,
+            X_WO_goal,
+            self._config.place_height,
+            angle_tolerance=_UPRIGHT,
         )
         # Straight across keeps the object upright. Otherwise, any way will do.
-        with carrying(scene, shape, grasp):
-            across = self._across(q_lifted, place.shifted(lift))
-        with carrying(scene, shape, grasp, supported=True):
+        across = self._across(q_lifted, place.shifted(lift))
+        with scene.supporting(SUPPORT_OVERLAP):
             if across is not None:
                 below = self._moves.below(across[-1])
                 down = plan_cartesian_path(scene, across[-1], below)
@@ -173,8 +178,7 @@ class GraspMotions:
                     return across, down
             q_place = candidate.q_place
             up = self._moves.straight(q_place, self._moves.above(q_place))
-        with carrying(scene, shape, grasp):
-            return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
+        return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
 
     def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
         """Return a path above the goal that keeps the object upright, or None."""

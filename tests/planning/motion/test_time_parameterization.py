@@ -65,9 +65,10 @@ def posed(scene, motion):
     path, _ = rounded_path(points, spans=8)
     grid = grid_of(path)
     limits = MotionLimits.of_plant(scene).scaled(*factors)
-    holding = InverseDynamics(scene).holding
-    hold = [holding(path.value(s)[:, 0]) for s in grid]
-    assume(np.all(np.abs(hold) < 0.95 * limits.torque))
+    dynamics = InverseDynamics(scene)
+    for s in grid:
+        dynamics.SetPosition(path.value(s)[:, 0])
+        assume(np.all(np.abs(dynamics.holding()) < 0.95 * limits.torque))
     return path, grid, limits
 
 
@@ -82,11 +83,12 @@ def uses(scene, path, progress, grid, limits):
     u = np.diff(x) / (2.0 * np.diff(grid))
     for i, s in enumerate(grid):
         q, dq, ddq = (f.value(s)[:, 0] for f in (path, first, second))
+        dynamics.SetPosition(q)
         v = dq * np.sqrt(x[i])
         yield np.max(np.abs(v) / limits.velocity)
         for u_i in u[max(i - 1, 0) : i + 1]:
             a = dq * u_i + ddq * x[i]
-            torque = dynamics.holding(q) + dynamics.moving(q, v, a)
+            torque = dynamics.holding() + dynamics.moving(v, a)
             yield np.max(np.abs(a) / limits.acceleration)
             yield np.max(np.abs(torque) / limits.torque)
 
