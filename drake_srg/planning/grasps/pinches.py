@@ -45,8 +45,8 @@ class PinchConfig:
         metadata=positive(nonempty=True),
     )
     # How far below the top of a thing the fingers' ends may reach; no further than to
-    # the table. Less is no flank: 21 of 21 pinches that reached 7 mm down the rim of a
-    # plate slipped off.
+    # the table. In noise, less is no flank: 7 mm down the rim of a plate, pinches
+    # slip off.
     depths: list[float] = dc.field(
         default_factory=lambda: [0.015, 0.03, 0.045, 0.06, 0.08, 0.095],
         metadata=positive(nonempty=True),
