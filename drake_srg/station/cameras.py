@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 
-from pydrake.geometry import Role, SceneGraph
+from pydrake.geometry import SceneGraph
 from pydrake.lcm import DrakeLcm
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
@@ -38,9 +38,6 @@ def AddCameras(
     # A clone has the same geometry with the same ids, in a tenth of the time that
     # parsing the models again would take.
     seen = builder.AddNamedSystem("render_scene_graph", scene_graph.Clone())
-    # Nothing collides there. With this role, each new context would prepare contact.
-    for frame in seen.model_inspector().GetAllFrameIds():
-        seen.RemoveRole(plant.get_source_id(), frame, Role.kProximity)
     builder.Connect(
         plant.get_geometry_pose_output_port(),
         seen.get_source_pose_port(plant.get_source_id()),

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 from helpers import break_camera, fix, port_table
-from pydrake.geometry import Role
 from pydrake.systems.analysis import Simulator
 
 from drake_srg.common.exceptions import ScenarioError
@@ -75,16 +74,6 @@ def test_no_renderer_follows_the_steps(station):
 
 
 @pytest.mark.slow
-def test_nothing_collides_where_the_cameras_render(station):
-    plants, seen = (
-        station.GetSubsystemByName(name).model_inspector()
-        for name in ("scene_graph", "render_scene_graph")
-    )
-    assert seen.NumGeometriesWithRole(Role.kProximity) == 0
-    shown = Role.kPerception
-    assert seen.GetAllGeometryIds(shown) == plants.GetAllGeometryIds(shown)
-
-
 def test_soft_objects_are_rendered_from_the_plants_scene_graph():
     sponge = ObjectConfig(
         shape=Box([0.04, 0.06, 0.05]),
