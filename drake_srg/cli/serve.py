@@ -46,7 +46,7 @@ def add_arguments(serve: argparse.ArgumentParser) -> None:
         type=_period,
         default=0.1,
         metavar="SECONDS",
-        help="shortest time between pictures (default: %(default)g)",
+        help="shortest time between pictures [s] (default: %(default)s)",
     )
     serve.add_argument(
         "--out", type=Path, metavar="DIR", help="results (default: out/served/SCENARIO)"
