@@ -69,5 +69,5 @@ def _fixed_box(models: Models, name: str) -> tuple[Vector, Vector]:
             corners.append((X_WB @ body_corners(plant, inspector, body).T).T)
     points = np.concatenate(corners)
     if not len(points):
-        raise ScenarioError(f"{name!r} has no collision geometry")
+        raise ScenarioError(f"{name!r} has no fixed collision geometry")
     return points.min(axis=0), points.max(axis=0)

@@ -28,7 +28,7 @@ def test_a_bin_without_walls_is_refused(tmp_path):
     )
     ghost = f"directives.bin.add_model.file={path.as_uri()}"
     scenario = load_scenario("clear_table", overrides=["clutter.count=1", ghost])
-    with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no coll"):
+    with pytest.raises(ScenarioError, match=r"^task\.place\.bin: 'bin' has no fixed"):
         bin_boxes(scenario)
 
 

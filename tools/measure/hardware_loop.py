@@ -42,6 +42,7 @@ CASES: Mapping[str, Case] = {
     "camera at 5 Hz": Case("kitchen_fast", camera_period=0.2),
     "moving tray": Case("kitchen_servoing", watchdog=0.2, settings=_TRAY),
 }
+# Runs that may end without the object in place, if they say why.
 _FAULTY = ("20 ms late", "5 % lost", "camera at 5 Hz", "moving tray")
 # Placement may be off by this many times what it is in one process, besides what whole
 # counts of servos make of it.
