@@ -30,12 +30,14 @@ class ArmSignals:
         measured: Measured state [q; v] (2N).
         gravity: Torques that hold arm and gripper (N) [N m]; None if weightless.
         effort_limits: The motors' largest torques (N) [N m].
+        continuous: Whether the plant has no time step.
     """
 
     desired: OutputPort
     measured: OutputPort
     gravity: OutputPort | None
     effort_limits: Vector
+    continuous: bool
 
 
 @dc.dataclass(kw_only=True)
@@ -141,7 +143,7 @@ def AddArmDriver(
         - gripper_state (with a gripper, unless weightless)
         output_ports:
         - desired_state (ArmPositionDriver)
-        - actuation (unless ArmPositionDriver is weightless)
+        - actuation (unless ArmPositionDriver is weightless in a discrete plant)
         - state_measured
 
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the driver's
@@ -202,6 +204,7 @@ def AddArmDriver(
         measured.get_output_port(),
         gravity,
         np.array([a.effort_limit() for a in arm_actuators(plant, arm)]),
+        continuous=plant.time_step() == 0.0,
     )
     config.AddControl(inner, control_plant, names["arm"], signals)
 
@@ -245,11 +248,11 @@ def _AddGravityCompensation(
     return gravity.get_output_port()
 
 
-def AddActuation(inner: DiagramBuilder, torque: OutputPort, period: float) -> None:
-    """Sample a driver's torque every `period` [s], and export it as `actuation`."""
+def AddSampling(inner: DiagramBuilder, torque: OutputPort, period: float) -> OutputPort:
+    """Sample a driver's torque every `period` [s]."""
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(period, torque.size()))
     inner.Connect(torque, hold.get_input_port())
-    inner.ExportOutput(hold.get_output_port(), "actuation")
+    return hold.get_output_port()
 
 
 def AddJerkLimits(builder: DiagramBuilder, config: ArmDriver) -> JerkLimitedReference:

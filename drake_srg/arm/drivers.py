@@ -2,12 +2,15 @@
 
 import dataclasses as dc
 
+import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import DiagramBuilder, OutputPort
+from pydrake.systems.primitives import Adder
 
-from drake_srg.arm.driver import AddActuation, ArmDriver, ArmSignals, arm_actuators
+from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, arm_actuators
 from drake_srg.arm.impedance import ArmImpedanceDriver
+from drake_srg.common.velocity_feedforward import AddVelocityFeedforward
 
 
 @dc.dataclass(kw_only=True)
@@ -49,9 +52,27 @@ class ArmPositionDriver(ArmDriver):
         signals: ArmSignals,
     ) -> None:
         """See `ArmDriver`."""
-        inner.ExportOutput(signals.desired, "desired_state")
+        desired, torques = signals.desired, []
+        if signals.continuous:
+            kd = np.array(self.kd)
+            desired, torque = AddVelocityFeedforward(inner, desired, kd)
+            torques.append(torque)
         if signals.gravity is not None:
-            AddActuation(inner, signals.gravity, self.period)
+            torques.append(AddSampling(inner, signals.gravity, self.period))
+        inner.ExportOutput(desired, "desired_state")
+        if torques:
+            inner.ExportOutput(_AddSum(inner, torques), "actuation")
+
+
+def _AddSum(inner: DiagramBuilder, torques: list[OutputPort]) -> OutputPort:
+    """Add the sum of one or several torques."""
+    if len(torques) == 1:
+        return torques[0]
+    size = torques[0].size()
+    adder = inner.AddNamedSystem("torque", Adder(len(torques), size))
+    for i, torque in enumerate(torques):
+        inner.Connect(torque, adder.get_input_port(i))
+    return adder.get_output_port()
 
 
 DRIVERS: tuple[type[ArmDriver], ...] = (ArmPositionDriver, ArmImpedanceDriver)

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     DiscreteValues,
 )
 
-from drake_srg.arm.driver import AddActuation, ArmDriver, ArmSignals, arm_actuators
+from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, arm_actuators
 from drake_srg.arm.impedance_law import (
     CartesianSpring,
     JointSpring,
@@ -114,7 +114,8 @@ class ArmImpedanceDriver(ArmDriver):
         inner.Connect(signals.measured, control.GetInputPort("state_measured"))
         if signals.gravity is not None:
             inner.Connect(signals.gravity, control.GetInputPort("gravity"))
-        AddActuation(inner, control.get_output_port(), self.period)
+        torque = AddSampling(inner, control.get_output_port(), self.period)
+        inner.ExportOutput(torque, "actuation")
 
     def _spring(self, plant: MultibodyPlant, arm: str) -> Spring:
         joints = JointSpring(plant, arm, np.array(self.joint_stiffness))

@@ -46,7 +46,7 @@ SERVOS = ("pbvs", "ibvs")
 # a good calibration. With half the step, no more of a servo's trials may end otherwise
 # than it may lose, and the grasp error may change by a sixth of its limit (median).
 _MOST_OTHERWISE, _MOST_CHANGED = 1.0 - LEAST_HELD, 0.5e-3
-_HALF = ("simulator_config.max_step_size=0.005859375", "simulator_config.accuracy=1e-3")
+_HALF = ("simulator_config.max_step_size=0.005859375", "simulator_config.accuracy=1e-4")
 
 _Results = Mapping[tuple[Case, str], Sequence[Grasped]]
 

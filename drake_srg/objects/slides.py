@@ -9,6 +9,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_srg.common.velocity_feedforward import AddVelocityFeedforward
 from drake_srg.types import positive
 
 # Stiffness and damping per mass of the slide: a natural frequency of 40 rad/s as the
@@ -64,8 +65,12 @@ def AddSlide(
         f"slide_{name}",
         TrajectorySource(slide_motion(config, q_start), output_derivative_order=1),
     )
-    desired = plant.get_desired_state_input_port(actuator.model_instance())
-    builder.Connect(source.get_output_port(), desired)
+    model, desired = actuator.model_instance(), source.get_output_port()
+    if plant.time_step() == 0.0:
+        kd = np.array([actuator.get_controller_gains().d])
+        desired, torque = AddVelocityFeedforward(builder, desired, kd, f"{name}_")
+        builder.Connect(torque, plant.get_actuation_input_port(model))
+    builder.Connect(desired, plant.get_desired_state_input_port(model))
     return source
 
 

@@ -5,7 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import (
+    ApplySimulatorConfig,
+    Simulator,
+    SimulatorConfig,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg import parsing
@@ -32,9 +36,9 @@ def test_a_slide_without_speed_stays():
     assert slide_motion(SlideConfig(speed=0.0), 0.2).value(7.0)[0, 0] == 0.2
 
 
-def make_plant(name="tray"):
+def make_plant(name="tray", time_step=0.005):
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, 0.005)
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step)
     parsing.AddModel(plant, "package://drake_srg/sdf/tray.sdf", "tray")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("rails"))
     SetSlideGains(plant, name)
@@ -42,10 +46,14 @@ def make_plant(name="tray"):
     return builder, plant
 
 
-def test_the_tray_keeps_its_speed():
-    builder, plant = make_plant()
+@pytest.mark.parametrize("time_step", [0.005, 0.0])
+def test_the_tray_keeps_its_speed(time_step):
+    builder, plant = make_plant(time_step=time_step)
     AddSlide(builder, plant, "tray", SlideConfig(speed=0.05))
     simulator = Simulator(builder.Build())
+    if time_step == 0.0:
+        config = SimulatorConfig(integration_scheme="cenic", max_step_size=0.001)
+        ApplySimulatorConfig(config, simulator)
     simulator.AdvanceTo(2.0)
     context = plant.GetMyContextFromRoot(simulator.get_context())
     joint = plant.GetJointByName("slide")
