@@ -28,8 +28,8 @@ from drake_srg.bridges.served_loop import (
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.garbage import short_collections
 from drake_srg.common.ports import output_ports
+from drake_srg.common.real_time import real_time_loop
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
@@ -145,7 +145,7 @@ def Serve(
             actions,
         )
         try:
-            with short_collections():
+            with real_time_loop():
                 _run(loop, control_period(scenario), name, rate, stop, report)
         except ScenarioError as error:
             failure = error

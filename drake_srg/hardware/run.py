@@ -17,7 +17,7 @@ from drake_srg.bridges.keyboard import KeyboardBridge
 from drake_srg.bridges.pacing import Pacer
 from drake_srg.bridges.safety_commands import safety_topics
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.garbage import short_collections
+from drake_srg.common.real_time import real_time_loop
 from drake_srg.common.status_line import StatusLine
 from drake_srg.hardware.cell import MakeHardwareCell, measurements
 from drake_srg.hardware.config import HardwareConfig
@@ -128,7 +128,7 @@ def run_on_hardware(
                 keys = KeyboardBridge(inbox, terminal)
                 stack.callback(keys.close)
         try:
-            with short_collections():
+            with real_time_loop():
                 elapsed = _run(loop, inbox, name, config.rate, stop, progress)
         finally:
             log = loop.log.arrays() if loop.log else {}

@@ -28,13 +28,13 @@ from pydrake.systems.framework import Context
 
 import drake_srg
 from drake_srg.common.exceptions import one_line
+from drake_srg.common.real_time import work_beside_loop
 from drake_srg.recording.output import OutputFile, Recorder, require
 from drake_srg.recording.video_file import VideoFile
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
 
 _PIPE = 1 << 20  # for states that wait to be rendered: about a minute's [bytes]
-_NICE = 10  # the simulation goes first; see nice(1)
 _PATIENCE = 120.0  # s; a frame takes seconds at worst
 _SIGN, _SIGN_PERIOD = b"\0", 1.0  # of life: before the answer, at most so often [s]
 
@@ -216,7 +216,7 @@ class RemoteVideoRecorder(Recorder):
 
 def main() -> None:
     """Render what arrives on standard input until it ends."""
-    os.nice(_NICE)
+    work_beside_loop()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever libraries print
     frames, number, reason = 0, 0, ""

@@ -13,7 +13,7 @@ from pathlib import Path
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.served_replay import ServedReplay
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
-from drake_srg.common.garbage import short_collections
+from drake_srg.common.real_time import real_time_loop
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.opening import MakeRobot
 from drake_srg.recording.output import OutputFile, output_folder
@@ -120,7 +120,7 @@ def run_twin(
                 replay = ServedReplay(name, scenario, root, twin)
         start = wall.monotonic()
         try:
-            with short_collections():
+            with real_time_loop():
                 ended = _run(loop, listener, scenario, replay, stop, warnings, report)
         finally:
             page = None if out is None or replay is None else replay.write(out)
