@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import array
+import contextlib
+import fcntl
 import os
 import select
 import socket
 import termios
 import tty
 
+# Of the flags of a serial device, the fifth number of what TIOCGSERIAL fills in: hand
+# on bytes as they arrive. An FTDI adapter, such as the U2D2, otherwise keeps them for
+# up to 16 ms. See linux/tty_flags.h and linux/serial.h.
+_LOW_LATENCY, _FLAGS, _SERIAL = 1 << 13, 4, 32
 _CHUNK = 4096  # bytes read at once
 _PATIENCE = 2.0  # for a TCP connection [s]
 # Most reads of noise that wait for a silent line.
@@ -99,6 +106,7 @@ def open_line(port: str, baud: int) -> Line:
         mode[2] |= termios.CLOCAL | termios.CREAD
         termios.tcsetattr(descriptor, termios.TCSANOW, mode)
         termios.tcflush(descriptor, termios.TCIOFLUSH)
+        _ask_for_low_latency(descriptor)
     except termios.error as error:
         os.close(descriptor)
         raise OSError(*error.args) from None
@@ -106,6 +114,15 @@ def open_line(port: str, baud: int) -> Line:
         os.close(descriptor)
         raise
     return Line(descriptor)
+
+
+def _ask_for_low_latency(descriptor: int) -> None:
+    """Have a serial device hand on bytes as they arrive, if it can be told to."""
+    settings = array.array("i", [0] * _SERIAL)
+    with contextlib.suppress(OSError):  # pseudo terminals cannot
+        fcntl.ioctl(descriptor, termios.TIOCGSERIAL, settings)
+        settings[_FLAGS] |= _LOW_LATENCY
+        fcntl.ioctl(descriptor, termios.TIOCSSERIAL, settings)
 
 
 def _connected(port: str) -> int:

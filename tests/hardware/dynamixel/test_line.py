@@ -1,5 +1,6 @@
 import os
 import socket
+import termios
 
 import pytest
 from helpers import needs_pty
@@ -72,6 +73,25 @@ def test_a_terminal_is_raw():
     line.close()
     os.close(ours)
     os.close(theirs)
+
+
+def test_a_serial_device_hands_on_bytes_at_once(monkeypatch):
+    needs_pty()
+    before, low_latency, after = 0x10000040, 0x2000, []
+
+    def ioctl(descriptor, request, settings):
+        if request == termios.TIOCGSERIAL:
+            settings[4] = before
+        else:
+            assert request == termios.TIOCSSERIAL
+            after.append(settings[4])
+
+    monkeypatch.setattr("fcntl.ioctl", ioctl)
+    master, terminal = os.openpty()
+    open_line(os.ttyname(terminal), 57600).close()
+    os.close(master)
+    os.close(terminal)
+    assert after == [before | low_latency]
 
 
 @pytest.mark.parametrize("port", ["", "COM3", "tcp:", "tcp:4001", "tcp:h:0"])
