@@ -37,7 +37,7 @@ _Results = Mapping[tuple[Case, str], Sequence[Served]]
 def run(
     track: Track,
     *,
-    trials: int = 20,
+    trials: int = 200,
     first_seed: int = 930_000,
     late: float = 0.1,
     keep: str = "",

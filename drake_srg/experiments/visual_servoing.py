@@ -54,9 +54,9 @@ _Results = Mapping[tuple[Case, str], Sequence[Grasped]]
 def run(
     track: Track,
     *,
-    trials: int = 20,
+    trials: int = 200,
     first_seed: int = 910_000,
-    half: int = 10,
+    half: int = 20,
     keep: str = "",
 ) -> ExperimentResult:
     """Run the experiment.
