@@ -139,10 +139,21 @@ def read_signals(path: Path) -> Signals:
     seen = _held(image_times, [0.0, *times.get(OBJECT_POSE, [])], np.array(sightings))
     return Signals(
         Layout(joints, commands, sizes, rate, located),
-        np.stack(state, axis=1).astype(np.float32),
-        np.hstack(action).astype(np.float32),
-        (seen if located else seen[:, :0]).astype(np.float32),
+        _float32(path, "joints", np.stack(state, axis=1)),
+        _float32(path, "commands", np.hstack(action)),
+        _float32(path, OBJECT_POSE, seen if located else seen[:, :0]),
     )
+
+
+def _float32(
+    path: Path, what: str, values: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float32]:
+    """Return values as a data set has them; a ScenarioError unless all are finite."""
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    if not np.isfinite(single).all():
+        raise ScenarioError(f"{path}: {what}: contains values that are not finite")
+    return single
 
 
 def read_images(path: Path, camera: str, every: int = 1) -> Iterator[Image]:

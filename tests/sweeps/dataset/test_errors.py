@@ -1,5 +1,6 @@
 """Bad input gives `make_dataset` and the command a clear message and no files."""
 
+import numpy as np
 import pytest
 
 from drake_srg.cli.main import main
@@ -9,6 +10,7 @@ from drake_srg.sweeps.dataset.make import make_dataset
 from drake_srg.sweeps.dataset.recording import read_images, read_signals
 from drake_srg.sweeps.rows import all_rows_path, read_rows, row_path, write_rows
 from sweeps.dataset import lerobot_format as lerobot
+from sweeps.dataset import recorded_sweep
 from sweeps.dataset.recorded_sweep import write_sweep, write_trial
 
 
@@ -143,6 +145,18 @@ def test_flipped_bits_in_a_recording_are_errors_of_one_line(tmp_path):
             assert "\n" not in str(error)
             told += str(error).startswith(f"{path}: cannot be read: ")
     assert told > 10
+
+
+@pytest.mark.parametrize("wrong", [1e300, np.nan])
+def test_values_that_no_data_set_can_have_are_named(tmp_path, monkeypatch, wrong):
+    positions = recorded_sweep.joint_positions
+    monkeypatch.setattr(
+        recorded_sweep, "joint_positions", lambda t: positions(t) + wrong
+    )
+    sweep = write_sweep(tmp_path)
+    write_trial(sweep, 0, 0.2)
+    said = complaint(sweep)
+    assert "recording.mcap: joints: contains values that are not finite" in said
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]"])
