@@ -79,8 +79,8 @@ class RosbagRecorder(Recorder):
         sizes: dict[str, object] = {}
         for topic in topics:
             self._declare_ports(topic, sizes)
-            # Compiles how the type is written: up to 50 ms, which would otherwise hold up
-            # a loop in real time.
+            # Compiles how the type is written: up to 50 ms, which would otherwise hold
+            # up a loop in real time.
             self._store.get_msgdef(topic.type)
             connection = self._writer.add_connection(
                 topic.name, topic.type, typestore=self._store
