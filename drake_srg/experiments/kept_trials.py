@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import gc
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -52,9 +51,6 @@ class KeptTrials:
         """
         if trial not in self._made:
             self._made[trial] = run()
-            # Python counts the few objects of a diagram, not the megabytes behind them,
-            # and would collect too late.
-            gc.collect()
             if self._path is not None:
                 line = json.dumps({"trial": trial, "result": self._made[trial]})
                 try:

@@ -8,6 +8,7 @@ planner's process. Only sockets and processes are missing.
 from __future__ import annotations
 
 import dataclasses as dc
+import gc
 from collections import deque
 from collections.abc import Sequence
 
@@ -153,7 +154,12 @@ def grasp_served(
         overrides: Further settings of the scenario.
     """
     overrides = ["arm.limits=null", *overrides]
-    scenario = grasp_scenario(case, method, seed, overrides)
+    served = _run(grasp_scenario(case, method, seed, overrides), late)
+    gc.collect()  # as after `grasp_once`
+    return served
+
+
+def _run(scenario: Scenario, late: float) -> Served:
     trial = ServedTrial(scenario, late)
     watch = GraspWatch(scenario, trial.robot.station, trial.robot.context)
     grasped: Grasped | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
+import gc
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -106,7 +107,11 @@ def grasp_once(
         seed: Of the draws.
         overrides: Further settings of the scenario.
     """
-    return _run(grasp_scenario(case, method, seed, overrides))
+    grasped = _run(grasp_scenario(case, method, seed, overrides))
+    # Python counts the few objects of a diagram, not the megabytes behind them, and
+    # would collect too late.
+    gc.collect()
+    return grasped
 
 
 def grasp_scenario(

@@ -1,5 +1,3 @@
-import weakref
-
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
@@ -17,18 +15,6 @@ def test_a_trial_runs_once(tmp_path):
         assert KeptTrials(path)("a", run) == {"value": [1.5, None]}
     assert KeptTrials(path)("b", run)
     assert len(runs) == 2
-
-
-def test_what_a_trial_leaves_is_freed():
-    left = []
-
-    class Node:
-        def __init__(self):
-            self.myself = self
-            left.append(weakref.ref(self))
-
-    KeptTrials("")("a", lambda: {"x": len(str(Node()))})
-    assert left[0]() is None
 
 
 def test_a_line_that_was_cut_off_runs_again(tmp_path):

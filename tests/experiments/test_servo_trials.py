@@ -1,5 +1,7 @@
 """Trials of the experiment on visual servoing: how they are set up."""
 
+import weakref
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,22 @@ def test_only_what_looks_is_rendered(scenarios):
     assert all(set(s.cameras) == {"ceiling", "hand"} for s in others)
     assert all(s.slides["tray"].speed == 0.05 for s in scenarios)
     assert all(s.planner.max_attempts == 1 for s in scenarios)
+
+
+def test_what_a_trial_leaves_is_freed(monkeypatch):
+    left = []
+
+    class Cycle:
+        def __init__(self):
+            self.myself = self
+
+    def run(scenario):
+        left.append(weakref.ref(Cycle()))
+        return Grasped(True, 0.0, 0.0, "")
+
+    monkeypatch.setattr(servo_trials, "_run", run)
+    grasp_once(OFF, "pbvs", 7)
+    assert left[0]() is None
 
 
 @pytest.mark.slow

@@ -75,14 +75,14 @@ def test_servos_that_need_the_step_fail(monkeypatch):
 
 def test_kept_trials_are_not_run_again(monkeypatch, tmp_path):
     keep = tmp_path / "keep.jsonl"
-    first = run(monkeypatch, keep=str(keep))
+    first = run(monkeypatch, half=4, keep=str(keep))
     entries = [json.loads(line) for line in keep.read_text().splitlines() if line]
-    assert len(entries) == len(CASES) * (TRIALS * len(METHODS) + 10 * len(SERVOS))
+    assert len(entries) == len(CASES) * (TRIALS * len(METHODS) + 4 * len(SERVOS))
 
     def again(*at):
         raise AssertionError("run again")
 
-    second = run(monkeypatch, again, keep=str(keep))
+    second = run(monkeypatch, again, half=4, keep=str(keep))
     assert [r.as_dict() for r in first.rows] == [r.as_dict() for r in second.rows]
 
 
