@@ -105,14 +105,15 @@ def _figure(results: _Results, late: float) -> Any:
             errors = 1e3 * grasp_errors(made)
             x = j + 0.36 * (i - 0.5) + np.linspace(-0.12, 0.12, len(errors))
             label = method if j == 0 else None
-            axes.plot(x, errors, "o", ms=4, color=COLORS[i], label=label)
-            held = f"{sum(s.held for s in made)} of {len(made)} held"
+            axes.plot(x, errors, "o", ms=2, color=COLORS[i], label=label)
+            held = f"{sum(s.held for s in made)} of {len(made)}\nheld"
             at = (j + 0.36 * (i - 0.5), 0.97)
             across = axes.get_xaxis_transform()
             axes.text(*at, held, transform=across, fontsize=7, ha="center", va="top")
     axes.axhline(1e3 * MOST_OFF, color="#333333", lw=0.8, ls="--")
     axes.set_xticks(range(len(cases)), [str(case) for case in cases])
     worst = max(1e3 * np.max(grasp_errors(m), initial=0.0) for m in results.values())
-    axes.set_ylim(0.0, max(1.3e3 * MOST_OFF, 1.2 * worst))
-    axes.legend(fontsize=8, loc="lower right")
+    axes.set_yscale("log")
+    axes.set_ylim(0.1, 10.0 * max(1e3 * MOST_OFF, worst))
+    axes.legend(fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     return figure
