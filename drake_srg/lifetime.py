@@ -53,6 +53,15 @@ def collectable(system: framework.System) -> None:
         attributes["_unseen_reference"] = unseen
 
 
+def free_diagrams() -> None:
+    """Free the diagrams that nothing uses any more.
+
+    Python counts the few objects of a diagram, not the megabytes behind them, and would
+    collect them too late.
+    """
+    gc.collect()
+
+
 def my_context(system: framework.System, root: framework.Context) -> framework.Context:
     """Return a system's context within `root`, or `root` itself if it is the system's.
 

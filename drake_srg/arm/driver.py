@@ -104,8 +104,9 @@ class ArmDriver(abc.ABC):
     ) -> None:
         """Add the control, and export `desired_state`, `actuation` or both.
 
-        `desired_state` (2N), [q; v], is for PD actuators of `prepare_plant`.
-        `actuation` (N) [N m] goes to the joints besides.
+        `desired_state` (2N), [q; v], is for PD actuators of `prepare_plant`. If
+        `signals.continuous`, pass it through `AddVelocityFeedforward`, because CENIC
+        flips the sign of v. `actuation` (N) [N m] goes to the joints besides.
 
         Args:
             inner: The driver under construction.
@@ -148,7 +149,8 @@ def AddArmDriver(
 
     `position_commanded` (N) [rad] becomes the desired state [q; v] of the driver's
     control. `desired_state` is that of the plant's PD actuators. `actuation` (N) [N m]
-    adds torques, among them those that hold arm and gripper against gravity.
+    adds torques: those that hold arm and gripper against gravity and, in a continuous
+    plant, those of the desired velocities, which are 0 in `desired_state` then.
     `state_measured` (2N) is the arm's state [q; v] with the errors of `config.errors`.
 
     Args:
@@ -249,7 +251,7 @@ def _AddGravityCompensation(
 
 
 def AddSampling(inner: DiagramBuilder, torque: OutputPort, period: float) -> OutputPort:
-    """Sample a driver's torque every `period` [s]."""
+    """Return a driver's torque, sampled every `period` [s]."""
     hold = inner.AddNamedSystem("zero_order_hold", ZeroOrderHold(period, torque.size()))
     inner.Connect(torque, hold.get_input_port())
     return hold.get_output_port()

@@ -65,7 +65,7 @@ class ArmPositionDriver(ArmDriver):
 
 
 def _AddSum(inner: DiagramBuilder, torques: list[OutputPort]) -> OutputPort:
-    """Add the sum of one or several torques."""
+    """Return the sum of one or more torques."""
     if len(torques) == 1:
         return torques[0]
     size = torques[0].size()

@@ -18,7 +18,7 @@ from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
 from drake_srg.cell.perception import AddLocalizer
 from drake_srg.common.ports import export_outputs
-from drake_srg.common.real_time import work_beside_loop
+from drake_srg.common.real_time import lower_priority
 from drake_srg.scenario import Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
 from drake_srg.types import Vector
@@ -118,7 +118,7 @@ class CameraProcess:
 
 def _render(connection: Connection, scenario: str, camera: str, state: Vector) -> None:
     """Run the process: render whenever the connection asks for it."""
-    work_beside_loop()
+    lower_priority()
     os.environ.setdefault("LP_NUM_THREADS", "0")  # leaves the other cores alone
     viewer = Viewer(yaml_load_typed(schema=Scenario, data=scenario), camera)
     # Renderers initialize themselves the first time they render.

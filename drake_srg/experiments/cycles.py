@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import gc
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -12,6 +11,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram
 
 from drake_srg.cell import MakeCell
+from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation import Simulate
 from drake_srg.simulation.hand_poses import hand_poses
@@ -61,9 +61,7 @@ def run_cycle(
     """
     loaded = load_scenario(scenario, seed=seed, overrides=overrides)
     result = Simulate(loaded, name=scenario, make_cell=make_cell)
-    # Python counts the few objects of a diagram, not the megabytes behind them, and
-    # would collect too late.
-    gc.collect()
+    free_diagrams()
     return make_cycle(loaded, result.metrics, result.log)
 
 

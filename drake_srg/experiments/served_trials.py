@@ -8,7 +8,6 @@ planner's process. Only sockets and processes are missing.
 from __future__ import annotations
 
 import dataclasses as dc
-import gc
 from collections import deque
 from collections.abc import Sequence
 
@@ -34,6 +33,7 @@ from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.planner_cell import MirrorLink, PlannerCell
 from drake_srg.hardware.ros import Ros2Arm, Ros2Gripper
 from drake_srg.hardware.station import MakeHardwareStation
+from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import Scenario
 from drake_srg.servoing.status import ServoCommand
 from drake_srg.types import Vector
@@ -155,7 +155,7 @@ def grasp_served(
     """
     overrides = ["arm.limits=null", *overrides]
     served = _run(grasp_scenario(case, method, seed, overrides), late)
-    gc.collect()  # as after `grasp_once`
+    free_diagrams()
     return served
 
 

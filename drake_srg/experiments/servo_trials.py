@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
-import gc
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -14,7 +13,7 @@ from pydrake.systems.framework import Context, Diagram
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.lifetime import my_context
+from drake_srg.lifetime import free_diagrams, my_context
 from drake_srg.objects.models import object_shape
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.servoing.arm import ServoArm
@@ -108,9 +107,7 @@ def grasp_once(
         overrides: Further settings of the scenario.
     """
     grasped = _run(grasp_scenario(case, method, seed, overrides))
-    # Python counts the few objects of a diagram, not the megabytes behind them, and
-    # would collect too late.
-    gc.collect()
+    free_diagrams()
     return grasped
 
 

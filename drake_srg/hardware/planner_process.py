@@ -21,7 +21,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from drake_srg.bridges.commands import PortValues, Warnings
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.common.real_time import work_beside_loop
+from drake_srg.common.real_time import lower_priority
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
 from drake_srg.hardware.opening import Hardware, open_cameras
@@ -152,7 +152,7 @@ def _run(
     start: PortValues,
 ) -> None:
     """Run the process: answer ticks until the connection or the planner ends."""
-    work_beside_loop()
+    lower_priority()
     sending = threading.Lock()  # warnings come from any thread
 
     def send(message: Any) -> None:

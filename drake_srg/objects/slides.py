@@ -53,6 +53,9 @@ def AddSlide(
 ) -> TrajectorySource:
     """Add `slide_NAME`, which moves a slide of a finalized plant.
 
+    In a continuous plant, it also adds `slide_NAME_desired_position` and
+    `slide_NAME_velocity_feedforward`.
+
     Args:
         builder: Of the diagram that contains the plant.
         plant: With the slide's gains set by `SetSlideGains`.
@@ -68,7 +71,7 @@ def AddSlide(
     model, desired = actuator.model_instance(), source.get_output_port()
     if plant.time_step() == 0.0:
         kd = np.array([actuator.get_controller_gains().d])
-        desired, torque = AddVelocityFeedforward(builder, desired, kd, f"{name}_")
+        desired, torque = AddVelocityFeedforward(builder, desired, kd, f"slide_{name}_")
         builder.Connect(torque, plant.get_actuation_input_port(model))
     builder.Connect(desired, plant.get_desired_state_input_port(model))
     return source

@@ -70,7 +70,7 @@ class SafetyConfig:
     # Limits of the force at the tool that explains the external torques best.
     force: ForceLimitConfig | None = None
     # Largest deviation of the measured joints from the monitor's commands [rad or m];
-    # null: no limit. The arm of the fast kitchen lags by up to 0.15 rad.
+    # null: no limit.
     following_error: float | None = dc.field(default=0.25, metadata=positive())
     # Age of the newest message at which it is stale [s]. Only `safety.heartbeat` tells.
     watchdog: float = dc.field(default=0.05, metadata=positive())

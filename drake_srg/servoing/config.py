@@ -31,8 +31,8 @@ class ServoConfig:
     # Whether the goal's velocity is fed forward. Without, the hand trails a moving goal
     # by its velocity over `gain`.
     feed_forward: bool = True
-    # By how much more than `period` the arm is late in following its commands [s]: the
-    # hand is led by so much more.
+    # How much later than one period the arm follows its commands [s]; the hand is led
+    # by as much.
     lag: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # The hand stays this far behind its goal [m] unless it is aligned: it may come
     # `funnel` times as near as its distance from the line of approach, less

@@ -28,7 +28,7 @@ from pydrake.systems.framework import Context
 
 import drake_srg
 from drake_srg.common.exceptions import one_line
-from drake_srg.common.real_time import work_beside_loop
+from drake_srg.common.real_time import lower_priority
 from drake_srg.recording.output import OutputFile, Recorder, require
 from drake_srg.recording.video_file import VideoFile
 from drake_srg.scenario import LocalizerConfig, Scenario
@@ -216,7 +216,7 @@ class RemoteVideoRecorder(Recorder):
 
 def main() -> None:
     """Render what arrives on standard input until it ends."""
-    work_beside_loop()
+    lower_priority()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever libraries print
     frames, number, reason = 0, 0, ""

@@ -8,7 +8,6 @@ DIR/recordings/000017/   recording of a trial: the files of `drake-srg run`
 from __future__ import annotations
 
 import datetime
-import gc
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.output import require
 from drake_srg.scenario import draw_scenario, load_tree
 from drake_srg.sweeps.engines import Engine
@@ -125,5 +125,5 @@ def check_scenario(
     drawn = draw_scenario(tree, scenario, seed).scenario
     with scenario_errors(Path(scenario).stem):
         MakeCell(drawn)
-    gc.collect()
+    free_diagrams()
     return drawn.random_seed

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import one_line
+from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import draw_scenario
 from drake_srg.simulation import Result, Simulate
 from drake_srg.sweeps.rows import TIMING_COLUMNS, metric_columns
@@ -70,8 +71,7 @@ def run_trial(
         result = dc.replace(
             result, files=again.files, warning=_different(result.row, again.row)
         )
-    # Python sees the few objects of a diagram, not the megabytes behind them.
-    gc.collect()
+    free_diagrams()
     # What is left stays until the worker ends: modules and caches. Later collections
     # need not look at it again.
     gc.freeze()

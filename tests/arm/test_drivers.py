@@ -5,7 +5,11 @@ import pytest
 from helpers import fix, port_table
 from pydrake.multibody.plant import AddMultibodyPlant, MultibodyPlant
 from pydrake.multibody.plant import MultibodyPlantConfig as PlantConfig
-from pydrake.systems.analysis import Simulator
+from pydrake.systems.analysis import (
+    ApplySimulatorConfig,
+    Simulator,
+    SimulatorConfig,
+)
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.arm.driver import AddArmDriver
@@ -26,10 +30,14 @@ def add_models(plant):
 class Arm:
     """The driven arm, with a gripper whose fingers are limp."""
 
-    def __init__(self, **errors):
+    def __init__(self, time_step=0.002, weightless=False, **errors):
         builder = DiagramBuilder()
-        driven = dc.replace(CONFIG, errors=ArmErrorsConfig(**errors))
-        config = PlantConfig(time_step=0.002, discrete_contact_approximation="lagged")
+        driven = dc.replace(
+            CONFIG, errors=ArmErrorsConfig(**errors), weightless=weightless
+        )
+        config = PlantConfig(
+            time_step=time_step, discrete_contact_approximation="lagged"
+        )
         self.plant, _ = AddMultibodyPlant(config, builder)
         self.arm, gripper = add_models(self.plant)
         CONFIG.prepare_plant(self.plant, self.arm)
@@ -42,6 +50,9 @@ class Arm:
             builder, self.plant, self.arm, gripper, control_plant, driven
         )
         self.simulator = Simulator(builder.Build())
+        if time_step == 0.0:
+            cenic = SimulatorConfig(integration_scheme="cenic", max_step_size=0.005)
+            ApplySimulatorConfig(cenic, self.simulator)
         self.root = self.simulator.get_mutable_context()
         self.context = self.driver.GetMyMutableContextFromRoot(self.root)
         plant_context = self.plant.GetMyMutableContextFromRoot(self.root)
@@ -64,6 +75,13 @@ def test_ports():
     )
 
 
+def test_a_weightless_arm_needs_torques_in_a_continuous_plant_alone():
+    for time_step, actuated in ((0.002, False), (0.0, True)):
+        driver = Arm(time_step, weightless=True).driver
+        assert driver.HasOutputPort("actuation") == actuated
+        assert driver.HasOutputPort("desired_state")
+
+
 def test_it_holds_home_against_gravity():
     arm = Arm()
     arm.command(HOME)
@@ -72,8 +90,9 @@ def test_it_holds_home_against_gravity():
     assert np.max(np.abs(arm.q - HOME)) < 1e-4
 
 
-def test_it_follows_a_ramp_and_stays_at_its_end():
-    arm = Arm()
+@pytest.mark.parametrize("time_step", [0.002, 0.0])
+def test_it_follows_a_ramp_and_stays_at_its_end(time_step):
+    arm = Arm(time_step)
     direction = np.array([0.3, 0.2, -0.3, 0.2, 0.3, -0.2, 0.3])
     lag = []
     for k in range(101):  # 0.5 s at up to 0.6 rad/s

@@ -3,6 +3,8 @@ import subprocess
 import sys
 import weakref
 
+import pytest
+
 from drake_srg.common.real_time import real_time_loop
 
 
@@ -32,17 +34,17 @@ def test_threads_take_turns_faster_meanwhile():
 
 
 def test_an_error_ends_it():
-    try:
-        with real_time_loop():
-            raise KeyError
-    except KeyError:
-        assert gc.get_freeze_count() == 0
+    before = sys.getswitchinterval()
+    with pytest.raises(KeyError), real_time_loop():
+        raise KeyError
+    assert gc.get_freeze_count() == 0
+    assert sys.getswitchinterval() == before
 
 
 def test_a_process_gives_way():
     code = (
-        "import os; from drake_srg.common.real_time import work_beside_loop; "
-        "before = os.nice(0); work_beside_loop(); print(os.nice(0) - before)"
+        "import os; from drake_srg.common.real_time import lower_priority; "
+        "before = os.nice(0); lower_priority(); print(os.nice(0) - before)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
     assert int(done.stdout) > 0

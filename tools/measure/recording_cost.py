@@ -7,7 +7,6 @@ for rendering and linear algebra. It varies by a tenth between equal runs.
 from __future__ import annotations
 
 import dataclasses as dc
-import gc
 import tempfile
 import time as wall
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ import numpy as np
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation import Simulate
@@ -73,7 +73,7 @@ def processor_time(case: Case) -> float:
             video_process=False,  # as in a sweep
         )
     elapsed = wall.process_time() - start
-    gc.collect()  # as a sweep does after each trial
+    free_diagrams()  # as a sweep does after each trial
     return elapsed
 
 

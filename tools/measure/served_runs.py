@@ -29,9 +29,9 @@ from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Mode
 
 _PATIENCE = 1200.0  # longest run [s, real]
-# Latest reply of an emulated servo [s, real]: a socket loses nothing, and the emulator
-# shares the processors with everything else. The watchdog is that of a real bus.
-_LATEST = 0.04
+# Longest silence of the emulated servos [s, real]. They share the processors with
+# everything else, so late replies are likely, and a socket loses none.
+_SILENCE = 0.04
 # Positions of the SRG's servo at closures 0 and 1 [counts], and how far its wires
 # stretch; see docs/hardware.md.
 _SRG = {"open": 3298, "closed": 1043, "stretch": 1354}
@@ -174,7 +174,7 @@ def robot_file(
         rate: Seconds of both sides per real second.
     """
     ros = "Ros1" if case.wire == "ROS 1" else "Ros2"
-    bus: dict[str, Any] = {"port": f"tcp:127.0.0.1:{port}", "timeout": _LATEST}
+    bus: dict[str, Any] = {"port": f"tcp:127.0.0.1:{port}", "timeout": _SILENCE}
     arm = f"!{ros}Arm {{lead: {case.lead}, stream: {case.stream}}}"
     gripper = f"!{ros}Gripper {{}}"
     if case.servos == "gripper":

@@ -11,9 +11,9 @@ import socket
 import termios
 import tty
 
-# Of the flags of a serial device, the fifth number of what TIOCGSERIAL fills in: hand
-# on bytes as they arrive. An FTDI adapter, such as the U2D2, otherwise keeps them for
-# up to 16 ms. See linux/tty_flags.h and linux/serial.h.
+# ASYNC_LOW_LATENCY (linux/tty_flags.h) hands on bytes as they arrive; an FTDI adapter,
+# such as the U2D2, otherwise keeps them for up to 16 ms. The flags are the fifth int of
+# `serial_struct` (linux/serial.h), for which 32 are room enough.
 _LOW_LATENCY, _FLAGS, _SERIAL = 1 << 13, 4, 32
 _CHUNK = 4096  # bytes read at once
 _PATIENCE = 2.0  # for a TCP connection [s]
@@ -119,7 +119,8 @@ def open_line(port: str, baud: int) -> Line:
 def _ask_for_low_latency(descriptor: int) -> None:
     """Have a serial device hand on bytes as they arrive, if it can be told to."""
     settings = array.array("i", [0] * _SERIAL)
-    with contextlib.suppress(OSError):  # pseudo terminals cannot
+    # Pseudo terminals cannot, and macOS does not know the request.
+    with contextlib.suppress(OSError, AttributeError):
         fcntl.ioctl(descriptor, termios.TIOCGSERIAL, settings)
         settings[_FLAGS] |= _LOW_LATENCY
         fcntl.ioctl(descriptor, termios.TIOCSSERIAL, settings)

@@ -95,8 +95,8 @@ def read_signals(path: Path) -> Signals:
 
     Raises:
         ImportError: If rosbags is missing.
-        ScenarioError: If it cannot be read, lacks joints, commands or images, or its
-            images are not evenly spaced.
+        ScenarioError: If it cannot be read, lacks joints, commands or images, contains
+            values that are not finite, or its images are not evenly spaced.
     """
     times: dict[str, list[float]] = {}
     values: dict[str, list[Any]] = {_JOINTS: [], _ARM: [], _CLOSURE: []}
@@ -148,11 +148,11 @@ def read_signals(path: Path) -> Signals:
 def _float32(
     path: Path, what: str, values: npt.NDArray[np.float64]
 ) -> npt.NDArray[np.float32]:
-    """Return values as a data set has them; a ScenarioError unless all are finite."""
+    """Return values as 32-bit floats; a ScenarioError unless all are finite."""
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)
     if not np.isfinite(single).all():
-        raise ScenarioError(f"{path}: {what}: contains values that are not finite")
+        raise ScenarioError(f"{path}: {what}: values must be finite as 32-bit floats")
     return single
 
 

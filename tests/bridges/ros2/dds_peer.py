@@ -177,7 +177,8 @@ class Peer:
 
     def advertise(self, name, kind, reliable=True):
         topic = Topic(self.participant, f"rt{name}", TYPES[kind])
-        writer = DataWriter(self.participant, topic, qos(reliable, 10))
+        # A whole burst, so that what is lost on the way can be sent again.
+        writer = DataWriter(self.participant, topic, qos(reliable, 100))
         self.writers[name] = (writer, kind)
 
     def subscribers(self, name):

@@ -156,7 +156,7 @@ def test_values_that_no_data_set_can_have_are_named(tmp_path, monkeypatch, wrong
     sweep = write_sweep(tmp_path)
     write_trial(sweep, 0, 0.2)
     said = complaint(sweep)
-    assert "recording.mcap: joints: contains values that are not finite" in said
+    assert "recording.mcap: joints: values must be finite as 32-bit floats" in said
 
 
 @pytest.mark.parametrize("text", ["", "{}", "[]"])
