@@ -59,7 +59,7 @@ class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
 def main() -> None:
     """Close and open the gripper, 1.5 s each."""
     domain_id = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-    domain = Domain(domain_id, f"<General>{LOOPBACK}</General>")  # noqa: F841
+    domain = Domain(domain_id, f"<General>{LOOPBACK}</General>")  # noqa: F841 (lives as long as this)
     participant = DomainParticipant(domain_id)
     grasp = DataWriter(participant, Topic(participant, "rt/grasp", Int32))
     states = DataReader(participant, Topic(participant, "rt/joint_states", JointState))

@@ -152,6 +152,10 @@ def _sent(node: DirectNode, home: Vector) -> Vector:
     return np.array([home, home, home, *rows])
 
 
+def _stream(seed: int) -> dict[str, Any]:
+    return dc.asdict(stream(seed))
+
+
 def run(track: Track, *, streams: int = 1000, keep: str = "") -> ExperimentResult:
     """Send streams of messages.
 
@@ -163,7 +167,7 @@ def run(track: Track, *, streams: int = 1000, keep: str = "") -> ExperimentResul
     kept = KeptTrials(keep)
     outcomes = []
     for seed in track(range(streams), lambda seed: f"stream {seed}"):
-        done = kept(str(seed), lambda seed=seed: dc.asdict(stream(seed)))  # type: ignore[misc]
+        done = kept(str(seed), functools.partial(_stream, seed))
         outcomes.append(Outcome(**{**done, "events": tuple(done["events"])}))
     table: dict[str, Any] = {
         "seed": list(range(streams)),

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pydrake.math import RotationMatrix
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
+from scipy.linalg import expm
 
 from drake_srg.arm.kinematics import (
     ASSISTIVE_ARM_HOME,
@@ -102,8 +103,6 @@ def test_the_home_pose_is_the_printed_one_up_to_rounding_and_the_plane_of_the_ar
 @pytest.mark.slow
 @given(direction, point, angle)
 def test_the_exponential_of_a_screw_is_that_of_its_matrix(w, p, theta):
-    # scipy comes with toppra and with the extras.
-    expm = pytest.importorskip("scipy.linalg").expm
     v = -np.cross(w, p)
     W = np.zeros((4, 4))
     W[:3, :3] = np.cross(np.eye(3), w)

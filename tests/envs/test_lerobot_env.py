@@ -125,7 +125,7 @@ def test_lerobots_commands_know_them(monkeypatch):
     configs = pytest.importorskip("lerobot.envs.configs", reason=WHY)
     factory = pytest.importorskip("lerobot.envs.factory", reason=WHY)
     monkeypatch.syspath_prepend(str(EXAMPLES))
-    import lerobot_env_drake_srg  # noqa: F401
+    import lerobot_env_drake_srg  # noqa: F401 (imported for its effect)
 
     config = configs.EnvConfig.get_choice_class("drake_srg")(task="GraspOneShot-v0")
     assert set(config.features) == {"action", "environment_state"}
