@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, one_line
@@ -54,17 +55,32 @@ def stop_on_signals() -> Iterator[threading.Event]:
     A second signal of the same kind has its usual effect.
     """
     stop = threading.Event()
-    before: dict[int, Any] = {}
+    if threading.current_thread() is not threading.main_thread():  # Python's own limit
+        yield stop
+        return
+    # A handler may interrupt the main thread while that holds the event's lock. Setting
+    # the event there would deadlock; SimpleQueue.put is reentrant.
+    signals: SimpleQueue[bool] = SimpleQueue()
+
+    def set_once() -> None:
+        if signals.get():
+            stop.set()
+
+    setter = threading.Thread(target=set_once, daemon=True)
+    setter.start()
 
     def end(number: int, _: object) -> None:
-        stop.set()
+        signals.put(True)
         signal.signal(number, before[number])
 
-    if threading.current_thread() is threading.main_thread():  # Python's own limit
-        numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-        before = {number: signal.signal(number, end) for number in numbers}
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before: dict[int, Any] = {number: signal.getsignal(number) for number in numbers}
     try:
+        for each in numbers:
+            signal.signal(each, end)
         yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        signals.put(False)
+        setter.join()

@@ -2,7 +2,8 @@
 
 The hand comes from above, closes on an object that stands on the table, lifts it and
 shakes it gently. The object counts as held if at the end it touches only the gripper
-and has not moved in it.
+and has not moved in it. Flat boxes are wrapped as `clear_table` does it, with the palm
+at the right height, too low and too high.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from drake_srg.experiments.grasp_width_cases import (
     MOST_SLIP,
     Grasp,
     box,
+    flat_box,
     grasp,
     rod,
     sheet,
@@ -47,16 +49,21 @@ def run(
     ),
     sheets: Sequence[float] = (0.00076, 0.0003),
     rods: Sequence[float] = (0.0072, 0.003, 0.001),
+    flat: Sequence[float] = (0.132, 0.145, 0.158, 0.165),
+    gaps: Sequence[float] = (-0.001, 0.006, 0.01),
 ) -> ExperimentResult:
-    """Grasp boxes from narrow to wide, then thin objects.
+    """Grasp boxes from narrow to wide, then thin objects, then flat boxes.
 
     Args:
         track: Shows progress.
         boxes: Width of each box [m].
         sheets: Thickness of each sheet [m]; a bank card first.
         rods: Diameter of each rod [m]; a pencil first.
+        flat: Width of each flat box [m].
+        gaps: Between the base links and the top of each flat box [m].
     """
     things = [*map(box, sorted(boxes)), *map(sheet, sheets), *map(rod, rods)]
+    things += [flat_box(width, gap) for width in flat for gap in gaps]
     passing = track(things, label=lambda t: t.name)
     return make_result({t.name: (t.size, grasp(t)) for t in passing})
 
@@ -83,7 +90,7 @@ def make_result(grasps: Mapping[str, tuple[float, Grasp]]) -> ExperimentResult:
 
 
 def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
-    """Judge the widest box and every thin object."""
+    """Judge the widest box, every thin object and every flat box."""
     widest = 0.0
     boxes = {name: g for name, g in grasps.items() if name.startswith("box")}
     for width, result in boxes.values():
@@ -115,10 +122,10 @@ def judge(grasps: Mapping[str, tuple[float, Grasp]]) -> list[Row]:
 
 
 def draw(grasps: Mapping[str, tuple[float, Grasp]]) -> Any:
-    """Draw the hand on two boxes, motion of boxes, and slip of thin objects."""
+    """Draw the hand on two boxes, motion of boxes, and slip of everything else."""
     boxes = {n: g for n, g in grasps.items() if n.startswith("box")}
-    thin = {n: g for n, g in grasps.items() if n not in boxes}
-    figure = make_figure(11.0, 7.0, "Widest boxes and thinnest objects")
+    others = {n: g for n, g in grasps.items() if n not in boxes}
+    figure = make_figure(11.0, 8.0, "Widest boxes and thinnest objects")
     (first, second), (moved, slips) = figure.subplots(2, 2, height_ratios=[1.3, 1])
     claimed = min(boxes, key=lambda name: abs(boxes[name][0] - CLAIM))
     held = [name for name in boxes if boxes[name][1].held]
@@ -141,11 +148,13 @@ def draw(grasps: Mapping[str, tuple[float, Grasp]]) -> Any:
     moved.legend(fontsize=8, frameon=False)
     style_axes(slips, xlabel="slip while shaken [mm]")
     slips.grid(False)
-    colors = [COLORS[2] if g.held else COLORS[1] for _, g in thin.values()]
-    slips.barh(list(thin), [1e3 * g.slip for _, g in thin.values()], color=colors)
+    colors = [COLORS[2] if g.held else COLORS[1] for _, g in others.values()]
+    slips.barh(list(others), [1e3 * g.slip for _, g in others.values()], color=colors)
     slips.axvline(1e3 * MOST_SLIP, color=COLORS[-1], lw=0.8, ls="--")
     slips.set_xscale("log")
-    slips.set_title("Thin objects; dashed: limit", fontsize=9, loc="left")
+    slips.set_title(
+        "Thin objects and flat boxes; dashed: limit", fontsize=9, loc="left"
+    )
     return figure
 
 

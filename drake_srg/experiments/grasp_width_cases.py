@@ -1,19 +1,27 @@
-"""Boxes, sheets and rods, and the grasp that lifts and shakes them."""
+"""Boxes, sheets, rods and flat boxes, and the grasp that lifts and shakes them."""
 
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import numpy as np
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.data import household_objects
 from drake_srg.objects.config import ObjectConfig
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.simulation.rig import Rig, bench_scenario, shake
 from drake_srg.types import Box, Cylinder, Vector
 
 # A cardboard box as heavy as the sugar box and tall enough for the pads [m], [kg].
 _DEPTH, HEIGHT, _MASS, _FRICTION = 0.06, 0.12, 0.5, 0.6
+# A cracker box on its widest side, but for its width [m], [kg]; friction as above.
+# `clear_table` wraps it with the position driver.
+_FLAT_LENGTH, _FLAT_HEIGHT, _FLAT_MASS = 0.2074, 0.0658, 0.411
+_CLEARING = (
+    "gripper=!SrgPositionDriver {underactuation: {base: freeze, approach_speed: 1.0}}",
+)
 # Height of the palm frame above the top of a box, 3 mm below the open fingers' pads,
 # and above the middle of the pads when straight fingers meet [m].
 _ABOVE_BOX, _ABOVE_PADS = SRG.hinge_x + SRG.face_offset + 0.003, 0.158
@@ -33,12 +41,16 @@ class Thing:
         size: The width of a box, the thickness of a sheet or rod [m].
         config: The object; it stands on the table.
         z: Height of the palm frame above the table [m].
+        closure: Command that closes the hand.
+        overrides: Of the bench's scenario.
     """
 
     name: str
     size: float
     config: ObjectConfig
     z: float
+    closure: float = 1.0
+    overrides: Sequence[str] = ()
 
 
 @dc.dataclass(frozen=True)
@@ -108,13 +120,33 @@ def rod(diameter: float) -> Thing:
     return Thing(name, diameter, pencil, 0.7 * length + _ABOVE_PADS)
 
 
+def flat_box(width: float, gap: float) -> Thing:
+    """Return a box below the open hand, which wraps around its upper edges.
+
+    Args:
+        width: Of the box [m].
+        gap: Between its top and the base links [m].
+    """
+    fingers = SrgFingers()
+    size = [_FLAT_LENGTH, width, _FLAT_HEIGHT]
+    return Thing(
+        f"wrapped, {1e3 * width:.0f} mm, gap {1e3 * gap:.0f} mm",
+        width,
+        ObjectConfig(shape=Box(size), mass=_FLAT_MASS, friction=_FRICTION),
+        _FLAT_HEIGHT + fingers.wrap.face_x + gap,
+        fingers.wrapped(width).closure,
+        _CLEARING,
+    )
+
+
 def grasp(thing: Thing) -> Grasp:
     """Close on an object on the table, lift it and shake it."""
     home = np.array([0.0, 0.0, thing.z])
     up = home + np.array([0.0, 0.0, LIFT_HEIGHT])
-    with Rig(bench_scenario(thing.config, home=list(home)), name="grasp_width") as rig:
+    scenario = bench_scenario(thing.config, home=list(home), overrides=thing.overrides)
+    with Rig(scenario, name="grasp_width") as rig:
         start = rig.X_WO().translation()
-        rig.advance(_CLOSE, closure=1.0)
+        rig.advance(_CLOSE, closure=thing.closure)
         closed, X_GO_closed = rig.measured("gripper.state_measured"), rig.X_GO()
         rig.move(up, _LIFT)
         X_GO_lifted = rig.X_GO()

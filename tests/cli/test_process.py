@@ -71,3 +71,20 @@ def test_sigterm_ends_a_command_like_ctrl_c():
         [sys.executable, "-c", code], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (0, "interrupted\n")
+
+
+def test_a_signal_that_comes_while_the_event_is_looked_at_stops_too():
+    code = (
+        "import os, signal, threading\n"
+        "from drake_srg.cli.process import stop_on_signals\n"
+        "for _ in range(200):\n"
+        "    with stop_on_signals() as stop:\n"
+        "        arguments = os.getpid(), signal.SIGTERM\n"
+        "        end = threading.Timer(0.001, os.kill, arguments)\n"
+        "        end.start()\n"
+        "        while not stop.wait(0.0):\n"
+        "            pass\n"
+        "        end.join()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], timeout=60.0, check=False)
+    assert done.returncode == 0

@@ -59,9 +59,12 @@ def test_a_lost_sheet_fails(result, quantity):
 @pytest.mark.parametrize("result", [HELD, LOST], ids=["held", "lost"])
 def test_the_experiment_passes_if_the_objects_are_held(monkeypatch, result):
     monkeypatch.setattr(grasp_width, "grasp", lambda thing: result)
-    outcome = grasp_width.run(quiet, boxes=[0.16, 0.145], rods=[0.002])
+    outcome = grasp_width.run(
+        quiet, boxes=[0.16, 0.145], rods=[0.002], flat=[0.15], gaps=[0.006]
+    )
     assert outcome.passed == result.held
-    assert outcome.tables["grasps"]["size [m]"] == [0.145, 0.16, 0.00076, 0.0003, 0.002]
+    sizes = [0.145, 0.16, 0.00076, 0.0003, 0.002, 0.15]
+    assert outcome.tables["grasps"]["size [m]"] == sizes
     assert len(outcome.figure.axes) == 4
     (table,) = make_result(of_widths(CLAIM)).tables.values()
     assert table["held"] == [1, 1, 0, 0]

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.grasps.candidates import Candidates
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.pinches import Pinches
-from drake_srg.planning.grasps.relief import Relief, Thing
+from drake_srg.planning.grasps.relief import Relief, Thing, sides
 from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Vector
@@ -23,6 +23,7 @@ _LEAST_SHARE = 0.8
 _LEAST_HEIGHT = 0.004  # of a thing above the table [m]
 # Points between the fingers: along the closing direction, and across it [m].
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 13), np.array([-0.006, 0.0, 0.006])
+_PER_GRASP = _ALONG.size * _ACROSS.size
 # Cells of a thing that have a label, at least: fewer are at the edge of another thing.
 _LEAST_CELLS = 15
 
@@ -42,7 +43,8 @@ def labels_between(
     apart = (high - low)[:, None, None]
     along = low[:, None, None] + _ALONG[:, None, None] * apart
     normal = apart[..., ::-1] * [-1.0, 1.0] / np.linalg.norm(apart, axis=-1)[..., None]
-    cells = height_map.cells(along + _ACROSS[:, None] * normal).reshape(len(low), -1, 2)
+    points = (along + _ACROSS[:, None] * normal).reshape(len(low), _PER_GRASP, 2)
+    cells = height_map.cells(points)
     iy, ix = np.moveaxis(cells, -1, 0)
     ny, nx = height_map.height.shape
     inside = (iy >= 0) & (ix >= 0) & (iy < ny) & (ix < nx)
@@ -83,14 +85,14 @@ class ChosenGrasps(HeightMapGrasps):
                 parts.append(_part(relief, thing, thing.cells[labelled]))
         return dc.replace(relief, things=tuple(parts))
 
-    def _search(self, relief: Relief, seed: int) -> Pinches:
-        found = super()._search(relief, seed)
+    def allowed(self, relief: Relief, candidates: Candidates) -> Candidates:
+        """Return the candidates that take one labelled thing."""
         low, high = (
-            found.p_W + side[:, None] * found.direction
-            for side in (found.low, found.high)
+            candidates.p_W + side[:, None] * candidates.direction
+            for side in (candidates.low, candidates.high)
         )
         label = labels_between(relief.map, self._table, low, high)
-        return found.take(np.flatnonzero(label >= 0))
+        return candidates.take(np.flatnonzero(label >= 0))
 
 
 def _part(relief: Relief, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
@@ -98,7 +100,9 @@ def _part(relief: Relief, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
     heights = relief.above[cells[:, 0], cells[:, 1]].astype(float)
     points = relief.map.middles()[cells[:, 0], cells[:, 1]]
     middle = np.average(points, axis=0, weights=heights)
-    return dc.replace(thing, cells=cells, middle=middle, top=float(heights.max()))
+    size = sides(cells, relief.map.resolution)
+    top = float(heights.max())
+    return dc.replace(thing, cells=cells, middle=middle, size=size, top=top)
 
 
 class ChoosingPlanner(PickPlanner):

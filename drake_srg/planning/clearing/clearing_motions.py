@@ -147,6 +147,8 @@ class ClearingMotions:
         near = self._config.approach_distance
         approach = max(near, over - float(grasp.p_WC[2]))
         load = Load.seen(self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table)
+        if grasp.wrapped:  # the palm keeps it level
+            load = load.level
         side = 0 if load.long else (number + 1) % 3 - 1
         load = dc.replace(
             load, aside_W=side * self._aside, piled=max(filled - self._rim, 0.0)

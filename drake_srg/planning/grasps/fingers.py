@@ -1,4 +1,4 @@
-"""Two fingers that pinch from above, as the search for grasps sees them."""
+"""Two fingers that take things from above, as the search for grasps sees them."""
 
 from __future__ import annotations
 
@@ -25,6 +25,37 @@ class Silhouette:
 
 
 @dc.dataclass(frozen=True)
+class Wrap:
+    """How fingers take from above what is too wide for their pads.
+
+    The hand comes down fully open. Its base links come to lie on the top of the thing,
+    and the tips turn down around its upper edges.
+
+    Attributes:
+        half_gap: Of the open fingers' ends [m].
+        hinge_x: Palm x of the tips' hinges in the open hand [m].
+        hinge_y: Their distance from the palm's middle [m].
+        radius: Of the circle on which the tips' ends move about them [m].
+        face_x: Palm x of the open base links' faces [m].
+        gap: Between these and the top of the thing as the fingers close [m].
+        widths: Least and greatest width of a thing [m].
+    """
+
+    half_gap: float
+    hinge_x: float
+    hinge_y: float
+    radius: float
+    face_x: float
+    gap: float
+    widths: tuple[float, float]
+
+    @property
+    def deepest(self) -> float:
+        """Greatest palm x that the tips' ends reach as they close [m]."""
+        return self.hinge_x + self.radius
+
+
+@dc.dataclass(frozen=True)
 class FingerState:
     """A posture of both fingers: closure command and joint angles by name [rad]."""
 
@@ -44,6 +75,7 @@ class Fingers(abc.ABC):
         pad_width: Extent of the pads along the palm's z [m].
         palm_x: How far the palm reaches in its x [m].
         palm_size: Extents of the palm along its y and z [m].
+        wrap: How they take what is wider; None: not at all.
     """
 
     deepest: float
@@ -52,6 +84,7 @@ class Fingers(abc.ABC):
     pad_width: float
     palm_x: float
     palm_size: tuple[float, float]
+    wrap: Wrap | None = None
 
     @abc.abstractmethod
     def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
@@ -77,6 +110,17 @@ class Fingers(abc.ABC):
         Args:
             width: Of the thing [m].
         """
+
+    def wrapped(self, width: float) -> FingerState:
+        """Return the hand that presses on a thing that it wraps; needs `wrap`.
+
+        Args:
+            width: Of the thing [m].
+
+        Raises:
+            NotImplementedError: If the fingers have no `wrap`.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no `wrap`")
 
     @abc.abstractmethod
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:

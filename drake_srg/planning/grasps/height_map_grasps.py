@@ -17,7 +17,7 @@ __all__ = ["HeightMapGrasps", "Reach", "TopGraspConfig"]
 
 
 class HeightMapGrasps(TopGraspSearch):
-    """Finds pinches without knowing or telling apart the things on a table.
+    """Finds grasps without knowing or telling apart the things on a table.
 
     It tries points on things, times directions. For its arguments see `TopGraspSearch`.
     """

@@ -138,6 +138,18 @@ class Relief:
         return padded.ravel().take(iy * nx + ix)
 
 
+def sides(cells: npt.NDArray[np.intp], resolution: float) -> tuple[float, float]:
+    """Return the long and short side of the narrowest rectangle around cells [m].
+
+    Args:
+        cells: Their (iy, ix), shape (n, 2).
+        resolution: Size of a cell [m].
+    """
+    _, found, _ = cv2.minAreaRect((cells - cells[0]).astype(np.float32))
+    short, long = sorted((side + 1.0) * resolution for side in found)
+    return long, short
+
+
 def _noise(above: npt.NDArray[np.float32]) -> float:
     """Return the standard deviation of a table's own heights [m]."""
     flat = np.abs(above[np.abs(above) < _NEAR])
@@ -169,16 +181,12 @@ def _things(
         cells = np.argwhere(labels == label)
         heights = above[cells[:, 0], cells[:, 1]].astype(float)
         points = middles[cells[:, 0], cells[:, 1]]
-        _, sides, _ = cv2.minAreaRect((cells - cells[0]).astype(np.float32))
-        long, short = sorted(
-            ((side + 1.0) * map_.resolution for side in sides), reverse=True
-        )
         things.append(
             Thing(
                 label,
                 cells,
                 np.average(points, axis=0, weights=heights),
-                (long, short),
+                sides(cells, map_.resolution),
                 float(heights.max()),
             )
         )

@@ -1,4 +1,4 @@
-"""The SRG's fingers in a pinch from above."""
+"""The SRG's fingers in grasps from above."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from drake_srg.planning.grasps.fingers import (
     Fingers,
     FingerState,
     Silhouette,
+    Wrap,
     filled_rectangle,
     lowest,
 )
@@ -19,6 +20,7 @@ from drake_srg.planning.grasps.srg_hand import (
     finger_joints,
     pinch_angles,
     straight_base_angle,
+    wrap_angles,
 )
 from drake_srg.types import Vector
 
@@ -33,6 +35,9 @@ _LESS = 0.006
 _TURNED = 0.1
 # By how much a height map shows things too wide, at most [m].
 _BLUR = 0.004
+# `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
+# hold (docs/experiments.md, grasp_width).
+_WRAP_SQUEEZE = 1.2
 
 
 @dc.dataclass(frozen=True)
@@ -55,6 +60,17 @@ class SrgFingers(Fingers):
     pad_width = SRG.pad_width
     palm_x = 0.0775  # of its ears
     palm_size = (SRG.palm_width, SRG.palm_height)
+    wrap = Wrap(
+        half_gap=SRG.hinge_y + SRG.finger_length,
+        hinge_x=SRG.hinge_x,
+        hinge_y=SRG.hinge_y + SRG.base_length,
+        radius=float(np.hypot(SRG.pad_end, SRG.face_offset)),
+        face_x=SRG.hinge_x + SRG.face_offset,
+        # Flat boxes hold with anything from -1 to 10 mm, and boxes are held by their
+        # upper edges up to 170 mm (docs/experiments.md, grasp_width).
+        gap=0.006,
+        widths=(max_width - _BLUR, 0.165),
+    )
 
     def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
         """See `Fingers`."""
@@ -81,13 +97,21 @@ class SrgFingers(Fingers):
 
     def opened(self, half_gap: float) -> FingerState:
         """See `Fingers`."""
-        base = straight_base_angle(half_gap)
+        base = max(straight_base_angle(half_gap), 0.0)
         return FingerState(base / self.full_scale, finger_joints(base, 0.0))
 
     def closed(self, width: float) -> FingerState:
         """See `Fingers`."""
         base, tip = pinch_angles(0.5 * width)
-        closure = (base + tip + self.squeeze) / self.full_scale
+        return self._pressing(base, tip, self.squeeze)
+
+    def wrapped(self, width: float) -> FingerState:
+        """See `Fingers`."""
+        base, tip = wrap_angles(0.5 * width, self.wrap.gap)
+        return self._pressing(base, tip, _WRAP_SQUEEZE)
+
+    def _pressing(self, base: float, tip: float, squeeze: float) -> FingerState:
+        closure = (base + tip + squeeze) / self.full_scale
         return FingerState(min(1.0, closure), finger_joints(base, tip))
 
     def holds(self, width: float, q: Vector, proximity: Vector) -> bool:

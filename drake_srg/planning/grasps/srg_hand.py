@@ -229,6 +229,23 @@ def pinch_angles(half_width: float) -> tuple[float, float]:
     return base, tip
 
 
+def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
+    """Return the base and tip angles of a hand over the top of a wide thing.
+
+    The base links are open. The faces of the tips meet the thing's upper edges, or are
+    vertical if it is narrower than the space between them.
+
+    Args:
+        half_width: Half of the thing's width [m].
+        gap: Between the base links and its top, at least 0 [m].
+    """
+    beyond = half_width - SRG.hinge_y - SRG.base_length
+    p_edge = np.array([SRG.face_offset + gap, beyond])
+    tip = _contact_angle(p_edge, 0.0)
+    assert tip is not None  # the edge is no nearer to the hinge than the face
+    return 0.0, min(tip, 0.5 * np.pi)
+
+
 def straight_base_angle(half_gap: float) -> float:
     """Return the base angle at which the ends of straight fingers leave a gap [rad].
 

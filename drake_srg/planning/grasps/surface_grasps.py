@@ -27,7 +27,7 @@ _CONE, _LEVEL = np.deg2rad(25.0), 0.012
 
 
 class SurfaceGrasps(TopGraspSearch):
-    """Finds pinches between points of known surfaces that face each other.
+    """Finds grasps by pairing points of known surfaces that face each other.
 
     The nearer a pair's line passes to the middle of the thing, the less the weight
     turns it in the hand. What the cameras see of the table, other things included, is

@@ -1,4 +1,4 @@
-"""A pinch from above, and the planners that find such grasps."""
+"""A grasp from above, and the planners that find such grasps."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing import Protocol
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.planning.grasps.fingers import Fingers
+from drake_srg.planning.grasps.fingers import Fingers, FingerState
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.types import Failure, HeightMap, Vector
 
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
 class TopGrasp:
-    """A pinch by a hand that points down."""
+    """A pinch or a wrap by a hand that points down."""
 
     X_WG: RigidTransform  # of the palm when the fingers close [m]
     fingers: Fingers
@@ -26,6 +26,7 @@ class TopGrasp:
     p_WC: Vector  # middle between the pads at contact, shape (3,) [m]
     height: float  # top of what is taken, above the table [m]
     score: float  # higher is better
+    wrapped: bool = False  # a wrap, not a pinch
 
     @property
     def yaw(self) -> float:
@@ -41,7 +42,7 @@ class TopGrasp:
     @property
     def closure_closed(self) -> float:
         """Closure at which the fingers press on the thing."""
-        return self.fingers.closed(self.width).closure
+        return self._closed.closure
 
     @property
     def fingers_open(self) -> Mapping[str, float]:
@@ -51,7 +52,12 @@ class TopGrasp:
     @property
     def fingers_closed(self) -> Mapping[str, float]:
         """Joint angles of the gripper as expected when holding, by name [rad]."""
-        return self.fingers.closed(self.width).joints
+        return self._closed.joints
+
+    @property
+    def _closed(self) -> FingerState:
+        close = self.fingers.wrapped if self.wrapped else self.fingers.closed
+        return close(self.width)
 
     @property
     def tellable(self) -> bool:

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.random import Generator, default_rng
 
+from drake_srg.planning.grasps.candidates import Candidates, GraspJudgeConfig
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.pinches import PinchConfig, Pinches, PinchJudge
+from drake_srg.planning.grasps.pinch_judge import PinchJudge
 from drake_srg.planning.grasps.relief import Relief, Thing
 from drake_srg.planning.grasps.top_grasp import (
     GraspPlan,
@@ -18,6 +19,7 @@ from drake_srg.planning.grasps.top_grasp import (
     TopGrasp,
     palm_pose,
 )
+from drake_srg.planning.grasps.wrap_judge import WrapJudge
 from drake_srg.types import Failure, HeightMap, Vector, positive
 
 
@@ -36,7 +38,7 @@ class Reach:
 
 
 @dc.dataclass(kw_only=True)
-class TopGraspConfig(PinchConfig):
+class TopGraspConfig(GraspJudgeConfig):
     """How grasps are searched for. Lengths in m."""
 
     # Points that are tried: about this many in all, and at least so many of each thing.
@@ -44,11 +46,11 @@ class TopGraspConfig(PinchConfig):
     points_per_thing: int = dc.field(default=16, metadata={"ge": 1})
     # Directions of closing at each point.
     yaws: int = dc.field(default=18, metadata={"ge": 2})
-    # Pinches that are centered, turned a little and judged again on finer samples.
+    # Candidates that are centered, turned a little and judged again on finer samples.
     kept: int = dc.field(default=120, metadata={"ge": 1})
     # Grasps of a plan, at most.
     grasps: int = dc.field(default=40, metadata={"ge": 1})
-    # Pinches that score less are not worth an attempt.
+    # Candidates that score less are not worth an attempt.
     least_score: float = 3.5
     # Grasps within this distance and angle [rad] of each other count as one; within
     # twice the distance of one that failed, they come last.
@@ -63,7 +65,8 @@ class TopGraspSearch(abc.ABC):
     """Judges places and directions on a height map, and explains what it refuses.
 
     All depths and openings are judged at once (see `PinchJudge`). The best are moved to
-    where both pads touch at the same time, turned a little, and judged once more.
+    where both pads touch at the same time, turned a little, and judged once more. What
+    no pinch takes may be wrapped (`WrapJudge`).
 
     Args:
         fingers: The hand's.
@@ -85,6 +88,9 @@ class TopGraspSearch(abc.ABC):
         self._judge = PinchJudge(fingers, self._config)
         coarse = dc.replace(self._config, step=0.004, across=0.009)
         self._coarse = PinchJudge(fingers, coarse)
+        wrap = fingers.wrap
+        broad = dc.replace(self._config, across=0.009)
+        self._wrap_judge = WrapJudge(fingers, wrap, broad) if wrap else None
 
     @abc.abstractmethod
     def proposals(self, relief: Relief, rng: Generator) -> tuple[Vector, Vector]:
@@ -115,8 +121,11 @@ class TopGraspSearch(abc.ABC):
         relief = self.relief(height_map)
         if not relief.things:
             return GraspPlan()
-        pinches = self._search(relief, seed)
-        grasps = self._distinct([self._grasp(row) for row in _rows(pinches)], tried)
+        new, old = self._distinct(self._pinches(relief, seed), tried)
+        # Only what no pinch takes: wraps need a flat top and more room.
+        wraps = self._wraps(relief, _not_taken(relief, new))
+        new_wraps, old_wraps = self._distinct(wraps, tried)
+        grasps = (new + new_wraps + old + old_wraps)[: self._config.grasps]
         return GraspPlan(
             tuple(grasps),
             len(relief.things),
@@ -129,19 +138,34 @@ class TopGraspSearch(abc.ABC):
         self, relief: Relief, grasps: Sequence[TopGrasp], seed: int
     ) -> tuple[Refusal, ...]:
         """Return the things that no grasp takes."""
-        taken: set[int] = set()
-        for grasp in grasps:
-            along = np.array([np.cos(grasp.yaw), np.sin(grasp.yaw)])
-            offsets = np.linspace(-0.5, 0.5, 21)[:, None] * grasp.width * along
-            cells = relief.map.cells(grasp.p_WC[:2] + offsets)
-            taken |= set(relief.labels[cells[:, 0], cells[:, 1]].tolist())
         return tuple(
-            self._refuse(relief, thing, seed)
-            for thing in relief.things
-            if thing.label not in taken
+            self._refuse(relief, thing, seed) for thing in _not_taken(relief, grasps)
         )
 
-    def _search(self, relief: Relief, seed: int) -> Pinches:
+    def _pinches(self, relief: Relief, seed: int) -> list[TopGrasp]:
+        """Return the best pinches, the best first."""
+        found = self.allowed(relief, self._search(relief, seed))
+        deepest = self._fingers.deepest
+        return [self._grasp(row, deepest) for row in _rows(found)]
+
+    def _wraps(self, relief: Relief, things: Sequence[Thing]) -> list[TopGrasp]:
+        """Return wraps around some of the things, the best first."""
+        judge, wrap = self._wrap_judge, self._fingers.wrap
+        if judge is None or wrap is None:
+            return []
+        found = judge.judge(relief, *judge.places(relief, things))
+        if self._reach is not None:
+            found = found.take(np.flatnonzero(self._reach.contains(found.p_W)))
+        found = judge.refine(relief, found.best(self._config.kept))
+        rows = _rows(self.allowed(relief, found.best(self._config.kept)))
+        grasps = [self._grasp(row, wrap.deepest) for row in rows]
+        return [dc.replace(grasp, wrapped=True) for grasp in grasps]
+
+    def allowed(self, relief: Relief, candidates: Candidates) -> Candidates:
+        """Return those candidates that may be grasped."""
+        return candidates
+
+    def _search(self, relief: Relief, seed: int) -> Candidates:
         """Return the best pinches, the best first."""
         config = self._config
         p_W, yaw = self._within_reach(*self.proposals(relief, default_rng(seed)))
@@ -169,27 +193,32 @@ class TopGraspSearch(abc.ABC):
         reached = self._reach.contains(p_W)
         return p_W[reached], yaw[reached]
 
-    def _grasp(self, pinch: Pinches) -> TopGrasp:
-        """Return the grasp of a single pinch."""
-        tip, low, high = float(pinch.tip[0]), float(pinch.low[0]), float(pinch.high[0])
+    def _grasp(self, row: Candidates, deepest: float) -> TopGrasp:
+        """Return the grasp of a single candidate.
+
+        Args:
+            row: The candidate.
+            deepest: Palm x of its lowest point [m].
+        """
+        tip, low, high = float(row.tip[0]), float(row.low[0]), float(row.high[0])
         width = high - low + self._config.step
-        xy, top = pinch.p_W[0], float(pinch.top[0])
-        z = self._table + tip + self._fingers.deepest
-        middle = xy + 0.5 * (low + high) * pinch.direction[0]
+        xy, top = row.p_W[0], float(row.top[0])
+        z = self._table + tip + deepest
+        middle = xy + 0.5 * (low + high) * row.direction[0]
         return TopGrasp(
-            X_WG=palm_pose(np.array([*xy, z]), float(pinch.yaw[0])),
+            X_WG=palm_pose(np.array([*xy, z]), float(row.yaw[0])),
             fingers=self._fingers,
-            half_gap=float(pinch.half_gap[0]),
+            half_gap=float(row.half_gap[0]),
             width=width,
             p_WC=np.array([*middle, self._table + 0.5 * (tip + top)]),
             height=top,
-            score=float(pinch.score[0]),
+            score=float(row.score[0]),
         )
 
     def _distinct(
         self, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
-    ) -> list[TopGrasp]:
-        """Return grasps that differ, the best first, those like failed ones last."""
+    ) -> tuple[list[TopGrasp], list[TopGrasp]]:
+        """Return grasps that differ, the best first: new ones, and like failed ones."""
         config = self._config
         new: list[TopGrasp] = []
         old: list[TopGrasp] = []
@@ -200,16 +229,19 @@ class TopGraspSearch(abc.ABC):
             (old if failed else new).append(grasp)
             if len(new) >= config.grasps:
                 break
-        return new + old[: config.grasps - len(new)]
+        return new, old
+
+    def _takes(self, relief: Relief, seed: int) -> bool:
+        """Return whether any grasp takes anything."""
+        found = self._pinches(relief, seed) or self._wraps(relief, relief.things)
+        return bool(found)
 
     def _refuse(self, relief: Relief, thing: Thing, seed: int) -> Refusal:
         """Return why there is no grasp of a thing."""
         points = relief.map.middles()[thing.cells[:, 0], thing.cells[:, 1]]
         if self._reach is not None and not self._reach.contains(points).any():
             failure = Failure.OUT_OF_REACH
-        elif len(relief.things) > 1 and len(
-            self._search(relief.only(thing), seed).score
-        ):
+        elif len(relief.things) > 1 and self._takes(relief.only(thing), seed):
             failure = Failure.BLOCKED
         elif thing.size[1] > self._fingers.max_width:
             failure = Failure.TOO_WIDE
@@ -219,5 +251,17 @@ class TopGraspSearch(abc.ABC):
         return Refusal(p_W, thing.size, failure)
 
 
-def _rows(pinches: Pinches) -> list[Pinches]:
-    return [pinches.take(np.array([i])) for i in range(len(pinches.score))]
+def _not_taken(relief: Relief, grasps: Sequence[TopGrasp]) -> list[Thing]:
+    """Return the things that no grasp takes."""
+    taken: set[int] = set()
+    for grasp in grasps:
+        along = np.array([np.cos(grasp.yaw), np.sin(grasp.yaw)])
+        offsets = np.linspace(-0.5, 0.5, 21)[:, None] * grasp.width * along
+        cells = relief.map.cells(grasp.p_WC[:2] + offsets)
+        inside = np.all((cells >= 0) & (cells < relief.labels.shape), axis=1)
+        taken |= set(relief.labels[tuple(cells[inside].T)].tolist())
+    return [thing for thing in relief.things if thing.label not in taken]
+
+
+def _rows(candidates: Candidates) -> list[Candidates]:
+    return [candidates.take(np.array([i])) for i in range(len(candidates.score))]

@@ -67,6 +67,18 @@ def test_things_that_touch_are_not_taken_together():
         assert label_of(grasp, both, 0.0) in (0, 1)
 
 
+def test_a_labelled_thing_beside_another_is_wrapped_alone():
+    seen = fine()
+    away = np.abs(seen.middles())
+    seen.height[(away[..., 0] < 0.104) & (away[..., 1] < 0.079)] = 0.066
+    seen.height[(away[..., 0] > 0.104) & (away[..., 0] < 0.14)] = 0.02
+    labels = labeled(seen)
+    labels.label[seen.height == 0.066] = 0
+    (best, *_) = ChosenGrasps(SrgFingers(), 0.0).plan(labels).grasps
+    assert best.wrapped
+    assert label_of(best, labels, 0.0) == 0
+
+
 def choosing_run(shown, required=(True, True)):
     """Return a run of a ChoosingPlanner, and its motions for each label."""
     to = [Motions(), Motions()]

@@ -9,34 +9,13 @@ from drake_srg.planning.grasps.height_map_grasps import (
     TopGraspConfig,
 )
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.types import Failure, HeightMap
+from drake_srg.types import Failure
+from planning.grasps.box_maps import TABLE, height_map, turn
 
-TABLE = 0.3  # m
 HAND = SrgFingers()
 PLANNER = HeightMapGrasps(HAND, TABLE)
 FEW = settings(max_examples=4, deadline=None)
 ANGLES = st.floats(-np.pi, np.pi)
-
-
-def height_map(*boxes, noise=0.0, seed=0, half=0.2):
-    """Return a map of boxes (x, y, yaw, length, width, height) on the table [m]."""
-    n = round(2 * half / 0.002)
-    origin = np.full(2, -half + 0.001)
-    found = HeightMap(origin, 0.002, np.full((n, n), TABLE))
-    middles = found.middles()
-    for x, y, yaw, length, width, height in boxes:
-        d = middles - [x, y]
-        along = np.cos(yaw) * d[..., 0] + np.sin(yaw) * d[..., 1]
-        across = np.cos(yaw) * d[..., 1] - np.sin(yaw) * d[..., 0]
-        inside = (np.abs(along) < 0.5 * length) & (np.abs(across) < 0.5 * width)
-        found.height[inside] = TABLE + height
-    found.height[:] += np.random.default_rng(seed).normal(0.0, noise, (n, n))
-    return found
-
-
-def turn(a, b):
-    """Return the angle between two directions without a sense [rad]."""
-    return abs((a - b + 0.5 * np.pi) % np.pi - 0.5 * np.pi)
 
 
 def check_box(grasp, x, y, yaw, width):
@@ -73,8 +52,15 @@ def test_a_box_is_taken_across_its_narrow_side(yaw, width, height, noise):
     assert 2 * grasp.half_gap > width
 
 
+@pytest.mark.parametrize("edge", [(0.2, 0.0), (-0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
+def test_a_box_on_the_edge_of_the_map_can_be_taken(edge):
+    plan = PLANNER.plan(height_map((*edge, 0.0, 0.07, 0.07, 0.06)))
+    assert plan.grasps
+    assert plan.refused == ()
+
+
 @FEW
-@given(yaw=ANGLES, width=st.floats(0.15, 0.25), height=st.floats(0.02, 0.1))
+@given(yaw=ANGLES, width=st.floats(0.18, 0.25), height=st.floats(0.02, 0.1))
 def test_a_box_wider_than_the_hand_is_too_wide(yaw, width, height):
     plan = PLANNER.plan(height_map((0, 0, yaw, width + 0.02, width, height)))
     assert plan.grasps == ()

@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE
+from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, wrap_angles
 
 FINGERS = SrgFingers()
 OFFSETS = 0.001 * np.arange(-150, 151.0)
@@ -49,6 +49,17 @@ def test_held_things_are_told_from_none(width):
 
 def test_the_thinnest_things_cannot_be_told():
     assert not FINGERS.tellable(0.001)
+
+
+@given(width=st.floats(0.13, 0.165))
+def test_wraps_press_harder_than_pinches(width):
+    base, tip = wrap_angles(0.5 * width, FINGERS.wrap.gap)
+    assert base == 0.0
+    assert 0.8 < tip <= 0.5 * np.pi
+    wrapped = FINGERS.wrapped(width)
+    assert wrapped.closure * SRG.full_scale > base + tip + FINGERS.squeeze
+    assert FINGERS.holds(width, angles(wrapped), np.zeros(4))
+    assert FINGERS.opened(FINGERS.wrap.half_gap).closure >= 0.0
 
 
 @given(width=st.floats(0.0, 0.13), half_gap=st.floats(0.01, 0.1))

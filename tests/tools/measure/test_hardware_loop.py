@@ -4,7 +4,7 @@ import pytest
 
 from drake_srg.common.exceptions import ScenarioError
 from measure import hardware_loop
-from measure.hardware_loop import CASES, judge
+from measure.hardware_loop import CASES, check_speed, judge
 from measure.served_runs import ServedRun
 
 GOOD = ServedRun(True, True, "", 1.0e-3, 0.0, 7.0, 0.1)
@@ -37,6 +37,15 @@ def test_errors_are_judged_by_those_in_one_process():
     what = "largest placement error in x or y"
     assert failed(judge(CLEAN, [GOOD], 0.4e-3)) == {what}
     assert not failed(judge(CLEAN, [dc.replace(GOOD, rounding=0.3e-3)], 0.4e-3))
+
+
+def test_a_machine_that_is_too_slow_is_told_before_the_runs():
+    case = CASES[CLEAN]
+    check_speed(case, 1.0, 1.0)
+    check_speed(case, 0.5, 0.5)
+    message = r"^kitchen: runs at 0.79 x real time .* a rate of 0.5, .* `rate`$"
+    with pytest.raises(ScenarioError, match=message):
+        check_speed(case, 0.79, 1.0)
 
 
 def test_an_unknown_case_is_named():

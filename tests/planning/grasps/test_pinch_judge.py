@@ -3,13 +3,14 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.grasps.pinches import PinchConfig, PinchJudge
+from drake_srg.planning.grasps.candidates import GraspJudgeConfig
+from drake_srg.planning.grasps.pinch_judge import PinchJudge
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.types import HeightMap
 
 HAND = SrgFingers()
-JUDGE = PinchJudge(HAND, PinchConfig())
+JUDGE = PinchJudge(HAND, GraspJudgeConfig())
 
 
 def relief(*boxes):
