@@ -11,8 +11,9 @@ from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.trial import TrialResult
 
-# After so many dead workers, the trial is to blame.
-TRIES = 3
+# After so many dead workers, the trial is to blame: two may have died of another trial
+# beside it, and it has to die alone twice, because one death may be its worker's.
+TRIES = 4
 # After so many deaths per slot without a single result, no trial is to blame.
 _DEATHS = 5
 

@@ -25,7 +25,7 @@ def run(engine, trials, function=stub.trial):
 
 
 # More deaths than these in a row would mean that the workers are broken.
-@given(st.dictionaries(st.integers(0, 9), st.integers(0, TRIES - 1), max_size=4))
+@given(st.dictionaries(st.integers(0, 9), st.integers(0, TRIES - 1), max_size=3))
 def test_each_trial_gives_one_result_though_workers_die_now_and_then(dying):
     engine = stub.StubEngine(dying)
     rows = run(engine, range(10))
@@ -40,8 +40,8 @@ def test_a_trial_that_keeps_killing_its_workers_ends_in_an_error():
     rows = {row["trial"]: row for row in run(engine, range(6))}
     assert sorted(rows) == list(range(6))
     assert rows[4]["failure"] == "error"
-    assert "its worker died 3 times: SIGKILL(-9)" in rows[4]["message"]
-    assert engine.given == [0, 1, 2, 3, 4, 5, 4, 4]  # again after all others
+    assert f"its worker died {TRIES} times: SIGKILL(-9)" in rows[4]["message"]
+    assert engine.given == [0, 1, 2, 3, 4, 5, 4, 4, 4]  # again after all others
 
 
 class PendingEngine(stub.StubEngine):
@@ -60,6 +60,13 @@ class PendingEngine(stub.StubEngine):
         self.given.append(arguments[-2])  # last, because `await_given` looks at it
         return future
 
+    def await_given(self, number):
+        for _ in range(1000):
+            if len(self.given) == number:
+                return
+            time.sleep(0.01)
+        raise AssertionError(f"{self.given} were submitted, not {number}")
+
     def end(self, error=None):
         futures, self.futures = self.futures, []
         for trial, future in zip(self.given[-len(futures) :], futures, strict=True):
@@ -76,24 +83,39 @@ def test_trials_that_died_together_run_again_together_and_then_alone():
     def consume():
         rows.extend(run(engine, range(4)))
 
-    def await_given(number):
-        for _ in range(1000):
-            if len(engine.given) == number:
-                return
-            time.sleep(0.01)
-        raise AssertionError(f"{engine.given} were submitted, not {number}")
-
     thread = threading.Thread(target=consume, daemon=True)
     thread.start()
-    await_given(4)
+    engine.await_given(4)
     engine.end(BrokenExecutor("SIGKILL(-9)"))
-    await_given(8)  # all four at once
+    engine.await_given(8)  # all four at once
     engine.end(BrokenExecutor("SIGKILL(-9)"))
     for number in range(9, 13):  # and now one at a time
-        await_given(number)
+        engine.await_given(number)
         engine.end()
     thread.join(timeout=10.0)
     assert sorted(row["trial"] for row in rows) == [0, 1, 2, 3]
+
+
+def test_a_trial_that_died_with_another_twice_may_still_die_once_alone():
+    engine = PendingEngine(2)
+    rows = []
+
+    def consume():
+        rows.extend(run(engine, range(2)))
+
+    thread = threading.Thread(target=consume, daemon=True)
+    thread.start()
+    for number in (2, 4, 5, 6):  # twice both, then trial 0 alone, then trial 1
+        engine.await_given(number)
+        engine.end(BrokenExecutor("SIGKILL(-9)"))
+    for number in (7, 8):
+        engine.await_given(number)
+        engine.end()
+    thread.join(timeout=10.0)
+    assert sorted((row["trial"], row["failure"]) for row in rows) == [
+        (0, None),
+        (1, "dropped"),
+    ]
 
 
 def test_deaths_without_any_result_end_the_sweep():

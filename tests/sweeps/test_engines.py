@@ -17,6 +17,7 @@ from helpers import HEEDING_CTRL_C, needs_module
 from drake_srg.cli.main import main
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.sweeps import engines, sweep
+from drake_srg.sweeps.dispatch import TRIES
 from drake_srg.sweeps.engines import THREADS, JoblibEngine
 from drake_srg.sweeps.folder import SweepFolder
 from drake_srg.sweeps.rows import TIMING_COLUMNS, read_rows, read_sweep
@@ -104,7 +105,7 @@ def test_only_a_trial_that_always_kills_its_worker_ends_in_an_error(
     assert rows["trial"].to_pylist() == list(range(8))
     failures = dict(enumerate(rows["failure"].to_pylist()))
     assert failures.pop(2) == "error"
-    assert "its worker died 3 times" in rows["message"][2].as_py()
+    assert f"its worker died {TRIES} times" in rows["message"][2].as_py()
     assert "error" not in failures.values()
 
 
