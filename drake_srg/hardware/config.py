@@ -12,7 +12,14 @@ from drake_srg.hardware.dynamixel.drivers import DynamixelArm, DynamixelGripper
 from drake_srg.hardware.faults import FaultsConfig
 from drake_srg.hardware.link import HardwareDriver
 from drake_srg.hardware.nodes import Ros1Config, Ros2Config
-from drake_srg.hardware.ros import Ros1Arm, Ros1Gripper, Ros2Arm, Ros2Gripper
+from drake_srg.hardware.ros import (
+    Ros1Arm,
+    Ros1Gripper,
+    Ros2Arm,
+    Ros2Gripper,
+    RosArm,
+    RosGripper,
+)
 from drake_srg.scenario.yaml_tree import parse_yaml
 from drake_srg.scenario.yaml_typed import load_typed
 
@@ -53,6 +60,14 @@ class HardwareConfig:
     release: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Faults that the wires do not have by themselves; null: none.
     faults: FaultsConfig | None = None
+
+    @property
+    def ros_versions(self) -> set[int]:
+        """Versions of ROS that parts of the robot speak."""
+        parts = (self.arm, self.gripper, *self.cameras.values())
+        return {
+            p.version for p in parts if isinstance(p, RosArm | RosGripper | RosCamera)
+        }
 
 
 def load_hardware(path: str | Path) -> HardwareConfig:

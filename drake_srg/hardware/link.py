@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 import dataclasses as dc
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from typing import TYPE_CHECKING, Any
 
 from drake_srg.bridges.commands import PortValues, Warnings
@@ -72,9 +72,15 @@ class Mailbox:
         with self._lock:
             self._values.update(values)
 
-    def take(self) -> dict[str, Vector]:
-        """Return the values since the last call."""
+    def take(self, needed: Set[str] = frozenset()) -> dict[str, Vector]:
+        """Return the values since the last call, or none until all needed ones are new.
+
+        Args:
+            needed: Their names.
+        """
         with self._lock:
+            if needed - self._values.keys():
+                return {}
             values, self._values = self._values, {}
         return values
 
@@ -116,12 +122,12 @@ class HardwareDriver(abc.ABC):
     """Configuration of a driver, which a YAML tag chooses in a hardware file.
 
     An arm's link measures `arm.state_measured` (2N), [q; v], and perhaps
-    `arm.torque_measured` (N). A gripper's link measures `gripper.state_measured` (2n),
-    [q; v]; `gripper.triggered` (m), nonzero where a finger sensor fires, from which the
-    station tells `gripper.grasped`; `gripper.proximity` (m) [m]; and perhaps
-    `gripper.contact_force` (m) [N] and `gripper.pwm`. A gripper without finger sensors
-    tells by other means, such as currents, and says 0 or `proximity.range` as the
-    distance.
+    `arm.torque_measured` (N) and `arm.external_torque` (N) [N m]. A gripper's link
+    measures `gripper.state_measured` (2n), [q; v]; `gripper.triggered` (m), nonzero
+    where a finger sensor fires, from which the station tells `gripper.grasped`;
+    `gripper.proximity` (m) [m]; and perhaps `gripper.contact_force` (m) [N] and
+    `gripper.pwm`. A gripper without finger sensors tells by other means, such as
+    currents, and says 0 or `proximity.range` as the distance.
     """
 
     @abc.abstractmethod

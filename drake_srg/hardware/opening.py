@@ -18,13 +18,12 @@ from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.faults import FaultyLink
 from drake_srg.hardware.link import Link, Robot
 from drake_srg.hardware.nodes import Node, Nodes
-from drake_srg.hardware.ros import RosArm
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
-# Measurements that a planner cannot do without.
-_NEEDED = ("arm.state_measured", "gripper.state_measured")
+# Measurements that planner and safety monitor cannot do without, if links have them.
+_NEEDED = ("arm.state_measured", "gripper.state_measured", "arm.external_torque")
 _POLL = 0.02  # s
 
 
@@ -63,8 +62,8 @@ def open_hardware(
         scenario: That runs on the hardware.
         config: Of the drivers.
         warnings: Where trouble is reported.
-        inbox: For commands to us; an arm that speaks ROS has a node that subscribes to
-            its topics.
+        inbox: For commands to us: if any part of the robot speaks ROS, a node
+            subscribes to its topics.
         stopped: Whether to give up waiting.
 
     Raises:
@@ -85,8 +84,9 @@ def open_hardware(
             if config.faults is not None:
                 link = FaultyLink(link, config.faults, period)
             links.append(link)
-        if inbox is not None and isinstance(config.arm, RosArm):
-            _subscribe(robot.nodes.of(config.arm.version), inbox)
+        if inbox is not None:
+            for version in config.ros_versions:
+                _subscribe(robot.nodes.of(version), inbox)
         robot.nodes.open()
         yield Hardware(links, {}, _first(links, config.patience, stopped))
 

@@ -16,6 +16,7 @@ from drake_srg.hardware.nodes import Node
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _ARRAY = "std_msgs/msg/Float64MultiArray"
+_EXTERNAL_TORQUE = "arm.external_torque"
 # Control periods between two equal gripper commands, in case one gets lost.
 _REPEAT = 20
 
@@ -38,6 +39,10 @@ class RosArm(HardwareDriver):
         default="trajectory", metadata={"among": ("trajectory", "positions")}
     )
     lead: float = dc.field(default=0.05, metadata={"gt": 0.0})
+    # Topic of the torques that the joints feel from outside, as the arm's controller
+    # estimates them: std_msgs/Float64MultiArray [N m]. Limits of them need it. Empty:
+    # the arm does not tell them.
+    external_torque: str = ""
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""
@@ -97,11 +102,14 @@ class _ArmLink(Link):
         self._mail, self._stream, self.lag = Mailbox(), stream, stream.lag
         self._joints = JointStates(robot.arm_joints)
         node.subscribe(config.state, _JOINT_STATE, self._receive)
+        if config.external_torque:
+            self.outputs[_EXTERNAL_TORQUE] = n
+            node.subscribe(config.external_torque, _ARRAY, self._receive_external)
 
     def take(self) -> PortValues:
-        """See `Link`."""
-        values = self._mail.take()
-        return {} if self._stream.fails else values
+        """See `Link`; an arm that stops telling external torques falls silent."""
+        told = {_EXTERNAL_TORQUE} & self.outputs.keys()
+        return {} if self._stream.fails else self._mail.take(told)
 
     def close(self) -> None:
         """See `Link`; the node that it shares is closed elsewhere."""
@@ -124,6 +132,10 @@ class _ArmLink(Link):
         if effort is not None:
             values["arm.torque_measured"] = effort
         self._mail.put(values)
+
+    def _receive_external(self, message: Any) -> None:
+        torque = numbers(message.data, self.outputs[_EXTERNAL_TORQUE])
+        self._mail.put({_EXTERNAL_TORQUE: torque})
 
 
 @dc.dataclass(kw_only=True)

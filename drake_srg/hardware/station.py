@@ -24,7 +24,7 @@ from drake_srg.safety.config import SafetyConfig
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 
-_TRIGGERED = "gripper.triggered"
+_TRIGGERED, _EXTERNAL_TORQUE = "gripper.triggered", "arm.external_torque"
 _MONITORED = ("estop", "release", "speed_override")
 
 
@@ -96,14 +96,16 @@ def AddHardwareStation(
     arm, gripper = scenario.arm, scenario.gripper
     assert arm is not None
     assert gripper is not None
-    felt = safety is not None and safety.feels
-    if felt or scenario.planner.max_external_torque is not None:
-        raise ScenarioError(
-            "safety.external_torque, safety.force and planner.max_external_torque: "
-            "must be null on hardware, which does not tell external torques"
-        )
     period = period or arm.period
     links = hardware.links
+    felt = safety is not None and safety.feels
+    felt |= scenario.planner.max_external_torque is not None
+    if felt and not any(_EXTERNAL_TORQUE in link.outputs for link in links):
+        raise ScenarioError(
+            "safety.external_torque, safety.force and planner.max_external_torque: "
+            "must be null, because the arm does not tell external torques (allowed: "
+            "!Ros1Arm and !Ros2Arm with `external_torque`, the name of a topic)"
+        )
     reader = builder.AddNamedSystem(
         "hardware_reader", HardwareReader(links, period, hardware.start)
     )
@@ -175,6 +177,11 @@ def _AddMonitor(
         *((monitor, name, f"safety.{name}") for name in _MONITORED),
     ):
         builder.ExportInput(system.GetInputPort(input), name)
+    if reader.HasOutputPort(_EXTERNAL_TORQUE):
+        builder.Connect(
+            reader.GetOutputPort(_EXTERNAL_TORQUE),
+            monitor.GetInputPort("external_torque"),
+        )
     for name, room in (
         ("position_allowed", "arm"),
         ("position_held", "arm"),

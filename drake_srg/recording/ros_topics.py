@@ -238,6 +238,7 @@ def cell_topics(
     *,
     located: bool = False,
     watched: bool = False,
+    felt: bool = False,
 ) -> list[Topic]:
     """Return the topics of a cell.
 
@@ -248,6 +249,7 @@ def cell_topics(
         cameras: Camera name to the time between its images [s].
         located: Whether the planner locates one object to pick.
         watched: Whether the station has a safety monitor.
+        felt: Whether the station tells the arm's external torques.
     """
     size = len(arm_joints)
     joints = {"arm": arm_joints, "gripper": gripper_joints}
@@ -261,6 +263,11 @@ def cell_topics(
         float64_array("/gripper/contact_force", "gripper.contact_force", sensors),
         string("/planner/mode", "planner.mode"),
         *(_safety_topics() if watched else ()),
+        *(
+            [float64_array("/arm/external_torque", "arm.external_torque", size)]
+            if felt
+            else []
+        ),
         *([object_pose(OBJECT_POSE, "planner.status")] if located else []),
         *(
             image(

@@ -21,6 +21,9 @@ _MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
 _LIFTED = 0.015
 # A cleared object that is slower than this rests [m/s].
 AT_REST = 0.005
+# Motions have a dimensionless jerk of hundreds. Less is rounding, such as that of a
+# measured speed that no message changes any more.
+_NO_JERK = 1e-6
 
 
 def arm_states(log: Mapping[str, Vector]) -> Vector | None:
@@ -145,7 +148,10 @@ def smoothness(time: Vector, mode: Vector, arm: Vector | None) -> float | None:
         return None
     jerk = np.gradient(np.gradient(v, t, axis=0), t, axis=0)
     squared = np.trapezoid(np.sum(jerk**2, axis=1), t)
-    return float(-np.log((t[-1] - t[0]) ** 3 / peak**2 * squared))
+    dimensionless = (t[-1] - t[0]) ** 3 / peak**2 * squared
+    if dimensionless < _NO_JERK:
+        return None
+    return float(-np.log(dimensionless))
 
 
 def _last_rows(mode: Vector, wanted: Mode) -> npt.NDArray[np.intp]:

@@ -125,7 +125,7 @@ def AddRosbagRecorder(
 
 def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
     """Return the topics for which a cell or a station has ports."""
-    config = scenario.recording
+    config, ports = scenario.recording, output_ports(cell)
     gripper_joints, sensors = _gripper_names(scenario)
     topics = cell_topics(
         [joint.name() for joint in _arm_joints(scenario)],
@@ -134,8 +134,8 @@ def recorded_topics(cell: Diagram, scenario: Scenario) -> list[Topic]:
         dict.fromkeys(config.bag_cameras, config.bag_camera_period),
         located=scenario.task.clear is None and not scenario.script,
         watched=scenario.safety is not None and scenario.arm is not None,
+        felt="arm.external_torque" in ports,
     )
-    ports = output_ports(cell)
     return [t for t in topics if t.ports.keys() - t.optional <= ports.keys()]
 
 

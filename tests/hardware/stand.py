@@ -118,7 +118,7 @@ class Stand:
         scenario = scenario or kitchen()
         self.arm, self.planner = arm or FakeArm(), FakePlanner()
         self.gripper = gripper or FakeGripper()
-        start = {"arm.state_measured": np.append(HOME, np.zeros(7))}
+        start = {"arm.state_measured": np.append(HOME, np.zeros(7)), **self.arm.take()}
         hardware = Hardware([self.arm, self.gripper], {}, start)
         station = MakeHardwareStation(scenario, hardware)
         builder = DiagramBuilder()

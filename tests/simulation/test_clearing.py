@@ -11,6 +11,7 @@ from drake_srg.cell.choosing import row_places
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome
 from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.simulation.metrics import RunTimes, calc_metrics
 from drake_srg.types import Failure, Left, Mode, PlannerStatus
 
 IN_BIN, ON_TABLE = [0.34, -0.56, 0.05], [0.6, 0.1, 0.025]
@@ -55,6 +56,15 @@ def test_counts_what_is_in_the_bin(scenario):
     assert found.metrics()["picks_held"] == 2
     assert found.picks_per_hour == pytest.approx(36000.0)  # two in 0.2 s
     assert found.honest
+
+
+def test_a_robots_log_does_not_tell_what_became_of_the_objects(scenario):
+    made = log(scenario, {}, MODES_OF_A_PICK)
+    status = PlannerStatus(mode=Mode.DONE, attempts=3, cycles=2)
+    times = RunTimes(simulated=0.2, wall=0.2)
+    metrics = calc_metrics(scenario, "clear_table", made, status, set(), times, {})
+    assert (metrics.attempts, metrics.cycles) == (3, 2)
+    assert metrics.objects is metrics.objects_total is None
 
 
 @settings(max_examples=20)  # each measures the objects anew

@@ -96,6 +96,12 @@ def test_an_arm_at_rest_has_no_smoothness():
     assert judge(make_log()).smoothness is None
 
 
+def test_an_arm_whose_measurements_stand_still_has_no_smoothness():
+    log = make_log()
+    log["arm.state_measured"][:, 8] = 0.5
+    assert judge(log).smoothness is None
+
+
 def test_the_true_state_of_the_arm_comes_first():
     log = {"arm.state_measured": np.zeros((3, 2)), "arm.state_cheat": np.ones((3, 2))}
     assert measures.arm_states(log) is log["arm.state_cheat"]

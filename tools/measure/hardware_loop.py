@@ -59,7 +59,7 @@ _SPREAD = 0.5
 def run(
     track: Track,
     *,
-    seeds: int = 10,
+    seeds: int = 20,
     seed: int = 0,
     cases: Sequence[str] = (),
     rate: float = 1.0,

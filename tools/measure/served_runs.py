@@ -20,7 +20,9 @@ import numpy as np
 import yaml
 
 from drake_srg.bridges.dynamixel.encoder import JOINT
+from drake_srg.bridges.served_replay import LONGEST
 from drake_srg.cell.goals import final_pose
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.bridge_client import ServedProcess, free_port, open_wire
 from drake_srg.experiments.servo_runs import rounding
 from drake_srg.recording.log import read_log
@@ -137,7 +139,10 @@ def _judge(
     ran: Path,
     rate: float,
 ) -> ServedRun:
-    poses = read_log(served / "log.npz")[f"object_pose.{scenario.task.pick}"]
+    log = read_log(served / "log.npz")
+    if log["time"][-1] > LONGEST - 1.0:
+        raise ScenarioError(f"the served cell's log ends at {LONGEST:g} s")
+    poses = log[f"object_pose.{scenario.task.pick}"]
     goal = final_pose(scenario, row_to_pose(poses[0])).translation()
     off = poses[-1, :3] - goal
     stops = [stop["reason"] for stop in answer.get("safety_stops") or ()]
