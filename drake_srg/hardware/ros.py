@@ -2,6 +2,7 @@
 
 import dataclasses as dc
 import math
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,8 +28,10 @@ class RosArm(HardwareDriver):
 
     version: ClassVar[int]
 
-    # Topic of the arm's sensor_msgs/JointState. Joints have the model's names.
+    # Topic of the arm's sensor_msgs/JointState.
     state: str = "/joint_states"
+    # Names of its joints in messages, in the order of the model's; empty: the model's.
+    joints: list[str] = dc.field(default_factory=list)
     # Topic of the commands, one each control period. `trajectory`: a
     # trajectory_msgs/JointTrajectory with the positions of the last and the next `lead`
     # seconds by the robot's clock, as a joint_trajectory_controller takes them. The arm
@@ -44,6 +47,14 @@ class RosArm(HardwareDriver):
     # the arm does not tell them.
     external_torque: str = ""
 
+    def names(self, robot: Robot) -> Sequence[str]:
+        """Return the names of the joints in messages, in the order of the model's.
+
+        Raises:
+            ScenarioError: If there are more or fewer than in the model.
+        """
+        return _names("arm", self.joints, robot.arm_joints)
+
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""
         node = robot.nodes.of(self.version)
@@ -51,7 +62,7 @@ class RosArm(HardwareDriver):
 
     def _stream(self, robot: Robot, node: Node) -> ArmStream:
         """Return the way of the commands."""
-        joints, arm = robot.arm_joints, robot.scenario.arm
+        joints, arm = self.names(robot), robot.scenario.arm
         assert arm is not None
         if self.stream == "positions":
             return PositionStream(node, self.command, len(joints))
@@ -86,7 +97,7 @@ class Ros2Arm(RosArm):
         return GoalStream(
             node,
             self.action,
-            robot.arm_joints,
+            self.names(robot),
             self.lead,
             arm.period,
             robot.warnings,
@@ -100,7 +111,7 @@ class _ArmLink(Link):
         n = len(robot.arm_joints)
         self.outputs = {"arm.state_measured": 2 * n, "arm.torque_measured": n}
         self._mail, self._stream, self.lag = Mailbox(), stream, stream.lag
-        self._joints = JointStates(robot.arm_joints)
+        self._joints = JointStates(config.names(robot))
         node.subscribe(config.state, _JOINT_STATE, self._receive)
         if config.external_torque:
             self.outputs[_EXTERNAL_TORQUE] = n
@@ -146,6 +157,8 @@ class RosGripper(HardwareDriver):
 
     # Topic of the gripper's sensor_msgs/JointState; it may be the arm's.
     state: str = "/joint_states"
+    # Names of its joints in messages, in the order of the model's; empty: the model's.
+    joints: list[str] = dc.field(default_factory=list)
     # Topics of the finger sensors, std_msgs/Float64MultiArray: distances [m] and normal
     # forces [N]. Empty: the gripper has no such sensors.
     proximity: str = "/gripper/proximity"
@@ -156,6 +169,14 @@ class RosGripper(HardwareDriver):
     # stay where it is and keep its grip, true to obey. Empty: it only gets no new
     # commands.
     hold: str = "/startgrasp"
+
+    def names(self, robot: Robot) -> Sequence[str]:
+        """Return the names of the joints in messages, in the order of the model's.
+
+        Raises:
+            ScenarioError: If there are more or fewer than in the model.
+        """
+        return _names("gripper", self.joints, robot.gripper_joints)
 
     def connect(self, robot: Robot) -> Link:
         """See `HardwareDriver`."""
@@ -191,7 +212,7 @@ class _GripperLink(Link):
         }
         self._node, self._mail, self._m = node, Mailbox(), m
         self._gripper = gripper
-        self._joints = JointStates(gripper.joint_names)
+        self._joints = JointStates(config.names(robot))
         self._topic = percent(config.command)
         self._obeys = obeys(config.hold) if config.hold else None
         self._sent, self._ticks = (math.nan, 0.0), 0
@@ -243,3 +264,13 @@ class _GripperLink(Link):
             touched = force >= self._gripper.touch.trigger_force
             values["gripper.triggered"] = touched.astype(float)
         self._mail.put(values)
+
+
+def _names(part: str, given: Sequence[str], model: Sequence[str]) -> Sequence[str]:
+    """Return the given names of a part's joints, or the model's."""
+    if given and len(given) != len(model):
+        raise ScenarioError(
+            f"{part}.joints: needs one name for each of {', '.join(model)}, "
+            f"got {len(given)}"
+        )
+    return given or model

@@ -68,8 +68,8 @@ class Listener:
         assert isinstance(arm, RosArm)
         assert isinstance(gripper, RosGripper)
         self._lock = threading.Lock()
-        self._arm = JointStates(robot.arm_joints)
-        self._fingers = JointStates(robot.gripper_joints)
+        self._arm = JointStates(arm.names(robot))
+        self._fingers = JointStates(gripper.names(robot))
         self._told: Told | None = None
         self._gripper_state = np.full(2 * len(robot.gripper_joints), np.nan)
         self._closure: float | None = None

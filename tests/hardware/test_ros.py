@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.link import STAMP
 from drake_srg.hardware.ros import Ros1Arm, Ros2Arm
 from hardware.stand import HOME, FakeNode, array, joint_state
@@ -33,6 +34,17 @@ def test_a_stream_of_positions_is_the_commands_as_they_are(kind):
             "std_msgs/msg/Float64MultiArray",
         )
         np.testing.assert_array_equal(message.data, q)
+
+
+def test_a_robot_may_have_names_of_its_own_for_the_joints():
+    node, names = FakeNode(), [f"lbr_A{i}" for i in range(1, 8)]
+    link = Ros2Arm(joints=names).connect(node.robot())
+    node.deliver("/joint_states", joint_state(1.0, names[::-1], HOME[::-1], TORQUE))
+    np.testing.assert_array_equal(link.take()["arm.state_measured"][:7], HOME)
+    link.send(commands(HOME))
+    assert node.sent[-1][1].joint_names == names
+    with pytest.raises(ScenarioError, match=r"arm\.joints: needs one name for each"):
+        Ros1Arm(joints=names[:6]).connect(node.robot())
 
 
 def test_an_arm_tells_external_torques_if_it_has_a_topic_of_them():
