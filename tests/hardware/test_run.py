@@ -26,7 +26,7 @@ from drake_srg.types import Mode
 SERVED = "kitchen_fast"
 SERVOED = load_scenario("kitchen_servoing")
 # Slower than real time, so that a busy machine keeps up.
-RATE = 0.1
+RATE = 0.05
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def robot(tmp_path):
     file.write_text(
         "arm: !Ros2Arm {}\ngripper: !Ros2Gripper {}\n"
         "cameras: {ceiling: !Ros2Camera {}}\n"
-        f"ros2: {{domain: {domain}}}\nrate: {RATE}\n"
+        f"ros2: {{domain: {domain}}}\nrate: {RATE}\npatience: 120.0\n"
     )
     command = [sys.executable, "-m", "drake_srg", "serve", SERVED, "--no-record"]
     command += ["--ros2", "--domain", domain, "--rate", str(RATE)]
