@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 # The time by the robot's clock of the newest measurement, shape (1,) [s].
 STAMP = "hardware.stamp"
+# What the arm's joints feel from outside, shape (N,) [N m]; only some arms tell it.
+EXTERNAL_TORQUE = "arm.external_torque"
 
 
 class Link(abc.ABC):

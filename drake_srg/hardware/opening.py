@@ -16,14 +16,14 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.faults import FaultyLink
-from drake_srg.hardware.link import Link, Robot
+from drake_srg.hardware.link import EXTERNAL_TORQUE, Link, Robot
 from drake_srg.hardware.nodes import Node, Nodes
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Vector
 
 # Measurements that planner and safety monitor cannot do without, if links have them.
-_NEEDED = ("arm.state_measured", "gripper.state_measured", "arm.external_torque")
+_NEEDED = ("arm.state_measured", "gripper.state_measured", EXTERNAL_TORQUE)
 _POLL = 0.02  # s
 
 

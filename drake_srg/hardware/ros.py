@@ -11,13 +11,19 @@ from drake_srg.bridges.commands import PortValues
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.arm_streams import ArmStream, PositionStream, TrajectoryStream
 from drake_srg.hardware.goal_stream import GoalStream
-from drake_srg.hardware.link import STAMP, HardwareDriver, Link, Mailbox, Robot
+from drake_srg.hardware.link import (
+    EXTERNAL_TORQUE,
+    STAMP,
+    HardwareDriver,
+    Link,
+    Mailbox,
+    Robot,
+)
 from drake_srg.hardware.messages import JointStates, numbers, obeys, percent
 from drake_srg.hardware.nodes import Node
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
 _ARRAY = "std_msgs/msg/Float64MultiArray"
-_EXTERNAL_TORQUE = "arm.external_torque"
 # Control periods between two equal gripper commands, in case one gets lost.
 _REPEAT = 20
 
@@ -43,15 +49,16 @@ class RosArm(HardwareDriver):
     )
     lead: float = dc.field(default=0.05, metadata={"gt": 0.0})
     # Topic of the torques that the joints feel from outside, as the arm's controller
-    # estimates them: std_msgs/Float64MultiArray [N m]. Limits of them need it. Empty:
-    # the arm does not tell them.
+    # estimates them: std_msgs/Float64MultiArray [N m], one number per joint, in the
+    # order of `joints`, at least every `safety.watchdog`. Limits of them need it.
+    # Empty: the arm does not tell them.
     external_torque: str = ""
 
     def names(self, robot: Robot) -> Sequence[str]:
         """Return the names of the joints in messages, in the order of the model's.
 
         Raises:
-            ScenarioError: If there are more or fewer than in the model.
+            ScenarioError: If there are more or fewer than in the model, or equal ones.
         """
         return _names("arm", self.joints, robot.arm_joints)
 
@@ -113,14 +120,15 @@ class _ArmLink(Link):
         self._mail, self._stream, self.lag = Mailbox(), stream, stream.lag
         self._joints = JointStates(config.names(robot))
         node.subscribe(config.state, _JOINT_STATE, self._receive)
+        self._needed = {"arm.state_measured"}
         if config.external_torque:
-            self.outputs[_EXTERNAL_TORQUE] = n
+            self._needed.add(EXTERNAL_TORQUE)
+            self.outputs[EXTERNAL_TORQUE] = n
             node.subscribe(config.external_torque, _ARRAY, self._receive_external)
 
     def take(self) -> PortValues:
-        """See `Link`; an arm that stops telling external torques falls silent."""
-        told = {_EXTERNAL_TORQUE} & self.outputs.keys()
-        return {} if self._stream.fails else self._mail.take(told)
+        """See `Link`; an arm that stops telling any of what it must tell is silent."""
+        return {} if self._stream.fails else self._mail.take(self._needed)
 
     def close(self) -> None:
         """See `Link`; the node that it shares is closed elsewhere."""
@@ -145,8 +153,8 @@ class _ArmLink(Link):
         self._mail.put(values)
 
     def _receive_external(self, message: Any) -> None:
-        torque = numbers(message.data, self.outputs[_EXTERNAL_TORQUE])
-        self._mail.put({_EXTERNAL_TORQUE: torque})
+        torque = numbers(message.data, self.outputs[EXTERNAL_TORQUE])
+        self._mail.put({EXTERNAL_TORQUE: torque})
 
 
 @dc.dataclass(kw_only=True)
@@ -174,7 +182,7 @@ class RosGripper(HardwareDriver):
         """Return the names of the joints in messages, in the order of the model's.
 
         Raises:
-            ScenarioError: If there are more or fewer than in the model.
+            ScenarioError: If there are more or fewer than in the model, or equal ones.
         """
         return _names("gripper", self.joints, robot.gripper_joints)
 
@@ -273,4 +281,6 @@ def _names(part: str, given: Sequence[str], model: Sequence[str]) -> Sequence[st
             f"{part}.joints: needs one name for each of {', '.join(model)}, "
             f"got {len(given)}"
         )
+    if len(set(given)) < len(given):
+        raise ScenarioError(f"{part}.joints: names must differ, got {', '.join(given)}")
     return given or model

@@ -15,7 +15,7 @@ from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.gripper.grasp_detector import GraspDetector
 from drake_srg.hardware.camera_feed import CameraFeed
 from drake_srg.hardware.hand_hold import HandHold
-from drake_srg.hardware.link import STAMP
+from drake_srg.hardware.link import EXTERNAL_TORQUE, STAMP
 from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.reader import HardwareReader
 from drake_srg.hardware.writer import HardwareWriter
@@ -24,7 +24,7 @@ from drake_srg.safety.config import SafetyConfig
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import MakeModelsPlant
 
-_TRIGGERED, _EXTERNAL_TORQUE = "gripper.triggered", "arm.external_torque"
+_TRIGGERED = "gripper.triggered"
 _MONITORED = ("estop", "release", "speed_override")
 
 
@@ -100,7 +100,7 @@ def AddHardwareStation(
     links = hardware.links
     felt = safety is not None and safety.feels
     felt |= scenario.planner.max_external_torque is not None
-    if felt and not any(_EXTERNAL_TORQUE in link.outputs for link in links):
+    if felt and not any(EXTERNAL_TORQUE in link.outputs for link in links):
         raise ScenarioError(
             "safety.external_torque, safety.force and planner.max_external_torque: "
             "must be null, because the arm does not tell external torques (allowed: "
@@ -177,9 +177,9 @@ def _AddMonitor(
         *((monitor, name, f"safety.{name}") for name in _MONITORED),
     ):
         builder.ExportInput(system.GetInputPort(input), name)
-    if reader.HasOutputPort(_EXTERNAL_TORQUE):
+    if reader.HasOutputPort(EXTERNAL_TORQUE):
         builder.Connect(
-            reader.GetOutputPort(_EXTERNAL_TORQUE),
+            reader.GetOutputPort(EXTERNAL_TORQUE),
             monitor.GetInputPort("external_torque"),
         )
     for name, room in (

@@ -21,8 +21,8 @@ _MAX_HOME_ERROR = 0.01  # rad; farther from home, the arm does not count as home
 _LIFTED = 0.015
 # A cleared object that is slower than this rests [m/s].
 AT_REST = 0.005
-# Motions have a dimensionless jerk of hundreds. Less is rounding, such as that of a
-# measured speed that no message changes any more.
+# Motions have a dimensionless jerk of hundreds. Less is rounding, as when measurements
+# freeze.
 _NO_JERK = 1e-6
 
 
@@ -129,7 +129,8 @@ def smoothness(time: Vector, mode: Vector, arm: Vector | None) -> float | None:
     """Return the log dimensionless jerk of the arm from first motion to last.
 
     `-ln(T³ / v_peak² integral |d²v/dt²|² dt)` (S. Balasubramanian et al., J. NeuroEng.
-    Rehabil. 12:112, 2015), where v is the vector of joint velocities.
+    Rehabil. 12:112, 2015), where v is the vector of joint velocities. None without
+    motion, or if the velocity never changes.
 
     Args:
         time: Times [s].

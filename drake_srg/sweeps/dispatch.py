@@ -70,7 +70,12 @@ def dispatch(
                         f"workers keep dying, {deaths} times without a result: {reason}"
                     ) from error
                 if tries[trial] < TRIES:
-                    (waiting if tries[trial] == 1 else suspects).append(trial)
+                    if tries[trial] == 1:
+                        waiting.append(trial)
+                    elif tries[trial] == 2:
+                        suspects.append(trial)
+                    else:
+                        suspects.appendleft(trial)  # whose result resets `deaths`
                     continue
                 result = lost(trial, f"its worker died {TRIES} times: {reason}")
             except Exception as error:

@@ -45,6 +45,8 @@ def test_a_robot_may_have_names_of_its_own_for_the_joints():
     assert node.sent[-1][1].joint_names == names
     with pytest.raises(ScenarioError, match=r"arm\.joints: needs one name for each"):
         Ros1Arm(joints=names[:6]).connect(node.robot())
+    with pytest.raises(ScenarioError, match=r"arm\.joints: names must differ"):
+        Ros1Arm(joints=[*names[:6], names[0]]).connect(node.robot())
 
 
 def test_an_arm_tells_external_torques_if_it_has_a_topic_of_them():
@@ -69,4 +71,6 @@ def test_an_arm_that_stops_telling_external_torques_falls_silent():
     assert link.take() == {}
     node.deliver("/felt", array(TORQUE))
     assert link.take().keys() >= {"arm.state_measured", "arm.external_torque"}
+    assert link.take() == {}
+    node.deliver("/felt", array(TORQUE))  # and nothing about the joints
     assert link.take() == {}

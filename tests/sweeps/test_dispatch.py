@@ -25,7 +25,7 @@ def run(engine, trials, function=stub.trial):
 
 
 # More deaths than these in a row would mean that the workers are broken.
-@given(st.dictionaries(st.integers(0, 9), st.integers(0, TRIES - 1), max_size=3))
+@given(st.dictionaries(st.integers(0, 9), st.integers(0, TRIES - 1), max_size=4))
 def test_each_trial_gives_one_result_though_workers_die_now_and_then(dying):
     engine = stub.StubEngine(dying)
     rows = run(engine, range(10))
@@ -105,12 +105,12 @@ def test_a_trial_that_died_with_another_twice_may_still_die_once_alone():
 
     thread = threading.Thread(target=consume, daemon=True)
     thread.start()
-    for number in (2, 4, 5, 6):  # twice both, then trial 0 alone, then trial 1
+    dead = BrokenExecutor("SIGKILL(-9)")
+    # Both twice, then each once alone before it succeeds.
+    ends = {2: dead, 4: dead, 5: dead, 6: None, 7: dead, 8: None}
+    for number, error in ends.items():
         engine.await_given(number)
-        engine.end(BrokenExecutor("SIGKILL(-9)"))
-    for number in (7, 8):
-        engine.await_given(number)
-        engine.end()
+        engine.end(error)
     thread.join(timeout=10.0)
     assert sorted((row["trial"], row["failure"]) for row in rows) == [
         (0, None),
