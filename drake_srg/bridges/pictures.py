@@ -61,19 +61,26 @@ def served_cameras(
     first = served_camera(scenario)
     if first is None:
         return
-    topics = camera_topics(*first, scenario.task.pick)
-    yield ServedCamera(first[0], scenario, topics, period)
+    if scenario.task.clear is None:
+        topics = camera_topics(*first, scenario.task.pick)
+        yield ServedCamera(first[0], scenario, topics, period)
+    else:  # objects of any shape, for which there is no localizer
+        alone = _with_one_camera(scenario, first[0])
+        yield ServedCamera(first[0], alone, image_topics(*first), period)
     servoing = scenario.servoing
     if servoing is None or servoing.camera == first[0]:
         return
     name = servoing.camera
-    alone = dc.replace(
-        scenario,
-        cameras={name: scenario.cameras[name]},
-        localizer=dc.replace(scenario.localizer, cameras=[]),
-    )
     topics = image_topics(name, _intrinsics(scenario, name), f"/camera_{name}")
+    alone = _with_one_camera(scenario, name)
     yield ServedCamera(name, alone, topics, servoing.camera_period)
+
+
+def _with_one_camera(scenario: Scenario, name: str) -> Scenario:
+    """Return a scenario with one camera, and without a localizer."""
+    localizer = dc.replace(scenario.localizer, cameras=[])
+    cameras = {name: scenario.cameras[name]}
+    return dc.replace(scenario, cameras=cameras, localizer=localizer)
 
 
 def _intrinsics(scenario: Scenario, name: str) -> CameraInfo:

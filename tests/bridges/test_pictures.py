@@ -3,9 +3,10 @@ import pytest
 
 from bridges.fake_bridge import FakeBridge
 from drake_srg.bridges import pictures as pictures_module
+from drake_srg.bridges.camera_process import Viewer
 from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.outlet import Outlet
-from drake_srg.bridges.pictures import Pictures, served_camera
+from drake_srg.bridges.pictures import Pictures, served_camera, served_cameras
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
 from drake_srg.scenario import load_scenario
 
@@ -53,6 +54,13 @@ def look(pictures, time, *wanted):
 def test_the_served_camera_is_the_localizer_s_first():
     name, intrinsics = served_camera(KITCHEN)
     assert (name, intrinsics.width()) == ("ceiling", 640)
+
+
+@pytest.mark.parametrize("name", ["clear_table", "sort_table", "row_table"])
+def test_where_objects_of_any_shape_are_cleared_there_are_pictures_alone(name):
+    (served,) = served_cameras(load_scenario(name))
+    assert served.topics.keys() == {COLOR, DEPTH, CAMERA_INFO}
+    Viewer(served.scenario, served.name)
 
 
 def test_without_a_localizer_the_scenario_s_first_camera_is_served():
