@@ -3,6 +3,7 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.experiments.digital_twin import FAULTS, Beside, beside, judge
+from drake_srg.scenario import load_scenario
 from drake_srg.twin.loop import Parting
 from drake_srg.types import Mode
 
@@ -36,6 +37,6 @@ def test_a_robot_and_its_twin_agree_while_the_arm_moves():
     assert run.ended in (Mode.PRE_GRASP, Mode.GRASP)
     assert run.partings == []
     joint, _, finger, thing = run.largest
-    assert joint < 0.2  # until it knows how its arm lags
+    assert joint < load_scenario("kitchen_fast").twin.joint
     assert finger < 0.1
     assert thing < 0.01
