@@ -76,46 +76,33 @@ class PendingEngine(stub.StubEngine):
                 future.set_exception(error)
 
 
-def test_trials_that_died_together_run_again_together_and_then_alone():
-    engine = PendingEngine(4)
+DEAD = BrokenExecutor("SIGKILL(-9)")
+
+
+def drive(engine, trials, ends):
+    """Run trials, and end all that run whenever so many were given; return the rows."""
     rows = []
-
-    def consume():
-        rows.extend(run(engine, range(4)))
-
-    thread = threading.Thread(target=consume, daemon=True)
+    thread = threading.Thread(
+        target=lambda: rows.extend(run(engine, trials)), daemon=True
+    )
     thread.start()
-    engine.await_given(4)
-    engine.end(BrokenExecutor("SIGKILL(-9)"))
-    engine.await_given(8)  # all four at once
-    engine.end(BrokenExecutor("SIGKILL(-9)"))
-    for number in range(9, 13):  # and now one at a time
-        engine.await_given(number)
-        engine.end()
-    thread.join(timeout=10.0)
-    assert sorted(row["trial"] for row in rows) == [0, 1, 2, 3]
-
-
-def test_a_trial_that_died_with_another_twice_may_still_die_once_alone():
-    engine = PendingEngine(2)
-    rows = []
-
-    def consume():
-        rows.extend(run(engine, range(2)))
-
-    thread = threading.Thread(target=consume, daemon=True)
-    thread.start()
-    dead = BrokenExecutor("SIGKILL(-9)")
-    # Both twice, then each once alone before it succeeds.
-    ends = {2: dead, 4: dead, 5: dead, 6: None, 7: dead, 8: None}
     for number, error in ends.items():
         engine.await_given(number)
         engine.end(error)
     thread.join(timeout=10.0)
-    assert sorted((row["trial"], row["failure"]) for row in rows) == [
-        (0, None),
-        (1, "dropped"),
-    ]
+    return rows
+
+
+def test_trials_that_died_together_run_again_together_and_then_alone():
+    ends = {4: DEAD, 8: DEAD, **dict.fromkeys(range(9, 13))}
+    rows = drive(PendingEngine(4), range(4), ends)
+    assert sorted(row["trial"] for row in rows) == [0, 1, 2, 3]
+
+
+def test_a_trial_that_died_with_another_twice_may_still_die_once_alone():
+    ends = {2: DEAD, 4: DEAD, 5: DEAD, 6: None, 7: DEAD, 8: None}
+    rows = drive(PendingEngine(2), range(2), ends)
+    assert {row["trial"]: row["failure"] for row in rows} == {0: None, 1: "dropped"}
 
 
 def test_deaths_without_any_result_end_the_sweep():
