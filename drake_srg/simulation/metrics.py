@@ -244,7 +244,7 @@ def calc_metrics(
         to_placement = opened - status.localized_at
     success = placed and status.mode is Mode.DONE
     cleared, others = None, measures.others_moved(log, pick)
-    # A robot's log does not say where objects are.
+    # A robot's log tells neither where objects are nor what touches them.
     if scenario.task.clear is not None and "contact_force" in log:
         cleared = clearing_outcome(scenario, log, status)
         peak = float(np.max(log["contact_force"])) or None
