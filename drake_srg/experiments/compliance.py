@@ -156,11 +156,10 @@ def judge(trials: Mapping[Case, Sequence[Inserted]]) -> Sequence[Row]:
             else:
                 rows.append(Row.info(name, f"{what}, at least", low, "", spread=0.05))
             if case == Case("position", _CLEARANCE) and what == "jammed":
-                rows.append(
-                    Row.at_least(
-                        name, "jammed, share", _JAMMING, share, "", spread=0.05
-                    )
+                hypothesis = Row.at_least(
+                    name, "jammed, share", _JAMMING, share, "", spread=0.05
                 )
+                rows.append(hypothesis.because("the hypothesis is refuted"))
             else:
                 rows.append(Row.info(name, f"{what}, share", share, "", spread=0.05))
             rows.append(Row.info(name, f"{what}, at most", high, "", spread=0.05))

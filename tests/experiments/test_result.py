@@ -101,13 +101,30 @@ def test_the_maker_of_a_row_may_state_its_spread(spread):
     assert {row.spread for row in rows} == {spread}
 
 
-@given(measured=st.floats(), limit=numbers, clock=st.sampled_from(["", "time", "rate"]))
-def test_rows_survive_json(measured, limit, clock):
+@given(
+    measured=st.floats(),
+    limit=numbers,
+    clock=st.sampled_from(["", "time", "rate"]),
+    reason=st.text(),
+)
+def test_rows_survive_json(measured, limit, clock, reason):
     row = Row.at_most("can", "slip", limit, measured, "mm", clock=clock)
+    row = row.because(reason)
     text = json.dumps(row.as_dict(), allow_nan=False)
     read = Row.from_dict(json.loads(text))
     assert read.as_dict() == row.as_dict()
     assert math.isfinite(read.measured) == math.isfinite(measured)
+
+
+@pytest.mark.parametrize("reason", ["", "the pads are too soft"])
+@pytest.mark.parametrize("slip", [1.0, 5.0])
+def test_a_known_reason_excuses_a_row_but_does_not_pass_it(slip, reason):
+    row = Row.at_most("can", "slip", 3.0, slip, "mm").because(reason)
+    result = dc.replace(make_result(), rows=[row])
+    assert row.passed == (slip < 3.0)
+    assert result.passed == (slip < 3.0 or bool(reason))
+    word = "ok" if slip < 3.0 else "known" if reason else "FAIL"
+    assert result.table().splitlines()[1].startswith(word)
 
 
 def test_criteria_are_readable():

@@ -25,7 +25,7 @@ class Change:
             machine that made the committed one; NaN if there is none.
     """
 
-    what: Literal["failed", "moved", "appeared", "vanished"]
+    what: Literal["failed", "passes now", "moved", "appeared", "vanished"]
     row: Row
     old: float
     new: float
@@ -33,6 +33,9 @@ class Change:
 
 def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
     """Return what changed by more than its spread, appeared, vanished or fails.
+
+    A row with a known reason to miss its criterion must not meet it, or the reason is
+    out of date; wall-clock rows may, on a faster machine.
 
     Rows are the same if they agree in name, quantity and unit; of several such rows,
     the first belongs to the first. The spread that counts is the committed one.
@@ -52,8 +55,10 @@ def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
             continue
         value = at_old_speed(row, slower)
         committed = was.measured if was else math.nan
-        if not row.passed:
+        if row.fails:
             changes.append(Change("failed", row, committed, value))
+        elif row.passed and row.known and not row.clock:
+            changes.append(Change("passes now", row, committed, value))
         elif was is None:
             if old is not None:
                 changes.append(Change("appeared", row, committed, value))

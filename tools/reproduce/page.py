@@ -42,9 +42,9 @@ def update(
 
 def block(rows: Sequence[Row], stamp: Stamp) -> str:
     """Return the rows as a Markdown table, folded below a summary."""
-    failed = [row for row in rows if not row.passed]
+    missed = [row for row in rows if not row.passed]
     summary = (
-        f"{len(rows) - len(failed)} of {len(rows)} rows pass "
+        f"{len(rows) - len(missed)} of {len(rows)} rows pass "
         f"(Drake {stamp.drake}, {show_time(stamp.seconds)})"
     )
     cells = [
@@ -58,13 +58,13 @@ def block(rows: Sequence[Row], stamp: Stamp) -> str:
                 f"{row.spread:.2g}",
                 row.unit,
                 row.expected,
-                "yes" if row.passed else "**no**",
+                "yes" if row.passed else f"**no**{row.known and ': '}{row.known}",
             )
             for row in rows
         ),
     ]
     text = "\n".join(f"| {' | '.join(line)} |" for line in cells)
-    unfolded = " open" if failed else ""
+    unfolded = " open" if missed else ""
     return f"<details{unfolded}><summary>{summary}</summary>\n\n{text}\n\n</details>\n"
 
 

@@ -25,6 +25,13 @@ def test_new_rows_replace_the_old_ones():
     assert update(updated, "fake", "Fake.", ROWS, STAMP) == updated
 
 
+def test_a_known_reason_stands_beside_the_row():
+    row = Row.at_most("base", "drift", 3.0, 4.0, "um/s").because("soft pads")
+    text = block([row], STAMP)
+    assert "0 of 1 rows pass" in text
+    assert "| <= 3 | **no**: soft pads |" in text
+
+
 def test_a_new_experiment_gets_a_section():
     page = update("# Page\n", "fake", "Fake.", ROWS, STAMP)
     assert "\n## fake\n\nFake.\n\n![Fake.](experiments/fake.png)\n" in page
