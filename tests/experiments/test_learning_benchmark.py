@@ -1,13 +1,44 @@
 import numpy as np
 import pytest
+from gymnasium.spaces import Discrete
 
-from drake_srg.experiments.learning_benchmark import CASES, Speed, judge, measure
+from drake_srg.experiments.learning_benchmark import (
+    CASES,
+    Speed,
+    judge,
+    measure,
+    memory_growth,
+    scaling,
+)
 
 
 def test_an_environment_is_measured():
-    speed = measure(CASES[0], 2)
+    speed = measure(CASES[0], 2, 5)
     assert speed.held == 1.0
     assert min(*speed.ticks, *speed.free, *speed.resets) > 0.0
+
+
+class Growing:
+    """An environment that keeps a megabyte per episode."""
+
+    action_space = Discrete(2)
+
+    def __init__(self):
+        self.kept = []
+
+    def reset(self, seed):
+        self.kept.append(bytearray(1_000_000))
+
+    def step(self, action):
+        assert action in self.action_space
+
+
+def test_memory_that_is_kept_is_noticed():
+    assert memory_growth(Growing(), 40) == pytest.approx(1000.0, rel=0.1)
+
+
+def test_workers_are_compared():
+    assert scaling(CASES[0], 1) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -17,7 +48,7 @@ def test_an_environment_is_measured():
         ({"ticks": np.array([10.0])}, 1),
         ({"resets": np.array([9.0])}, 1),
         ({"held": 0.5}, 1),
-        ({"growth": 1.0}, 1),
+        ({"growth": 2.0}, 1),
     ],
 )
 def test_what_is_slow_or_grows_fails(change, fails):
