@@ -18,7 +18,8 @@ import numpy as np
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.localization import ACTUAL
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.trials import (
     PLACED,
     bounds,

@@ -19,7 +19,7 @@ from drake_srg.arm.kinematics import (
     euler_angles,
     forward_kinematics,
 )
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from drake_srg.scenario import load_scenario
 from drake_srg.station import MakeStation
 from drake_srg.station.plant import AddDirectives

@@ -31,7 +31,8 @@ from drake_srg.experiments.bridge_client import (
 )
 from drake_srg.experiments.bridge_delays import measure_delays
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Vector

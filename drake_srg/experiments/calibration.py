@@ -25,7 +25,8 @@ from drake_srg.experiments.calibration_runs import (
 )
 from drake_srg.experiments.localization_cases import Eye
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.objects.models import object_shape
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario

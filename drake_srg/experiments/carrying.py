@@ -18,7 +18,8 @@ import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation import Simulate

@@ -21,7 +21,8 @@ import numpy as np
 from drake_srg.experiments.insertion_stand import Inserted, InsertionStand
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval
 

@@ -21,7 +21,8 @@ from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.ports import output_ports
 from drake_srg.experiments.direct_node import DirectNode, make_message
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.lifetime import my_context
 from drake_srg.recording.figure import make_figure, style_axes

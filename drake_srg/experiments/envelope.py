@@ -30,7 +30,8 @@ from drake_srg.experiments.envelope_cases import (
     make_cases,
 )
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 
 _CLAIMS = {

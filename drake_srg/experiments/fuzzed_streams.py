@@ -21,7 +21,8 @@ from drake_srg.experiments.direct_node import DirectNode
 from drake_srg.experiments.fuzzed_messages import FAULTS, FuzzedRobot
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.hardware.cell import MakeHardwareCell
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
 from drake_srg.hardware.loop import ControlLoop

@@ -19,7 +19,8 @@ import numpy as np
 from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.experiments.picking import REACH, SURFACE, Attempt, attempts
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps

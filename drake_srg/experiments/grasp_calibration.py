@@ -24,7 +24,8 @@ import numpy as np
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.cycles import Cycle, run_cycle
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.types import Vector
 

@@ -22,7 +22,8 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.household import Case, household_cases
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.shaken_grasp import (
     ShakenGrasp,
     from_json,

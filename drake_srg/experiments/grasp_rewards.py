@@ -16,9 +16,10 @@ import numpy as np
 
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
+from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.episodes import EVALUATION, make_environment, run_episode
-from drake_srg.learning.learners import MakeLearner
 from drake_srg.learning.train import Training, trained_policy
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.sweeps.statistics import wilson_interval

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.servo_trials import Grasped
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector

@@ -16,7 +16,8 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.grasp_width_cases import HEIGHT, box
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.gripper.driver import WireMotor
 from drake_srg.gripper.motor_temperature import motor_load
 from drake_srg.gripper.spool_command import SpoolCommandConfig, spool_angle

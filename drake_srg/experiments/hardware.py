@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.servo_stand import ServoStand
 from drake_srg.experiments.vendor_test import VendorTest, press_bench, warm
 from drake_srg.identification.log import LogRow, vendor_log

@@ -14,7 +14,8 @@ import numpy as np
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.household import object_facts
 from drake_srg.objects.models import simple_shape

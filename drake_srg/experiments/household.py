@@ -25,7 +25,8 @@ from drake_srg.experiments.grasping import (
     width_between_pads,
 )
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.still import take_picture
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.recording.figure import COLORS, make_figure

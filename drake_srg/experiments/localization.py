@@ -28,7 +28,8 @@ from drake_srg.experiments.localization_cases import (
     poses,
 )
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.varied_scenes import WITHIN, Scene
 from drake_srg.experiments.varied_scenes import judge as judge_scenes
 from drake_srg.experiments.varied_scenes import look as look_at_scene

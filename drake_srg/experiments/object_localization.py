@@ -17,7 +17,8 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.experiments.localization_cases import Eye
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ColorRangeConfig, ObjectConfig
 from drake_srg.objects.household import HOUSEHOLD, household_object
 from drake_srg.objects.meshes.load import model_tree

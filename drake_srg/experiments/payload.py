@@ -10,7 +10,8 @@ from typing import Any, Literal
 
 from drake_srg.experiments.payload_hold import BENCH, HOLD, Held, Load, largest_mass
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.recording.figure import make_figure, style_axes
 

@@ -24,7 +24,8 @@ from drake_srg.experiments.resting_drops import (
     simulate,
     tipping_angle,
 )
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 
 CHOSEN = Settings()

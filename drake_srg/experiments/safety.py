@@ -17,7 +17,8 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 
 from drake_srg.common.safety_states import SafetyState, StopReason, safety_state
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.safety_stand import Stand
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.simulation.rig import Rig

@@ -23,7 +23,8 @@ from drake_srg.experiments.grasp_rows import (
 )
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.served_trials import Served, grasp_served
 from drake_srg.experiments.servo_trials import Case, trial_order
 from drake_srg.recording.figure import COLORS, make_figure, style_axes

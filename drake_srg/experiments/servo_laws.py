@@ -13,7 +13,8 @@ import numpy as np
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.response import overshoot, rise_time, rms, settling_time
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.servo_bench import STEP, Joint, Response, simulate
 from drake_srg.experiments.servo_figure import draw
 from drake_srg.experiments.servo_motions import (

@@ -20,7 +20,8 @@ from pydrake.multibody.tree import BodyIndex
 
 from drake_srg.experiments.data import household_objects
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig, SleepingConfig
 from drake_srg.objects.models import object_body
 from drake_srg.recording.figure import COLORS, make_figure, style_axes

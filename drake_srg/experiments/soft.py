@@ -15,7 +15,8 @@ import numpy as np
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.sponge import (
     CLEARANCE,
     CLOSE,

@@ -14,7 +14,8 @@ import numpy as np
 from drake_srg.experiments.hold_drift import creep, things
 from drake_srg.experiments.payload_hold import HOLD, Load, hold
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario

@@ -12,7 +12,8 @@ import numpy as np
 
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics

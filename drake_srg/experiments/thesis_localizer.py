@@ -20,7 +20,8 @@ from drake_srg.cell.perception import AddLocalizer
 from drake_srg.experiments.localization import ACTUAL, DETECTED
 from drake_srg.experiments.localization_cases import CAMERA, SCENARIO, STANDING, poses
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.varied_scenes import put_object
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario

@@ -22,7 +22,8 @@ from drake_srg.bridges.commands import CommandInbox
 from drake_srg.bridges.serve import Serve, Served
 from drake_srg.experiments.bridge_client import Client, MakeBridge, open_wire
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.recording.ros_topics import Topic
 from drake_srg.scenario import Scenario, load_scenario

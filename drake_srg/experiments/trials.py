@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.experiments.cycles import Cycle
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 

@@ -18,7 +18,7 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantValueSource
 
 from drake_srg.cell.perception import AddLocalizer, AddObstacleFinder
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import load_scenario

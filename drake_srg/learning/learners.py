@@ -1,4 +1,4 @@
-"""The learners by name, each in rounds that can be interrupted."""
+"""Learners in NumPy, in rounds that can be interrupted."""
 
 from __future__ import annotations
 
@@ -203,34 +203,3 @@ class DataRounds(CloningRounds):
         self.steps += steps
         self.episodes += len(new)
         return [True] * len(new)
-
-
-def MakeLearner(algorithm: str, env: Any, run: int, data: str = "") -> Learner:
-    """Make the learner of an algorithm.
-
-    Args:
-        algorithm: `q`, `sac`, `bc` or `dagger`.
-        env: The environment.
-        run: Seed of training.
-        data: Folder of a data set, for `bc`; "" for the hand-written rule.
-
-    Raises:
-        ScenarioError: If the algorithm does not fit the environment, or `data` does not
-            fit either.
-        ImportError: If `sac` lacks its packages.
-    """
-    if data and algorithm != "bc":
-        raise ScenarioError(f"--data: needs --algo bc, got {algorithm}")
-    if algorithm == "q":
-        return QRounds(env, run)
-    if algorithm == "bc" and data:
-        return DataRounds(env, run, Path(data))
-    if algorithm == "bc":
-        return CloningRounds(env, run)
-    if algorithm == "dagger":
-        from drake_srg.learning.dagger import DaggerRounds
-
-        return DaggerRounds(env, run)
-    from drake_srg.learning.sac import SacRounds
-
-    return SacRounds(env, run)

@@ -20,6 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
+from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.episodes import (
     VALIDATION,
     environment_id,
@@ -28,7 +29,7 @@ from drake_srg.learning.episodes import (
     training_seed,
 )
 from drake_srg.learning.event_log import EventLog
-from drake_srg.learning.learners import Learner, MakeLearner
+from drake_srg.learning.learners import Learner
 from drake_srg.learning.onnx_file import can_write_onnx, write_onnx
 from drake_srg.learning.policy import Policy, PolicyInfo
 from drake_srg.sweeps.files import write_file

@@ -13,7 +13,8 @@ More words.
 from collections.abc import Sequence
 from typing import Literal
 
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import make_figure
 
 {declared}

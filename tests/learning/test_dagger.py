@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
+from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.cloning import CloningConfig
-from drake_srg.learning.learners import CHECKPOINT, MakeLearner
+from drake_srg.learning.learners import CHECKPOINT
 
 from .toy import Toy
 

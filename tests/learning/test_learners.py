@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.cloning import CloningConfig, clone
-from drake_srg.learning.learners import CHECKPOINT, MakeLearner
+from drake_srg.learning.learners import CHECKPOINT
 from drake_srg.learning.policy import scaled
 from drake_srg.learning.q_learner import QConfig, QLearner
 

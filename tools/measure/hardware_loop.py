@@ -17,7 +17,8 @@ from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.experiments.cycles import run_cycle
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.recording.figure import make_figure, style_axes
 from measure.served_runs import Case, ServedRun, run_served
 

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.experiments.varied_scenes import ANOTHER, Scenery
 from measure.threshold_scenes import CLEAR, GROUPS, STANDING, Group, Look, Looks
 from measure.thresholds import THRESHOLDS, Setting, show

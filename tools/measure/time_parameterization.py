@@ -11,7 +11,8 @@ import numpy as np
 
 from drake_srg.cell import MakeTaskPlanner
 from drake_srg.experiments.registry import Track
-from drake_srg.experiments.result import ExperimentResult, Row
+from drake_srg.experiments.result import ExperimentResult
+from drake_srg.experiments.row import Row
 from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization

@@ -11,7 +11,7 @@ from pathlib import Path
 from PIL import Image
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from drake_srg.sweeps.files import write_file
 from reproduce.page import update
 from reproduce.stamps import RESULT, Stamp, read_stamps, write_stamps

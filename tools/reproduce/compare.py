@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 
 
 @dc.dataclass(frozen=True)

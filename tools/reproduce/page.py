@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from reproduce.stamps import Stamp
 
 

@@ -6,7 +6,7 @@ import dataclasses as dc
 import math
 from collections.abc import Sequence
 
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from reproduce.compare import Change, compare, slowdown
 
 

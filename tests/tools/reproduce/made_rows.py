@@ -7,7 +7,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from reproduce.stamps import Stamp, make_stamp, write_stamp
 
 STAMP = Stamp("c0de", "1.2.3", "re5u17", 8.4)

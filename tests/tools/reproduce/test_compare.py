@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from reproduce.compare import compare, slowdown
 
 sizes = st.floats(1e-3, 1e3)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.common.exceptions import ScenarioError
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from reproduce.page import block, show_time, update
 from tools.reproduce.made_rows import STAMP
 

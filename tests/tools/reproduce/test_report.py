@@ -1,6 +1,6 @@
 import dataclasses as dc
 
-from drake_srg.experiments.result import Row
+from drake_srg.experiments.row import Row
 from reproduce.report import Report
 from tools.reproduce.made_rows import rows
 
