@@ -17,6 +17,7 @@ _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
 _STILL = 0.1  # of the joints' scaled speeds
 _CLOSED = 0.9  # closure of the grasp
+_WIDE = 0.09  # a side that the hand had better not close across [m]
 
 
 def grasp_height(size_z: float) -> float:
@@ -35,14 +36,21 @@ def grasp_one_shot(observation: Array) -> Array:
 
 
 def pick(observation: Array) -> Array:
-    """Come from above, close across the narrower side, wait until it stands, lift."""
+    """Come from above, close across the nearer side, wait until it stands, lift.
+
+    The nearer side, not the narrower one: a network that imitates the rule cannot tell
+    which side of a nearly square box is narrower, and would turn halfway.
+    """
     o = observation.astype(float)
     along = _NEAR * o[:2]
     turn = 0.5 * np.arctan2(o[4], o[3])
     size_x, size_y, size_z = _SIZE * o[6:9]
-    if size_y > size_x and o[9] < 0.5:
+    period = np.pi
+    if max(size_x, size_y) < _WIDE:
+        period = 0.5 * np.pi
+    elif size_y > size_x:
         turn += 0.5 * np.pi
-    turn = (turn + 0.5 * np.pi) % np.pi - 0.5 * np.pi
+    turn = (turn + 0.5 * period) % period - 0.5 * period
     if o[9] > 0.5:
         turn = 0.0
     closing = o[22] > 0.0

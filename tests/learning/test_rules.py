@@ -37,6 +37,27 @@ def test_a_hand_off_to_the_side_moves_before_it_comes_down():
     assert action[4] == -1.0
 
 
+def turn_towards(yaw, size_x, size_y):
+    """The turn of a hand right over a box that is turned by `yaw`."""
+    x = np.zeros(24, np.float32)
+    x[3:5] = np.cos(2.0 * yaw), np.sin(2.0 * yaw)
+    x[[5, 6, 7, 8, 22]] = 0.85, size_x / 0.15, size_y / 0.15, 0.5, -1.0
+    return pick(x)[3]
+
+
+@pytest.mark.parametrize("size", [0.04, 0.06, 0.08])
+@pytest.mark.parametrize(
+    ("yaw", "sign"), [(0.0, 0), (0.5, 1), (1.0, -1), (-0.5, -1), (-1.0, 1)]
+)
+def test_a_box_is_grasped_across_its_nearer_side(size, yaw, sign):
+    assert np.sign(np.round(turn_towards(yaw, 0.06, size), 6)) == sign
+
+
+def test_a_wide_box_is_grasped_across_its_narrower_side():
+    assert turn_towards(0.0, 0.12, 0.07) == pytest.approx(0.0, abs=1e-6)
+    assert abs(turn_towards(0.0, 0.07, 0.12)) == 1.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["drake_srg/GraspOneShot-v0"])
 def test_a_rule_grasps(name):
