@@ -93,7 +93,7 @@ def outcomes(track: Track, grasps: int) -> Vector:
     return held
 
 
-def run(track: Track, *, grasps: int = 24) -> ExperimentResult:
+def run(track: Track, *, grasps: int = 89) -> ExperimentResult:
     """Compare the drivers' closing, and grasps that nearly fail.
 
     Args:
