@@ -23,6 +23,11 @@ def takes_loop_constraints() -> bool:
     return _version() >= _NEWER
 
 
+def has_fast_contact() -> bool:
+    """Return whether steps with contact cost three quarters (since 1.58)."""
+    return _version() >= _NEWER
+
+
 def contact_approximations() -> list[str]:
     """Return the names of the discrete contact approximations (no tamsi since 1.58)."""
     from pydrake.multibody.plant import DiscreteContactApproximation
