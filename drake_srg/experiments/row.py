@@ -159,8 +159,8 @@ class Row:
         return cls(name, quantity, expected, value, unit, passed, spread, clock)
 
     def because(self, reason: str) -> Row:
-        """Return the row with the known reason why it misses its criterion."""
-        return dc.replace(self, known=reason)
+        """Return the row with a known reason, if it misses its criterion."""
+        return self if self.passed else dc.replace(self, known=reason)
 
     def as_dict(self) -> dict[str, str | float | bool | None]:
         """Return the row as in result.json; values that are not finite become None."""

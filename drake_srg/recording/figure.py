@@ -11,20 +11,23 @@ from drake_srg.recording.output import OutputFile, require
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
 
 
-def make_figure(width: float, height: float, title: str = "") -> Any:
+def make_figure(
+    width: float, height: float, title: str = "", *, layout: str | None = "constrained"
+) -> Any:
     """Return an empty matplotlib Figure; it needs no display.
 
     Args:
         width: [inch].
         height: [inch].
         title: Text above the axes, on the left.
+        layout: Of matplotlib; None for axes that are placed by hand.
 
     Raises:
         ImportError: If matplotlib is missing.
     """
     require("matplotlib.backends.backend_agg")
     figure = require("matplotlib.figure").Figure(
-        figsize=(width, height), dpi=110, layout="constrained"
+        figsize=(width, height), dpi=110, layout=layout
     )
     if title:
         figure.suptitle(title, x=0.01, ha="left", weight="bold")

@@ -15,6 +15,10 @@ from drake_srg.recording.figure import make_figure, save_png, style_axes
 from drake_srg.types import Vector
 
 _BANDS = ("#eef2f6", "#dbe4ed")
+# Of the figure, its margins and a panel [inch].
+_WIDTH, _PANEL = 11.0, 1.55
+_LEFT, _RIGHT, _TOP, _BOTTOM = 0.85, 1.15, 1.0, 0.55
+_LABEL = -0.045  # place of the labels on the left, as a share of a panel's width
 
 
 @dc.dataclass(frozen=True)
@@ -65,12 +69,27 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
         ValueError: If a series and `time` differ in length, or there are no series.
     """
     panels = timeline_panels(timeline)
-    figure = make_figure(11, 0.9 + 1.55 * len(panels), timeline.title)
-    all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    # Placed by hand: a layout engine takes as long as drawing.
+    height = _TOP + _PANEL * len(panels) + _BOTTOM
+    figure = make_figure(_WIDTH, height, timeline.title, layout=None)
+    all_axes = figure.subplots(
+        len(panels),
+        1,
+        sharex=True,
+        squeeze=False,
+        gridspec_kw={
+            "left": _LEFT / _WIDTH,
+            "right": 1.0 - _RIGHT / _WIDTH,
+            "bottom": _BOTTOM / height,
+            "top": 1.0 - _TOP / height,
+            "hspace": 0.1,
+        },
+    )[:, 0]
     for axes, (label, values, names) in zip(all_axes, panels, strict=True):
         _draw_panel(axes, timeline.time, label, values, names)
     _draw_modes(all_axes, timeline.time, timeline.mode)
-    figure.align_ylabels(all_axes)
+    for axes in all_axes:
+        axes.yaxis.set_label_coords(_LABEL, 0.5)
     all_axes[-1].set_xlabel("simulated time [s]")
     if len(timeline.time) > 1:
         all_axes[-1].set_xlim(timeline.time[0], timeline.time[-1])

@@ -25,7 +25,7 @@ class Change:
             machine that made the committed one; NaN if there is none.
     """
 
-    what: Literal["failed", "passes now", "moved", "appeared", "vanished"]
+    what: Literal["failed", "moved", "appeared", "vanished"]
     row: Row
     old: float
     new: float
@@ -34,8 +34,7 @@ class Change:
 def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
     """Return what changed by more than its spread, appeared, vanished or fails.
 
-    A row with a known reason to miss its criterion must not meet it, or the reason is
-    out of date; wall-clock rows may, on a faster machine.
+    A row with a known reason to miss its criterion does not fail, but may move.
 
     Rows are the same if they agree in name, quantity and unit; of several such rows,
     the first belongs to the first. The spread that counts is the committed one.
@@ -57,8 +56,6 @@ def compare(old: Sequence[Row] | None, new: Sequence[Row]) -> list[Change]:
         committed = was.measured if was else math.nan
         if row.fails:
             changes.append(Change("failed", row, committed, value))
-        elif row.passed and row.known and not row.clock:
-            changes.append(Change("passes now", row, committed, value))
         elif was is None:
             if old is not None:
                 changes.append(Change("appeared", row, committed, value))

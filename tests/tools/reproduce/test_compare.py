@@ -78,22 +78,14 @@ def test_a_row_that_fails_is_reported_once_even_if_it_moved():
         assert whats(committed, [new]) == ["failed"]
 
 
-def test_a_known_miss_must_stay_as_it_is():
+def test_a_known_miss_must_stay_where_it_is():
     small, large, met = (
         Row.at_most("can", "slip", 3.0, slip, "mm").because("soft pads")
         for slip in (5.0, 8.0, 2.0)
     )
     assert whats([small], [small]) == []
     assert whats([small], [large]) == ["moved"]
-    assert whats([small], [met]) == ["passes now"]
-
-
-def test_a_known_miss_may_pass_on_a_faster_machine():
-    slow, fast = (
-        Row.at_least("bench", "rate", 3.0, rate, "1/s", clock="rate").because("slow")
-        for rate in (2.0, 4.0)
-    )
-    assert whats([slow], [fast]) == []
+    assert whats([small], [met]) == ["moved"]
 
 
 def test_a_value_that_is_not_finite_any_more_fails():
