@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
@@ -92,7 +93,7 @@ def run(
     track: Track,
     *,
     episodes: int = 300,
-    seeds: int = 1,
+    seeds: int = 3,
     trials: int = 70,
     keep: str = "",
 ) -> ExperimentResult:
@@ -114,6 +115,8 @@ def run(
     return judged(made, episodes)
 
 
+# The last bits depend on the number of threads.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def _train(trial: Trial, episodes: int, trials: int) -> Mapping[str, Any]:
     """Train once, and return a `Learned` as plain values."""
     keywords = {"reward": trial.reward}

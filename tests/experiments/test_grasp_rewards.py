@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
-from drake_srg.experiments.grasp_rewards import REWARDS, Learned, judged
+from drake_srg.experiments import grasp_rewards
+from drake_srg.experiments.grasp_rewards import REWARDS, Learned, Trial, judged
 from drake_srg.experiments.registry import find_experiment
 
 NEVER = [False] * 120
@@ -55,6 +57,20 @@ def test_the_table_has_a_line_for_each_training():
     table = result.tables["trainings"]
     assert len(table["reward"]) == 2 * len(REWARDS)
     assert np.all(np.array(table["episodes until 90 %"]) > 80)
+
+
+def test_results_do_not_depend_on_the_number_of_threads(monkeypatch):
+    threads = []
+
+    def look(*_):
+        infos = threadpool_info()
+        threads.extend(i["num_threads"] for i in infos if i["user_api"] == "blas")
+        raise StopIteration
+
+    monkeypatch.setattr(grasp_rewards, "make_environment", look)
+    with threadpool_limits(2, "blas"), pytest.raises(StopIteration):
+        grasp_rewards._train(Trial("success", 0), 1, 1)
+    assert set(threads) == {1}
 
 
 def test_it_is_an_experiment():
