@@ -35,7 +35,7 @@ _HEATING_SHARE = 0.1
 # Rows that the model of the specimen is known to miss, by label and quantity.
 _COULOMB = "one Coulomb friction cannot hold at 30 % and let go at 20 %"
 _CREEPS = "still winds in when the script reads it"
-_DEGREES = "the sensor reads whole degrees"
+_DEGREES = "off by about as much as whole degrees allow"
 _KNOWN = {
     ("position 20 %", "stop"): _COULOMB,
     ("position 30 %", "stop"): _COULOMB,

@@ -43,7 +43,7 @@ PARTS: dict[str, tuple[str, ...] | None] = {
 }
 # Recording everything must take no longer than three unrecorded trials.
 _MOST = 3.0
-_RENDERING = "images take most of it, and unrecorded trials have become cheaper"
+_RENDERING = "images take most of it"
 # Two costs that each vary by a tenth have a ratio that varies by twice that, relative.
 _SPREAD = 0.2
 
