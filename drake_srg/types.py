@@ -306,6 +306,7 @@ class PlannerStatus:
     attempts: int = 0  # grasps started
     cycles: int = 0  # times the object has been placed
     looks: int = 0  # times the planner requested images
+    blobs: tuple[Blob, ...] = ()  # seen in the latest look
     localization: Blob | None = None  # the first that led to a plan
     localized_at: float = 0.0  # time of that localization [s]
     sighting: Blob | None = None  # the latest that the planner has used

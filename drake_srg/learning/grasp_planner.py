@@ -166,9 +166,10 @@ class GraspPlanner(LeafSystem):
     def _look(self, context: Context, memory: _Memory) -> _Memory:
         """Let the policy act on what is seen, or give up."""
         time = context.get_time()
-        blobs = [b for b in self._blobs.Eval(context) if b.object_name == self._name]
+        seen = tuple(self._blobs.Eval(context))
+        blobs = [b for b in seen if b.object_name == self._name]
         blob = max(blobs, key=lambda b: (b.certain, b.trust), default=None)
-        status = dc.replace(memory.status, looks=memory.status.looks + 1)
+        status = dc.replace(memory.status, looks=memory.status.looks + 1, blobs=seen)
         if blob is None or blob.axis[2] < _UPRIGHT:
             if time >= _PATIENCE:
                 what = "does not stand" if blob else "is not seen"

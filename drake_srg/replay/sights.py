@@ -19,8 +19,8 @@ class SightRecorder:
     """Keeps the localizer's images and blobs of each look of the planner.
 
     Args:
-        cell: A cell with the ports of `MakeCell`'s. Without `localizer.blobs` or a
-            planner that counts its looks, nothing is kept.
+        cell: A cell with the ports of `MakeCell`'s. Without the port `planner.status`,
+            nothing is kept.
         cameras: Names of the localizer's cameras.
 
     Attributes:
@@ -31,7 +31,6 @@ class SightRecorder:
     def __init__(self, cell: Diagram, cameras: Sequence[str]) -> None:
         ports = output_ports(cell)
         self._status = ports.get("planner.status")
-        self._blobs = ports.get("localizer.blobs")
         self._cameras = {
             name: ports[port]
             for name in cameras
@@ -47,13 +46,12 @@ class SightRecorder:
         Args:
             context: The cell's context.
         """
-        if self._status is None or self._blobs is None:
+        if self._status is None:
             return
-        looks = self._status.Eval(context).looks
-        if looks == self._looks:
+        status = self._status.Eval(context)
+        if status.looks == self._looks:
             return
-        self._looks = looks
-        blobs = self._blobs.Eval(context)
+        self._looks = status.looks
         for name, port in self._cameras.items():
             pixels = port.Eval(context).data
             self.sights.append(
@@ -63,7 +61,7 @@ class SightRecorder:
                     "image": len(self.images),
                     "blobs": [
                         _blob(blob, pixels.shape)
-                        for blob in blobs
+                        for blob in status.blobs
                         if blob.camera == name
                     ],
                 }

@@ -1,6 +1,5 @@
 import cv2
 import numpy as np
-import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
@@ -14,14 +13,13 @@ BLOB = Blob("can", "ceiling", (159.5, 59.5), RigidTransform(), quality=0.75)
 
 
 class Perception(LeafSystem):
-    """A camera, a localizer and a planner that looks at whole seconds from 1 s on."""
+    """A camera, and a planner that looks at whole seconds from 1 s on."""
 
     def __init__(self):
         super().__init__()
         self.images = 0
         for name, model, calc in (
             ("planner.status", PlannerStatus(), self._status),
-            ("localizer.blobs", [], lambda context, output: output.set_value([BLOB])),
             ("camera_ceiling.color_image", ImageRgba8U(1280, 240), self._image),
         ):
             self.DeclareAbstractOutputPort(
@@ -29,7 +27,7 @@ class Perception(LeafSystem):
             )
 
     def _status(self, context, output):
-        output.set_value(PlannerStatus(looks=int(context.get_time())))
+        output.set_value(PlannerStatus(looks=int(context.get_time()), blobs=(BLOB,)))
 
     def _image(self, context, output):
         self.images += 1
@@ -73,7 +71,6 @@ def test_a_camera_that_the_cell_does_not_have_has_no_sights():
     assert record(MakeCell()[0], ["side"]).sights == []
 
 
-@pytest.mark.parametrize("port", ["planner.status", "localizer.blobs"])
-def test_a_cell_without_looks_or_blobs_has_no_sights(port):
-    cell, _ = MakeCell([port])
+def test_a_cell_without_a_status_has_no_sights():
+    cell, _ = MakeCell(["planner.status"])
     assert record(cell).sights == []

@@ -76,6 +76,7 @@ class Seen:
 
     localization: Blob | None = None  # the first one that led to a plan
     localized_at: float = 0.0  # s
+    blobs: tuple[Blob, ...] = ()  # all in the latest look
     latest: Blob | None = None  # the latest one that was used
     latest_at: float = 0.0  # s
     X_WO_return: RigidTransform | None = None  # where every second cycle puts it [m]
@@ -119,6 +120,7 @@ class PlannerMemory:
             attempts=self.totals.attempts,
             cycles=self.totals.cycles,
             looks=self.totals.looks,
+            blobs=self.seen.blobs,
             localization=self.seen.localization,
             localized_at=self.seen.localized_at,
             sighting=self.seen.latest,

@@ -75,12 +75,12 @@ class Replanner:
             turn = lean(X_WO.rotation().col(2), goal.rotation().col(2))
             near = distance(X_WO, goal) <= self._tolerance
             at_goal = bool(near and turn <= _STANDING)
-        return _looked(memory, blob, time, at_goal=at_goal)
+        return _looked(memory, view, blob, time, at_goal=at_goal)
 
     def plan(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """Look for the object, and plan the whole cycle from where the arm is."""
         blob = self._sightings.best(view, self._rests)
-        memory = _looked(memory, blob, time, next_look=np.inf)
+        memory = _looked(memory, view, blob, time, next_look=np.inf)
         if blob is None:
             return self._not_seen(memory, time)
         start, q = wall.perf_counter(), memory.motion.q_rest
@@ -128,7 +128,7 @@ class Replanner:
         """See whether the object is still where the motions take it, and they free."""
         blob = self._sightings.best(view, self._rests)
         certain = blob if blob is not None and blob.certain else None
-        memory = _looked(memory, certain, time)
+        memory = _looked(memory, view, certain, time)
         if memory.cycle.detours >= self._config.max_attempts:
             return memory  # an object that never stands still must be tried as it is
         motions, X_WO = memory.attempt.planned, memory.attempt.X_WO
@@ -154,7 +154,7 @@ class Replanner:
         # What looks like it elsewhere may be seen better than what the hand half hides.
         blob = self._sightings.nearest(view, p_WO)
         certain = blob if blob is not None and blob.certain else None
-        memory = _looked(memory, certain, time)
+        memory = _looked(memory, view, certain, time)
         attempt = memory.attempt
         if certain is not None:
             grasp = self._in_hand(grasp, certain, q)
@@ -259,15 +259,15 @@ class Replanner:
 
 
 def _looked(
-    memory: PlannerMemory, used: Blob | None, time: float, **noticed: Any
+    memory: PlannerMemory, view: View, used: Blob | None, time: float, **noticed: Any
 ) -> PlannerMemory:
     """Return the memory after a look: the blob used, if any, and what was noticed."""
+    seen = dc.replace(memory.seen, blobs=tuple(view.blobs))
     if used is not None:
-        seen = dc.replace(memory.seen, latest=used, latest_at=time)
-        memory = dc.replace(memory, seen=seen)
+        seen = dc.replace(seen, latest=used, latest_at=time)
     totals = dc.replace(memory.totals, looks=memory.totals.looks + 1)
     attempt = dc.replace(memory.attempt, looked=True, **noticed)
-    return dc.replace(memory, attempt=attempt, totals=totals)
+    return dc.replace(memory, attempt=attempt, totals=totals, seen=seen)
 
 
 def _trapped(memory: PlannerMemory, why: PlanningFailure) -> PlannerMemory:

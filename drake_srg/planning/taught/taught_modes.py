@@ -171,9 +171,10 @@ class Idle(TaughtMode):
         if taught.grasp is not None:
             p_WT = np.array(taught.grasp)
         else:
-            report = dc.replace(report, looks=report.looks + 1)
+            seen = tuple(now.senses.see())
+            report = dc.replace(report, looks=report.looks + 1, blobs=seen)
             memory = dc.replace(memory, report=report)
-            blobs = [b for b in now.senses.see() if b.object_name == self.name]
+            blobs = [b for b in seen if b.object_name == self.name]
             if not blobs:
                 return memory
             p_WT = blobs[0].position
