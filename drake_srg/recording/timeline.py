@@ -90,6 +90,8 @@ def draw_timeline(timeline: Timeline, path: Path | str) -> Path:
     _draw_modes(all_axes, timeline.time, timeline.mode)
     for axes in all_axes:
         axes.yaxis.set_label_coords(_LABEL, 0.5)
+    for axes in all_axes[:-1]:
+        axes.xaxis.set_visible(False)  # its ticks take a tenth of the drawing
     all_axes[-1].set_xlabel("simulated time [s]")
     if len(timeline.time) > 1:
         all_axes[-1].set_xlim(timeline.time[0], timeline.time[-1])
@@ -177,9 +179,18 @@ def _draw_modes(all_axes: npt.NDArray[Any], time: Vector, mode: Sequence[str]) -
     edges = [0, *changes, len(mode) - 1]
     gap = 0.022 * (time[-1] - time[0])  # keeps the labels of short modes apart
     place = time[0] - gap
-    for k, (first, last) in enumerate(itertools.pairwise(edges)):
-        for axes in all_axes:
-            axes.axvspan(time[first], time[last], color=_BANDS[k % 2], lw=0, zorder=-1)
+    spans = list(itertools.pairwise(edges))
+    for axes in all_axes:
+        for color, own in zip(_BANDS, (spans[::2], spans[1::2]), strict=True):
+            axes.broken_barh(
+                [(time[first], time[last] - time[first]) for first, last in own],
+                (0.0, 1.0),
+                transform=axes.get_xaxis_transform(),
+                color=color,
+                lw=0,
+                zorder=-1,
+            )
+    for first, _ in spans:
         place = max(time[first], place + gap)
         all_axes[0].annotate(
             mode[first].replace("_", " "),
