@@ -83,8 +83,14 @@ def _srg_tendon_hand(
 
 
 def _srg_hand(config: PlannerConfig, full_scale: float) -> SrgHand:
-    pinch = SrgFingers(config.squeeze, full_scale)
-    return SrgHand(config.approaches, config.tilts, config.squeeze, full_scale, pinch)
+    return SrgHand(
+        config.approaches,
+        config.tilts,
+        config.squeeze,
+        full_scale,
+        pinch=SrgFingers(config.squeeze, full_scale),
+        clearance=config.hand_clearance,
+    )
 
 
 def _linkage_hand(

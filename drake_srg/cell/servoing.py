@@ -32,7 +32,6 @@ from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.vision.blob_localizer import BlobTarget
 
 _AHEAD = np.array([1.0, 0.0, 0.0])  # of the palm: where the fingers point
-_UP = np.array([0.0, 0.0, 1.0])
 
 
 def MakeServoingPlanner(scenario: Scenario) -> Diagram:
@@ -177,7 +176,7 @@ def _grasp(scenario: Scenario, plant: MultibodyPlant) -> Grasp:
     """Return the one way in which the hand may take the object."""
     name = scenario.task.pick
     shape = object_shape(name, scenario.objects[name])
-    grasps = MakeHand(scenario, plant).grasps(shape, _UP)
+    grasps = MakeHand(scenario, plant).grasps(shape, RigidTransform())
     if len(grasps) != 1:
         found = ", ".join(grasp.name for grasp in grasps) or "none"
         raise ScenarioError(

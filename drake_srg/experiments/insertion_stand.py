@@ -99,8 +99,8 @@ class InsertionStand:
         assert scenario.arm is not None
         _add_table(scenario)
         self._plant = MakeModelsPlant(scenario)
-        squeeze = scenario.planner.squeeze
-        (self._grasp,) = SrgHand(["above"], [], squeeze).grasps(_CYLINDER, np.eye(3)[2])
+        hand = SrgHand(["above"], [], scenario.planner.squeeze)
+        (self._grasp,) = hand.grasps(_CYLINDER, RigidTransform())
         self._q_seat = self._posture(np.zeros(3), np.array(_GUESS))
         self._q_above = self._posture(_ABOVE, self._q_seat)
         scenario.arm.home = [float(x) for x in self._q_above]

@@ -7,6 +7,7 @@ import functools
 from collections.abc import Collection, Sequence
 
 import numpy as np
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram
 
@@ -215,7 +216,7 @@ def _hand() -> tuple[ServoArm, Vector]:
     scenario = load_scenario(SCENARIO)
     name, plant = scenario.task.pick, MakeModelsPlant(scenario)
     shape = object_shape(name, scenario.objects[name])
-    (grasp,) = MakeHand(scenario, plant).grasps(shape, np.array([0.0, 0.0, 1.0]))
+    (grasp,) = MakeHand(scenario, plant).grasps(shape, RigidTransform())
     return ServoArm(plant), grasp.p_GO
 
 

@@ -2,9 +2,9 @@
 
 import dataclasses as dc
 
-import numpy as np
 import pytest
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+from pydrake.math import RigidTransform
 
 from drake_srg.cell import MakeHand, MakeTaskPlanner, register_gripper
 from drake_srg.common.exceptions import ScenarioError
@@ -16,7 +16,6 @@ from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Cylinder
 
 CAN = Cylinder(0.0339, 0.1018)
-UP = np.array([0.0, 0.0, 1.0])
 APPROACHES = "planner.approaches=[above, side]"
 
 
@@ -36,8 +35,8 @@ def hand_of(name, *overrides):
 def test_the_srgs_closure_commands_follow_the_full_scale_of_its_driver(
     scenario, key, full_scale
 ):
-    nominal = hand_of(scenario).grasps(CAN, UP)
-    scaled = hand_of(scenario, f"{key}={full_scale}").grasps(CAN, UP)
+    nominal = hand_of(scenario).grasps(CAN, RigidTransform())
+    scaled = hand_of(scenario, f"{key}={full_scale}").grasps(CAN, RigidTransform())
     assert len(nominal) > 1
     for grasp, other in zip(nominal, scaled, strict=True):
         for name in ("closure_open", "closure_closed"):

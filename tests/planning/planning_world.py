@@ -56,7 +56,7 @@ class FakeTaskPlanner:
         self.q_home = np.array([0.5, -0.5])
         self.scene = FakeScene()
         self.hand = SrgHand(["above"], [], 0.4)
-        self.grasp = self.hand.grasps(CAN, np.array([0.0, 0.0, 1.0]))[0]
+        self.grasp = self.hand.grasps(CAN, RigidTransform())[0]
         self.result = self.escape = self.place = None  # failures, in place of motions
         self.hit = None  # what is in the way
         self.calls, self.places = [], []

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.grasps.grasps import PALM_Y, Grasp, Hand
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
@@ -18,7 +18,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.types import Cylinder, Shape, Vector
+from drake_srg.types import Shape, Sphere, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because the plan
@@ -31,7 +31,6 @@ _TURNS = 8
 # costs 16 to 30 more than one from above. So another look and a firmer hand come first,
 # and another grasp after that.
 _FAILED = 15.0
-_PALM_Y = np.array([0.0, 1.0, 0.0])
 
 
 @dc.dataclass(frozen=True)
@@ -83,7 +82,7 @@ class GraspSearch:
         """Return the grasps that the arm reaches at both ends, the best first.
 
         Args:
-            X_WO_seen: The object's pose [m]. Its turn about its z does not count.
+            X_WO_seen: The object's pose [m]; a round one's turn does not count.
             shape: Its shape.
             X_WO_goal: The goal's pose [m].
             turned: Whether to search each grasp from all around the object's axis,
@@ -101,7 +100,7 @@ class GraspSearch:
         choices = [
             (X_WO, grasp, target)
             for X_WO in self._ends_up(X_WO_seen, shape)
-            for grasp in self._hand.grasps(shape, X_WO.rotation().col(2), firmness)
+            for grasp in self._hand.grasps(shape, X_WO, firmness)
             for target in self._pick_targets(grasp, X_WO, turned)
         ]
         for X_WO, grasp, target in choices:
@@ -173,19 +172,18 @@ class GraspSearch:
         target = grasp.pick_target(X_WO)
         if not turned:
             return [target]
-        if not self._scene.reaches_any_pose:
-            return []  # the arm has no choice
-        # In every grasp, the palm's y is perpendicular to the axis.
+        if not self._scene.reaches_any_pose or len(target.axes) > 1:
+            return []  # neither the arm nor an object with faces leaves a choice
         angles = np.linspace(0.0, 2.0 * np.pi, _TURNS, endpoint=False)
         across = [X_WO.rotation() @ [np.cos(a), np.sin(a), 0.0] for a in angles]
-        turns = [AxisTarget(_PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
+        turns = [AxisTarget(PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
         return [dc.replace(target, axes=(*target.axes, turn)) for turn in turns]
 
     def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
         """Return the object's pose, with either end up if it does not stand."""
         if X_WO.rotation().col(2)[2] >= np.cos(self._hand.upright_within):
             return [X_WO]
-        if not isinstance(shape, Cylinder):
+        if isinstance(shape, Sphere):
             return [X_WO]
         return [
             X_WO,

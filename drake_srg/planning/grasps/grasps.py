@@ -13,10 +13,19 @@ from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.types import Shape, Vector
 
+# In every grasp, the palm's y is perpendicular to the object's axis.
+PALM_Y = np.array([0.0, 1.0, 0.0])
+_DOWN = np.array([0.0, 0.0, -1.0])
+_EXACT = 0.002  # tolerance of a direction [rad]
+
 
 @dc.dataclass(frozen=True, kw_only=True)
 class Grasp(abc.ABC):
-    """One way to take an object. The rotation about the object's axis is free."""
+    """One way to take an object, and to set it down with its axis upright.
+
+    The rotation about the object's axis is free when it is set down. When it is taken,
+    the rotation is free unless `across_O` or `down_G` says otherwise.
+    """
 
     name: str  # a few words, for messages
     p_GO: Vector  # the object's centre in the hand, shape (3,) [m]
@@ -27,17 +36,29 @@ class Grasp(abc.ABC):
     fingers_closed: Mapping[str, float]  # the same, as expected when holding [rad]
     # Angle between the object's axis and the nearest axis of the palm [rad].
     lean: float = 0.0
+    # Where the palm's y is in the object, perpendicular to its axis, shape (3,): the
+    # normal of a box's face. None: the object is round.
+    across_O: Vector | None = None
+    # What must point down in the palm when the hand takes an object that lies,
+    # perpendicular to `axis_G` and the palm's y, shape (3,). None: the object stands.
+    down_G: Vector | None = None
+    # How far the axis may be turned from `axis_G` when the hand closes [rad].
+    pick_angle: float = _EXACT
     # How the object moves, in the palm's axes, when it is set down and let go, shape
     # (3,) [m].
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
 
     @property
     def X_GO(self) -> RigidTransform:
-        """Pose of the object in the hand [m]; its turn about its axis is arbitrary."""
-        return pose_along(self.p_GO, self.axis_G)
+        """Pose of the object in the hand [m]; a round one's turn is arbitrary."""
+        if self.across_O is None:
+            return pose_along(self.p_GO, self.axis_G)
+        R_GA = _axes(self.axis_G, PALM_Y)
+        R_OA = _axes(np.array([0.0, 0.0, 1.0]), self.across_O)
+        return RigidTransform(R_GA @ R_OA.inverse(), self.p_GO)
 
     def target(
-        self, X_WO: RigidTransform, angle_tolerance: float = 0.002
+        self, X_WO: RigidTransform, angle_tolerance: float = _EXACT
     ) -> HandTarget:
         """Return where the hand must be to hold the object at `X_WO`.
 
@@ -53,9 +74,31 @@ class Grasp(abc.ABC):
     def pick_target(self, X_WO: RigidTransform) -> HandTarget:
         """Return where the hand must be to take the object at `X_WO`.
 
-        Unlike `target`, it may allow a hand that turns the object as it closes.
+        Unlike `target`, it knows of the object's faces, and may allow a hand that turns
+        the object as it closes.
         """
-        return self.target(X_WO)
+        target = self.target(X_WO, self.pick_angle)
+        if self.down_G is not None:
+            axis = AxisTarget(self.down_G, _DOWN, _EXACT)
+        elif self.across_O is not None:
+            axis = AxisTarget(PALM_Y, X_WO.rotation() @ self.across_O, _EXACT)
+        else:
+            return target
+        return dc.replace(target, axes=(*target.axes, axis))
+
+    def set_down(
+        self, X_WG: RigidTransform, X_WO_goal: RigidTransform
+    ) -> RigidTransform:
+        """Return the pose of the object that the hand has set down on its goal [m].
+
+        Args:
+            X_WG: Of the hand [m].
+            X_WO_goal: The goal [m]. The object is turned about its axis as in the hand.
+        """
+        if self.across_O is None:
+            return X_WO_goal
+        R_WO = X_WG.rotation() @ self.X_GO.rotation()
+        return RigidTransform(R_WO, X_WO_goal.translation())
 
     @abc.abstractmethod
     def holds(self, q: Vector, proximity: Vector) -> bool:
@@ -86,15 +129,23 @@ class Hand(abc.ABC):
 
     @abc.abstractmethod
     def grasps(
-        self, shape: Shape, axis_W: Vector, firmness: float = 1.0
+        self, shape: Shape, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """Return the ways to take an object; empty if it does not fit the hand.
 
         Args:
             shape: The object's.
-            axis_W: Its z axis in world, shape (3,).
+            X_WO: Its pose [m]; the turn of a round one about its axis does not count.
             firmness: How much more firmly than usual the hand closes, if it can.
         """
+
+
+def _axes(z: Vector, y: Vector) -> RotationMatrix:
+    """Return the rotation of a frame of which z, and about it y, point as given."""
+    z = z / np.linalg.norm(z)
+    x = np.cross(y, z)
+    x = x / np.linalg.norm(x)
+    return RotationMatrix(np.column_stack([x, np.cross(z, x), z]))
 
 
 def pose_along(p: Vector, axis: Vector) -> RigidTransform:

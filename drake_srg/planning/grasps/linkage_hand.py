@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
-from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.types import Cylinder, Shape, Vector
 
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
@@ -31,7 +31,7 @@ _LYING = np.deg2rad(5.0)
 # post-contact delay), or 4.7 mm. That straightens a 25 mm cylinder from 18 degrees, and
 # from a little less because the slave lags.
 _ACROSS = np.deg2rad(16.0)
-_DOWN = np.array([0.0, 0.0, -1.0])
+_AHEAD = np.array([1.0, 0.0, 0.0])
 
 
 def crank_angle(half_gap: float) -> float:
@@ -52,17 +52,6 @@ class LinkageGrasp(Grasp):
     """A grasp with the pads along the object's axis."""
 
     contact_angle: float  # of the cranks when holding [rad]
-    # For a lying object, taken from above: how far its axis may be turned from the pads
-    # [rad]. None: not at all, and from any direction.
-    across: float | None = None
-
-    def pick_target(self, X_WO: RigidTransform) -> HandTarget:
-        """See `Grasp`."""
-        if self.across is None:
-            return super().pick_target(X_WO)
-        target = self.target(X_WO, angle_tolerance=max(self.across, 0.002))
-        ahead = AxisTarget(np.array([1.0, 0.0, 0.0]), _DOWN, angle=0.002)
-        return dc.replace(target, axes=(*target.axes, ahead))
 
     def holds(self, q: Vector, proximity: Vector) -> bool:
         """See `Grasp`: the cranks are closer to contact than to an empty hand."""
@@ -93,19 +82,21 @@ class LinkageHand(Hand):
     upright_within = np.deg2rad(3.0)
 
     def grasps(
-        self, shape: Shape, axis_W: Vector, firmness: float = 1.0
+        self, shape: Shape, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """See `Hand`; the driver, not the command, decides how firmly it closes."""
         if not isinstance(shape, Cylinder):
             return []
         if not _LEAST_RADIUS <= shape.radius <= OPEN_HALF_GAP - 0.003:
             return []
-        around, across, name = shape.radius + _CLEARANCE, None, "along its axis"
-        if abs(axis_W[2]) <= np.sin(_LYING):
+        around, name = shape.radius + _CLEARANCE, "along its axis"
+        taken: dict[str, Any] = {}
+        if abs(X_WO.rotation().matrix()[2, 2]) <= np.sin(_LYING):
             # An object across the pads needs more of their gap than its diameter.
             across = _ACROSS if around <= OPEN_HALF_GAP else 0.0
             around = OPEN_HALF_GAP
             name = f"from above, at most {np.degrees(across):.0f} degrees across it"
+            taken = {"down_G": _AHEAD, "pick_angle": max(across, 0.002)}
         opening = crank_angle(min(around, OPEN_HALF_GAP))
         contact = crank_angle(shape.radius)
         return [
@@ -118,7 +109,7 @@ class LinkageHand(Hand):
                 fingers_open=crank_joints(opening),
                 fingers_closed=crank_joints(contact),
                 contact_angle=contact,
-                across=across,
+                **taken,
                 release_shift_G=self.release_shift_G,
             )
         ]

@@ -15,7 +15,7 @@ from drake_srg.planning.grasps.fingers import (
     filled_rectangle,
     lowest,
 )
-from drake_srg.planning.grasps.srg_hand import (
+from drake_srg.planning.grasps.srg_angles import (
     EMPTY_BASE_ANGLE,
     finger_joints,
     pinch_angles,

@@ -1,4 +1,4 @@
-"""Where and how the SRG can take an upright object: from above or from the side."""
+"""Where and how the SRG can take an object: from above or from the side."""
 
 from __future__ import annotations
 
@@ -7,10 +7,18 @@ import enum
 from collections.abc import Sequence
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.grasps.srg_angles import (
+    EMPTY_BASE_ANGLE,
+    contact_angle,
+    finger_joints,
+    opening_angle,
+    pinch_angles,
+)
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 # What the hand must clear above and below its middle [m]: half of the palm's height,
@@ -19,8 +27,7 @@ _PALM_HALF_HEIGHT = np.ceil(0.5e4 * SRG.palm_height) / 1e4
 # How far straight fingers reach in the palm's x, pointing a little inward of straight
 # ahead [m].
 _FINGERTIP_X = SRG.hinge_x + np.hypot(SRG.finger_length, SRG.face_offset)
-# The open hand leaves this much room on each side of an object [m].
-_CLEARANCE = 0.012
+_END_X = float(_FINGERTIP_X) + 0.001
 # Base angle of the open hand that comes from the side [rad].
 _SIDE_OPENING = 0.2 * SRG.full_scale
 # A grasp whose base angle is closer than this to that of an empty hand [rad] cannot be
@@ -28,6 +35,12 @@ _SIDE_OPENING = 0.2 * SRG.full_scale
 _LEAST_DIFFERENCE = 0.02
 _NEAR = 0.01  # distance within which wrapped fingers have an object [m]
 _UPRIGHT_WITHIN = np.deg2rad(15.0)
+# An object that lies is set upright by a hand that leans from above as much as it will
+# then lean from the side: the more, the farther the wrist is from the table [rad].
+_LYING_TILTS = (0.1745, 0.3491, 0.5236)
+# Part of the pads that must reach beyond the middle of such an object, which turns in
+# the hand on its way [m].
+_BEYOND = 0.005
 
 
 class Approach(enum.Enum):
@@ -39,10 +52,10 @@ class Approach(enum.Enum):
 
 @dc.dataclass(frozen=True, kw_only=True)
 class SrgGrasp(Grasp):
-    """One way to take an upright object with the SRG."""
+    """One way to take an object with the SRG."""
 
     approach: Approach
-    tilt: float  # of the palm's x below the horizontal [rad]
+    tilt: float  # of the palm's x below the horizontal, the object upright [rad]
     base_angle: float  # expected when holding [rad]
     tip_angle: float  # expected when holding [rad]
 
@@ -59,7 +72,9 @@ class SrgGrasp(Grasp):
 
 @dc.dataclass(frozen=True)
 class SrgHand(Hand):
-    """The SRG: takes round objects that stand upright.
+    """The SRG: takes round objects and boxes that stand or lie.
+
+    Its pads take boxes, and whatever lies, from above. What lies is set upright.
 
     Args:
         approaches: Values of `Approach` to consider.
@@ -69,6 +84,7 @@ class SrgHand(Hand):
             (Algorithm 1), so it sets the force.
         full_scale: Base plus tip angle that closure 1 asks for; the driver's [rad].
         pinch: See `Hand`.
+        clearance: Distance that the hand must keep from the table [m].
     """
 
     approaches: Sequence[str]
@@ -76,46 +92,128 @@ class SrgHand(Hand):
     squeeze: float
     full_scale: float = SRG.full_scale
     pinch: Fingers | None = None
+    clearance: float = 0.005
 
     num_joints = num_sensors = 4
     p_GT = np.zeros(3)
     upright_within = _UPRIGHT_WITHIN
 
     def grasps(
-        self, shape: Shape, axis_W: Vector, firmness: float = 1.0
+        self, shape: Shape, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """See `Hand`."""
         squeeze = firmness * self.squeeze
-        if isinstance(shape, Box):
-            return []  # needs the turn about the vertical, which an axis lacks
-        if not isinstance(shape, Sphere) and axis_W[2] < np.cos(_UPRIGHT_WITHIN):
-            return []
+        up_O = X_WO.rotation().matrix()[2]
         found: list[SrgGrasp | None] = []
-        if Approach.ABOVE.value in self.approaches:
-            found.append(self._from_above(shape, squeeze))
-        if Approach.SIDE.value in self.approaches:
-            found += [self._from_side(shape, tilt, squeeze) for tilt in self.tilts]
+        if isinstance(shape, Sphere) or up_O[2] >= np.cos(_UPRIGHT_WITHIN):
+            if Approach.ABOVE.value in self.approaches:
+                found += self._from_above(shape, squeeze)
+            if Approach.SIDE.value in self.approaches and not isinstance(shape, Box):
+                found += [self._from_side(shape, tilt, squeeze) for tilt in self.tilts]
+        elif (
+            abs(up_O[2]) <= np.sin(_UPRIGHT_WITHIN)
+            and Approach.ABOVE.value in self.approaches
+        ):
+            found += [self._lying(shape, up_O, t, squeeze) for t in _LYING_TILTS]
         return [grasp for grasp in found if grasp is not None]
 
-    def _from_above(self, shape: Cylinder | Sphere, squeeze: float) -> SrgGrasp | None:
-        half_width = shape.radius
+    def _from_above(self, shape: Shape, squeeze: float) -> list[SrgGrasp | None]:
+        upright, half_height = 0.5 * np.pi, 0.5 * shape.height
+        if not isinstance(shape, Box):
+            name = "from above"
+            return [self._pinch(name, upright, shape.radius, half_height, 0.0, squeeze)]
+        found: list[SrgGrasp | None] = []
+        for axis, across_O in (("x", [1.0, 0.0, 0.0]), ("y", [0.0, 1.0, 0.0])):
+            grasp = self._pinch(
+                f"from above, across its {axis}",
+                upright,
+                shape.half_extent(np.array(across_O)),
+                half_height,
+                0.0,
+                squeeze,
+            )
+            if grasp is not None:  # with either finger on either face
+                found += [
+                    dc.replace(grasp, across_O=sign * np.array(across_O))
+                    for sign in (1.0, -1.0)
+                ]
+        return found
+
+    def _lying(
+        self, shape: Cylinder | Box, up_O: Vector, tilt: float, squeeze: float
+    ) -> SrgGrasp | None:
+        """Return a grasp from above, across the object, that leans along its axis.
+
+        Args:
+            shape: The object's.
+            up_O: Upwards in the object, shape (3,); nearly across its z.
+            tilt: Of the palm's x below the horizontal once the object stands [rad].
+            squeeze: See the class [rad].
+        """
+        # Of a box, the face that is nearly level; a cylinder has none.
+        up_O = np.array([up_O[0], up_O[1], 0.0])
+        if isinstance(shape, Box):
+            up_O = np.sign(up_O) * (np.abs(up_O) == np.abs(up_O).max())
+        across_O = np.cross([0.0, 0.0, 1.0], -up_O)
+        grasp = self._pinch(
+            f"from above, leaning by {np.rad2deg(tilt):.0f} degrees",
+            tilt,
+            shape.half_extent(across_O / np.linalg.norm(across_O)),
+            shape.half_extent(up_O / np.linalg.norm(up_O)),
+            tilt,
+            squeeze,
+        )
+        if grasp is None:
+            return None
+        return dc.replace(
+            grasp,
+            across_O=across_O if isinstance(shape, Box) else None,
+            down_G=np.array([np.cos(tilt), 0.0, np.sin(tilt)]),
+        )
+
+    def _pinch(
+        self,
+        name: str,
+        tilt: float,
+        half_width: float,
+        half_height: float,
+        lean: float,
+        squeeze: float,
+    ) -> SrgGrasp | None:
+        """Return a grasp from above with the object's middle on the palm's x.
+
+        Args:
+            name: Of the grasp.
+            tilt: Of the palm's x below the horizontal, the object upright [rad].
+            half_width: Of the object, along the palm's y [m].
+            half_height: Of the object, as it is taken [m].
+            lean: Of the palm's x from the vertical, as the object is taken [rad].
+            squeeze: See the class [rad].
+        """
+        # How much nearer than the middle the object is at the edges of the pads.
+        slope = 0.5 * SRG.pad_width * np.tan(lean)
+        half_height = half_height / np.cos(lean)
         # The pads lie flat on the sides, base + tip = 90 degrees. The object's top is
         # at the root of the pads, so that as much pad as possible touches it. The ends
-        # of the pads take low objects, 6 mm above the table.
+        # of the pads take low objects, a millimetre above the clearance.
         depth = SRG.hinge_x + SRG.base_length + 0.002
-        depth = max(depth, float(_FINGERTIP_X) + 0.006 - shape.height)
+        depth = max(depth, _END_X + self.clearance - 2.0 * half_height)
+        middle = depth + half_height + slope
         base, tip = pinch_angles(half_width)
-        opening = _opening(half_width, depth)
+        opening = opening_angle(half_width, depth)
         if opening is None or EMPTY_BASE_ANGLE - base < _LEAST_DIFFERENCE:
+            return None
+        if lean and middle > _FINGERTIP_X - _BEYOND:
             return None
         return self._grasp(
             Approach.ABOVE,
-            0.5 * np.pi,
-            np.array([depth + 0.5 * shape.height, 0.0, 0.0]),
+            tilt,
+            np.array([middle, 0.0, 0.0]),
             base,
             tip,
             base_open=opening,
             closed=base + tip + squeeze,
+            name=name,
         )
 
     def _from_side(
@@ -128,11 +226,11 @@ class SrgHand(Hand):
         x = x + _PALM_HALF_HEIGHT * np.tan(tilt) + 0.002
         height = 0.25 * shape.height
         p_hinge = np.array([x - SRG.hinge_x, -SRG.hinge_y])
-        base = _contact_angle(p_hinge, radius)
+        base = contact_angle(p_hinge, radius)
         if base is None or base > SRG.joint_limit:
             return None
         p_tip_hinge = p_hinge - SRG.base_length * np.array([np.sin(base), np.cos(base)])
-        total = _contact_angle(p_tip_hinge, radius)
+        total = contact_angle(p_tip_hinge, radius)
         if total is None or not 0.0 <= total - base <= SRG.joint_limit:
             return None
         return self._grasp(
@@ -143,6 +241,7 @@ class SrgHand(Hand):
             total - base,
             base_open=_SIDE_OPENING,
             closed=total + squeeze,
+            name=f"from the side, {np.rad2deg(tilt):.0f} degrees down",
         )
 
     def _grasp(
@@ -155,6 +254,7 @@ class SrgHand(Hand):
         *,
         base_open: float,
         closed: float,
+        name: str,
     ) -> SrgGrasp:
         """Return a grasp, its angles as closure commands of the driver.
 
@@ -166,10 +266,8 @@ class SrgHand(Hand):
             tip: Tip angle at contact [rad].
             base_open: Base angle of the open hand [rad].
             closed: Base plus tip angle that the closed command asks for [rad].
+            name: Of the grasp.
         """
-        name = "from above"
-        if approach is Approach.SIDE:
-            name = f"from the side, {np.rad2deg(tilt):.0f} degrees down"
         return SrgGrasp(
             name=name,
             p_GO=p_GO,
@@ -185,99 +283,3 @@ class SrgHand(Hand):
             base_angle=base,
             tip_angle=tip,
         )
-
-
-def finger_joints(base: float, tip: float) -> dict[str, float]:
-    """Return the joint angles of both fingers, alike, by name [rad]."""
-    angles = {"base": base, "tip": tip}
-    sides = ("left", "right")
-    return {f"{side}_{link}_joint": angles[link] for side in sides for link in angles}
-
-
-def _opening(half_width: float, depth: float) -> float | None:
-    """Return the base angle at which straight fingers clear an object [rad].
-
-    Args:
-        half_width: Of the object [m].
-        depth: Where the object begins in the palm's x [m].
-
-    Returns:
-        None if the object is too wide.
-    """
-    along = max(depth - SRG.hinge_x, 0.0)
-    need = half_width + _CLEARANCE - SRG.hinge_y
-    angles = np.linspace(0.0, 0.5 * np.pi, 200)
-    gaps = along * np.cos(angles) - SRG.face_offset * np.sin(angles)
-    fitting = angles[gaps >= need]
-    return float(fitting[-1]) if len(fitting) else None
-
-
-def pinch_angles(half_width: float) -> tuple[float, float]:
-    """Return the base and tip angles of pads that lie on a thing's vertical sides.
-
-    Half the gap between vertical pads is
-    hinge_y + base_length cos(base) - face_offset.
-
-    Args:
-        half_width: Half of the thing's width [m].
-    """
-    cosine = (half_width - SRG.hinge_y + SRG.face_offset) / SRG.base_length
-    base = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-    tip = 0.5 * np.pi - base
-    if tip < 0.0:  # so thin that straight fingers meet it with their ends
-        return straight_base_angle(half_width), 0.0
-    return base, tip
-
-
-def wrap_angles(half_width: float, gap: float) -> tuple[float, float]:
-    """Return the base and tip angles of a hand over the top of a wide thing.
-
-    The base links are open. The faces of the tips meet the thing's upper edges, or are
-    vertical if it is narrower than the space between them.
-
-    Args:
-        half_width: Half of the thing's width [m].
-        gap: Between the base links and its top, at least 0 [m].
-    """
-    beyond = half_width - SRG.hinge_y - SRG.base_length
-    p_edge = np.array([SRG.face_offset + gap, beyond])
-    tip = _contact_angle(p_edge, 0.0)
-    assert tip is not None  # the edge is no nearer to the hinge than the face
-    return 0.0, min(tip, 0.5 * np.pi)
-
-
-def straight_base_angle(half_gap: float) -> float:
-    """Return the base angle at which the ends of straight fingers leave a gap [rad].
-
-    Half the gap is hinge_y + finger_length cos(base) - face_offset sin(base).
-
-    Args:
-        half_gap: Half of the gap [m].
-    """
-    reach = np.hypot(SRG.finger_length, SRG.face_offset)
-    phase = np.arctan2(SRG.face_offset, SRG.finger_length)
-    return float(np.arccos((half_gap - SRG.hinge_y) / reach) - phase)
-
-
-# Base angle at which the fingertips of an empty hand meet [rad].
-EMPTY_BASE_ANGLE = straight_base_angle(0.0)
-
-
-def _contact_angle(p: Vector, radius: float) -> float | None:
-    """Return the angle at which a closing link's face meets a circle [rad].
-
-    The distance of the face from the circle's centre is
-    p_x cos(angle) - p_y sin(angle) - face_offset. The link closes on the side where
-    that falls.
-
-    Args:
-        p: The circle's centre from the link's hinge, (x, y) of the left finger [m].
-        radius: Of the circle [m].
-
-    Returns:
-        None if the face does not meet the circle.
-    """
-    cosine = float((radius + SRG.face_offset) / np.linalg.norm(p))
-    if cosine > 1.0:
-        return None
-    return float(np.arccos(cosine) - np.arctan2(p[1], p[0]))

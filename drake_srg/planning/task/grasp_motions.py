@@ -144,6 +144,7 @@ class GraspMotions:
     ) -> dict[Mode, Trajectory]:
         """Return the motions away from an object that has been placed, and home."""
         scene, motions = self._scene, {}
+        X_WO = grasp.set_down(scene.X_WG(q_place), X_WO)
         scene.SetFingers(grasp.fingers_open)
         with scene.standing(shape, X_WO, touchable=True):
             away = self._moves.straight(q_place, self._moves.behind(q_place))

@@ -6,7 +6,8 @@ import dataclasses as dc
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.planning.grasps.grasps import pose_along
 from drake_srg.planning.task.task_motions import Obstacles
@@ -88,7 +89,7 @@ class Sightings:
         return [blob for blob in view.blobs if blob.object_name == self.object_name]
 
     def pose(self, blob: Blob) -> RigidTransform:
-        """Return the object's pose X_WO [m]; the turn about its axis has no meaning."""
+        """Return the object's pose X_WO [m]; a round one's turn has no meaning."""
         return self._pose(self.shape, blob)
 
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
@@ -117,6 +118,8 @@ class Sightings:
 
     def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
         # What nearly stands on something level is upright, whatever an image says.
+        if isinstance(shape, Box):
+            return _levelled(blob.X_WO, self._upright)
         stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
         return pose_along(blob.position, _UP if stands else blob.axis)
 
@@ -124,6 +127,27 @@ class Sightings:
 def _inside(box: Box, X_WO: RigidTransform, p_W: Vector) -> bool:
     p_O = X_WO.inverse() @ p_W
     return bool(np.all(np.abs(p_O) <= 0.5 * np.array(box.size)))
+
+
+def _levelled(X_WO: RigidTransform, upright: float) -> RigidTransform:
+    """Return a box's pose, turned so that a face that is nearly level is level.
+
+    Args:
+        X_WO: The pose [m].
+        upright: Cosine of the greatest angle that counts as nearly level.
+    """
+    R_WO = X_WO.rotation().matrix()
+    axis = int(np.argmax(np.abs(R_WO[2])))
+    up = np.sign(R_WO[2, axis]) * R_WO[:, axis]  # the level face's normal
+    if up[2] < upright:
+        return X_WO
+    turn = np.cross(up, _UP)
+    sine = float(np.linalg.norm(turn))
+    if sine > 0.0:
+        turning = AngleAxis(np.arctan2(sine, up[2]), turn / sine)
+        R_WO = RotationMatrix(turning).matrix() @ R_WO
+    R = RotationMatrix.ProjectToRotationMatrix(R_WO)
+    return RigidTransform(R, X_WO.translation())
 
 
 def lean(axis_1: Vector, axis_2: Vector) -> float:

@@ -1,15 +1,13 @@
 """An object in the hand of a gripper's model, and how far its links are from it."""
 
 import numpy as np
-from pydrake.geometry import Cylinder as DrakeCylinder
-from pydrake.geometry import Sphere as DrakeSphere
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
+from drake_srg.common.shapes import drake_shape
 from drake_srg.parsing import AddModel
-from drake_srg.types import Sphere
 
 
 def link_distances(model, shape, grasp, fingers):
@@ -17,7 +15,7 @@ def link_distances(model, shape, grasp, fingers):
 
     Args:
         model: Name of the gripper's model.
-        shape: The object's, a cylinder or a sphere.
+        shape: The object's.
         grasp: How it is held.
         fingers: Joint angles of the gripper by name [rad].
     """
@@ -30,13 +28,8 @@ def link_distances(model, shape, grasp, fingers):
         plant.AddModelInstance("object"),
         SpatialInertia.SolidSphereWithMass(1.0, 0.1),
     )
-    geometry = (
-        DrakeSphere(shape.radius)
-        if isinstance(shape, Sphere)
-        else DrakeCylinder(shape.radius, shape.length)
-    )
     own = plant.RegisterCollisionGeometry(
-        body, RigidTransform(), geometry, "object", CoulombFriction(1, 1)
+        body, RigidTransform(), drake_shape(shape), "object", CoulombFriction(1, 1)
     )
     plant.Finalize()
     diagram = builder.Build()

@@ -10,13 +10,14 @@ from drake_srg.types import Box, Cylinder, Sphere
 from planning.grasps.held_object import link_distances
 
 UP = np.array([0.0, 0.0, 1.0])
+UPRIGHT = RigidTransform()
 HAND = LinkageHand(p_GT=np.array([0.095, 0.0, 0.0]))
 CYLINDER = Cylinder(0.0125, 0.05)
 
 
 @pytest.mark.parametrize("model", ["linkage_gripper", "linkage_gripper_flat"])
 def test_only_the_pads_touch_the_cylinder_on_both_sides(model):
-    (grasp,) = HAND.grasps(CYLINDER, UP)
+    (grasp,) = HAND.grasps(CYLINDER, UPRIGHT)
     distances = link_distances(model, CYLINDER, grasp, grasp.fingers_closed)
     tips = {name: d for name, d in distances.items() if "tip" in name}
     assert len(tips) == 2
@@ -32,7 +33,7 @@ def test_only_the_pads_touch_the_cylinder_on_both_sides(model):
 @pytest.mark.parametrize("radius", [0.006, 0.0125, 0.02])
 def test_the_open_hand_goes_around_the_object(model, radius):
     shape = Cylinder(radius, 0.05)
-    (grasp,) = HAND.grasps(shape, UP)
+    (grasp,) = HAND.grasps(shape, UPRIGHT)
     distances = link_distances(model, shape, grasp, grasp.fingers_open)
     assert min(distances.values()) > 0.007
 
@@ -40,12 +41,12 @@ def test_the_open_hand_goes_around_the_object(model, radius):
 @given(st.floats(-np.pi, np.pi), st.floats(-0.25, 0.25))
 def test_a_lying_cylinder_is_taken_from_above_though_turned(azimuth, across):
     axis = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    (grasp,) = HAND.grasps(CYLINDER, axis)
+    X_WO = pose_along([0.3, 0.1, 0.1125], axis)
+    (grasp,) = HAND.grasps(CYLINDER, X_WO)
     assert grasp.closure_open == 0.0
     # The palm is above it and looks down; its z is turned from the axis.
     z = np.array([np.cos(azimuth + across), np.sin(azimuth + across), 0.0])
     R_WG = RotationMatrix(np.column_stack([-UP, np.cross(z, -UP), z]))
-    X_WO = pose_along([0.3, 0.1, 0.1125], axis)
     X_WG = RigidTransform(R_WG, X_WO.translation() - R_WG @ grasp.p_GO)
     target = grasp.pick_target(X_WO)
     assert target.distance(X_WG) == pytest.approx(0.0, abs=1e-12)
@@ -58,17 +59,17 @@ def test_a_lying_cylinder_is_taken_from_above_though_turned(azimuth, across):
 
 
 def test_a_turned_cylinder_fits_between_the_open_pads():
-    axis = np.array([1.0, 0.0, 0.0])
+    X_WO = pose_along(np.zeros(3), [1.0, 0.0, 0.0])
     for radius in (0.006, 0.0125, 0.018, 0.026):
-        (grasp,) = HAND.grasps(Cylinder(radius, 0.05), axis)
+        (grasp,) = HAND.grasps(Cylinder(radius, 0.05), X_WO)
         # At the ends of the pads, which are 24 mm long, half the gap is 30 mm.
-        half = radius / np.cos(grasp.across) + 0.012 * np.tan(grasp.across)
+        half = radius / np.cos(grasp.pick_angle) + 0.012 * np.tan(grasp.pick_angle)
         assert half < 0.03
 
 
 @given(radius=st.floats(0.005, 0.026))
 def test_the_crank_angle_tells_an_object_from_an_empty_hand(radius):
-    (grasp,) = HAND.grasps(Cylinder(radius, 0.05), UP)
+    (grasp,) = HAND.grasps(Cylinder(radius, 0.05), UPRIGHT)
     proximity = np.zeros(2)
     assert grasp.holds(np.full(2, grasp.contact_angle), proximity)
     assert not grasp.holds(np.full(2, EMPTY_ANGLE), proximity)
@@ -77,7 +78,7 @@ def test_the_crank_angle_tells_an_object_from_an_empty_hand(radius):
 
 @given(st.floats(-1, 1), st.floats(-1, 1), st.floats(0.1, 1))
 def test_a_reached_target_holds_the_object_along_its_axis(x, y, z):
-    (grasp,) = HAND.grasps(CYLINDER, UP)
+    (grasp,) = HAND.grasps(CYLINDER, UPRIGHT)
     axis = np.array([x, y, z]) / np.linalg.norm([x, y, z])
 
     X_WO = pose_along([0.3, 0.1, 0.125], axis)
@@ -92,4 +93,4 @@ def test_a_reached_target_holds_the_object_along_its_axis(x, y, z):
     [Cylinder(0.001, 0.05), Cylinder(0.04, 0.05), Sphere(0.0125), Box([0.02] * 3)],
 )
 def test_an_object_that_does_not_fit_the_hand_has_no_grasp(shape):
-    assert HAND.grasps(shape, UP) == []
+    assert HAND.grasps(shape, UPRIGHT) == []

@@ -3,8 +3,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.planning.grasps.srg_angles import EMPTY_BASE_ANGLE, wrap_angles
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
-from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, wrap_angles
 
 FINGERS = SrgFingers()
 OFFSETS = 0.001 * np.arange(-150, 151.0)

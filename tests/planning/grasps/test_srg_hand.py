@@ -2,20 +2,20 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE, Approach, SrgHand
+from drake_srg.planning.grasps.srg_angles import EMPTY_BASE_ANGLE
+from drake_srg.planning.grasps.srg_hand import Approach, SrgHand
 from drake_srg.types import Box, Cylinder, Sphere
 from planning.grasps.held_object import link_distances
 
 CAN = Cylinder(0.0339, 0.1018)
 SQUEEZE = 0.4
-UP = np.array([0.0, 0.0, 1.0])
 
 
 def grasps_of(shape, approaches, tilts, squeeze):
-    return SrgHand(approaches, tilts, squeeze).grasps(shape, UP)
+    return SrgHand(approaches, tilts, squeeze).grasps(shape, RigidTransform())
 
 
 def above(shape):
@@ -107,6 +107,109 @@ def test_a_reached_target_holds_the_object_upright(radius, tilt, yaw):
     assert y[2] == pytest.approx(0.0, abs=1e-12)
 
 
+def box_grasps(size, X_WO=None, clearance=0.005):
+    hand = SrgHand(["above", "side"], [0.1], SQUEEZE, clearance=clearance)
+    return hand.grasps(Box(list(size)), X_WO or RigidTransform())
+
+
+@given(
+    st.tuples(st.floats(0.02, 0.1), st.floats(0.02, 0.1), st.floats(0.02, 0.2)),
+    st.floats(-np.pi, np.pi),
+)
+@settings(max_examples=50)
+def test_the_fingers_close_on_opposite_faces_of_a_box(size, yaw):
+    X_WO = RigidTransform(RotationMatrix.MakeZRotation(yaw), [0.5, 0.1, size[2] / 2])
+    grasps = box_grasps(size, X_WO)
+    assert len(grasps) == 4  # each pair of faces, with either finger on either face
+    for grasp in grasps:
+        X_WG = X_WO @ grasp.X_GO.inverse()
+        assert grasp.pick_target(X_WO).distance(X_WG) == pytest.approx(0.0, abs=1e-12)
+        assert grasp.pick_target(X_WO).angle_violation(X_WG) == 0.0
+        # Not so if the hand is turned, unless it is to set the box down.
+        turned = X_WG @ RigidTransform(RotationMatrix.MakeXRotation(0.1), np.zeros(3))
+        assert grasp.pick_target(X_WO).angle_violation(turned) > 0.0
+        assert grasp.target(X_WO).angle_violation(turned) == 0.0
+    across = {tuple(np.round(g.X_GO.rotation().inverse().col(1), 6)) for g in grasps}
+    assert len(across) == 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(0.05, 0.07, 0.1), (0.1, 0.03, 0.06)])
+def test_the_pads_lie_on_the_faces_of_a_box(size):
+    for grasp in box_grasps(size):
+        shape = Box(list(size))
+        distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
+        for link in ("left_tip_link", "right_tip_link"):
+            assert distances[link] == pytest.approx(0.0, abs=1e-3)
+        assert distances["palm"] > 0.01
+        opened = distances_of(grasp, shape, 3.0 * grasp.closure_open, 0.0)
+        assert min(opened.values()) > 0.002
+
+
+def test_a_box_wider_than_the_hand_is_taken_by_its_narrow_side():
+    assert {g.name for g in box_grasps([0.3, 0.06, 0.1])} == {
+        "from above, across its y"
+    }
+    assert box_grasps([0.3, 0.3, 0.1]) == []
+
+
+LYING = [Box([0.05, 0.06, 0.1]), Box([0.03, 0.05, 0.16]), CAN, Cylinder(0.02, 0.12)]
+
+
+def lying(shape, roll, yaw):
+    """Return a pose on the table with the z axis level."""
+    R_WO = RotationMatrix(RollPitchYaw(roll, 0.5 * np.pi, yaw))
+    height = shape.half_extent(R_WO.inverse() @ np.array([0.0, 0.0, 1.0]))
+    return RigidTransform(R_WO, [0.5, 0.1, height])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", LYING)
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+def test_what_lies_is_taken_from_above_across_its_axis(shape, turns):
+    X_WO = lying(shape, turns * 0.5 * np.pi, 0.4)
+    grasps = SrgHand(["above"], [], SQUEEZE).grasps(shape, X_WO)
+    assert grasps
+    for grasp in grasps:
+        # Where the hand is that holds the object as the target asks.
+        down, axis = grasp.down_G, grasp.axis_G
+        R_GT = np.column_stack([down, np.cross(axis, down), axis])
+        z_W = X_WO.rotation().col(2)
+        down_W = np.array([0.0, 0.0, -1.0])
+        R_WT = np.column_stack([down_W, np.cross(z_W, down_W), z_W])
+        R_WG = RotationMatrix(R_WT @ R_GT.T)
+        X_WG = RigidTransform(R_WG, X_WO.translation() - R_WG @ grasp.p_GO)
+        assert grasp.pick_target(X_WO).angle_violation(X_WG) < 1e-9
+        if isinstance(shape, Box):  # the grasp knows how the box is turned
+            assert (X_WG.inverse() @ X_WO).IsNearlyEqualTo(grasp.X_GO, 1e-9)
+        # The fingers' ends keep clear of the table, the pads touch, the palm does not.
+        distances = distances_of(grasp, shape, grasp.base_angle, grasp.tip_angle)
+        assert distances["left_tip_link"] == pytest.approx(0.0, abs=1e-3)
+        assert distances["palm"] > 0.01
+        ahead, edge = SRG.hinge_x + SRG.finger_length, 0.5 * SRG.pad_width
+        corners = [X_WG @ np.array([ahead, 0.0, z]) for z in (-edge, edge)]
+        assert min(corner[2] for corner in corners) > 0.005
+        opened = distances_of(grasp, shape, 3.0 * grasp.closure_open, 0.0)
+        assert min(opened.values()) > 0.002
+
+
+def test_what_leans_is_not_taken():
+    R_WO = RotationMatrix(RollPitchYaw(0.25 * np.pi, 0.0, 0.0))
+    leaning = RigidTransform(R_WO, [0.5, 0.1, 0.07])
+    assert SrgHand(["above"], [], SQUEEZE).grasps(CAN, leaning) == []
+
+
+@given(st.floats(-np.pi, np.pi))
+def test_a_box_stands_on_its_goal_turned_as_in_the_hand(yaw):
+    grasp = box_grasps([0.05, 0.06, 0.1])[1]
+    X_WO = RigidTransform(RotationMatrix.MakeZRotation(yaw), [0.5, 0.1, 0.05])
+    goal = RigidTransform([0.5, 0.1, 0.05])
+    set_down = grasp.set_down(X_WO @ grasp.X_GO.inverse(), goal)
+    assert set_down.IsNearlyEqualTo(X_WO, 1e-12)
+    # How a can is turned has no meaning.
+    assert above(CAN).set_down(X_WO, goal) is goal
+
+
 def test_a_tilted_object_violates_the_target():
     grasp = above(CAN)
     X_WO = RigidTransform(RotationMatrix.MakeXRotation(0.1), [0.5, 0.1, 0.05])
@@ -131,7 +234,6 @@ def test_grasps_have_the_approaches_and_tilts_that_are_asked_for():
         (Approach.SIDE, 0.2),
     ]
     assert grasps_of(CAN, [], [0.1], SQUEEZE) == []
-    assert grasps_of(Box([0.05, 0.05, 0.05]), ["above", "side"], [0.1], SQUEEZE) == []
     assert [g.name for g in both] == [
         "from above",
         "from the side, 6 degrees down",
@@ -162,7 +264,7 @@ def test_an_object_that_does_not_fit_the_hand_has_no_grasp(radius):
 @pytest.mark.parametrize("full_scale", [2.5, 3.5])
 def test_commands_scale_with_the_full_scale_of_the_driver(full_scale):
     hands = [SrgHand(["above", "side"], [0.0], SQUEEZE, s) for s in (3.0, full_scale)]
-    nominal, scaled = (hand.grasps(CAN, UP) for hand in hands)
+    nominal, scaled = (hand.grasps(CAN, RigidTransform()) for hand in hands)
     for grasp, other in zip(nominal, scaled, strict=True):
         assert other.fingers_open == grasp.fingers_open
         assert other.fingers_closed == grasp.fingers_closed

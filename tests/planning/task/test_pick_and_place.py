@@ -3,7 +3,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.grasps.srg_hand import EMPTY_BASE_ANGLE
+from drake_srg.planning.grasps.srg_angles import EMPTY_BASE_ANGLE
 from drake_srg.types import BlobFlag, Mode
 from planning.planning_world import CUP, CYCLE, GOAL, START, World, blob, make_planner
 

@@ -2,7 +2,9 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.planning.task.sightings import Sightings, View, lean
 from drake_srg.types import BlobFlag, Box, Obstacle, Sphere
@@ -83,3 +85,32 @@ def test_obstacles_are_other_objects_and_unknown_boxes():
 def test_a_line_has_no_sign():
     assert lean(UP, -leaning(30.0)) == pytest.approx(np.deg2rad(30.0))
     assert lean(UP, -UP) == 0.0
+
+
+@given(
+    st.sampled_from([(0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (0, 3)]),
+    st.floats(-np.pi, np.pi),
+    st.floats(-0.06, 0.06),
+    st.floats(-0.06, 0.06),
+)
+def test_the_nearly_level_face_of_a_box_is_level_and_its_yaw_stays(
+    quarters, yaw, roll, pitch
+):
+    roll_0, pitch_0 = 0.5 * np.pi * np.array(quarters)
+    level = RotationMatrix.MakeZRotation(yaw) @ RotationMatrix(
+        RollPitchYaw(roll_0, pitch_0, 0.0)
+    )
+    tilt = RotationMatrix(RollPitchYaw(roll, pitch, 0.0))
+    seen = dc.replace(blob([0.5, 0, 0]), X_WO=RigidTransform(tilt @ level, [0.5, 0, 0]))
+    X_WO = sightings(Box([0.05, 0.06, 0.1])).pose(seen)
+    assert np.abs(X_WO.rotation().matrix()[2]).max() == pytest.approx(1.0, abs=1e-12)
+    error = (level.inverse() @ X_WO.rotation()).ToAngleAxis().angle()
+    assert error < 0.06**2  # of the order of the product of the tilts
+    np.testing.assert_array_equal(X_WO.translation(), [0.5, 0.0, 0.0])
+
+
+def test_a_box_that_leans_on_something_leans():
+    R_WO = RotationMatrix(RollPitchYaw(0.2, 0.0, 0.3))
+    seen = dc.replace(blob([0.5, 0, 0]), X_WO=RigidTransform(R_WO, [0.5, 0, 0]))
+    pose = sightings(Box([0.05, 0.06, 0.1])).pose(seen)
+    assert pose.IsNearlyEqualTo(seen.X_WO, 1e-12)

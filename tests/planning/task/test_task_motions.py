@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.types import Box, Failure, Mode
@@ -40,10 +40,41 @@ def test_a_failure_names_what_is_impossible(planner, start, goal, failure):
 
 
 def test_an_object_without_known_grasps_is_not_taken(planner):
-    box = Box([0.05, 0.05, 0.1])
+    box = Box([0.2, 0.2, 0.1])
     result = planner.plan(planner.q_home, START, box, GOAL)
     assert result.failure is Failure.NO_GRASP
     assert "Box" in result.message
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("yaw", [0.0, 0.7, 2.5])
+def test_a_box_is_taken_by_its_faces_and_stands_as_the_hand_holds_it(planner, yaw):
+    box = Box([0.05, 0.07, 0.1])
+    X_WO = RigidTransform(RotationMatrix.MakeZRotation(yaw), [0.6, 0.1, 0.051])
+    task = planner.plan(planner.q_home, X_WO, box, GOAL)
+    _, q_grasp = ends(task.motions[Mode.GRASP])
+    y_O = (X_WO.inverse() @ planner.scene.X_WG(q_grasp)).rotation().col(1)
+    assert np.sort(np.abs(y_O)) == pytest.approx([0.0, 0.0, 1.0], abs=0.004)
+    _, q_place = ends(task.motions[Mode.PLACE])
+    X_WO_placed = planner.scene.X_WG(q_place) @ task.grasp.X_GO
+    assert X_WO_placed.rotation().col(2)[2] == pytest.approx(1.0, abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [CAN, Box([0.05, 0.06, 0.1])])
+def test_what_lies_is_set_upright(planner, shape):
+    lying = RotationMatrix(RollPitchYaw(np.pi / 2, 0.0, 0.5))
+    height = shape.half_extent(lying.inverse() @ [0.0, 0.0, 1.0]) + 0.001
+    X_WO = RigidTransform(lying, [0.6, 0.1, height])
+    task = planner.plan(planner.q_home, X_WO, shape, GOAL)
+    _, q_grasp = ends(task.motions[Mode.GRASP])
+    x_W = planner.scene.X_WG(q_grasp).rotation().col(0)
+    assert x_W[2] < -np.cos(np.deg2rad(35.0))  # from above
+    _, q_place = ends(task.motions[Mode.PLACE])
+    X_WO_placed = planner.scene.X_WG(q_place) @ task.grasp.X_GO
+    assert abs(X_WO_placed.rotation().col(2)[2]) == pytest.approx(1.0, abs=1e-4)
+    lowest = GOAL.translation() + planner.config.place_height * np.eye(3)[2]
+    np.testing.assert_allclose(X_WO_placed.translation(), lowest, atol=1e-3)
 
 
 def test_the_escape_backs_off_and_goes_home(planner, task):
