@@ -60,7 +60,7 @@ def run_tables(
     kept = KeptTrials(keep)
     # All scenes with one seed before any with the next.
     for case in track([Case(s, seed + i) for i in range(trials) for s in scenes]):
-        run = functools.partial(_run, *scenes[case.scene], case.seed)
+        run = functools.partial(run_trial, *scenes[case.scene], case.seed)
         runs[case] = Metrics(**kept(str(case), run))
     tables = {
         "trials": trial_columns(runs, place),
@@ -69,7 +69,17 @@ def run_tables(
     return ExperimentResult(judge(runs, place), tables, draw(runs, place, title))
 
 
-def _run(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
+def run_trial(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
+    """Run a scenario without recordings, and return its metrics.
+
+    Args:
+        name: Of the scenario.
+        overrides: `KEY=VALUE` each.
+        seed: Of the scenario.
+
+    Raises:
+        KeyboardInterrupt: If the run was interrupted.
+    """
     scenario = load_scenario(name, seed=seed, overrides=overrides)
     result = Simulate(scenario, name=name)
     if result.status.message == STOPPED_BY_USER:
