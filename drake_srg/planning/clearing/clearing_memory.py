@@ -10,7 +10,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.comparing import volume_gone
-from drake_srg.planning.clearing.destination import Destination, SeenLoad
+from drake_srg.planning.clearing.destination import AROUND, Destination, SeenLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
@@ -34,15 +34,29 @@ class Pick:
         """Whether the load is set down, not dropped."""
         return Mode.PLACE in self.motions
 
+    def without_load(self, seen: HeightMap) -> HeightMap:
+        """Return a map without the load that the hand holds over a bin.
+
+        What reaches over the edge of the bin would look like a thing on the table.
+        Something that really comes to lie there is seen in later looks.
+        """
+        if self.destination.rim is None:
+            return seen
+        near = self.destination.contains(seen, AROUND)
+        risen = near & ~(seen.height <= self.height_map.height)
+        height = np.where(risen, np.nan, seen.height)
+        return dc.replace(seen, height=height).completed(self.height_map)
+
     def drop(self, after: HeightMap) -> Drop:
         """Return what it has let go, by the map of the table after it."""
         volume = volume_gone(self.height_map, after)
-        return Drop(self.destination, SeenLoad(volume, self.grasp.height))
+        load = SeenLoad(volume, self.grasp.height, self.held)
+        return Drop(self.destination, load)
 
 
 @dc.dataclass(frozen=True)
 class Drop:
-    """A load that the hand has let go."""
+    """A load that the hand has let go, or may have."""
 
     destination: Destination
     load: SeenLoad

@@ -202,7 +202,7 @@ class Release(ClearingMode):
         motion = Motion(entry.senses.q.copy()) if stuck else ended
         looks = memory.looks + 1
         memory = dc.replace(memory, motion=motion, looks=looks)
-        seen = entry.senses.see()
+        seen = memory.planned.without_load(entry.senses.see())
         if memory.planned.placing:  # then the hand must first leave what it has placed
             return dc.replace(self.planner.judge(memory, seen), astray=True)
         return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)

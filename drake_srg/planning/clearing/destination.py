@@ -12,6 +12,9 @@ from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].
 BESIDE = 0.1
+# How far a load in the hand may reach beyond a bin, and how far around the bin the
+# planner looks in the end for what has missed it [m]. Farther off is the arm.
+AROUND = 0.2
 # Where loads go, at least this share of their volume rises, and at least so much [m³]:
 # more than noise. Things lie differently there, behind a rim, on others and in them,
 # and push others down.
@@ -33,6 +36,8 @@ class SeenLoad:
 
     volume: float  # m³, with whatever is hidden below it
     height: float  # of its top above the table [m]
+    # Whether the fingers felt it until they let go. They miss some thin things.
+    felt: bool = True
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -74,7 +79,9 @@ class Destination:
             inside &= low | self.contains(after, -_NEAR_RIM)
         area = after.resolution**2
         rises = area * np.fmax(risen, 0.0)
-        if np.sum(rises[inside]) < max(_LEAST_VOLUME, _LEAST_SHARE * load.volume):
+        # What lies in a bin moves as a load comes in; without one, as much falls there.
+        more = np.sum(rises[inside] if load.felt else area * risen[inside])
+        if more < max(_LEAST_VOLUME, _LEAST_SHARE * load.volume):
             return False
         if np.sum(rises[around & ~inside]) > _MOST_BESIDE * load.volume:
             return False

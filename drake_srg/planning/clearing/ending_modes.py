@@ -9,6 +9,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_mode import ClearingMode, Entry, Now
+from drake_srg.planning.clearing.destination import AROUND
 from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
@@ -53,11 +54,6 @@ class Retreat(LastChance):
         return self.planned(memory, entry, motion)
 
 
-# How far around a bin the planner looks for what has missed it [m]. Farther off, it
-# might see its own arm.
-_AROUND = 0.2
-
-
 class Verify(LastChance):
     """Moves the arm aside and looks for the last load, and for anything beside it."""
 
@@ -74,7 +70,7 @@ class Verify(LastChance):
         if memory.drop is None or not memory.motion.arrived(now.senses.q, now.time):
             return memory
         seen = now.senses.see()
-        around = memory.drop.destination.contains(seen, _AROUND)
+        around = memory.drop.destination.contains(seen, AROUND)
         height = np.where(around, seen.height, np.nan)
         seen = dc.replace(seen, height=height).completed(memory.height_map)
         memory = self.planner.look_for_load(memory, now.senses.see_destinations())

@@ -63,12 +63,18 @@ class PickPlanner:
         return self.motions
 
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
-        """Judge the pick under way by the map after it, and forget its plan."""
+        """Judge the pick under way by the map after it, and forget its plan.
+
+        What is gone though the fingers did not feel it is looked for all the same. The
+        pick has failed unless it is seen.
+        """
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):
-            return dc.replace(memory, tried=(*memory.tried, pick.grasp))
+            looked_for = gone and memory.destinations is not None
+            drop = pick.drop(height_map) if looked_for else None
+            return dc.replace(memory, tried=(*memory.tried, pick.grasp), drop=drop)
         memory = dc.replace(memory, taken=memory.taken + 1, pushes=0)
         if memory.destinations is None:  # then to have taken it must do
             return dc.replace(memory, arrived=memory.arrived + 1)
@@ -96,7 +102,9 @@ class PickPlanner:
         if before is None or drop is None:
             return memory
         if drop.destination.has_received(before, seen, drop.load):
-            return dc.replace(memory, arrived=memory.arrived + 1)
+            return dc.replace(memory, arrived=memory.arrived + 1, pushes=0)
+        if not drop.load.felt:
+            return memory
         place = np.array([*drop.destination.middle, 0.0])
         lost = Left(place, Failure.DROPPED)
         return dc.replace(memory, lost=(*memory.lost, lost))

@@ -1,5 +1,7 @@
 """What maps of a bin show of a load that was dropped."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -92,3 +94,12 @@ def test_what_is_set_down_must_stand(tall, stands):
     place = Destination(BIN.low, BIN.high, level=0.0)
     assert place.has_received(table(), table((0.3, 0.2), tall=tall), LOAD) == stands
     assert BIN.has_received(table(), table((0.3, 0.2), tall=tall), LOAD)
+
+
+def test_without_a_load_that_was_felt_more_must_rise_than_fall():
+    before, after = table((0.2, 0.2), (0.3, 0.2)), table((0.2, 0.2), (0.35, 0.2))
+    missed = dc.replace(LOAD, felt=False)
+    assert BIN.has_received(before, after, LOAD)  # has only moved there
+    assert not BIN.has_received(before, after, missed)
+    both = table((0.2, 0.2), (0.35, 0.2), (0.25, 0.25))
+    assert BIN.has_received(before, both, missed)

@@ -5,8 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
+from drake_srg.planning.clearing.clearing_memory import Pick
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import ASIDE, CONFIG, HOME, table
+from planning.clearing.fake_table import ASIDE, BIN, CONFIG, HOME, grasp_at, table
 from planning.clearing.test_clearing_planner import A, B, pick, run
 
 IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
@@ -83,3 +84,42 @@ def test_nothing_is_looked_for_that_was_not_held():
     pick(empty, after=table(A), felt=False)
     empty.until(Mode.DONE)
     assert Mode.VERIFY not in empty.modes
+
+
+@pytest.mark.parametrize(("seen", "cycles"), [((IN_BIN,), 1), ((), 0)])
+def test_what_the_fingers_missed_counts_once_it_is_seen_in_the_bin(seen, cycles):
+    thin = run(A, B)
+    thin.show_bin()
+    pick(thin, after=table(B), felt=False)
+    thin.until(Mode.GRASP)
+    thin.show_bin(*seen)
+    pick(thin, after=table())
+    assert thin.status.cycles == cycles
+    thin.until(Mode.VERIFY)
+    thin.show_bin(*seen, (0.3, 0.2))
+    thin.until(Mode.DONE)
+    # It may never have been in the hand, so nothing has been lost.
+    assert (thin.status.cycles, thin.status.left) == (cycles + 1, ())
+
+
+def over_bin(before, destination=None):
+    """Return a pick of A that goes into a bin on the table's own map."""
+    deep = destination or dc.replace(BIN, rim=0.12)
+    return Pick(grasp_at(A), {}, before, deep, 0.0)
+
+
+def test_a_load_in_the_hand_is_no_thing_beside_the_bin():
+    far = (0.45, 0.05)
+    before = table(A, B)
+    beside = (BIN.high[0] + 0.03, 0.35)
+    seen = over_bin(before).without_load(table(B, beside))
+    np.testing.assert_array_equal(seen.height, table(B).height)
+    # What leaves its place shows, beside the bin, too, and so does what rises far off.
+    small = dc.replace(BIN, low=np.zeros(2), high=np.full(2, 0.02), rim=0.12)
+    seen = over_bin(before, small).without_load(table(far))
+    np.testing.assert_array_equal(seen.height, table(far).height)
+
+
+def test_things_that_are_set_down_show():
+    before, after = table(A), table((0.45, 0.35))
+    assert over_bin(before, BIN).without_load(after) is after
