@@ -51,12 +51,14 @@ class ObjectFacts:
     Attributes:
         low: Least coordinates of its collision geometry in its frame, shape (3,) [m].
         high: Greatest coordinates, shape (3,) [m].
+        points: Points whose convex hull holds all of it, shape (n, 3) [m].
         mass: [kg].
         pieces: Number of its collision geometries.
     """
 
     low: Vector
     high: Vector
+    points: Vector
     mass: float
     pieces: int
 
@@ -84,4 +86,5 @@ def object_facts(name: str, config: ObjectConfig) -> ObjectFacts:
     pieces = hull_points(plant, inspector, body)
     points = np.vstack(pieces)
     mass = body.default_mass()
-    return ObjectFacts(points.min(axis=0), points.max(axis=0), mass, len(pieces))
+    low, high = points.min(axis=0), points.max(axis=0)
+    return ObjectFacts(low, high, points, mass, len(pieces))
