@@ -132,10 +132,10 @@ def run_single(seed: int, folder: Path) -> dict[str, Any]:
         seed=seed,
         kind=kind,
         width=least_width(points[:2].T),
-        cleared=metrics.objects[_THING]["cleared"],
+        cleared=bool(metrics.objects[_THING]["cleared"]),
         picks=metrics.picks or 0,
         claimed=bool(metrics.picks_held),
-        outcome=metrics.objects[_THING]["outcome"],
+        outcome=str(metrics.objects[_THING]["outcome"]),
         pick_time=_pick_time(time, mode, scenario.planner.latency),
         time=clock.process_time() - start,
     )
