@@ -42,6 +42,16 @@ def bin_boxes(scenario: Scenario) -> dict[str, tuple[Vector, Vector]]:
     return boxes
 
 
+def bin_floor(scenario: Scenario, name: str) -> float:
+    """Return the world z below the middle of a bin's opening, or higher [m].
+
+    It is measured as the distance of the nearest wall or floor.
+    """
+    low, high = _fixed_box(Models.of(scenario), name)
+    p_W = np.array([*(0.5 * (low + high))[:2], high[2]])
+    return float(high[2] - _distance(Models.of(scenario), name, tuple(p_W)))
+
+
 def bin_key(scenario: Scenario, name: str) -> str:
     """Return the key that names a bin, for messages."""
     return "task.place.bin" if scenario.task.place.bin else f"task.place.bins.{name}"
@@ -50,6 +60,28 @@ def bin_key(scenario: Scenario, name: str) -> str:
 def foot_box(scenario: Scenario) -> tuple[Vector, Vector]:
     """Return the least and greatest corner of what the arm stands on, (3,) [m]."""
     return _fixed_box(Models.of(scenario), "arm")
+
+
+@functools.lru_cache(maxsize=4)
+def _distance(models: Models, name: str, p_W: tuple[float, ...]) -> float:
+    """Return the distance of a point from a model, 0 where none is known [m]."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    models.add_to(plant)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = diagram.CreateDefaultContext()
+    query = scene_graph.get_query_output_port().Eval(
+        scene_graph.GetMyContextFromRoot(context)
+    )
+    model = plant.GetModelInstanceByName(name)
+    own = {
+        geometry
+        for index in plant.GetBodyIndices(model)
+        for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
+    }
+    near = query.ComputeSignedDistanceToPoint(np.array(p_W))
+    return float(min((d.distance for d in near if d.id_G in own), default=0.0))
 
 
 @functools.lru_cache(maxsize=4)

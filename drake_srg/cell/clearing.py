@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from drake_srg.cell.bins import bin_boxes, bin_key
+from drake_srg.cell.bins import bin_boxes, bin_floor, bin_key
 from drake_srg.cell.choosing import chooses, labels, row_places
 from drake_srg.cell.hands import MakeHand
 from drake_srg.cell.planners import own_scene
@@ -163,7 +163,9 @@ def _motions_to(
         Moves(scene, hand.p_GT, scenario.planner),
         q_home,
         q_over,
-        destination=Destination(low[:2], high[:2], rim=float(high[2])),
+        destination=Destination(
+            low[:2], high[:2], rim=float(high[2]), floor=bin_floor(scenario, name)
+        ),
         table=scenario.table.height,
         rim=float(high[2]),
         aside=_ASIDE * np.where(size == size.max(), size, 0.0),

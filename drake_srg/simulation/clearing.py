@@ -117,11 +117,16 @@ def clearing_outcome(
     time, boxes = log["time"], bin_boxes(scenario)
     wanted = {n: b for n, b in destinations(scenario).items() if _pose(n) in log}
     names = [name for name, into in wanted.items() if into is not None]
-    facts = {name: object_facts(name, scenario.objects[name]) for name in names}
-    attempts = _attempts(scenario, log, facts)
+    facts = {name: object_facts(name, scenario.objects[name]) for name in wanted}
+    attempts = _attempts(scenario, log, {name: facts[name] for name in names})
     found = {
         name: next(
-            (into for into, box in boxes.items() if _rests_inside(log, name, box)), None
+            (
+                b
+                for b, box in boxes.items()
+                if _rests_inside(log, name, facts[name], box)
+            ),
+            None,
         )
         for name in wanted
     }
@@ -160,11 +165,16 @@ def _pose(name: str) -> str:
 
 
 def _rests_inside(
-    log: Mapping[str, Vector], name: str, box: tuple[Vector, Vector]
+    log: Mapping[str, Vector],
+    name: str,
+    facts: ObjectFacts,
+    box: tuple[Vector, Vector],
 ) -> bool:
     poses = log[_pose(name)]
     slow = measures.final_speed(log["time"], poses) < measures.AT_REST
-    return bool(slow and _is_inside(poses[-1, :3], box))
+    # Its middle: the origin of a jug that stands on its head is at its top.
+    middle = 0.5 * (facts.low + facts.high)
+    return bool(slow and _is_inside(row_to_pose(poses[-1]) @ middle, box))
 
 
 def _stands_at(

@@ -10,7 +10,12 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.comparing import volume_gone
-from drake_srg.planning.clearing.destination import AROUND, Destination, SeenLoad
+from drake_srg.planning.clearing.destination import (
+    AROUND,
+    Destination,
+    Lane,
+    SeenLoad,
+)
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
@@ -51,7 +56,7 @@ class Pick:
         """Return what it has let go, by the map of the table after it."""
         volume = volume_gone(self.height_map, after)
         load = SeenLoad(volume, self.grasp.height, self.held)
-        return Drop(self.destination, load)
+        return Drop(self.destination, load, self.placing)
 
 
 @dc.dataclass(frozen=True)
@@ -60,6 +65,7 @@ class Drop:
 
     destination: Destination
     load: SeenLoad
+    laid: bool = False  # set down, or laid in a lane of a bin
 
 
 @dc.dataclass(frozen=True)
@@ -118,10 +124,27 @@ class ClearingMemory:
         """
         if self.destinations is None:
             return -np.inf
-        top = destination.top(self.destinations)
-        if self.drop is not None and self.drop.destination is destination:
-            top += self.drop.load.height
-        return top
+        return destination.top(self.destinations) + self._unseen(destination)
+
+    def lanes(self, destination: Destination) -> list[Lane]:
+        """Return a bin's lanes, the emptier one first; a row has none.
+
+        A bin counts as empty until the first look.
+        """
+        if destination.rim is None:
+            return []
+        laid = self.drop is not None and self.drop.laid
+        unseen = self._unseen(destination) if laid else 0.0
+        return [
+            dc.replace(lane, ground=lane.ground + unseen)
+            for lane in destination.lanes(self.destinations)
+        ]
+
+    def _unseen(self, destination: Destination) -> float:
+        """Return the height of a load that has not been looked for there yet [m]."""
+        if self.drop is None or self.drop.destination is not destination:
+            return 0.0
+        return self.drop.load.height
 
     def status(self, mode: Mode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""

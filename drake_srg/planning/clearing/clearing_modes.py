@@ -187,13 +187,16 @@ class Release(ClearingMode):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Let go, judge the pick by what is seen, and plan the next one.
 
+        What is dropped may have slipped up to where the fingers are nearer to each
+        other: the hand opens fully. Beside what is set down, there may be others.
+
         An arm that is stuck presses no further. The pick has failed then, unless the
         load already stands on something.
         """
-        grasp = memory.planned.grasp
-        memory = dc.replace(
-            memory, closure=grasp.closure_open, fingers=grasp.fingers_open
-        )
+        grasp, placing = memory.planned.grasp, memory.planned.placing
+        closure = grasp.closure_open if placing else 0.0
+        fingers = grasp.fingers_open if placing else {}
+        memory = dc.replace(memory, closure=closure, fingers=fingers)
         stuck = entry.observation is not None and entry.observation.stuck
         if stuck and entry.previous is not Mode.PLACE:
             memory = dc.replace(memory, motion=Motion(entry.senses.q.copy()))

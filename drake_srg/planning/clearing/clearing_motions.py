@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.columns import highest_near, standing
-from drake_srg.planning.clearing.destination import Destination
+from drake_srg.planning.clearing.destination import Destination, Lane
+from drake_srg.planning.clearing.laying import laying_targets
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
@@ -88,6 +89,7 @@ class ClearingMotions:
         number: int = 0,
         *,
         filled: float = -np.inf,
+        lanes: Sequence[Lane] = (),
     ) -> dict[Mode, Trajectory] | PlanningFailure:
         """Plan from `q_start` to a grasp, and with what it takes over the bin.
 
@@ -97,9 +99,13 @@ class ClearingMotions:
             height_map: Of the table, for motions to keep clear of what is on it.
             number: Of loads that were dropped before.
             filled: World z up to which the bin may be filled [m].
+            lanes: Where loads that may hang from the hand are laid down, the best one
+                first; they are dropped without any.
         """
         try:
-            return self._plan(np.asarray(q_start), grasp, height_map, number, filled)
+            return self._plan(
+                np.asarray(q_start), grasp, height_map, number, filled, lanes
+            )
         except NoPathError as error:
             return error.failure
 
@@ -141,6 +147,7 @@ class ClearingMotions:
         height_map: HeightMap,
         number: int,
         filled: float,
+        lanes: Sequence[Lane],
     ) -> dict[Mode, Trajectory]:
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, HAND_RADIUS) + _OVER
@@ -165,7 +172,7 @@ class ClearingMotions:
             for lifted in (load, load.level):
                 try:
                     return to | self._carry(
-                        q_grasp, grasp, load, height, height_map, lifted
+                        q_grasp, grasp, load, height, height_map, lifted, lanes
                     )
                 except NoPathError as error:
                     failed = error
@@ -204,10 +211,11 @@ class ClearingMotions:
         least: float,
         height_map: HeightMap,
         lifted: Load,
+        lanes: Sequence[Lane],
     ) -> dict[Mode, Trajectory]:
         """Return the motions with the load, which is lifted by `least` [m] or more.
 
-        It is lifted as high as `lifted` needs, and dropped from as high as `load` does.
+        It is lifted as high as `lifted` needs, and let go as `load` needs.
 
         Raises:
             NoPathError: If there are none.
@@ -218,15 +226,9 @@ class ClearingMotions:
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
             lifting = moves.timed(up, moves.holding, straight=True)
-        around = standing(scene, height_map, self._table, taken=grasp.p_WC)
-        with around, self._loaded(lifted):
-            down = self._into_bin(grasp, load)
-            drawn = up[-1:] if lifted is load else self._drawn_in(up[-1], load)
-            with self._loaded(load):
-                across = moves.joint_path(drawn[-1], down[-1])
-            away = np.vstack([drawn, across[1:]])
-            carrying = moves.timed(away, moves.holding)
-        return {Mode.LIFT: lifting, Mode.TRANSFER: carrying}
+        with standing(scene, height_map, self._table, taken=grasp.p_WC):
+            let_go = self._into_bin(up[-1], grasp, load, lifted, lanes)
+        return {Mode.LIFT: lifting} | let_go
 
     def _drawn_in(self, q: Vector, load: Load) -> Vector:
         """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
@@ -271,23 +273,56 @@ class ClearingMotions:
         nearest = min(failed, key=lambda ik: ik.violation)
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
-    def _into_bin(self, grasp: TopGrasp, load: Load) -> Vector:
-        """Return the way from `q_over` to where the load is dropped, (k, N) [rad].
+    def _into_bin(
+        self,
+        q: Vector,
+        grasp: TopGrasp,
+        load: Load,
+        lifted: Load,
+        lanes: Sequence[Lane],
+    ) -> dict[Mode, Trajectory]:
+        """Return the motions from a lifted load at `q` to where it is let go.
 
         The load's middle is over the bin's or beside that, and just above its rim and
-        whatever is in it, or as far above as the hand is at `q_over`.
+        whatever is in it, or as far above as the hand is at `q_over`. It is dropped
+        there. If it may hang, it is laid down in a lane, where the arm can.
 
         Raises:
             NoPathError: If the arm cannot go there.
         """
-        X_WG = self.scene.X_WG(self.q_over)
-        below = float(grasp.X_WG.translation()[2]) - self._table  # the palm's origin
-        least = self._rim + load.piled + load.sag + _RIM + below
-        lower = max(X_WG.translation()[2] - least, 0.0)
-        aside = load.aside_W - X_WG.rotation() @ load.middle_G
+        X_WG, moves = self.scene.X_WG(self.q_over), self._moves
+        palm = float(grasp.X_WG.translation()[2]) - self._table
+        least = self._rim + load.piled + load.sag + _RIM + palm
+        high = min(float(X_WG.translation()[2]), least)
+        for lane in lanes if load.may_hang else ():
+            begin, *others = laying_targets(X_WG, load, palm, lane, high)
+            with contextlib.suppress(NoPathError):
+                across, q_begin = self._across(q, begin, load, lifted)
+                with self.scene.reaching(_TIPS):
+                    down = moves.through(q_begin, others)
+                    laying = moves.timed(down, moves.holding)
+                return {Mode.TRANSFER: across, Mode.PLACE: laying}
+        aside = load.aside_W - X_WG.rotation() @ load.expected_G
+        lower = float(X_WG.translation()[2]) - high
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
-        path: Vector = self._moves.straight(self.q_over, place)
-        return path
+        return {Mode.TRANSFER: self._across(q, place, load, lifted)[0]}
+
+    def _across(
+        self, q: Vector, place: HandTarget, load: Load, lifted: Load
+    ) -> tuple[Trajectory, Vector]:
+        """Return the motion with a load from `q` to a place, and its end, (N,) [rad].
+
+        Raises:
+            NoPathError: If the arm cannot go there.
+        """
+        moves = self._moves
+        with self._loaded(lifted):
+            over = moves.straight(self.q_over, place)[-1]
+            drawn = q[np.newaxis] if lifted is load else self._drawn_in(q, load)
+            with self._loaded(load):
+                across = moves.joint_path(drawn[-1], over)
+            path = np.vstack([drawn, across[1:]])
+            return moves.timed(path, moves.holding), over
 
     @contextlib.contextmanager
     def _loaded(self, load: Load) -> Iterator[None]:

@@ -26,6 +26,9 @@ _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # A bin's edge in maps flickers between wall and table within this distance outside [m].
 # As far inside, there may still be wall [m].
 _EDGE, _WALL = 0.01, 0.02
+# Lanes in which long things are laid down are beside the middle, where others are
+# dropped: so far, as a share of a bin's width, and so wide to either side [m].
+_LANE, _LANE_WIDTH = 0.2, 0.05
 # What was set down is as high as it was, within [m].
 _SAME_HEIGHT = 0.015
 
@@ -41,6 +44,14 @@ class SeenLoad:
 
 
 @dc.dataclass(frozen=True, eq=False)
+class Lane:
+    """A strip along a bin in which long things are laid down."""
+
+    aside_W: Vector  # from the bin's middle to its own, in world, shape (3,) [m]
+    ground: float  # world z of the highest thing in it [m]
+
+
+@dc.dataclass(frozen=True, eq=False)
 class Destination:
     """A rectangle that loads are dropped or set down in.
 
@@ -50,12 +61,14 @@ class Destination:
         level: World z of what loads are set down on, to stand as they stood before [m];
             None where they are dropped.
         rim: World z of a bin's rim [m]; None: it has none.
+        floor: World z of a bin's floor [m]; -inf: unknown.
     """
 
     low: Vector
     high: Vector
     level: float | None = None
     rim: float | None = None
+    floor: float = -np.inf
 
     @property
     def middle(self) -> Vector:
@@ -94,6 +107,25 @@ class Destination:
         """Return the world z of the highest thing inside, -inf if none is seen [m]."""
         inside = height_map.height[self.contains(height_map, -_WALL)]
         return float(np.nanmax(inside, initial=-np.inf))
+
+    def lanes(self, height_map: HeightMap | None) -> list[Lane]:
+        """Return a bin's lanes, the emptier one first.
+
+        Args:
+            height_map: The bin is empty without one.
+        """
+        across = int(np.argmin(self.high - self.low))
+        lanes = []
+        for side in (-_LANE, _LANE):
+            aside = side * np.eye(3)[across] * (self.high - self.low)[across]
+            ground = self.floor
+            if height_map is not None:
+                apart = height_map.middles() - self.middle - aside[:2]
+                lane = np.abs(apart[..., across]) < _LANE_WIDTH
+                inside = height_map.height[lane & self.contains(height_map, -_WALL)]
+                ground = float(np.nanmax(inside, initial=self.floor))
+            lanes.append(Lane(aside, ground))
+        return sorted(lanes, key=lambda lane: lane.ground)
 
     def contains(
         self, height_map: HeightMap, margin: float = 0.0

@@ -36,6 +36,19 @@ class Load:
     piled: float = 0.0  # how far what is in the bin rises above its rim [m]
 
     @property
+    def may_hang(self) -> bool:
+        """Whether it may hang far below the hand when it is let go."""
+        return self.long and self.sag > 0.0
+
+    @property
+    def expected_G(self) -> Vector:
+        """From the grasp to where its middle errs least, in the hand, (3,) [m].
+
+        A long load is level, or hangs below the hand: halfway between.
+        """
+        return 0.5 * self.middle_G if self.long else self.middle_G
+
+    @property
     def level(self) -> Load:
         """The same load if it does not turn in the hand, and the bin is not full."""
         return dc.replace(self, sag=0.0, piled=0.0)
@@ -60,8 +73,6 @@ class Load:
         long = bool(np.max(np.linalg.norm(all_away, axis=1)) > _LONG)
         away = _away(height_map, table, p_WC, _STEP)
         middle = np.clip(0.5 * (away.min(axis=0) + away.max(axis=0)), -_ASIDE, _ASIDE)
-        if long:  # it is there, or below the hand: halfway errs least
-            middle *= 0.5
         return cls(
             p_GC=X_WG.inverse() @ p_WC,
             below=below,

@@ -157,6 +157,7 @@ class PickPlanner:
                 height_map,
                 memory.picks,
                 filled=memory.filled(there.destination),
+                lanes=memory.lanes(there.destination),
             )
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))

@@ -104,7 +104,7 @@ class Motions:
         self.taken = []
         self.places = False  # loads are set down, not dropped
 
-    def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf):
+    def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf, lanes=()):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")
