@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import row_places
@@ -141,6 +141,19 @@ def test_sorted_objects_are_in_their_own_bins(sorting):
     assert found.metrics()["objects_in_wrong_bin"] == 0
     assert found.others_moved == 0.0
     assert found.honest
+
+
+def test_a_jug_on_its_head_is_in_the_bin_though_its_origin_is_above():
+    jug = {"model": "package://drake_srg/sdf/019_pitcher_base.sdf"}
+    scenario = load_scenario(
+        "clear_table", overrides=["clutter.count=0", f"objects={{jug: {jug}}}"]
+    )
+    poses = log(scenario, {"jug": IN_BIN}, MODES_OF_A_PICK)
+    bottom = np.array([*IN_BIN[:2], 0.26])
+    on_its_head = RigidTransform(RotationMatrix.MakeXRotation(np.pi), bottom)
+    poses["object_pose.jug"][:] = pose_to_row(on_its_head)
+    found = clearing_outcome(scenario, poses, PlannerStatus(mode=Mode.DONE))
+    assert found.objects["jug"].cleared
 
 
 @pytest.mark.parametrize("name", ["red_can", "green_block"])

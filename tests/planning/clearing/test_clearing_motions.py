@@ -5,8 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.cell.bins import bin_boxes
+from drake_srg.cell.bins import bin_boxes, bin_floor
 from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.planning.clearing.destination import Lane
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -122,6 +123,48 @@ def test_loads_are_carried_over_what_is_in_the_bin(scenario, motions):
     for mode in (Mode.LIFT, Mode.TRANSFER):
         end = planned[mode].value(1e9)[:, 0]
         assert motions.scene.X_WG(end).translation()[2] > filled + below + 0.02
+
+
+@pytest.mark.parametrize("middle", [0.07, -0.07])
+def test_a_long_load_is_laid_down_in_a_lane(scenario, motions, middle):
+    low, high = bin_boxes(scenario)["bin"]
+    floor = bin_floor(scenario, "bin")
+    lane = Lane(np.array([0.0, 0.08, 0.0]), floor)
+    grasp, height_map = bar_at(PLACE, middle - 0.1, middle + 0.1)
+    planned = motions.plan(motions.q_home, grasp, height_map, lanes=[lane])
+    assert not isinstance(planned, PlanningFailure), planned.message
+    laying = planned[Mode.PLACE]
+    np.testing.assert_allclose(
+        laying.value(0.0)[:, 0], planned[Mode.TRANSFER].value(1e9)[:, 0], atol=1e-6
+    )
+    at_grasp = motions.scene.X_WG(planned[Mode.GRASP].value(1e9)[:, 0])
+    laid = motions.scene.X_WG(laying.value(1e9)[:, 0])
+    ends = [
+        laid @ (at_grasp.inverse() @ np.array([PLACE[0], PLACE[1] + end, 0.0]))
+        for end in (middle - 0.1, middle + 0.1)
+    ]
+    p_W = np.mean(ends, axis=0)
+    np.testing.assert_allclose(p_W[:2], (low + high)[:2] / 2 + [0, 0.08], atol=0.01)
+    assert floor < p_W[2] < floor + 0.03
+    for end in ends:  # along the bin, all of it inside
+        assert np.all(end[:2] > low[:2] + 0.03)
+        assert np.all(end[:2] < high[:2] - 0.03)
+
+
+def test_where_a_load_cannot_be_laid_down_it_is_dropped(motions):
+    grasp, height_map = bar_at(PLACE, -0.03, 0.17)
+    lane = Lane(np.array([0.0, 0.08, 0.0]), -1.0)  # below the table
+    planned = motions.plan(motions.q_home, grasp, height_map, lanes=[lane])
+    assert not isinstance(planned, PlanningFailure), planned.message
+    assert Mode.PLACE not in planned
+
+
+def test_short_loads_are_dropped(motions):
+    lane = Lane(np.array([0.0, 0.08, 0.0]), 0.02)
+    planned = motions.plan(
+        motions.q_home, grasp_at(PLACE), moved(table(PLACE)), lanes=[lane]
+    )
+    assert Mode.PLACE not in planned
 
 
 def risen(motions, grasp, height_map):

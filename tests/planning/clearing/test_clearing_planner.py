@@ -260,6 +260,16 @@ def test_a_load_that_stands_early_is_placed(mode, cycles):
     assert early.status.cycles == cycles
 
 
+@pytest.mark.parametrize("places", [False, True])
+def test_opens_fully_where_nothing_stands_beside_the_load(places):
+    """What has slipped up in the hand fits through less than it came in by."""
+    only = run(A)
+    only.motions.places = places
+    pick(only, after=table())
+    closure = only.planner.GetOutputPort("closure_commanded").Eval(only.context)
+    assert closure == (grasp_at(A).closure_open if places else 0.0)
+
+
 def test_retreats_with_the_hand_as_open_as_it_is():
     given = []
     wide = run(A, B)

@@ -63,6 +63,23 @@ def test_the_top_of_what_is_in_a_bin_leaves_out_its_walls():
     assert BIN.top(height_map) == -np.inf
 
 
+def test_the_emptier_lane_of_a_bin_comes_first():
+    deep = dc.replace(BIN, rim=0.12, floor=0.01)
+    across = 0.2 * (BIN.high - BIN.low)[1]
+    for side in (-1.0, 1.0):
+        shown = table((BIN.middle[0], BIN.middle[1] + side * 0.07))
+        empty, full = deep.lanes(shown)
+        np.testing.assert_allclose(empty.aside_W, [0.0, -side * across, 0.0])
+        assert (empty.ground, full.ground) == (0.01, TALL)
+
+
+def test_the_lanes_of_a_bin_that_was_not_seen_are_empty():
+    deep = dc.replace(BIN, rim=0.12, floor=0.01)
+    assert [lane.ground for lane in deep.lanes(None)] == [0.01, 0.01]
+    unseen = dc.replace(table(), height=np.full((80, 100), np.nan))
+    assert [lane.ground for lane in deep.lanes(unseen)] == [0.01, 0.01]
+
+
 @given(seeds)
 def test_a_bin_that_has_not_changed_has_received_nothing(seed):
     before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
