@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
-from drake_srg.experiments.table_trials import Scenes, run_tables
+from drake_srg.experiments.table_trials import Limits, Scenes, run_tables
 
 # Of structured light: the standard deviation of depth [m], and the share of pixels
 # without depth.
@@ -21,10 +21,16 @@ SCENES: Scenes = {
     "spread, noise": ("clear_table_fast", (_NOISE,)),
     "heap, noise": ("clear_heap_fast", (_NOISE,)),
 }
+# Asked for before the first run.
+LIMITS = {
+    "spread": Limits(cleared=0.99, held=0.95),
+    "spread, noise": Limits(cleared=0.99, held=0.95),
+    "heap, noise": Limits(cleared=0.97, held=0.85, rate=500.0),
+}
 
 
 def run(
-    track: Track, *, trials: int = 8, seed: int = 8000, keep: str = ""
+    track: Track, *, trials: int = 16, seed: int = 8000, keep: str = ""
 ) -> ExperimentResult:
     """Clear the table in every scene.
 
@@ -42,4 +48,5 @@ def run(
         keep,
         place="in the bin",
         title="Tables cleared into a bin",
+        limits=LIMITS,
     )

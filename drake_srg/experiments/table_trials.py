@@ -22,6 +22,23 @@ from drake_srg.sweeps.statistics import wilson_interval
 
 # Of a scenario: its name and its overrides.
 Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
+# Things that are wider on every side, as they lie, do not fit the hand [m].
+WIDEST = 0.13
+
+
+@dc.dataclass(frozen=True)
+class Limits:
+    """What is asked of a scene.
+
+    Attributes:
+        cleared: Least share of the objects that fit the hand (`WIDEST`).
+        held: Least share of the picks.
+        rate: Least picks held per hour, median of the tables [1/h].
+    """
+
+    cleared: float = 0.0
+    held: float = 0.0
+    rate: float = 0.0
 
 
 @dc.dataclass(frozen=True)
@@ -44,6 +61,7 @@ def run_tables(
     *,
     place: str,
     title: str,
+    limits: Mapping[str, Limits] | None = None,
 ) -> ExperimentResult:
     """Run every scene with every seed.
 
@@ -55,6 +73,7 @@ def run_tables(
         keep: See `KeptTrials`.
         place: Where the objects belong, such as `in the bin`.
         title: Of the figure.
+        limits: What is asked of scenes; nothing of others.
     """
     runs: dict[Case, Metrics] = {}
     kept = KeptTrials(keep)
@@ -66,7 +85,9 @@ def run_tables(
         "trials": trial_columns(runs, place),
         "objects": object_columns(runs, scenes),
     }
-    return ExperimentResult(judge(runs, place), tables, draw(runs, place, title))
+    return ExperimentResult(
+        judge(runs, place, limits), tables, draw(runs, place, title)
+    )
 
 
 def run_trial(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
@@ -111,8 +132,15 @@ def shares(runs: Sequence[Metrics], place: str) -> dict[str, Share]:
         key: sum(getattr(m, key) or 0 for m in runs)
         for key in ("objects_total", "objects_cleared", "picks", "picks_held")
     }
+    fit = [
+        bool(thing["cleared"])
+        for m in runs
+        for thing in (m.objects or {}).values()
+        if float(thing["width_m"]) <= WIDEST
+    ]
     return {
         f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
+        f"objects that fit the hand {place}": Share(sum(fit), len(fit)),
         "picks held": Share(total["picks_held"], total["picks"]),
     }
 
@@ -122,26 +150,32 @@ def of_scene(runs: Mapping[Case, Metrics], scene: str) -> list[Metrics]:
     return [m for case, m in runs.items() if case.scene == scene]
 
 
-def judge(runs: Mapping[Case, Metrics], place: str) -> list[Row]:
-    """Expect that no claim is false, and state the rest."""
+def judge(
+    runs: Mapping[Case, Metrics],
+    place: str,
+    limits: Mapping[str, Limits] | None = None,
+) -> list[Row]:
+    """Expect that limits are kept and no claim is false, and state the rest."""
     rows = []
     for scene in dict.fromkeys(case.scene for case in runs):
         own = of_scene(runs, scene)
+        limit = (limits or {}).get(scene, Limits())
         rows.append(Row.info(scene, "trials", len(own), "", spread=1.0))
-        for what, share in shares(own, place).items():
+        least = (0.0, limit.cleared, limit.held)
+        for (what, share), asked in zip(shares(own, place).items(), least, strict=True):
             low, high = share.bounds
-            for suffix, value in (
-                ("", share.value),
-                (", at least", low),
-                (", at most", high),
-            ):
-                rows.append(Row.info(scene, f"{what}{suffix}", value, "", spread=0.15))
+            rows += [
+                _asked(scene, what, asked, share.value, "", spread=0.15),
+                Row.info(scene, f"{what}, at least", low, "", spread=0.15),
+                Row.info(scene, f"{what}, at most", high, "", spread=0.15),
+            ]
         picks = sum(m.picks or 0 for m in own)
         rows.append(Row.info(scene, "picks", picks, "", spread=3.0 + 0.3 * picks))
         rates = [m.picks_per_hour for m in own if m.picks_per_hour]
         if rates:
             rate = float(np.median(rates))
-            rows.append(Row.info(scene, "picks held per hour, median", rate, "1/h"))
+            quantity = "picks held per hour, median"
+            rows.append(_asked(scene, quantity, limit.rate, rate, "1/h"))
         rows += [
             Row.info(scene, reason, count, "objects", spread=3.0 + 0.3 * count)
             for reason, count in sorted(_reasons(own).items())
@@ -149,6 +183,20 @@ def judge(runs: Mapping[Case, Metrics], place: str) -> list[Row]:
         false = sum(false_claims(m) for m in own)
         rows.append(Row.at_most(scene, f"claimed, not {place}", 0.0, false, "objects"))
     return rows
+
+
+def _asked(
+    scene: str,
+    quantity: str,
+    least: float,
+    value: float,
+    unit: str,
+    spread: float | None = None,
+) -> Row:
+    """Return a row that expects at least so much, if anything is asked for."""
+    if least > 0.0:
+        return Row.at_least(scene, quantity, least, value, unit, spread=spread)
+    return Row.info(scene, quantity, value, unit, spread=spread)
 
 
 def false_claims(metrics: Metrics) -> int:
@@ -202,6 +250,7 @@ def object_columns(
                 ("object", model.rpartition("/")[2][:-4] if model else thing),
                 ("outcome", outcome["outcome"]),
                 ("attempts", outcome["attempts"]),
+                ("width [m]", outcome["width_m"]),
             ):
                 table.setdefault(column, []).append(value)
     return table

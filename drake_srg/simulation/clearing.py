@@ -19,9 +19,9 @@ from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
 
-# How far above the rim the origin of an object in the bin may be [m]: things pile up.
+# How far above the rim the middle of an object in the bin may be [m]: things pile up.
 _HEAPED = 0.1
-# How far below the bin its origin may be [m].
+# How far below the bin its middle may be [m].
 _BELOW = 0.01
 _UPRIGHT = np.cos(np.deg2rad(5.0))  # of the angle of what stands from the vertical
 # Distance between an object and the place that the planner names for it, at most [m].
@@ -41,11 +41,14 @@ class ObjectOutcome:
             left it: `dropped` if it was let go and not seen in its bin, `not_seen` if
             the planner does not say.
         attempts: Grasps that were nearest to it.
+        width_m: Least distance of two parallel vertical planes that enclose it as it
+            lay before the first pick [m].
     """
 
     cleared: bool
     outcome: str
     attempts: int
+    width_m: float
 
 
 @dc.dataclass(frozen=True)
@@ -141,7 +144,8 @@ def clearing_outcome(
             outcome = _reason(last, facts[name], status.left)
         else:
             outcome = CLEARED if cleared else WRONG_BIN
-        outcomes[name] = ObjectOutcome(cleared, outcome, attempts[name])
+        width = least_width(_lying(log, name, facts[name]))
+        outcomes[name] = ObjectOutcome(cleared, outcome, attempts[name], width)
     for name in _dropped(log, outcomes, status.left):
         outcomes[name] = dc.replace(outcomes[name], outcome=Failure.DROPPED.value)
     spent = time[-1] - status.localized_at
@@ -158,6 +162,21 @@ def clearing_outcome(
         _others_moved(log, set(wanted) - set(names), status),
         len(boxes),
     )
+
+
+def least_width(p: Vector) -> float:
+    """Return the least distance of two parallel lines that enclose points (n, 2)."""
+    angles = np.deg2rad(np.arange(0.0, 180.0, 1.0))
+    along = p @ np.array([np.cos(angles), np.sin(angles)])
+    return float(np.min(along.max(axis=0) - along.min(axis=0)))
+
+
+def _lying(log: Mapping[str, Vector], name: str, facts: ObjectFacts) -> Vector:
+    """Return an object's points in the plane before the first pick, (n, 2) [m]."""
+    begun = np.flatnonzero(log["mode"] == MODES.index(Mode.PRE_GRASP))
+    X_WO = row_to_pose(log[_pose(name)][begun[0] if len(begun) else -1])
+    points: Vector = X_WO @ facts.points.T
+    return points[:2].T
 
 
 def _pose(name: str) -> str:

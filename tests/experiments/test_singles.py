@@ -2,8 +2,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from drake_srg.experiments import singles
 from drake_srg.experiments.registry import quiet
@@ -14,7 +12,6 @@ from drake_srg.experiments.singles import (
     first,
     graspable,
     judge,
-    least_width,
     run,
 )
 
@@ -26,15 +23,6 @@ WIDE = dc.replace(LEFT, width=0.14, picks=0, outcome="too_wide", pick_time=np.na
 
 def rows(made):
     return {(row.name, row.quantity): row for row in judge(made)}
-
-
-@given(st.floats(0.02, 0.2), st.floats(0.02, 0.2), st.floats(-np.pi, np.pi))
-def test_the_least_width_of_a_rectangle_is_its_shorter_side(a, b, yaw):
-    corners = 0.5 * np.array([[a, b], [a, -b], [-a, b], [-a, -b]])
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    # Directions are half a degree off at most.
-    most = min(a, b) + max(a, b) * np.sin(np.deg2rad(0.5)) + 1e-9
-    assert min(a, b) - 1e-9 <= least_width(corners @ turn.T) <= most
 
 
 def test_what_is_too_wide_does_not_count():

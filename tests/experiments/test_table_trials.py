@@ -9,6 +9,7 @@ from drake_srg.experiments import table_trials
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.table_trials import (
     Case,
+    Limits,
     judge,
     object_columns,
     run_tables,
@@ -32,6 +33,7 @@ def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide"):
             "cleared": i < cleared,
             "outcome": "cleared" if i < cleared else outcome,
             "attempts": 1,
+            "width_m": 0.2 if outcome == "too_wide" and i >= cleared else 0.06,
         }
         for i in range(total)
     }
@@ -48,9 +50,9 @@ def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide"):
     )
 
 
-def rows(*tables):
+def rows(*tables, limits=None):
     runs = {Case("spread", i): metrics for i, metrics in enumerate(tables)}
-    return {row.quantity: row for row in judge(runs, PLACE)}
+    return {row.quantity: row for row in judge(runs, PLACE, limits)}
 
 
 def test_shares_count_all_tables():
@@ -67,6 +69,26 @@ def test_reasons_and_picks_are_counted():
     found = rows(table(), table())
     assert found["too_wide"].measured == 2
     assert found["picks"].measured == 16
+
+
+def test_what_is_too_wide_for_the_hand_is_not_asked_for():
+    limits = {"spread": Limits(cleared=0.99)}
+    fit = "objects that fit the hand in the bin"
+    assert rows(table(), limits=limits)[fit].passed
+    left = rows(table(outcome="no_grasp"), limits=limits)
+    assert left[fit].measured == pytest.approx(5 / 6)
+    assert not left[fit].passed
+    assert rows(table(outcome="no_grasp"))[fit].passed  # then nothing is asked
+
+
+def test_picks_and_rates_are_asked_for():
+    for limits, passed in (
+        (Limits(held=0.5, rate=600.0), True),
+        (Limits(0, 0.51, 601.0), False),
+    ):
+        found = rows(table(), limits={"spread": limits})
+        assert found["picks held"].passed == passed
+        assert found["picks held per hour, median"].passed == passed
 
 
 def test_a_claim_too_many_fails():
@@ -92,7 +114,7 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
         seen.append((name, scenario.random_seed))
         things = {n: {"cleared": True} for n in list(scenario.objects)[:1]}
         for thing in things.values():
-            thing |= {"outcome": "cleared", "attempts": 1}
+            thing |= {"outcome": "cleared", "attempts": 1, "width_m": 0.06}
         values = dict.fromkeys(field.name for field in dc.fields(Metrics))
         values |= vars(table(total=1, cleared=1, picks=1, held=1)) | {"objects": things}
         return types.SimpleNamespace(

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import row_places
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.clearing import clearing_outcome
+from drake_srg.simulation.clearing import clearing_outcome, least_width
 from drake_srg.simulation.log_format import MODES, pose_to_row
 from drake_srg.simulation.metrics import RunTimes, calc_metrics
 from drake_srg.types import Failure, Left, Mode, PlannerStatus
@@ -141,6 +141,15 @@ def test_sorted_objects_are_in_their_own_bins(sorting):
     assert found.metrics()["objects_in_wrong_bin"] == 0
     assert found.others_moved == 0.0
     assert found.honest
+
+
+@given(st.floats(0.02, 0.2), st.floats(0.02, 0.2), st.floats(-np.pi, np.pi))
+def test_the_least_width_of_a_rectangle_is_its_shorter_side(a, b, yaw):
+    corners = 0.5 * np.array([[a, b], [a, -b], [-a, b], [-a, -b]])
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    # Directions are half a degree off at most.
+    most = min(a, b) + max(a, b) * np.sin(np.deg2rad(0.5)) + 1e-9
+    assert min(a, b) - 1e-9 <= least_width(corners @ turn.T) <= most
 
 
 def test_a_jug_on_its_head_is_in_the_bin_though_its_origin_is_above():
