@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 
 import cv2
@@ -40,15 +41,15 @@ def points_of(
     z = cleaned[rows, columns].astype(float)
     info = imager.info
     offsets = (np.arange(subpixels) + 0.5) / subpixels - 0.5
-    patches = [
-        (rays + np.array([du / info.focal_x(), dv / info.focal_y(), 0.0])) * z[:, None]
-        for du in offsets
-        for dv in offsets
-    ]
-    p_D = np.concatenate(patches)
     X_WD = X_WB @ imager.X_BI
-    p_W: Vector = p_D @ X_WD.rotation().matrix().T + X_WD.translation()
-    return p_W
+    R_DW, p_WD = X_WD.rotation().matrix().T, X_WD.translation()
+    p_W = np.empty((subpixels**2, len(z), 3))
+    p_D = np.empty_like(rays)
+    for patch, (du, dv) in zip(p_W, itertools.product(offsets, repeat=2), strict=True):
+        np.add(rays, [du / info.focal_x(), dv / info.focal_y(), 0.0], out=p_D)
+        p_D *= z[:, np.newaxis]
+        np.add(p_D @ R_DW, p_WD, out=patch)
+    return p_W.reshape(-1, 3)
 
 
 def height_map(
@@ -101,11 +102,11 @@ def _highest(
     cloud: Vector, origin: Vector, resolution: float, shape: tuple[int, int]
 ) -> Vector:
     """Return the height of the highest point in each cell, -inf without a point."""
-    height = np.full(shape, -np.inf)
-    ix, iy = np.rint((cloud[:, :2] - origin) / resolution).astype(int).T
+    ix, iy = np.rint((cloud[:, :2] - origin) / resolution).astype(np.int32).T
     inside = (ix >= 0) & (iy >= 0) & (ix < shape[1]) & (iy < shape[0])
-    np.maximum.at(height, (iy[inside], ix[inside]), cloud[inside, 2])
-    return height
+    height = np.full(shape[0] * shape[1], -np.inf)
+    np.maximum.at(height, (iy * shape[1] + ix)[inside], cloud[inside, 2])
+    return height.reshape(shape)
 
 
 def _offset(height: Vector, level: float, config: HeightMapConfig) -> float:

@@ -40,16 +40,19 @@ class Idle(ClearingMode):
         return dc.replace(memory, motion=motion, rested_at=entry.time)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
-        """Look whenever a look is due."""
+        """Look whenever a look is due, from the last look before `search_time` on."""
         done = memory.pick or memory.push or memory.finished
         if done or now.time < memory.next_look:
             return memory
+        next_look = now.time + self.config.search_period
+        if next_look + self.config.period < self.config.search_time:
+            return dc.replace(memory, next_look=next_look)
         before, seen = memory.height_map, now.senses.see()
         memory = dc.replace(
             memory,
             looks=memory.looks + 1,
             height_map=seen,
-            next_look=now.time + self.config.search_period,
+            next_look=next_look,
         )
         if before is None or now.time < self.config.search_time:
             return memory
