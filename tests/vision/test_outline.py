@@ -52,6 +52,10 @@ def turned(X_WO, turn):
 @given(st.sampled_from(SOLIDS), lengths, lengths, vectors)
 def test_the_jacobian_is_the_derivative_of_the_distance(shape, x, y, axis):
     X_WO, view, h = pose(x, y, axis), a_view(), 1e-6
+    if isinstance(shape, Sphere):  # its polygon turns where these two are the same
+        toward = X_WO.inverse() @ view.origin
+        least, other, _ = np.sort(np.abs(toward))
+        assume(other - least > 10 * h)
     pixels = np.random.default_rng(1).uniform(0.0, 80.0, (60, 2))
     _, J, _ = Outline.of(shape, X_WO, view).distance(pixels)
     moves = [lambda s, i=i: RigidTransform(s * np.eye(3)[i]) @ X_WO for i in range(3)]
