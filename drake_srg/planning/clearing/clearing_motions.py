@@ -158,7 +158,10 @@ class ClearingMotions:
             load = load.level
         side = 0 if load.long else (number + 1) % 3 - 1
         load = dc.replace(
-            load, aside_W=side * self._aside, piled=max(filled - self._rim, 0.0)
+            load,
+            aside_W=side * self._aside,
+            piled=max(filled - self._rim, 0.0),
+            lanes=tuple(lanes) if load.may_hang else (),
         )
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,
@@ -172,7 +175,7 @@ class ClearingMotions:
             for lifted in (load, load.level):
                 try:
                     return to | self._carry(
-                        q_grasp, grasp, load, height, height_map, lifted, lanes
+                        q_grasp, grasp, load, height, height_map, lifted
                     )
                 except NoPathError as error:
                     failed = error
@@ -211,7 +214,6 @@ class ClearingMotions:
         least: float,
         height_map: HeightMap,
         lifted: Load,
-        lanes: Sequence[Lane],
     ) -> dict[Mode, Trajectory]:
         """Return the motions with the load, which is lifted by `least` [m] or more.
 
@@ -227,7 +229,7 @@ class ClearingMotions:
             up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
             lifting = moves.timed(up, moves.holding, straight=True)
         with standing(scene, height_map, self._table, taken=grasp.p_WC):
-            let_go = self._into_bin(up[-1], grasp, load, lifted, lanes)
+            let_go = self._into_bin(up[-1], grasp, load, lifted)
         return {Mode.LIFT: lifting} | let_go
 
     def _drawn_in(self, q: Vector, load: Load) -> Vector:
@@ -274,18 +276,13 @@ class ClearingMotions:
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
     def _into_bin(
-        self,
-        q: Vector,
-        grasp: TopGrasp,
-        load: Load,
-        lifted: Load,
-        lanes: Sequence[Lane],
+        self, q: Vector, grasp: TopGrasp, load: Load, lifted: Load
     ) -> dict[Mode, Trajectory]:
         """Return the motions from a lifted load at `q` to where it is let go.
 
         The load's middle is over the bin's or beside that, and just above its rim and
         whatever is in it, or as far above as the hand is at `q_over`. It is dropped
-        there. If it may hang, it is laid down in a lane, where the arm can.
+        there. In one of its lanes it is laid down instead, where the arm can.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -294,7 +291,7 @@ class ClearingMotions:
         palm = float(grasp.X_WG.translation()[2]) - self._table
         least = self._rim + load.piled + load.sag + _RIM + palm
         high = min(float(X_WG.translation()[2]), least)
-        for lane in lanes if load.may_hang else ():
+        for lane in load.lanes:
             begin, *others = laying_targets(X_WG, load, palm, lane, high)
             with contextlib.suppress(NoPathError):
                 across, q_begin = self._across(q, begin, load, lifted)

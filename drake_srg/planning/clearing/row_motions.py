@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.columns import standing
-from drake_srg.planning.clearing.destination import Destination, Lane
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -80,7 +78,6 @@ class RowMotions(ClearingMotions):
         least: float,
         height_map: HeightMap,
         lifted: Load,
-        lanes: Sequence[Lane],
     ) -> dict[Mode, Trajectory]:
         """See `ClearingMotions`; the way with the load ends where it is set down."""
         scene, moves = self.scene, self._moves
