@@ -30,6 +30,7 @@ class Pick:
     height_map: HeightMap
     destination: Destination  # of what it takes
     ready_at: float  # when planning has taken its time [s]
+    confirmed: bool = False  # what it takes was seen again on the way there
     # Angles of the gripper's joints as the lift begins, shape (n,) [rad].
     angles: Vector = dc.field(default_factory=lambda: np.zeros(0))
     held: bool = False  # the fingers felt something until the arm was over the bin
@@ -90,6 +91,7 @@ class ClearingMemory:
     stopped: tuple[TopGrasp, ...] = ()  # those of them on whose way the arm got stuck
     # Angles of the gripper's joints since it last let go, by name [rad].
     fingers: Mapping[str, float] = dc.field(default_factory=dict)
+    doubtful: bool = False  # what the pick before was to take has moved meanwhile
     astray: bool = False  # the arm is still where it got stuck or has set a thing down
     push: PlannedPush | None = None  # what is left of the push under way, or the next
     pushes: int = 0  # begun since anything was taken

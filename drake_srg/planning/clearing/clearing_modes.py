@@ -12,7 +12,7 @@ from drake_srg.planning.clearing.clearing_mode import (
     Entry,
     Now,
 )
-from drake_srg.planning.clearing.comparing import is_still
+from drake_srg.planning.clearing.comparing import has_moved, is_still
 from drake_srg.planning.clearing.ending_modes import (
     Done,
     Failed,
@@ -98,7 +98,11 @@ def _next_motion(memory: ClearingMemory, time: float) -> ClearingMemory:
 
 
 class PreGrasp(ClearingMode):
-    """Moves the open hand above the grasp."""
+    """Moves the open hand above the grasp, unless the thing there moves meanwhile.
+
+    A thing that stands on an edge takes seconds to fall over. Halfway, the hand does
+    not hide it yet. If it has moved, the hand goes back. It does so once for a pick.
+    """
 
     mode = Mode.PRE_GRASP
 
@@ -106,6 +110,25 @@ class PreGrasp(ClearingMode):
         """Open the fingers as far as the grasp needs, and go."""
         closure = memory.planned.grasp.closure_open
         return dc.replace(super().enter(memory, entry), closure=closure)
+
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Look at the thing halfway."""
+        pick, motion = memory.pick, memory.motion
+        if pick is None or pick.confirmed or memory.doubtful:
+            return memory
+        if now.time < 0.5 * (motion.departed + motion.due):
+            return memory
+        moved = has_moved(pick.height_map, now.senses.see(), pick.grasp.p_WC)
+        memory = dc.replace(memory, looks=memory.looks + 1)
+        if not moved:
+            return dc.replace(memory, pick=dc.replace(pick, confirmed=True))
+        stopped = motion.stopped(now.time)
+        return dc.replace(memory, pick=None, doubtful=True, motion=stopped)
+
+    def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
+        """Report the arrival, and whether there is still a pick."""
+        observed = super().observe_mode(memory, now)
+        return dc.replace(observed, moved=memory.pick is None)
 
 
 class Grasp(ClearingMode):
@@ -115,7 +138,8 @@ class Grasp(ClearingMode):
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Count the pick, and go."""
-        return dc.replace(super().enter(memory, entry), picks=memory.picks + 1)
+        picks = memory.picks + 1
+        return dc.replace(super().enter(memory, entry), picks=picks, doubtful=False)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report the arrival; fingers that stand on something close where they are."""

@@ -30,9 +30,22 @@ def is_still(before: HeightMap, after: HeightMap) -> bool:
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
     moved = _opened(unseen) | (fallen(before, after) != 0.0)
-    _, _, regions, _ = cv2.connectedComponentsWithStats(moved.astype(np.uint8))
-    largest = max(regions[1:, cv2.CC_STAT_AREA], default=0)
-    return bool(largest * after.resolution**2 < _LEAST_AREA)
+    return not _extends(moved, after.resolution)
+
+
+def has_moved(
+    before: HeightMap, after: HeightMap, p_W: Vector, radius: float = 0.05
+) -> bool:
+    """Return whether anything near a place has moved between two maps.
+
+    Args:
+        before: The map before.
+        after: The map now.
+        p_W: The place, shape (2 or 3,) [m].
+        radius: What is near it [m].
+    """
+    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
+    return _extends(near & (fallen(before, after) != 0.0), after.resolution)
 
 
 def has_gone(
@@ -75,6 +88,13 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     changed = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
     closed = cv2.morphologyEx(changed, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
     return np.where(_opened(closed > 0), drop, 0.0)
+
+
+def _extends(mask: npt.NDArray[np.bool_], resolution: float) -> bool:
+    """Return whether a connected part of a mask is more than flickering edges."""
+    _, _, regions, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    largest = max(regions[1:, cv2.CC_STAT_AREA], default=0)
+    return bool(largest * resolution**2 >= _LEAST_AREA)
 
 
 def _opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

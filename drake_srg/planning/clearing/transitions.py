@@ -19,6 +19,7 @@ class Observation:
     arrived: bool = False  # the mode's motion is over, and the arm has followed it
     stuck: bool = False  # the motion is over, but something has stopped the arm
     astray: bool = False  # the arm is where something has stopped it
+    moved: bool = False  # what was to be taken has moved
     placing: bool = False  # the load is to be set down, not dropped
     still: bool = False  # the fingers have come to rest
     clear: bool = False  # nothing is near the fingers
@@ -46,6 +47,7 @@ TRANSITIONS: dict[Mode, list[tuple[_Condition, Mode]]] = {
         (lambda o, t, c: o.stuck, Mode.RETREAT),
     ],
     Mode.PRE_GRASP: [
+        (lambda o, t, c: o.moved and (o.arrived or o.stuck), Mode.RETREAT),
         (lambda o, t, c: o.arrived, Mode.GRASP),
         (lambda o, t, c: o.stuck, Mode.RELEASE),
     ],

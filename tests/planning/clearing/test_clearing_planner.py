@@ -173,6 +173,27 @@ def test_waits_until_nothing_moves():
     assert pouring.status.looks > 3
 
 
+def test_goes_back_when_a_thing_falls_over_while_the_hand_is_coming():
+    falling = run(A)
+    falling.until(Mode.PRE_GRASP)
+    falling.show(table((A[0] + 0.03, A[1])))
+    assert falling.until(Mode.RETREAT, Mode.GRASP) is Mode.RETREAT
+    assert falling.status.attempts == 0
+    falling.show(table(A))
+    pick(falling, after=table())
+    falling.until(Mode.DONE)
+    assert falling.status.attempts == falling.status.cycles == 1
+
+
+def test_goes_back_only_once_for_a_pick():
+    rocking = run(A)
+    for end in (Mode.RETREAT, Mode.GRASP):
+        rocking.show(table(A))
+        rocking.until(Mode.PRE_GRASP)
+        rocking.show(table((A[0] + 0.03, A[1])))
+        assert rocking.until(Mode.RETREAT, Mode.GRASP) is end
+
+
 def heap(after_push, pushes=2):
     """Return a run with a heap at A that no grasp takes anything from."""
     config = dc.replace(CONFIG, max_attempts=pushes)

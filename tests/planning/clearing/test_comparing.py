@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.planning.clearing.comparing import has_gone, is_still
+from drake_srg.planning.clearing.comparing import has_gone, has_moved, is_still
 from planning.clearing.fake_table import SIDE, TALL, table
 
 A, B = (0.1, 0.1), (0.3, 0.2)
@@ -40,6 +40,15 @@ def test_what_passes_above_the_map_is_not_still():
     for height_map, column in zip(maps, (10, 40), strict=True):
         height_map.height[20:40, column : column + 20] = np.nan
     assert not is_still(*maps)
+
+
+@given(seeds, st.floats(0.03, 0.2))
+def test_only_what_is_near_counts_as_moved(seed, step):
+    before = noisy(table(A, B), seed)
+    pushed = noisy(table((A[0] + step, A[1]), B), seed + 1)
+    assert has_moved(before, pushed, np.array(A))
+    assert not has_moved(before, pushed, np.array([B[0] + 0.1, B[1]]))
+    assert not has_moved(before, noisy(table(A, B), seed + 1), np.array(A))
 
 
 @given(seeds)
