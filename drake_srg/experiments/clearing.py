@@ -30,7 +30,7 @@ LIMITS = {
 
 
 def run(
-    track: Track, *, trials: int = 12, seed: int = 8000, keep: str = ""
+    track: Track, *, trials: int = 8, seed: int = 8000, keep: str = ""
 ) -> ExperimentResult:
     """Clear the table in every scene.
 
