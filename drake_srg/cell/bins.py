@@ -5,9 +5,10 @@ from __future__ import annotations
 import functools
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.corners import body_corners
@@ -65,19 +66,12 @@ def foot_box(scenario: Scenario) -> tuple[Vector, Vector]:
 @functools.lru_cache(maxsize=4)
 def _distance(models: Models, name: str, p_W: tuple[float, ...]) -> float:
     """Return the distance of a point from a model, 0 where none is known [m]."""
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    models.add_to(plant)
-    plant.Finalize()
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    query = scene_graph.get_query_output_port().Eval(
-        scene_graph.GetMyContextFromRoot(context)
-    )
-    model = plant.GetModelInstanceByName(name)
+    diagram, plant, scene_graph = _built(models)
+    context = scene_graph.GetMyContextFromRoot(diagram.CreateDefaultContext())
+    query = scene_graph.get_query_output_port().Eval(context)
     own = {
         geometry
-        for index in plant.GetBodyIndices(model)
+        for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name))
         for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
     }
     near = query.ComputeSignedDistanceToPoint(np.array(p_W))
@@ -87,11 +81,8 @@ def _distance(models: Models, name: str, p_W: tuple[float, ...]) -> float:
 @functools.lru_cache(maxsize=4)
 def _fixed_box(models: Models, name: str) -> tuple[Vector, Vector]:
     """Return the corners of those bodies of a model that cannot move."""
-    builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
-    models.add_to(plant)
-    plant.Finalize()
-    context = plant.CreateDefaultContext()
+    diagram, plant, scene_graph = _built(models)
+    context = plant.GetMyContextFromRoot(diagram.CreateDefaultContext())
     inspector = scene_graph.model_inspector()
     corners = [np.zeros((0, 3))]
     for index in plant.GetBodyIndices(plant.GetModelInstanceByName(name)):
@@ -103,3 +94,12 @@ def _fixed_box(models: Models, name: str) -> tuple[Vector, Vector]:
     if not len(points):
         raise ScenarioError(f"{name!r} has no fixed collision geometry")
     return points.min(axis=0), points.max(axis=0)
+
+
+def _built(models: Models) -> tuple[Diagram, MultibodyPlant, SceneGraph]:
+    """Return the models' plant in a diagram with its geometry."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    models.add_to(plant)
+    plant.Finalize()
+    return builder.Build(), plant, scene_graph
