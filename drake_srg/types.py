@@ -305,7 +305,6 @@ class PlannerStatus:
     failure: Failure | None = None  # set once the mode is FAILED
     attempts: int = 0  # grasps started
     cycles: int = 0  # times the object has been placed
-    several: int = 0  # of a table's loads, those of several things
     looks: int = 0  # times the planner requested images
     blobs: tuple[Blob, ...] = ()  # seen in the latest look
     localization: Blob | None = None  # the first that led to a plan

@@ -22,10 +22,20 @@ SCENES: Scenes = {
     "heap, noise": ("clear_heap_fast", (_NOISE,)),
 }
 # Asked for before the first run.
+_SPREAD = Limits(
+    cleared=0.99,
+    held=0.95,
+    because="what lies on a plate counts as a part of it; bowls and bottles slip",
+)
 LIMITS = {
-    "spread": Limits(cleared=0.99, held=0.95),
-    "spread, noise": Limits(cleared=0.99, held=0.95),
-    "heap, noise": Limits(cleared=0.97, held=0.85, rate=500.0),
+    "spread": _SPREAD,
+    "spread, noise": _SPREAD,
+    "heap, noise": Limits(
+        cleared=0.97,
+        held=0.85,
+        rate=500.0,
+        because="what touches wide things counts as a part; laying down takes time",
+    ),
 }
 
 

@@ -34,11 +34,13 @@ class Limits:
         cleared: Least share of the objects that fit the hand (`WIDEST`).
         held: Least share of the picks.
         rate: Least picks held per hour, median of the tables [1/h].
+        because: Why the scene is known to miss some of them.
     """
 
     cleared: float = 0.0
     held: float = 0.0
     rate: float = 0.0
+    because: str = ""
 
 
 @dc.dataclass(frozen=True)
@@ -165,7 +167,7 @@ def judge(
         for (what, share), asked in zip(shares(own, place).items(), least, strict=True):
             low, high = share.bounds
             rows += [
-                _asked(scene, what, asked, share.value, "", spread=0.15),
+                _asked(scene, what, asked, share.value, "", limit.because, spread=0.15),
                 Row.info(scene, f"{what}, at least", low, "", spread=0.15),
                 Row.info(scene, f"{what}, at most", high, "", spread=0.15),
             ]
@@ -175,7 +177,7 @@ def judge(
         if rates:
             rate = float(np.median(rates))
             quantity = "picks held per hour, median"
-            rows.append(_asked(scene, quantity, limit.rate, rate, "1/h"))
+            rows.append(_asked(scene, quantity, limit.rate, rate, "1/h", limit.because))
         rows += [
             Row.info(scene, reason, count, "objects", spread=3.0 + 0.3 * count)
             for reason, count in sorted(_reasons(own).items())
@@ -191,11 +193,13 @@ def _asked(
     least: float,
     value: float,
     unit: str,
+    because: str,
     spread: float | None = None,
 ) -> Row:
     """Return a row that expects at least so much, if anything is asked for."""
     if least > 0.0:
-        return Row.at_least(scene, quantity, least, value, unit, spread=spread)
+        row = Row.at_least(scene, quantity, least, value, unit, spread=spread)
+        return row.because(because) if because else row
     return Row.info(scene, quantity, value, unit, spread=spread)
 
 

@@ -59,7 +59,6 @@ class ClearingOutcome:
         objects: Those that belong into a bin.
         picks: Grasps begun.
         picks_held: Those that held by the planner's word.
-        picks_of_several: Those that took several things at once, by its word.
         picks_per_hour: Of those that held.
         in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
         others_moved: Largest distance of any object that belongs into no bin from where
@@ -72,7 +71,6 @@ class ClearingOutcome:
     picks: int
     picks_held: int
     picks_per_hour: float | None
-    picks_of_several: int = 0
     in_wrong_bin: tuple[str, ...] = ()
     others_moved: float | None = None
     bins: int = 1
@@ -93,7 +91,6 @@ class ClearingOutcome:
             "picks": self.picks,
             "picks_held": self.picks_held,
             "picks_per_hour": self.picks_per_hour,
-            "picks_of_several": self.picks_of_several,
             "objects": {name: dc.asdict(o) for name, o in self.objects.items()},
         }
 
@@ -161,7 +158,6 @@ def clearing_outcome(
         status.attempts,
         status.cycles,
         rate,
-        status.several,
         tuple(n for n, into in found.items() if into not in (None, wanted[n])),
         _others_moved(log, set(wanted) - set(names), status),
         len(boxes),

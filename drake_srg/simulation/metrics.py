@@ -22,7 +22,7 @@ SCHEMA_VERSION = 1
 OF_SEVERAL = (
     *("objects_total", "objects_cleared", "objects"),
     *("objects_sorted", "objects_in_wrong_bin"),
-    *("picks", "picks_held", "picks_per_hour", "picks_of_several"),
+    *("picks", "picks_held", "picks_per_hour"),
 )
 
 # Limits for an object that rests upright.
@@ -72,9 +72,8 @@ class Metrics:
     artifacts: dict[str, str | None]
     schema_version: int = SCHEMA_VERSION
     # Only for tasks with several objects: how many there are, how many rest in the bin,
-    # the grasps begun, and by the planner's word: those that held, these per hour, and
-    # those that took several things at once; what became of each object (see
-    # `ObjectOutcome`).
+    # the grasps begun, those that held by the planner's word, these per hour, and what
+    # became of each object (see `ObjectOutcome`).
     objects_total: int | None = None
     objects_cleared: int | None = None
     # With several bins: how many rest in their own, and how many in another.
@@ -83,7 +82,6 @@ class Metrics:
     picks: int | None = None
     picks_held: int | None = None
     picks_per_hour: float | None = None
-    picks_of_several: int | None = None
     objects: dict[str, dict[str, bool | str | int]] | None = None
     # Only with a safety monitor: when the arm was stopped, and why; see
     # `measures.safety_stops`.
@@ -143,11 +141,6 @@ class Metrics:
             ("cleared", f"{self.objects_cleared} of {self.objects_total} objects"),
             *self._choice_rows(),
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
-            *(
-                [("several at once", f"{self.picks_of_several} pick(s)")]
-                if self.picks_of_several
-                else []
-            ),
             *(
                 (name, f"{thing['outcome']}, {thing['attempts']} attempt(s)")
                 for name, thing in objects.items()

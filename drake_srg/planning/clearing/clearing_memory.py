@@ -97,8 +97,7 @@ class ClearingMemory:
     pushes: int = 0  # begun since anything was taken
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
-    taken: int = 0  # loads that were felt in the hand and are gone from the table
-    several: int = 0  # of these, as far as maps tell, loads of several things
+    taken: int = 0  # things that were felt in the hand and are gone from the table
     destinations: HeightMap | None = None  # the latest map of where loads go
     drop: Drop | None = None  # the load that was let go last, until it is looked for
     arrived: int = 0  # things that were taken and seen where they belong
@@ -156,7 +155,6 @@ class ClearingMemory:
             failure=self.failure if mode is Mode.FAILED else None,
             attempts=self.picks,
             cycles=self.arrived,
-            several=self.several,
             looks=self.looks,
             localized_at=self.first_seen_at if self.picks else 0.0,
             message=self.message,

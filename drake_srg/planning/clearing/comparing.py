@@ -16,8 +16,6 @@ _LEAST_VOLUME = 1.0e-6
 # At least this share of what has left its place has left the map. What moves as its
 # neighbour is taken casts other shadows: 0.26 was seen as a hammer left a heap.
 _LEAST_SHARE = 0.2
-# Less is no part of its own [m³]: half of a marker, as maps show it. Neighbours rock.
-_LEAST_PART = 1.5e-5
 # A connected change of this much of the map says that something is still moving [m²].
 # Edges of things flicker in noisy depth, here and there.
 _LEAST_AREA = 2.0e-4
@@ -76,22 +74,6 @@ def has_gone(
 def volume_gone(before: HeightMap, after: HeightMap) -> float:
     """Return by how much less is on the map [m³]."""
     return float(np.sum(fallen(before, after))) * after.resolution**2
-
-
-def parts_gone(before: HeightMap, after: HeightMap) -> int:
-    """Return how many separate things have left a map, as far as it tells.
-
-    Things that touch count as one. What was only pushed is found elsewhere.
-    """
-    drop, area = fallen(before, after), after.resolution**2
-    return max(_parts(area * drop) - _parts(-area * drop), 0)
-
-
-def _parts(volume: Vector) -> int:
-    """Return the number of connected regions of positive cells [m³] that count."""
-    _, labels = cv2.connectedComponents((volume > 0.0).astype(np.uint8))
-    volumes = np.bincount(labels.ravel(), np.fmax(volume, 0.0).ravel())
-    return int(np.count_nonzero(volumes[1:] > _LEAST_PART))
 
 
 def fallen(before: HeightMap, after: HeightMap) -> Vector:

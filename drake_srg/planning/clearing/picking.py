@@ -14,7 +14,7 @@ from drake_srg.planning.clearing.clearing_memory import (
     PlannedPush,
 )
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
-from drake_srg.planning.clearing.comparing import has_gone, parts_gone
+from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
 from drake_srg.planning.motion.failure import PlanningFailure
@@ -75,8 +75,7 @@ class PickPlanner:
             looked_for = gone and memory.destinations is not None
             drop = pick.drop(height_map) if looked_for else None
             return dc.replace(memory, tried=(*memory.tried, pick.grasp), drop=drop)
-        several = memory.several + (parts_gone(pick.height_map, height_map) > 1)
-        memory = dc.replace(memory, taken=memory.taken + 1, several=several, pushes=0)
+        memory = dc.replace(memory, taken=memory.taken + 1, pushes=0)
         if memory.destinations is None:  # then to have taken it must do
             return dc.replace(memory, arrived=memory.arrived + 1)
         return dc.replace(memory, drop=pick.drop(height_map))

@@ -194,13 +194,6 @@ def test_goes_back_only_once_for_a_pick():
         assert rocking.until(Mode.RETREAT, Mode.GRASP) is end
 
 
-def test_tells_when_it_has_taken_two_things_at_once():
-    both = run(A, B)
-    pick(both, after=table())
-    both.until(Mode.DONE)
-    assert (both.status.cycles, both.status.several) == (1, 1)
-
-
 def heap(after_push, pushes=2):
     """Return a run with a heap at A that no grasp takes anything from."""
     config = dc.replace(CONFIG, max_attempts=pushes)
