@@ -272,7 +272,7 @@ def draw(runs: Mapping[Case, Metrics], place: str, title: str) -> Any:
         values = np.array([found[scene][what].value for scene in scenes])
         bounds = np.array([found[scene][what].bounds for scene in scenes]).T
         errors = np.maximum([values - bounds[0], bounds[1] - values], 0.0)
-        at = y + 0.15 * (1 - 2 * i)
+        at = y + 0.22 * (1 - i)
         axes.errorbar(values, at, xerr=errors, fmt="o", color=COLORS[i], label=what)
     axes.set_yticks(y, scenes)
     axes.set_ylim(-0.5, len(scenes) - 0.5)
