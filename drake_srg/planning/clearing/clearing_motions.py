@@ -299,7 +299,7 @@ class ClearingMotions:
                     down = moves.through(q_begin, others)
                     laying = moves.timed(down, moves.holding)
                 return {Mode.TRANSFER: across, Mode.PLACE: laying}
-        aside = load.aside_W - X_WG.rotation() @ load.expected_G
+        aside = load.aside_W - X_WG.rotation() @ load.expected_middle
         lower = float(X_WG.translation()[2]) - high
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
         return {Mode.TRANSFER: self._across(q, place, load, lifted)[0]}

@@ -43,7 +43,7 @@ class Load:
         return self.long and self.sag > 0.0
 
     @property
-    def expected_G(self) -> Vector:
+    def expected_middle(self) -> Vector:
         """From the grasp to where its middle errs least, in the hand, (3,) [m].
 
         A long load is level, or hangs below the hand: halfway between.
