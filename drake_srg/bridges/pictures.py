@@ -52,7 +52,7 @@ def served_camera(scenario: Scenario) -> tuple[str, CameraInfo] | None:
 def served_cameras(
     scenario: Scenario, period: float = PERIOD
 ) -> Iterator[ServedCamera]:
-    """Yield the camera of `served_camera`, and then that of a visual servo.
+    """Yield the camera of `served_camera`, then the planner's others, the servo's last.
 
     Args:
         scenario: What is served.
@@ -67,13 +67,15 @@ def served_cameras(
     else:  # objects of any shape, for which there is no localizer
         alone = _with_one_camera(scenario, first[0])
         yield ServedCamera(first[0], alone, image_topics(*first), period)
-    servoing = scenario.servoing
-    if servoing is None or servoing.camera == first[0]:
-        return
-    name = servoing.camera
-    topics = image_topics(name, _intrinsics(scenario, name), f"/camera_{name}")
-    alone = _with_one_camera(scenario, name)
-    yield ServedCamera(name, alone, topics, servoing.camera_period)
+    others = dict.fromkeys(scenario.task.place.cameras, period)
+    if scenario.servoing is not None:
+        others[scenario.servoing.camera] = scenario.servoing.camera_period
+    for name, shortest in others.items():
+        if name == first[0]:
+            continue
+        topics = image_topics(name, _intrinsics(scenario, name), f"/camera_{name}")
+        alone = _with_one_camera(scenario, name)
+        yield ServedCamera(name, alone, topics, shortest)
 
 
 def _with_one_camera(scenario: Scenario, name: str) -> Scenario:

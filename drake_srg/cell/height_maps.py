@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from drake_srg.cell.bins import bin_boxes, foot_box
 from drake_srg.cell.choosing import row_places
-from drake_srg.cell.perception import camera_models
+from drake_srg.cell.perception import camera_models, destination_camera_models
 from drake_srg.planning.clearing.destination import BESIDE, Destination
 from drake_srg.planning.clearing.row_motions import row_destination
 from drake_srg.scenario import Scenario
 from drake_srg.types import Vector
+from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_mapper import HeightMapper
 from drake_srg.vision.surface import Surface
@@ -44,7 +45,13 @@ def AddHeightMapper(
     # The planner looks with the arm out of the way.
     config = HeightMapConfig(over_edge=True)
     return _AddMapper(
-        "height_mapper", builder, scenario, station, region, ignored, config=config
+        "height_mapper",
+        builder,
+        station,
+        camera_models(scenario),
+        region,
+        ignored,
+        config=config,
     )
 
 
@@ -57,8 +64,9 @@ def AddDestinationMapper(
     high = np.max([place.high for place in places], axis=0) + BESIDE
     region = _surface(scenario, low, high)
     config = destination_map_config(scenario)
+    cameras = destination_camera_models(scenario)
     return _AddMapper(
-        "destination_mapper", builder, scenario, station, region, config=config
+        "destination_mapper", builder, station, cameras, region, config=config
     )
 
 
@@ -83,14 +91,13 @@ def _surface(scenario: Scenario, low: Vector, high: Vector) -> Surface:
 def _AddMapper(
     name: str,
     builder: DiagramBuilder,
-    scenario: Scenario,
     station: Diagram,
+    cameras: Mapping[str, CameraModel],
     region: Surface,
     ignored: Sequence[Surface] = (),
     *,
     config: HeightMapConfig,
 ) -> HeightMapper:
-    cameras = camera_models(scenario)
     mapper = HeightMapper(cameras, region, ignored=ignored, config=config)
     builder.AddNamedSystem(name, mapper)
     for camera in cameras:

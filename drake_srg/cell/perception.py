@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
 
@@ -9,7 +11,7 @@ from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.objects.config import ObjectConfig
 from drake_srg.objects.models import known_shape
 from drake_srg.objects.solids import known_solid
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, perception_cameras
 from drake_srg.vision.blob_localizer import BlobLocalizer, BlobTarget
 from drake_srg.vision.calibrated_camera import calibrated_model
 from drake_srg.vision.camera import CameraModel
@@ -129,11 +131,19 @@ def _AddLeveling(
 
 def camera_models(scenario: Scenario) -> dict[str, CameraModel]:
     """Return the models of the localizer's cameras."""
+    return _models(scenario, scenario.localizer.cameras)
+
+
+def destination_camera_models(scenario: Scenario) -> dict[str, CameraModel]:
+    """Return the models of all cameras that see where loads go."""
+    return _models(scenario, perception_cameras(scenario))
+
+
+def _models(scenario: Scenario, names: Iterable[str]) -> dict[str, CameraModel]:
+    calibrations = scenario.camera_calibrations
     return {
-        name: calibrated_model(
-            scenario.cameras[name], scenario.camera_calibrations.get(name)
-        )
-        for name in scenario.localizer.cameras
+        name: calibrated_model(scenario.cameras[name], calibrations.get(name))
+        for name in names
     }
 
 

@@ -11,15 +11,12 @@ from __future__ import annotations
 
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
-from drake_srg.experiments.table_trials import Limits, Scenes, run_tables
+from drake_srg.experiments.table_trials import NOISE, Limits, Scenes, run_tables
 
-# Of structured light: the standard deviation of depth [m], and the share of pixels
-# without depth.
-_NOISE = "camera_errors.ceiling={depth_noise: 0.001, depth_dropout: 0.01}"
 SCENES: Scenes = {
     "spread": ("clear_table_fast", ()),
-    "spread, noise": ("clear_table_fast", (_NOISE,)),
-    "heap, noise": ("clear_heap_fast", (_NOISE,)),
+    "spread, noise": ("clear_table_fast", NOISE),
+    "heap, noise": ("clear_heap_fast", NOISE),
 }
 # Asked for before the first run.
 _SPREAD = Limits(

@@ -29,7 +29,7 @@ from drake_srg.experiments.single_things import (
     thing,
     write_meshes,
 )
-from drake_srg.experiments.table_trials import WIDEST, Share
+from drake_srg.experiments.table_trials import NOISE, WIDEST, Share
 from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
@@ -40,7 +40,6 @@ from drake_srg.types import Mode, Vector
 SCENARIO = "clear_table_fast"
 GROUPS = (HOUSEHOLD_THINGS, SHAPES, MESHES)
 _THING = "thing"
-_NOISE = "camera_errors.ceiling={depth_noise: 0.001, depth_dropout: 0.01}"
 # What is asked for: shares that are in the bin after the first grasp and after three,
 # picks per hour, and processor time of a trial [s], so that two workers take half.
 FIRST, ANY, RATE, MOST_TIME = 0.97, 0.997, 650.0, 4.0
@@ -111,7 +110,7 @@ def run_single(seed: int, folder: Path) -> dict[str, Any]:
     group = GROUPS[of_group]
     own = f"objects={{{_THING}: {thing(group, turn, folder)}}}"
     scenario = load_scenario(
-        SCENARIO, seed=seed, overrides=(_NOISE, "clutter.count=0", own)
+        SCENARIO, seed=seed, overrides=(*NOISE, "clutter.count=0", own)
     )
     result = Simulate(scenario, name=SCENARIO)
     if result.status.message == STOPPED_BY_USER:

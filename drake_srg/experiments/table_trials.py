@@ -22,6 +22,12 @@ from drake_srg.sweeps.statistics import wilson_interval
 
 # Of a scenario: its name and its overrides.
 Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
+# Overrides that give both cameras the noise of structured light: the standard deviation
+# of depth [m], and the share of pixels without depth.
+NOISE = tuple(
+    f"camera_errors.{camera}={{depth_noise: 0.001, depth_dropout: 0.01}}"
+    for camera in ("ceiling", "bin")
+)
 # Things that are wider on every side, as they lie, do not fit the hand [m].
 WIDEST = 0.13
 

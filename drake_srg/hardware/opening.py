@@ -115,6 +115,8 @@ def open_cameras(
     with contextlib.closing(robot.nodes):
         cameras = {}
         users = dict.fromkeys(scenario.localizer.cameras, "localizer")
+        for name in scenario.task.place.cameras:
+            users.setdefault(name, "planner (task.place.cameras)")
         if scenario.servoing is not None:
             users[scenario.servoing.camera] = "visual servo"
         for name, user in users.items():

@@ -21,7 +21,7 @@ from drake_srg.hardware.reader import HardwareReader
 from drake_srg.hardware.writer import HardwareWriter
 from drake_srg.safety.adding import AddSafetyMonitor
 from drake_srg.safety.config import SafetyConfig
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, perception_cameras
 from drake_srg.station.plant import MakeModelsPlant
 
 _TRIGGERED = "gripper.triggered"
@@ -136,7 +136,7 @@ def AddHardwareStation(
     else:
         _AddMonitor(builder, scenario, reader, writer, safety, hardware.lag)
     for name, camera in hardware.cameras.items():
-        if name not in scenario.localizer.cameras:
+        if name not in perception_cameras(scenario):
             continue  # a visual servo's
         feed = builder.AddNamedSystem(
             f"camera_{name}", CameraFeed(camera, camera_pose(scenario, name))

@@ -17,6 +17,7 @@ from drake_srg.scenario.schema import (
     TableConfig,
     TaskConfig,
     is_continuous,
+    perception_cameras,
 )
 
 __all__ = [
@@ -34,4 +35,5 @@ __all__ = [
     "list_scenarios",
     "load_scenario",
     "load_tree",
+    "perception_cameras",
 ]

@@ -289,6 +289,7 @@ def _camera_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
         ("camera_errors", list(scenario.camera_errors)),
         ("camera_calibrations", list(scenario.camera_calibrations)),
         ("localizer.cameras", scenario.localizer.cameras),
+        ("task.place.cameras", scenario.task.place.cameras),
         ("recording.bag_cameras", scenario.recording.bag_cameras),
         ("recording.video_camera", [video] if video else []),
     ):

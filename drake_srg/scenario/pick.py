@@ -141,6 +141,8 @@ def clear_problems(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the key and the description of each problem of clearing the table."""
     clear, table = scenario.task.clear, scenario.table
     if clear is None:
+        if scenario.task.place.cameras:
+            yield "task.place.cameras", "needs task.place.bin, bins or row"
         return
     if not clear.objects:
         yield "task.pick", "needs at least one object for the bin, got none"

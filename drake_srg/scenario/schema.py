@@ -97,6 +97,9 @@ class PlaceConfig:
     # A row in which objects that stand are set down again, upright, at `height`. Needs
     # a list of names as `task.pick`.
     row: RowConfig | None = None
+    # Cameras that see where loads go, besides those of the localizer. Only with `bin`,
+    # `bins` or `row`.
+    cameras: list[str] = dc.field(default_factory=list)
 
 
 @dc.dataclass(kw_only=True)
@@ -259,6 +262,13 @@ def accept_driver(driver: type[GripperDriver]) -> None:
     choice = functools.reduce(operator.or_, [*known, None])
     # `check_tree` reads the annotation, Drake's YAML functions read the field.
     field.type = Scenario.__annotations__["gripper"] = choice
+
+
+def perception_cameras(scenario: Scenario) -> list[str]:
+    """Return the names of the cameras by which the planner sees, each once."""
+    return list(
+        dict.fromkeys([*scenario.localizer.cameras, *scenario.task.place.cameras])
+    )
 
 
 def is_continuous(scenario: Scenario) -> bool:

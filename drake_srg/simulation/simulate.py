@@ -18,7 +18,7 @@ from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import Recorder, output_folder
 from drake_srg.replay import write_page
-from drake_srg.scenario import Scenario
+from drake_srg.scenario import Scenario, perception_cameras
 from drake_srg.simulation.flat import MakeRoot
 from drake_srg.simulation.kept_replay import take_folder
 from drake_srg.simulation.metrics import Metrics, RunTimes, calc_metrics
@@ -203,7 +203,7 @@ def _written_on_error(write: Callable[[], object]) -> Iterator[None]:
 
 def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     """Return the scenario with only those cameras that are used, to save time."""
-    used = set(scenario.localizer.cameras)
+    used = set(perception_cameras(scenario))
     if scenario.servoing is not None:
         used.add(scenario.servoing.camera)
     if recorded:
@@ -215,7 +215,7 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
 def _warm_up(simulator: Simulator, cell: Diagram, scenario: Scenario) -> None:
     """Let the cameras set themselves up, so that no run includes the time."""
     root = simulator.get_mutable_context()
-    for camera in scenario.localizer.cameras:
+    for camera in perception_cameras(scenario):
         for image in ("color_image", "depth_image"):
             name = f"camera_{camera}.{image}"
             if cell.HasOutputPort(name):

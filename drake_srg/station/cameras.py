@@ -90,7 +90,9 @@ def _AddSensors(
     ports: dict[str, OutputPort] = {}
     if scenario.cameras:
         require_rendering()
-    for name, camera_config in scenario.cameras.items():
+    # The first camera of a renderer defines it: one that says how comes first.
+    cameras = sorted(scenario.cameras.items(), key=lambda c: c[1].renderer_class == "")
+    for name, camera_config in cameras:
         config = copy.copy(camera_config)
         config.name = name
         ApplyCameraConfig(

@@ -58,9 +58,17 @@ def test_the_served_camera_is_the_localizer_s_first():
 
 @pytest.mark.parametrize("name", ["clear_table", "sort_table", "row_table"])
 def test_where_objects_of_any_shape_are_cleared_there_are_pictures_alone(name):
-    (served,) = served_cameras(load_scenario(name))
+    served, *_ = served_cameras(load_scenario(name))
     assert served.topics.keys() == {COLOR, DEPTH, CAMERA_INFO}
     Viewer(served.scenario, served.name)
+
+
+def test_the_camera_above_a_bin_is_served_too():
+    _, above = served_cameras(load_scenario("clear_table"), period=0.2)
+    assert (above.name, above.period) == ("bin", 0.2)
+    names = {topic.name for topic in above.topics.values()}
+    assert "/camera_bin/depth/image_raw" in names
+    Viewer(above.scenario, above.name)
 
 
 def test_without_a_localizer_the_scenario_s_first_camera_is_served():

@@ -1,10 +1,14 @@
 """Maps of where loads go."""
 
+import dataclasses as dc
+
 import numpy as np
 import pytest
 
+from drake_srg.cell import MakeCell
 from drake_srg.cell.bins import bin_boxes, foot_box
 from drake_srg.cell.height_maps import destination_map_config, destinations
+from drake_srg.common.ports import input_ports
 from drake_srg.scenario import load_scenario
 from drake_srg.vision.config import HeightMapConfig
 from drake_srg.vision.height_map import height_map
@@ -43,6 +47,34 @@ def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
 
     assert unknown(destination_map_config(scenario)) < 0.05
     assert unknown(HeightMapConfig(over_edge=True)) > 0.9  # it seems to be the robot
+
+
+def test_only_where_loads_go_do_all_cameras_look(scenario):
+    cell = MakeCell(scenario)
+    ports = {
+        name: set(input_ports(cell.GetSubsystemByName(name)))
+        for name in ("height_mapper", "destination_mapper")
+    }
+    more = {"bin.depth_image", "bin.body_pose_in_world"}
+    assert ports["destination_mapper"] - ports["height_mapper"] == more
+
+
+@pytest.mark.slow
+def test_a_camera_above_the_bin_sees_what_is_beyond_its_walls(scenario):
+    def unseen(cameras):
+        chosen = dc.replace(scenario.task.place, cameras=cameras)
+        task = dc.replace(scenario.task, place=chosen)
+        aside = dc.replace(scenario.arm, home=[0.6, *scenario.arm.home[1:]])
+        cell = MakeCell(dc.replace(scenario, task=task, arm=aside))
+        context = cell.CreateDefaultContext()
+        mapper = cell.GetSubsystemByName("destination_mapper")
+        seen = mapper.get_output_port(0).Eval(mapper.GetMyContextFromRoot(context))
+        (place,) = destinations(scenario)
+        beyond = place.contains(seen, 0.04) & ~place.contains(seen, 0.025)
+        return np.mean(np.isnan(seen.height[beyond]))
+
+    assert unseen(["bin"]) < 0.02
+    assert unseen([]) > 0.3
 
 
 def test_the_foot_of_the_arm_is_link_0(scenario):

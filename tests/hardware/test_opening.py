@@ -27,15 +27,20 @@ COMMANDS = ("estop", "release")
 
 
 @pytest.mark.parametrize(
-    ("cameras", "message"),
+    ("name", "cameras", "message"),
     [
-        ({}, "cameras.ceiling: missing, but the localizer needs it"),
-        ({"ceiling": Ros2Camera()}, "cameras.hand: missing, but the visual servo"),
+        ("kitchen", {}, "cameras.ceiling: missing, but the localizer needs it"),
+        ("kitchen_servoing", {"ceiling": Ros2Camera()}, "cameras.hand: missing, but t"),
+        (
+            "clear_table",
+            {"ceiling": Ros2Camera()},
+            r"bin: .*\(task.place.cameras\)",
+        ),
     ],
 )
-def test_a_camera_that_is_missing_is_told_with_who_needs_it(cameras, message):
+def test_a_camera_that_is_missing_is_told_with_who_needs_it(name, cameras, message):
     config = HardwareConfig(cameras=cameras)
-    scenario = load_scenario("kitchen_servoing")
+    scenario = load_scenario(name)
     with (
         pytest.raises(ScenarioError, match=message),
         open_cameras(scenario, config, Warnings(print)),

@@ -107,6 +107,12 @@ def test_a_list_may_name_the_one_object_to_place():
         ("clear_table", "task.place.bin=''", "task.place.bin: must name the bin"),
         ("clear_table", "task.clear.region.max=[0, 0]", "region: min must be below"),
         ("clear_table", "task.clear.region.max=[2, 1]", "region: must be on the table"),
+        ("kitchen", "task.place.cameras=[ceiling]", "cameras: needs task.place.bin"),
+        (
+            "clear_table",
+            "task.place.cameras=[bon]",
+            "task.place.cameras: unknown camera 'bon' (allowed: bin, ceiling, overview",
+        ),
         ("kitchen", "task.pick=all", "task.place.bin: must name the bin"),
         ("kitchen", "task.pick=[soup_can, a]", "task.pick: must name one object with"),
         ("kitchen", "task.pick={colour: red}", "task.place.bin: must name the bin for"),

@@ -41,7 +41,7 @@ class Pick:
         return Mode.PLACE in self.motions
 
     def without_load(self, seen: HeightMap) -> HeightMap:
-        """Return a map without the load that the hand holds over a bin.
+        """Return a map without the hand over a bin and its load.
 
         What reaches over the edge of the bin would look like a thing on the table.
         Something that really comes to lie there is seen in later looks.
@@ -93,6 +93,9 @@ class ClearingMemory:
     fingers: Mapping[str, float] = dc.field(default_factory=dict)
     doubtful: bool = False  # what the pick before was to take has moved meanwhile
     astray: bool = False  # the arm is still where it got stuck or has set a thing down
+    # The way up from where the last load was laid down, from whose end the next pick
+    # is planned.
+    way_out: Trajectory | None = None
     push: PlannedPush | None = None  # what is left of the push under way, or the next
     pushes: int = 0  # begun since anything was taken
     finished: bool = False  # nothing is left that a grasp takes
@@ -118,6 +121,14 @@ class ClearingMemory:
         """The pick, for modes that begin only with one."""
         assert self.pick is not None, "this mode needs a planned pick"
         return self.pick
+
+    @property
+    def departure(self) -> Vector:
+        """Where the next pick begins, shape (N,) [rad]."""
+        if self.way_out is None:
+            return self.motion.destination
+        q: Vector = self.way_out.value(self.way_out.end_time())[:, 0]
+        return q
 
     def filled(self, destination: Destination) -> float:
         """Return the world z up to which a destination may be filled [m].

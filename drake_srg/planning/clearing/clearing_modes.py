@@ -220,7 +220,8 @@ class Release(ClearingMode):
         An arm that is stuck presses no further. The pick has failed then, unless the
         load already stands on something.
         """
-        grasp, placing = memory.planned.grasp, memory.planned.placing
+        pick = memory.planned
+        grasp, placing = pick.grasp, pick.placing
         closure = grasp.closure_open if placing else 0.0
         fingers = grasp.fingers_open if placing else {}
         memory = dc.replace(memory, closure=closure, fingers=fingers)
@@ -232,10 +233,14 @@ class Release(ClearingMode):
         motion = Motion(entry.senses.q.copy()) if stuck else ended
         looks = memory.looks + 1
         memory = dc.replace(memory, motion=motion, looks=looks)
-        seen = memory.planned.without_load(entry.senses.see())
-        if memory.planned.placing:  # then the hand must first leave what it has placed
-            return dc.replace(self.planner.judge(memory, seen), astray=True)
-        return self.planner.plan(self.planner.judge(memory, seen), seen, entry.time)
+        seen = pick.without_load(entry.senses.see())
+        memory = self.planner.judge(memory, seen)
+        if placing:  # then the hand must first leave what it has placed
+            way_out = None if stuck else self.planner.way_out(memory, pick)
+            memory = dc.replace(memory, astray=True, way_out=way_out)
+            if way_out is None:
+                return memory
+        return self.planner.plan(memory, seen, entry.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the fingers have let go, and whether the arm must retreat."""

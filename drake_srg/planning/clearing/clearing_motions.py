@@ -140,6 +140,26 @@ class ClearingMotions:
                     failure = error.failure
         return failure
 
+    def plan_up(
+        self, q_start: Vector, fingers: Mapping[str, float], palm: float
+    ) -> Trajectory | PlanningFailure:
+        """Plan straight up to where the palm is `_RIM` above a world z [m].
+
+        Args:
+            q_start: Where the arm is, at rest, shape (N,) [rad].
+            fingers: Angles of the open gripper's joints by name [rad].
+            palm: The height [m].
+        """
+        self.scene.SetFingers(fingers)
+        rise = palm + _RIM - float(self.scene.X_WG(q_start).translation()[2])
+        try:
+            with self.scene.reaching(_PRESSED):
+                up = self._moves.above(q_start, max(rise, _RIM))
+                path = self._moves.straight(q_start, up)
+            return self._moves.timed(path, self._moves.free, straight=True)
+        except NoPathError as error:
+            return error.failure
+
     def _plan(
         self,
         q_start: Vector,

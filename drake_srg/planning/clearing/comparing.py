@@ -29,7 +29,7 @@ def is_still(before: HeightMap, after: HeightMap) -> bool:
     A falling thing is too high for the map. It shows as unseen cells that move.
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
-    moved = _opened(unseen) | (fallen(before, after) != 0.0)
+    moved = opened(unseen) | (fallen(before, after) != 0.0)
     return not _extends(moved, after.resolution)
 
 
@@ -87,7 +87,7 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     drop = np.nan_to_num(drop)
     changed = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
     closed = cv2.morphologyEx(changed, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
-    return np.where(_opened(closed > 0), drop, 0.0)
+    return np.where(opened(closed > 0), drop, 0.0)
 
 
 def _extends(mask: npt.NDArray[np.bool_], resolution: float) -> bool:
@@ -97,7 +97,7 @@ def _extends(mask: npt.NDArray[np.bool_], resolution: float) -> bool:
     return bool(largest * resolution**2 >= _LEAST_AREA)
 
 
-def _opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+def opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     """Return a mask without what is narrower than the kernel."""
     opened = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, _KERNEL)
     return np.asarray(opened > 0)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses as dc
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.planning.clearing.comparing import fallen
+from drake_srg.planning.clearing.comparing import fallen, opened
 from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].
@@ -19,13 +20,16 @@ AROUND = 0.2
 # more than noise. Things lie differently there, behind a rim, on others and in them,
 # and push others down.
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share rises beside, or this near to the rim and higher than it [m]: a
-# load that leans on the rim may hang over it where no camera sees, and fall either way.
+# At most this share rises beside, or this near to the rim and higher than it [m], where
+# no camera sees what is beyond: a load that leans on it may hang over it, and fall.
 _MOST_BESIDE = 0.25
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # A bin's edge in maps flickers between wall and table within this distance outside [m].
 # As far inside, there may still be wall [m].
 _EDGE, _WALL = 0.01, 0.02
+# What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
+# the table from a camera above the bin, too.
+_BEYOND = (0.025, 0.04)
 # Lanes in which long things are laid down are beside the middle, where others are
 # dropped: so far, as a share of a bin's width, and so wide to either side [m].
 _LANE, _LANE_WIDTH = 0.2, 0.05
@@ -89,7 +93,7 @@ class Destination:
         if self.rim is not None:
             low = after.height < self.rim + _ABOVE_RIM
             around &= ~(low & self.contains(after, _EDGE)) | inside
-            inside &= low | self.contains(after, -_NEAR_RIM)
+            inside &= low | ~self._hides(after)
         area = after.resolution**2
         rises = area * np.fmax(risen, 0.0)
         # What lies in a bin moves as a load comes in; without one, as much falls there.
@@ -102,6 +106,15 @@ class Destination:
             return True
         top = np.median(after.height[inside & (risen > 0.0)]) - self.level
         return bool(abs(top - load.height) < _SAME_HEIGHT)
+
+    def _hides(self, after: HeightMap) -> npt.NDArray[np.bool_]:
+        """Return which cells near the rim may belong to what hangs over it unseen."""
+        nearest, farthest = _BEYOND
+        beyond = self.contains(after, farthest) & ~self.contains(after, nearest)
+        unseen = opened(beyond & np.isnan(after.height)).astype(np.uint8)
+        size = 2 * round((farthest + _NEAR_RIM) / after.resolution) + 1
+        near = cv2.dilate(unseen, np.ones((size, size), np.uint8)) > 0
+        return np.asarray(near & ~self.contains(after, -_NEAR_RIM))
 
     def top(self, height_map: HeightMap) -> float:
         """Return the world z of the highest thing inside, -inf if none is seen [m]."""

@@ -46,7 +46,9 @@ class Retreat(LastChance):
     mode = Mode.RETREAT
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Plan the way back from where the arm is, and go."""
+        """Plan the way back from where the arm is, unless there is one, and go."""
+        if memory.way_out is not None:
+            return self.planned(dc.replace(memory, way_out=None), entry, memory.way_out)
         q = entry.senses.q.copy()
         memory = dc.replace(memory, motion=Motion(q), push=None)
         fingers = memory.fingers if memory.astray else {}

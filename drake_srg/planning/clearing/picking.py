@@ -7,6 +7,7 @@ import time as wall
 from collections.abc import Iterable
 
 import numpy as np
+from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_memory import (
     ClearingMemory,
@@ -109,6 +110,24 @@ class PickPlanner:
         lost = Left(place, Failure.DROPPED)
         return dc.replace(memory, lost=(*memory.lost, lost))
 
+    def way_out(self, memory: ClearingMemory, pick: Pick) -> Trajectory | None:
+        """Return the way up from where a load was laid in a bin; None without one.
+
+        A hand that has set a thing down in a row goes up all the way: the others that
+        stand there are on no map.
+
+        Args:
+            memory: The planner's, with the arm at rest there.
+            pick: What was laid down.
+        """
+        into = pick.destination
+        if into.rim is None:
+            return None
+        top = max(into.rim + pick.grasp.height, memory.filled(into))
+        palm = top + pick.grasp.fingers.deepest
+        up = self.motions.plan_up(memory.motion.destination, memory.fingers, palm)
+        return None if isinstance(up, PlanningFailure) else up
+
     def give_up(self, memory: ClearingMemory) -> ClearingMemory:
         """Count the pick under way as failed, because something has stopped the arm."""
         grasp = memory.planned.grasp
@@ -135,7 +154,7 @@ class PickPlanner:
         """
         start = wall.perf_counter()
         found = self.grasps.plan(height_map, tried=memory.tried)
-        q_start = memory.motion.destination
+        q_start = memory.departure
         missed: list[Left] = []
         pick = None
         planned = 0
@@ -188,7 +207,7 @@ class PickPlanner:
         """Return the next push; None if there is none, or enough were tried."""
         if self.pushes is None or memory.pushes >= self.config.max_attempts:
             return None
-        motions = self.pushes.plan(memory.motion.destination, height_map)
+        motions = self.pushes.plan(memory.departure, height_map)
         return PlannedPush(motions, time + self.config.latency) if motions else None
 
     def _given_up(

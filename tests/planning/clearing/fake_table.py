@@ -24,6 +24,7 @@ from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
 
 HOME, OVER, ASIDE = np.zeros(2), np.full(2, 4.0), np.full(2, 5.0)
+OUT = np.full(2, 6.0)  # of a bin, straight up
 BIN = Destination(np.array([0.1, 0.1]), np.array([0.4, 0.3]))  # on a map of its own
 RESOLUTION = 0.005
 SIDE = 0.04  # of the square things [m]
@@ -102,13 +103,16 @@ class Motions:
     def __init__(self, unreachable=()):
         self.unreachable = unreachable
         self.taken = []
+        self.starts = []
         self.places = False  # loads are set down, not dropped
+        self.way_out = None  # where the way up out of a bin ends
 
     def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf, lanes=()):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")
         self.taken.append(place)
+        self.starts.append(q_start)
         modes = (*MODES, Mode.PLACE) if self.places else MODES
         ends = [q_start, *(np.full(2, i + 1.0) for i in range(len(modes)))]
         lines = zip(modes, ends[:-1], ends[1:], strict=True)
@@ -119,6 +123,11 @@ class Motions:
 
     def plan_retreat(self, q_start, fingers):
         return _line(q_start, OVER)
+
+    def plan_up(self, q_start, fingers, palm):
+        if self.way_out is None:
+            return PlanningFailure(Failure.BLOCKED, "something is in its way")
+        return _line(q_start, self.way_out)
 
 
 class Pushes:

@@ -204,6 +204,23 @@ def test_retreats_over_the_bin_even_if_the_hand_presses_on_something(motions, p_
     np.testing.assert_allclose(way.value(1e9)[:, 0], motions.q_over, atol=1e-6)
 
 
+def test_leaves_the_bin_straight_up(motions):
+    scene = motions.scene
+    over = HandTarget.from_pose(scene.X_WG(motions.q_over))
+    target = over.shifted(np.array([0.0, 0.0, -0.15]))
+    q = solve_inverse_kinematics(
+        scene, target, q_nominal=motions.q_over, check_clearance=False
+    ).q
+    start = scene.X_WG(q).translation()
+    way = motions.plan_up(q, grasp_at(PLACE).fingers_open, start[2] + 0.1)
+    assert not isinstance(way, PlanningFailure), way.message
+    times = np.linspace(0.0, way.end_time(), 20)
+    p_WG = np.array([scene.X_WG(way.value(t)[:, 0]).translation() for t in times])
+    np.testing.assert_allclose(p_WG[:, :2] - start[:2], 0.0, atol=1e-3)
+    assert p_WG[-1, 2] > start[2] + 0.1
+    assert np.all(np.diff(p_WG[:, 2]) > 0.0)
+
+
 def test_a_hand_above_the_bin_retreats_without_going_down(motions):
     scene = motions.scene
     over = HandTarget.from_pose(scene.X_WG(motions.q_over))

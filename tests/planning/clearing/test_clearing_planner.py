@@ -7,9 +7,11 @@ import pytest
 
 from drake_srg.types import Failure, Mode
 from planning.clearing.fake_table import (
+    BIN,
     CONFIG,
     HELD,
     HOME,
+    OUT,
     OVER,
     SIDE,
     Grasps,
@@ -305,6 +307,35 @@ def test_retreats_with_the_hand_as_open_as_it_is():
         pick(wide, after=after, felt=felt)
         wide.until(Mode.RETREAT)
     assert given == [grasp_at(A, half_gap=gap).fingers_open for gap in (0.05, 0.03)]
+
+
+def in_a_bin(way_out=OUT):
+    """Return a run that lays loads down in a bin with a rim."""
+    deep = run(A, B)
+    deep.motions.places, deep.motions.way_out = True, way_out
+    deep.motions.destination = dc.replace(BIN, rim=0.1)
+    return deep
+
+
+def test_plans_the_next_pick_before_it_leaves_the_bin():
+    deep = in_a_bin()
+    pick(deep, after=table(B), felt=True)
+    deep.until(Mode.RETREAT)
+    looks = deep.status.looks
+    deep.until(Mode.PRE_GRASP)
+    assert deep.status.looks == looks
+    np.testing.assert_allclose(deep.motions.starts[-1], OUT)
+    deep.until(Mode.GRASP)
+
+
+@pytest.mark.parametrize("rim", [0.1, None])
+def test_goes_up_all_the_way_out_of_a_row_or_where_it_must(rim):
+    deep = in_a_bin(way_out=None)
+    deep.motions.destination = dc.replace(BIN, rim=rim)
+    pick(deep, after=table(B), felt=True)
+    deep.until(Mode.RETREAT)
+    deep.until(Mode.PRE_GRASP)
+    np.testing.assert_allclose(deep.motions.starts[-1], OVER)
 
 
 def test_leaves_what_the_arm_is_stopped_at_too_often():

@@ -39,9 +39,23 @@ def test_a_load_that_hangs_over_the_rim_may_fall_out():
     ("x", "tall", "seen"),
     [(0.36, TALL, False), (0.36, 0.03, True), (0.25, TALL, True)],
 )
-def test_a_load_that_leans_on_the_rim_may_hang_over_it(x, tall, seen):
+def test_a_load_that_leans_on_the_rim_may_hang_over_it_unseen(x, tall, seen):
     deep = Destination(BIN.low, BIN.high, rim=0.02)
-    assert deep.has_received(table(), table((x, 0.2), tall=tall), LOAD) == seen
+    before, after = table(), table((x, 0.2), tall=tall)
+    assert deep.has_received(before, after, LOAD)  # nothing is beyond the rim
+    after.height[after.middles()[..., 0] > 0.405] = np.nan
+    assert deep.has_received(before, after, LOAD) == seen
+
+
+@given(st.sampled_from([0, 1]), st.booleans())
+def test_only_the_rim_beside_an_unseen_place_hides_things(axis, low):
+    deep = Destination(BIN.low, BIN.high, rim=0.02)
+    after = table((0.36, 0.2))
+    places = after.middles()[..., axis]
+    unseen = places < BIN.low[axis] if low else places > BIN.high[axis]
+    after.height[unseen] = np.nan
+    near = not low and axis == 0  # to the load
+    assert deep.has_received(table(), after, LOAD) != near
 
 
 @pytest.mark.parametrize(("beyond", "seen"), [(0.0075, True), (0.04, False)])
