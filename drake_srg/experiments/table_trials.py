@@ -19,6 +19,7 @@ from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
 from drake_srg.sweeps.statistics import wilson_interval
+from drake_srg.types import Failure
 
 # Of a scenario: its name and its overrides.
 Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
@@ -30,6 +31,8 @@ NOISE = tuple(
 )
 # Things that are wider on every side, as they lie, do not fit the hand [m].
 WIDEST = 0.13
+# What has moved less since the first pick has been out of reach all the time [m].
+_STAYED = 0.01
 
 
 @dc.dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Limits:
     """What is asked of a scene.
 
     Attributes:
-        cleared: Least share of the objects that fit the hand (`WIDEST`).
+        cleared: Least share of the objects in reach that fit the hand (`WIDEST`).
         held: Least share of the picks.
         rate: Least picks held per hour, median of the tables [1/h].
         because: Why the scene is known to miss some of them.
@@ -144,13 +147,22 @@ def shares(runs: Sequence[Metrics], place: str) -> dict[str, Share]:
         bool(thing["cleared"])
         for m in runs
         for thing in (m.objects or {}).values()
-        if float(thing["width_m"]) <= WIDEST
+        if float(thing["width_m"]) <= WIDEST and _in_reach(thing)
     ]
     return {
         f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
-        f"objects that fit the hand {place}": Share(sum(fit), len(fit)),
+        f"objects in reach that fit the hand {place}": Share(sum(fit), len(fit)),
         "picks held": Share(total["picks_held"], total["picks"]),
     }
+
+
+def _in_reach(thing: Mapping[str, Any]) -> bool:
+    """Return whether the arm could reach an object before the first pick, or later.
+
+    What it could reach at first and is scattered counts, too.
+    """
+    out_of_reach = thing["outcome"] == Failure.OUT_OF_REACH.value
+    return not (out_of_reach and float(thing["moved_m"]) < _STAYED)
 
 
 def of_scene(runs: Mapping[Case, Metrics], scene: str) -> list[Metrics]:
@@ -261,6 +273,7 @@ def object_columns(
                 ("outcome", outcome["outcome"]),
                 ("attempts", outcome["attempts"]),
                 ("width [m]", outcome["width_m"]),
+                ("moved [m]", outcome["moved_m"]),
             ):
                 table.setdefault(column, []).append(value)
     return table

@@ -43,12 +43,14 @@ class ObjectOutcome:
         attempts: Grasps that were nearest to it.
         width_m: Least distance of two parallel vertical planes that enclose it as it
             lay before the first pick [m].
+        moved_m: Distance of its middle from where it lay then, at the end [m].
     """
 
     cleared: bool
     outcome: str
     attempts: int
     width_m: float
+    moved_m: float
 
 
 @dc.dataclass(frozen=True)
@@ -136,6 +138,8 @@ def clearing_outcome(
     for name, p_WO in row_places(scenario).items():
         if name in wanted and _stands_at(scenario, log, name, p_WO):
             found[name] = ROW
+    begun = np.flatnonzero(log["mode"] == MODES.index(Mode.PRE_GRASP))
+    first = int(begun[0]) if len(begun) else -1
     outcomes = {}
     for name in names:
         cleared = found[name] == wanted[name]
@@ -144,8 +148,15 @@ def clearing_outcome(
             outcome = _reason(last, facts[name], status.left)
         else:
             outcome = CLEARED if cleared else WRONG_BIN
-        width = least_width(_lying(log, name, facts[name]))
-        outcomes[name] = ObjectOutcome(cleared, outcome, attempts[name], width)
+        middle = 0.5 * (facts[name].low + facts[name].high)
+        X_WO, X_WO_end = (row_to_pose(log[_pose(name)][i]) for i in (first, -1))
+        outcomes[name] = ObjectOutcome(
+            cleared,
+            outcome,
+            attempts[name],
+            width_m=least_width((X_WO @ facts[name].points.T)[:2].T),
+            moved_m=float(np.linalg.norm(X_WO_end @ middle - X_WO @ middle)),
+        )
     for name in _dropped(log, outcomes, status.left):
         outcomes[name] = dc.replace(outcomes[name], outcome=Failure.DROPPED.value)
     spent = time[-1] - status.localized_at
@@ -169,14 +180,6 @@ def least_width(p: Vector) -> float:
     angles = np.deg2rad(np.arange(0.0, 180.0, 1.0))
     along = p @ np.array([np.cos(angles), np.sin(angles)])
     return float(np.min(along.max(axis=0) - along.min(axis=0)))
-
-
-def _lying(log: Mapping[str, Vector], name: str, facts: ObjectFacts) -> Vector:
-    """Return an object's points in the plane before the first pick, (n, 2) [m]."""
-    begun = np.flatnonzero(log["mode"] == MODES.index(Mode.PRE_GRASP))
-    X_WO = row_to_pose(log[_pose(name)][begun[0] if len(begun) else -1])
-    points: Vector = X_WO @ facts.points.T
-    return points[:2].T
 
 
 def _pose(name: str) -> str:

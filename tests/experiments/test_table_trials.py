@@ -27,13 +27,14 @@ SCENES = {
 }
 
 
-def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide"):
+def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide", moved=0.0):
     things = {
         f"clutter_{i + 1}": {
             "cleared": i < cleared,
             "outcome": "cleared" if i < cleared else outcome,
             "attempts": 1,
             "width_m": 0.2 if outcome == "too_wide" and i >= cleared else 0.06,
+            "moved_m": 0.8 if i < cleared else moved,
         }
         for i in range(total)
     }
@@ -73,12 +74,18 @@ def test_reasons_and_picks_are_counted():
 
 def test_what_is_too_wide_for_the_hand_is_not_asked_for():
     limits = {"spread": Limits(cleared=0.99)}
-    fit = "objects that fit the hand in the bin"
+    fit = "objects in reach that fit the hand in the bin"
     assert rows(table(), limits=limits)[fit].passed
     left = rows(table(outcome="no_grasp"), limits=limits)
     assert left[fit].measured == pytest.approx(5 / 6)
     assert not left[fit].passed
     assert rows(table(outcome="no_grasp"))[fit].passed  # then nothing is asked
+
+
+@pytest.mark.parametrize(("moved", "asked"), [(0.0, 5), (0.05, 6)])
+def test_what_was_out_of_reach_from_the_first_is_not_asked_for(moved, asked):
+    found = shares([table(outcome="out_of_reach", moved=moved)], PLACE)
+    assert found["objects in reach that fit the hand in the bin"].total == asked
 
 
 def test_picks_and_rates_are_asked_for():
@@ -114,7 +121,12 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
         seen.append((name, scenario.random_seed))
         things = {n: {"cleared": True} for n in list(scenario.objects)[:1]}
         for thing in things.values():
-            thing |= {"outcome": "cleared", "attempts": 1, "width_m": 0.06}
+            thing |= {
+                "outcome": "cleared",
+                "attempts": 1,
+                "width_m": 0.06,
+                "moved_m": 1,
+            }
         values = dict.fromkeys(field.name for field in dc.fields(Metrics))
         values |= vars(table(total=1, cleared=1, picks=1, held=1)) | {"objects": things}
         return types.SimpleNamespace(
