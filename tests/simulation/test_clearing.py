@@ -104,6 +104,17 @@ def test_a_load_that_missed_the_bin_was_dropped(scenario):
     assert not found.honest  # it was to be cleared
 
 
+@given(st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3))
+def test_objects_tell_how_far_they_have_moved(scenario, way):
+    made = log(scenario, {A: IN_BIN, B: ON_TABLE}, [Mode.IDLE, Mode.PRE_GRASP] * 2)
+    made[f"object_pose.{A}"] = made[f"object_pose.{A}"].copy()
+    made[f"object_pose.{A}"][0, :3] += 1.0  # before the first pick
+    made[f"object_pose.{A}"][2:, :3] += way
+    found = clearing_outcome(scenario, made, PlannerStatus(mode=Mode.DONE))
+    assert found.objects[A].moved_m == pytest.approx(np.linalg.norm(way), abs=1e-9)
+    assert found.objects[B].moved_m == 0.0
+
+
 def test_a_claim_too_many_is_not_honest(scenario):
     assert not outcome(scenario, {A: IN_BIN, B: IN_BIN}, cycles=3).honest
 
