@@ -71,11 +71,14 @@ def AddDestinationMapper(
 
 
 def destination_map_config(scenario: Scenario) -> HeightMapConfig:
-    """Return thresholds with which a hand beside a bin hides nothing inside."""
-    config = HeightMapConfig(over_edge=True)
+    """Return thresholds with which an arm beside a bin hides nothing inside.
+
+    What reaches over the map's edge that high is the arm at the next thing.
+    """
     if rims := [high[2] for _, high in bin_boxes(scenario).values()]:
-        config.thing = float(max(rims)) + _ABOVE_RIM - scenario.table.height
-    return config
+        above = float(max(rims)) + _ABOVE_RIM - scenario.table.height
+        return HeightMapConfig(thing=above)
+    return HeightMapConfig(over_edge=True)
 
 
 def destinations(scenario: Scenario) -> list[Destination]:

@@ -49,6 +49,18 @@ def test_a_hand_beside_a_bin_hides_nothing_inside(scenario):
     assert unknown(HeightMapConfig(over_edge=True)) > 0.9  # it seems to be the robot
 
 
+def test_an_arm_beside_a_bin_is_no_load(scenario):
+    low, high = bin_boxes(scenario)["bin"]
+    around = Surface((low[0] - 0.1, low[1] - 0.1), (high[0] + 0.1, high[1] + 0.1), 0.0)
+    x, y = np.meshgrid(
+        *(np.arange(a, b, 0.002) for a, b in zip(around.min, around.max, strict=True))
+    )
+    elbow = np.hypot(x - 0.3, y - around.max[1]) < 0.05
+    cloud = np.stack([x, y, np.where(elbow, 0.3, 0.0)], axis=-1).reshape(-1, 3)
+    seen = height_map([cloud], around, config=destination_map_config(scenario))
+    assert np.nanmax(seen.height) == 0.0
+
+
 def test_only_where_loads_go_do_all_cameras_look(scenario):
     cell = MakeCell(scenario)
     ports = {

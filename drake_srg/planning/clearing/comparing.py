@@ -30,7 +30,7 @@ def is_still(before: HeightMap, after: HeightMap) -> bool:
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
     moved = opened(unseen) | (fallen(before, after) != 0.0)
-    return not _extends(moved, after.resolution)
+    return not parts(moved, after.resolution)
 
 
 def has_moved(
@@ -45,7 +45,8 @@ def has_moved(
         radius: What is near it [m].
     """
     near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
-    return _extends(near & (fallen(before, after) != 0.0), after.resolution)
+    moved = near & (fallen(before, after) != 0.0)
+    return bool(parts(moved, after.resolution))
 
 
 def has_gone(
@@ -90,11 +91,13 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     return np.where(opened(closed > 0), drop, 0.0)
 
 
-def _extends(mask: npt.NDArray[np.bool_], resolution: float) -> bool:
-    """Return whether a connected part of a mask is more than flickering edges."""
-    _, _, regions, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    largest = max(regions[1:, cv2.CC_STAT_AREA], default=0)
-    return bool(largest * resolution**2 >= _LEAST_AREA)
+def parts(
+    mask: npt.NDArray[np.bool_], resolution: float
+) -> list[npt.NDArray[np.bool_]]:
+    """Return the connected parts of a mask that are more than flickering edges."""
+    _, labels, regions, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
+    large = regions[:, cv2.CC_STAT_AREA] * resolution**2 >= _LEAST_AREA
+    return [labels == label for label in np.flatnonzero(large) if label]
 
 
 def opened(mask: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:

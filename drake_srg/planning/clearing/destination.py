@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.planning.clearing.comparing import fallen, opened
+from drake_srg.planning.clearing.comparing import fallen, opened, parts
 from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].
@@ -20,8 +20,9 @@ AROUND = 0.2
 # more than noise. Things lie differently there, behind a rim, on others and in them,
 # and push others down.
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share rises beside, or this near to the rim and higher than it [m], where
-# no camera sees what is beyond: a load that leans on it may hang over it, and fall.
+# At most this share of the load's volume rises beside: in parts of which more than this
+# share lies there. So near to the rim, and so much higher than it [m], is beside, too,
+# where no camera sees what is beyond: a load that leans on it may hang over it, and fall.
 _MOST_BESIDE = 0.25
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # A bin's edge in maps flickers between wall and table within this distance outside [m].
@@ -89,18 +90,29 @@ class Destination:
             load: As it was seen on the table.
         """
         risen = -fallen(before, after)
-        inside, around = self.contains(after), self.contains(after, BESIDE)
+        inside = self.contains(after)
+        beside = self.contains(after, BESIDE) & ~inside
         if self.rim is not None:
             low = after.height < self.rim + _ABOVE_RIM
-            around &= ~(low & self.contains(after, _EDGE)) | inside
-            inside &= low | ~self._hides(after)
-        area = after.resolution**2
-        rises = area * np.fmax(risen, 0.0)
-        # What lies in a bin moves as a load comes in; without one, as much falls there.
-        more = np.sum(rises[inside] if load.felt else area * risen[inside])
-        if more < max(_LEAST_VOLUME, _LEAST_SHARE * load.volume):
+            beside &= ~(low & self.contains(after, _EDGE))
+            hidden = inside & ~low & self._hides(after)
+            inside, beside = inside & ~hidden, beside | hidden
+        received, missed = 0.0, 0.0
+        for part in parts(risen > 0.0, after.resolution):
+            outside = np.count_nonzero(part & beside)
+            if outside <= _MOST_BESIDE * np.count_nonzero(part):
+                received += float(np.sum(risen[part & inside]))
+            else:
+                missed += float(np.sum(risen[part & beside]))
+        area, least = after.resolution**2, _LEAST_SHARE * load.volume
+        if not load.felt:
+            # What lies in a bin moves as a load comes in; without one, as much falls.
+            least = max(least, _LEAST_SHARE * area * received)
+            for part in parts(risen < 0.0, after.resolution):
+                received += float(np.sum(risen[part & inside]))
+        if area * received < max(_LEAST_VOLUME, least):
             return False
-        if np.sum(rises[around & ~inside]) > _MOST_BESIDE * load.volume:
+        if area * missed > _MOST_BESIDE * load.volume:
             return False
         if self.level is None:
             return True

@@ -102,6 +102,22 @@ def test_a_bin_that_has_not_changed_has_received_nothing(seed):
         assert not BIN.has_received(before, after, load)
 
 
+@given(seeds)
+def test_what_is_in_a_bin_may_lean_a_little_over_its_rim(seed):
+    deep = Destination(BIN.low, BIN.high, rim=0.02)
+    before, after = table((0.36, 0.2), tall=0.2), table((0.385, 0.2), tall=0.2)
+    after.height[:, :60] = table((0.2, 0.2)).height[:, :60]  # the load
+    assert deep.has_received(noisy(before, seed), noisy(after, seed + 1), LOAD)
+
+
+def test_flickering_edges_are_no_load():
+    before, after = table(BEFORE), table(BEFORE)
+    for x in np.arange(0.12, 0.39, 0.03):
+        after.height[tuple(after.cells(np.array([x, 0.25])))] += TALL
+        after.height[tuple(after.cells(np.array([x, 0.25])) + [1, 0])] += TALL
+    assert not BIN.has_received(before, after, SeenLoad(1e-5, 0.01))
+
+
 def test_a_load_may_push_another_down():
     before, after = table(BEFORE, (0.35, 0.2)), table(BEFORE, (0.3, 0.2))
     assert BIN.has_received(before, after, LOAD)
@@ -125,6 +141,13 @@ def test_what_is_set_down_must_stand(tall, stands):
     place = Destination(BIN.low, BIN.high, level=0.0)
     assert place.has_received(table(), table((0.3, 0.2), tall=tall), LOAD) == stands
     assert BIN.has_received(table(), table((0.3, 0.2), tall=tall), LOAD)
+
+
+def test_where_all_moves_a_small_load_must_have_been_felt():
+    before, after = table((0.2, 0.2), tall=0.2), table((0.35, 0.2), tall=0.22)
+    small = SeenLoad(volume=2e-5, height=0.01)
+    assert BIN.has_received(before, after, small)
+    assert not BIN.has_received(before, after, dc.replace(small, felt=False))
 
 
 def test_without_a_load_that_was_felt_more_must_rise_than_fall():
