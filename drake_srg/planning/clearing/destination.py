@@ -22,7 +22,7 @@ AROUND = 0.2
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
 # At most this share of the load's volume rises beside, in parts of which more than this
 # share lies there. So near to the rim, and so much higher than it [m], is beside, too,
-# where no camera sees what is beyond: a load that leans on it may hang over it and fall.
+# where no camera sees beyond it: a load that leans there may hang over it and fall.
 _MOST_BESIDE = 0.25
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # A bin's edge in maps flickers between wall and table within this distance outside [m].

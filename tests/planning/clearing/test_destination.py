@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.destination import Destination, SeenLoad
+from drake_srg.types import HeightMap
 from planning.clearing.fake_table import BIN, SIDE, TALL, table
 from planning.clearing.test_comparing import noisy
 
@@ -111,10 +112,13 @@ def test_what_is_in_a_bin_may_lean_a_little_over_its_rim(seed):
 
 
 def test_flickering_edges_are_no_load():
-    before, after = table(BEFORE), table(BEFORE)
-    for column in range(24, 78, 6):
-        after.height[50:52, column : column + 3] += TALL
-    assert not BIN.has_received(before, after, SeenLoad(1e-5, 0.01))
+    before = HeightMap(np.zeros(2), 0.002, np.zeros((200, 250)))
+    after = dc.replace(before, height=before.height.copy())
+    for column in range(60, 190, 6):
+        after.height[100:103, column : column + 3] = TALL
+    assert not BIN.has_received(before, after, SeenLoad(volume=1e-5, height=0.01))
+    after.height[100:103, 60:190] = TALL
+    assert BIN.has_received(before, after, SeenLoad(volume=1e-5, height=0.01))
 
 
 def test_a_load_may_push_another_down():
