@@ -20,9 +20,11 @@ Floats = npt.NDArray[np.float32]
 # would allow 0.6 and blurred edges look less steep than they are.
 STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
-_TWIST, _WEDGE, _LEVER = 2.0, 2.0, 16.0
-# Longer levers cost no more, and one that is not known costs as much as this [m].
-_LONGEST, _UNKNOWN = 0.1, 0.05
+_TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
+# Two pads bear the torque of a heavy thing's weight up to levers of about 10 mm. Beyond
+# that it swings, however long the lever: longer ones than this cost no more, and one
+# that is not known costs as much as `_UNKNOWN` [m].
+_LONGEST, _UNKNOWN = 0.05, 0.017
 # Distance between samples below the palm, at most [m].
 _PALM_STEP = 0.007
 # Samples reach this far beyond the edges of the pads, for errors of the map [m].
