@@ -147,13 +147,24 @@ def shares(runs: Sequence[Metrics], place: str) -> dict[str, Share]:
         bool(thing["cleared"])
         for m in runs
         for thing in (m.objects or {}).values()
-        if float(thing["width_m"]) <= WIDEST and _in_reach(thing)
+        if _fits(thing) and _in_reach(thing) and not _under_what_stays(thing, m)
     ]
     return {
         f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
         f"objects in reach that fit the hand {place}": Share(sum(fit), len(fit)),
         "picks held": Share(total["picks_held"], total["picks"]),
     }
+
+
+def _fits(thing: Mapping[str, Any]) -> bool:
+    """Return whether an object was narrow enough for the hand, as it lay."""
+    return float(thing["width_m"]) <= WIDEST
+
+
+def _under_what_stays(thing: Mapping[str, Any], metrics: Metrics) -> bool:
+    """Return whether an object lies under one that does not fit the hand."""
+    above = (metrics.objects or {}).get(str(thing["under"]))
+    return above is not None and not _fits(above)
 
 
 def _in_reach(thing: Mapping[str, Any]) -> bool:

@@ -6,6 +6,7 @@ import dataclasses as dc
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 
 from drake_srg.cell.bins import bin_boxes
@@ -44,6 +45,7 @@ class ObjectOutcome:
         width_m: Least distance of two parallel vertical planes that enclose it as it
             lay before the first pick [m].
         moved_m: Distance of its middle from where it lay then, at the end [m].
+        under: Name of another that lies over its middle at the end; "" for none.
     """
 
     cleared: bool
@@ -51,6 +53,7 @@ class ObjectOutcome:
     attempts: int
     width_m: float
     moved_m: float
+    under: str = ""
 
 
 @dc.dataclass(frozen=True)
@@ -157,6 +160,8 @@ def clearing_outcome(
             width_m=least_width((X_WO @ facts[name].points.T)[:2].T),
             moved_m=float(np.linalg.norm(X_WO_end @ middle - X_WO @ middle)),
         )
+    for name, above in _covered(log, facts, outcomes).items():
+        outcomes[name] = dc.replace(outcomes[name], under=above)
     for name in _dropped(log, outcomes, status.left):
         outcomes[name] = dc.replace(outcomes[name], outcome=Failure.DROPPED.value)
     spent = time[-1] - status.localized_at
@@ -180,6 +185,27 @@ def least_width(p: Vector) -> float:
     angles = np.deg2rad(np.arange(0.0, 180.0, 1.0))
     along = p @ np.array([np.cos(angles), np.sin(angles)])
     return float(np.min(along.max(axis=0) - along.min(axis=0)))
+
+
+def _covered(
+    log: Mapping[str, Vector],
+    facts: Mapping[str, ObjectFacts],
+    outcomes: Mapping[str, ObjectOutcome],
+) -> dict[str, str]:
+    """Return which of the objects that are left lie under which others."""
+    poses = {n: row_to_pose(log[_pose(n)][-1]) for n, o in outcomes.items()}
+    left = [name for name, outcome in outcomes.items() if not outcome.cleared]
+    middles = {n: poses[n] @ (0.5 * (facts[n].low + facts[n].high)) for n in left}
+    found = {}
+    for above in left:
+        outline = (poses[above] @ facts[above].points.T)[:2].T.astype(np.float32)
+        hull = cv2.convexHull(outline)
+        for name in left:
+            p_W = middles[name]
+            over = cv2.pointPolygonTest(hull, p_W[:2].tolist(), measureDist=False) > 0
+            if over and middles[above][2] > p_W[2]:
+                found[name] = above
+    return found
 
 
 def _pose(name: str) -> str:

@@ -35,6 +35,7 @@ def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide", moved=0.0):
             "attempts": 1,
             "width_m": 0.2 if outcome == "too_wide" and i >= cleared else 0.06,
             "moved_m": 0.8 if i < cleared else moved,
+            "under": "",
         }
         for i in range(total)
     }
@@ -125,7 +126,8 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
                 "outcome": "cleared",
                 "attempts": 1,
                 "width_m": 0.06,
-                "moved_m": 1,
+                "moved_m": 1.0,
+                "under": "",
             }
         values = dict.fromkeys(field.name for field in dc.fields(Metrics))
         values |= vars(table(total=1, cleared=1, picks=1, held=1)) | {"objects": things}

@@ -115,6 +115,20 @@ def test_objects_tell_how_far_they_have_moved(scenario, way):
     assert found.objects[B].moved_m == 0.0
 
 
+@settings(max_examples=20)  # each measures the objects anew
+@given(st.floats(-0.1, 0.1), st.booleans())
+def test_objects_tell_what_lies_over_them(x, below):
+    model = "package://drake_srg/sdf/029_plate.sdf"
+    ball = "{shape: !Sphere {radius: 0.02}, mass: 0.05, friction: 0.5}"
+    things = f"{{plate: {{model: {model}}}, ball: {ball}}}"
+    overrides = ["clutter.count=0", f"objects={things}"]
+    scenario = load_scenario("clear_table", overrides=overrides)
+    z = -0.01 if below else 0.05
+    found = outcome(scenario, {"plate": [0.6, 0.1, 0.03], "ball": [0.6 + x, 0.1, z]})
+    assert found.objects["ball"].under == ("plate" if below else "")
+    assert (found.objects["plate"].under == "ball") == (not below and abs(x) < 0.02)
+
+
 def test_a_claim_too_many_is_not_honest(scenario):
     assert not outcome(scenario, {A: IN_BIN, B: IN_BIN}, cycles=3).honest
 

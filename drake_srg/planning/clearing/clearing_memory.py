@@ -53,10 +53,15 @@ class Pick:
         height = np.where(risen, np.nan, seen.height)
         return dc.replace(seen, height=height).completed(self.height_map)
 
-    def drop(self, after: HeightMap) -> Drop:
-        """Return what it has let go, by the map of the table after it."""
+    def drop(self, after: HeightMap, sure: bool) -> Drop:
+        """Return what it has let go, by the map of the table after it.
+
+        Args:
+            after: The map.
+            sure: Whether the fingers felt it, and it is gone from the table.
+        """
         volume = volume_gone(self.height_map, after)
-        load = SeenLoad(volume, self.grasp.height, self.held)
+        load = SeenLoad(volume, self.grasp.height, sure)
         return Drop(self.destination, load, self.placing)
 
 

@@ -44,7 +44,8 @@ class SeenLoad:
 
     volume: float  # m³, with whatever is hidden below it
     height: float  # of its top above the table [m]
-    # Whether the fingers felt it until they let go. They miss some thin things.
+    # Whether the fingers felt it until they let go, and the table's map shows it gone.
+    # The fingers miss some thin things.
     felt: bool = True
 
 

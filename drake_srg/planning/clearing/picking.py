@@ -66,20 +66,20 @@ class PickPlanner:
     def judge(self, memory: ClearingMemory, height_map: HeightMap) -> ClearingMemory:
         """Judge the pick under way by the map after it, and forget its plan.
 
-        What is gone though the fingers did not feel it is looked for all the same. The
-        pick has failed unless it is seen.
+        What only the map or only the fingers tell of is looked for all the same: where
+        things touch, others move. The pick has failed unless it is seen.
         """
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):
-            looked_for = gone and memory.destinations is not None
-            drop = pick.drop(height_map) if looked_for else None
+            looked_for = (gone or pick.held) and memory.destinations is not None
+            drop = pick.drop(height_map, sure=False) if looked_for else None
             return dc.replace(memory, tried=(*memory.tried, pick.grasp), drop=drop)
         memory = dc.replace(memory, taken=memory.taken + 1, pushes=0)
         if memory.destinations is None:  # then to have taken it must do
             return dc.replace(memory, arrived=memory.arrived + 1)
-        return dc.replace(memory, drop=pick.drop(height_map))
+        return dc.replace(memory, drop=pick.drop(height_map, sure=True))
 
     def look_for_load(
         self, memory: ClearingMemory, seen: HeightMap | None

@@ -21,9 +21,9 @@ Floats = npt.NDArray[np.float32]
 STEEPEST = 0.45
 # Weights of the score's terms (docs/grasps.md): twist, wedge, lever [1/m].
 _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
-# Two pads bear the torque of a heavy thing's weight up to levers of about 10 mm. Beyond
-# that it swings, however long the lever: longer ones than this cost no more, and one
-# that is not known costs as much as `_UNKNOWN` [m].
+# With a friction of 0.6, a lying squeeze bottle of 0.575 kg holds by levers of up to
+# 10 mm. Beyond that it swings, however long the lever: longer ones than this cost no
+# more, and one that is not known costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # Distance between samples below the palm, at most [m].
 _PALM_STEP = 0.007

@@ -102,6 +102,22 @@ def test_what_the_fingers_missed_counts_once_it_is_seen_in_the_bin(seen, cycles)
     assert (thin.status.cycles, thin.status.left) == (cycles + 1, ())
 
 
+@pytest.mark.parametrize(("seen", "cycles"), [((IN_BIN,), 1), ((), 0)])
+def test_what_the_map_missed_counts_once_it_is_seen_in_the_bin(seen, cycles):
+    """As much rises elsewhere, because what touched the load has moved."""
+    touching = run(A, B)
+    touching.show_bin()
+    pick(touching, after=table(B, (0.45, 0.05)))
+    touching.until(Mode.GRASP)
+    touching.show_bin(*seen)
+    pick(touching, after=table())
+    assert touching.status.cycles == cycles
+    touching.until(Mode.VERIFY)
+    touching.show_bin(*seen, (0.3, 0.2))
+    touching.until(Mode.DONE)
+    assert (touching.status.cycles, touching.status.left) == (cycles + 1, ())
+
+
 def over_bin(before, destination=None):
     """Return a pick of A that goes into a bin on the table's own map."""
     deep = destination or dc.replace(BIN, rim=0.12)
