@@ -113,7 +113,7 @@ class Destination:
                 received += float(np.sum(risen[part & inside]))
         if area * received < max(_LEAST_VOLUME, least):
             return False
-        if area * missed > _MOST_BESIDE * load.volume:
+        if area * missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
             return False
         if self.level is None:
             return True
