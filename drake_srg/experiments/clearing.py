@@ -37,7 +37,7 @@ LIMITS = {
 
 
 def run(
-    track: Track, *, trials: int = 8, seed: int = 8000, keep: str = ""
+    track: Track, *, trials: int = 16, seed: int = 8100, keep: str = ""
 ) -> ExperimentResult:
     """Clear the table in every scene.
 
