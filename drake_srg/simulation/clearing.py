@@ -20,8 +20,9 @@ from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
 
-# How far above the rim the middle of an object in the bin may be [m]: things pile up.
-_HEAPED = 0.1
+# How far above the rim the middle of an object may be that rests on others in the bin
+# [m]: a block that stands on a box, each 0.2 m long.
+_HEAPED = 0.2
 # How far below the bin its middle may be [m].
 _BELOW = 0.01
 _UPRIGHT = np.cos(np.deg2rad(5.0))  # of the angle of what stands from the vertical

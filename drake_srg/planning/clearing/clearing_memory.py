@@ -12,6 +12,7 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.clearing.comparing import volume_gone
 from drake_srg.planning.clearing.destination import (
     AROUND,
+    BESIDE,
     Destination,
     Lane,
     SeenLoad,
@@ -61,7 +62,8 @@ class Pick:
             sure: Whether the fingers felt it, and it is gone from the table.
         """
         volume = volume_gone(self.height_map, after)
-        load = SeenLoad(volume, self.grasp.height, sure)
+        near = bool(self.destination.encloses(self.grasp.p_WC[:2], BESIDE))
+        load = SeenLoad(volume, self.grasp.height, sure, near)
         return Drop(self.destination, load, self.placing)
 
 

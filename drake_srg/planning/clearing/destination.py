@@ -47,6 +47,8 @@ class SeenLoad:
     # Whether the fingers felt it until they let go, and the table's map shows it gone.
     # The fingers miss some thin things.
     felt: bool = True
+    # Whether it lay beside the bin, where a part of it may have been inside before.
+    near: bool = False
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -106,7 +108,7 @@ class Destination:
             else:
                 missed += float(np.sum(risen[part & beside]))
         area, least = after.resolution**2, _LEAST_SHARE * load.volume
-        if not load.felt:
+        if load.near or not load.felt:
             # What lies in a bin moves as a load comes in; without one, as much falls.
             least = max(least, _LEAST_SHARE * area * received)
             for part in parts(risen < 0.0, after.resolution):
@@ -157,6 +159,9 @@ class Destination:
         self, height_map: HeightMap, margin: float = 0.0
     ) -> npt.NDArray[np.bool_]:
         """Return which cells of a map are inside or within a margin [m], (ny, nx)."""
-        p_W = height_map.middles()
+        return self.encloses(height_map.middles(), margin)
+
+    def encloses(self, p_W: Vector, margin: float) -> npt.NDArray[np.bool_]:
+        """Return which points (..., 2) in world are within a margin of it [m], (...)."""
         inside = (p_W >= self.low - margin) & (p_W <= self.high + margin)
         return np.asarray(np.all(inside, axis=-1))

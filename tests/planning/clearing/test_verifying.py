@@ -136,6 +136,13 @@ def test_a_load_in_the_hand_is_no_thing_beside_the_bin():
     np.testing.assert_array_equal(seen.height, table(far).height)
 
 
+@pytest.mark.parametrize(("beyond", "near"), [(0.05, True), (0.15, False)])
+def test_a_load_from_beside_the_bin_is_known_as_such(beyond, near):
+    far = dc.replace(BIN, low=np.add(A, beyond), high=np.ones(2))
+    drop = over_bin(table(A), far).drop(table(), sure=True)
+    assert drop.load.near == near
+
+
 def test_things_that_are_set_down_show():
     before, after = table(A), table((0.45, 0.35))
     assert over_bin(before, BIN).without_load(after) is after
