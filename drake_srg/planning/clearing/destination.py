@@ -162,6 +162,6 @@ class Destination:
         return self.encloses(height_map.middles(), margin)
 
     def encloses(self, p_W: Vector, margin: float) -> npt.NDArray[np.bool_]:
-        """Return which points (..., 2) in world are within a margin of it [m], (...)."""
+        """Return which points (..., 2) are inside or within a margin [m], (...)."""
         inside = (p_W >= self.low - margin) & (p_W <= self.high + margin)
         return np.asarray(np.all(inside, axis=-1))
