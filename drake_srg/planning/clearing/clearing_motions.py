@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -14,6 +14,7 @@ from drake_srg.planning.clearing.columns import highest_near, standing
 from drake_srg.planning.clearing.destination import Destination, Lane
 from drake_srg.planning.clearing.laying import laying_targets
 from drake_srg.planning.clearing.load import Load
+from drake_srg.planning.clearing.ways import Ways
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
@@ -33,8 +34,6 @@ _TIPS = 0.0
 HAND_RADIUS, _OVER = 0.16, 0.06
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
-# Distance of a stuck hand from what it presses on: so much of an overlap is free [m].
-_PRESSED = -0.02
 _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 # Shares of the distance from the arm by which a load is drawn in that it cannot lift
 # high enough where it is.
@@ -42,7 +41,7 @@ _DRAWN_IN = (0.15, 0.3, 0.45)
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
 
 
-class ClearingMotions:
+class ClearingMotions(Ways):
     """Plans the motions of a pick in a planning scene; holds nothing between calls.
 
     `scene`, `q_home`, `q_over` and `destination` can be read from it.
@@ -74,9 +73,9 @@ class ClearingMotions:
         aside: Vector,
         config: PlannerConfig,
     ) -> None:
-        self.scene, self._moves, self._config = scene, moves, config
+        super().__init__(scene, moves, q_over)
+        self._config = config
         self.q_home = np.asarray(q_home, dtype=float)
-        self.q_over = np.asarray(q_over, dtype=float)
         self.destination = destination
         self._table, self._rim = table, rim
         self._aside = np.array([*aside, 0.0])
@@ -106,57 +105,6 @@ class ClearingMotions:
             return self._plan(
                 np.asarray(q_start), grasp, height_map, number, filled, lanes
             )
-        except NoPathError as error:
-            return error.failure
-
-    def plan_way(self, q_start: Vector, q_goal: Vector) -> Trajectory | PlanningFailure:
-        """Plan the way between postures high above the table, shape (N,) [rad] each."""
-        self.scene.SetFingers({})
-        try:
-            path = self._moves.joint_path(q_start, q_goal)
-            return self._moves.timed(path, self._moves.free)
-        except NoPathError as error:
-            return error.failure
-
-    def plan_retreat(
-        self, q_start: Vector, fingers: Mapping[str, float]
-    ) -> Trajectory | PlanningFailure:
-        """Plan up and over the bin from where something has stopped the hand.
-
-        Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
-            fingers: Angles of the open gripper's joints by name [rad].
-        """
-        moves = self._moves
-        self.scene.SetFingers(fingers)
-        with self.scene.reaching(_PRESSED):
-            rise = max((moves.tip(self.q_over) - moves.tip(q_start))[2], 0.0)
-            for share in (1.0, 0.5, 0.25, 0.0):  # the arm may not get that high there
-                try:
-                    up = moves.straight(q_start, moves.above(q_start, share * rise))
-                    across = moves.joint_path(up[-1], self.q_over)
-                    return moves.timed(np.vstack([up, across[1:]]), moves.free)
-                except NoPathError as error:
-                    failure = error.failure
-        return failure
-
-    def plan_up(
-        self, q_start: Vector, fingers: Mapping[str, float], palm: float
-    ) -> Trajectory | PlanningFailure:
-        """Plan straight up to where the palm is `_RIM` above a world z [m].
-
-        Args:
-            q_start: Where the arm is, at rest, shape (N,) [rad].
-            fingers: Angles of the open gripper's joints by name [rad].
-            palm: The height [m].
-        """
-        self.scene.SetFingers(fingers)
-        rise = palm + _RIM - float(self.scene.X_WG(q_start).translation()[2])
-        try:
-            with self.scene.reaching(_PRESSED):
-                up = self._moves.above(q_start, max(rise, _RIM))
-                path = self._moves.straight(q_start, up)
-            return self._moves.timed(path, self._moves.free, straight=True)
         except NoPathError as error:
             return error.failure
 
