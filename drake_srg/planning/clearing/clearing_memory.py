@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.comparing import volume_gone
+from drake_srg.planning.clearing.comparing import has_moved, volume_gone
 from drake_srg.planning.clearing.destination import (
     AROUND,
     BESIDE,
@@ -54,17 +54,24 @@ class Pick:
         height = np.where(risen, np.nan, seen.height)
         return dc.replace(seen, height=height).completed(self.height_map)
 
-    def drop(self, after: HeightMap, sure: bool) -> Drop:
+    def drop(self, after: HeightMap, sure: bool, again: bool) -> Drop:
         """Return what it has let go, by the map of the table after it.
 
         Args:
             after: The map.
             sure: Whether the fingers felt it, and it is gone from the table.
+            again: Whether it has been let go before.
         """
         volume = volume_gone(self.height_map, after)
-        near = bool(self.destination.encloses(self.grasp.p_WC[:2], BESIDE))
-        load = SeenLoad(volume, self.grasp.height, sure, near)
-        return Drop(self.destination, load, self.placing)
+        load = SeenLoad(volume, self.grasp.height, sure)
+        return Drop(self.destination, load, self.placing, again)
+
+    def fell_out(self, first: HeightMap | None) -> bool:
+        """Return whether what it takes has come to lie beside the bin since `first`."""
+        p_WC = self.grasp.p_WC[:2]
+        if first is None or not self.destination.encloses(p_WC, BESIDE):
+            return False
+        return has_moved(self.height_map, first, p_WC)
 
 
 @dc.dataclass(frozen=True)
@@ -74,6 +81,7 @@ class Drop:
     destination: Destination
     load: SeenLoad
     laid: bool = False  # set down, or laid in a lane of a bin
+    again: bool = False  # it has been let go before, and fell out or hung over the rim
 
 
 @dc.dataclass(frozen=True)
@@ -91,6 +99,7 @@ class ClearingMemory:
     motion: Motion
     closure: float = 0.0  # commanded, 0 open .. 1 closed
     height_map: HeightMap | None = None  # the latest
+    first_map: HeightMap | None = None  # on which the first pick was planned
     next_look: float = 0.0  # s
     rested_at: float = 0.0  # when the arm came to rest to look [s]
     pick: Pick | None = None  # the one under way, or the next one

@@ -47,8 +47,6 @@ class SeenLoad:
     # Whether the fingers felt it until they let go, and the table's map shows it gone.
     # The fingers miss some thin things.
     felt: bool = True
-    # Whether it lay beside the bin, where a part of it may have been inside before.
-    near: bool = False
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -108,7 +106,7 @@ class Destination:
             else:
                 missed += float(np.sum(risen[part & beside]))
         area, least = after.resolution**2, _LEAST_SHARE * load.volume
-        if load.near or not load.felt:
+        if not load.felt:
             # What lies in a bin moves as a load comes in; without one, as much falls.
             least = max(least, _LEAST_SHARE * area * received)
             for part in parts(risen < 0.0, after.resolution):

@@ -71,22 +71,24 @@ class PickPlanner:
         """
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
+        again = pick.fell_out(memory.first_map)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):
             looked_for = (gone or pick.held) and memory.destinations is not None
-            drop = pick.drop(height_map, sure=False) if looked_for else None
+            drop = pick.drop(height_map, False, again) if looked_for else None
             return dc.replace(memory, tried=(*memory.tried, pick.grasp), drop=drop)
         memory = dc.replace(memory, taken=memory.taken + 1, pushes=0)
         if memory.destinations is None:  # then to have taken it must do
-            return dc.replace(memory, arrived=memory.arrived + 1)
-        return dc.replace(memory, drop=pick.drop(height_map, sure=True))
+            return dc.replace(memory, arrived=memory.arrived + (not again))
+        return dc.replace(memory, drop=pick.drop(height_map, True, again))
 
     def look_for_load(
         self, memory: ClearingMemory, seen: HeightMap | None
     ) -> ClearingMemory:
         """Judge by a map of where loads go whether the last one has come there.
 
-        A load that is not seen there does not count as cleared.
+        A load that is not seen there does not count as cleared. One that fell out
+        counts once, whether it was seen there before or was lost.
         """
         if seen is None:
             return memory
@@ -102,13 +104,18 @@ class PickPlanner:
         memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
         if before is None or drop is None:
             return memory
+        arrived, lost = memory.arrived, memory.lost
         if drop.destination.has_received(before, seen, drop.load):
-            return dc.replace(memory, arrived=memory.arrived + 1, pushes=0)
-        if not drop.load.felt:
+            memory = dc.replace(memory, pushes=0)
+            if drop.again and not lost:
+                return memory
+            lost = lost[:-1] if drop.again else lost
+            return dc.replace(memory, arrived=arrived + 1, lost=lost)
+        if not drop.load.felt or (drop.again and lost):
             return memory
         place = np.array([*drop.destination.middle, 0.0])
-        lost = Left(place, Failure.DROPPED)
-        return dc.replace(memory, lost=(*memory.lost, lost))
+        lost = (*lost, Left(place, Failure.DROPPED))
+        return dc.replace(memory, arrived=arrived - drop.again, lost=lost)
 
     def way_out(self, memory: ClearingMemory, pick: Pick) -> Trajectory | None:
         """Return the way up from where a load was laid in a bin; None without one.
@@ -196,6 +203,7 @@ class PickPlanner:
             height_map=height_map,
             push=push,
             finished=pick is None and push is None,
+            first_map=memory.first_map or (height_map if pick else None),
             first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
             left=tuple(left),
             planning_wall=memory.planning_wall + wall.perf_counter() - start,

@@ -146,15 +146,6 @@ def test_what_is_set_down_must_stand(tall, stands):
     assert BIN.has_received(table(), table((0.3, 0.2), tall=tall), LOAD)
 
 
-def test_what_is_drawn_into_the_bin_from_its_rim_is_no_second_load():
-    before, after = table((0.2, 0.2)), table((0.35, 0.2))
-    handle = dc.replace(LOAD, volume=1e-5)  # as much as hung over the rim
-    assert BIN.has_received(before, after, handle)
-    assert not BIN.has_received(before, after, dc.replace(handle, near=True))
-    whole = table((0.2, 0.2), (0.35, 0.2))
-    assert BIN.has_received(before, whole, dc.replace(LOAD, near=True))
-
-
 def test_where_all_moves_a_small_load_must_have_been_felt():
     before, after = table((0.2, 0.2), tall=0.2), table((0.35, 0.2), tall=0.22)
     small = SeenLoad(volume=2e-5, height=0.01)

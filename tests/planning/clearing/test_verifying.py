@@ -74,8 +74,8 @@ def test_takes_what_fell_beside_the_bin_where_the_arm_has_hidden_it():
     fell.show_bin(IN_BIN)
     fell.until(Mode.DONE)
     assert fell.motions.taken == [A, B]
-    assert fell.status.cycles == 1
-    assert [left.failure for left in fell.status.left] == [Failure.DROPPED]
+    # It had been lost, and is no longer.
+    assert (fell.status.cycles, fell.status.left) == (1, ())
 
 
 def test_nothing_is_looked_for_that_was_not_held():
@@ -136,11 +136,36 @@ def test_a_load_in_the_hand_is_no_thing_beside_the_bin():
     np.testing.assert_array_equal(seen.height, table(far).height)
 
 
-@pytest.mark.parametrize(("beyond", "near"), [(0.05, True), (0.15, False)])
-def test_a_load_from_beside_the_bin_is_known_as_such(beyond, near):
-    far = dc.replace(BIN, low=np.add(A, beyond), high=np.ones(2))
-    drop = over_bin(table(A), far).drop(table(), sure=True)
-    assert drop.load.near == near
+FELL = (0.45, 0.2)  # beside the bin
+
+
+@pytest.mark.parametrize("seen_before", [True, False])
+@pytest.mark.parametrize("seen_again", [True, False])
+def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again):
+    fell = run(A, B, FELL, shown=table(A, B))
+    fell.show_bin()
+    pick(fell, after=table(B))
+    fell.until(Mode.GRASP)
+    fell.show_bin(*[IN_BIN] * seen_before)
+    pick(fell, after=table(FELL))
+    fell.until(Mode.GRASP)
+    other = (0.35, 0.25)
+    fell.show_bin(*[IN_BIN] * seen_before, other)
+    pick(fell, after=table())
+    fell.until(Mode.VERIFY)
+    fell.show_bin(other, *[IN_BIN, (0.15, 0.25)] * seen_again)
+    fell.until(Mode.DONE)
+    assert fell.motions.taken == [A, B, FELL]
+    assert fell.status.cycles == 1 + seen_again
+    assert len(fell.status.left) == (not seen_again)
+
+
+def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
+    pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
+    assert not pick_there.fell_out(None)
+    assert not pick_there.fell_out(table(FELL, A))
+    assert pick_there.fell_out(table(A))
+    assert not over_bin(table(A), dc.replace(BIN, low=BIN.low + 0.2)).fell_out(table())
 
 
 def test_things_that_are_set_down_show():
