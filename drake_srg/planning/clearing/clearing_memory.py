@@ -9,7 +9,12 @@ from typing import Any
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.comparing import has_moved, volume_gone
+from drake_srg.planning.clearing.comparing import (
+    fallen,
+    has_moved,
+    parts,
+    volume_gone,
+)
 from drake_srg.planning.clearing.destination import (
     AROUND,
     BESIDE,
@@ -20,6 +25,10 @@ from drake_srg.planning.clearing.destination import (
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
+
+# Of what a hand over the bin holds, at least this share is near the bin. A long thing
+# that was pushed there lies on both sides of the limit.
+_LEAST_NEAR = 0.8
 
 
 @dc.dataclass(frozen=True)
@@ -45,12 +54,16 @@ class Pick:
         """Return a map without the hand over a bin and its load.
 
         What reaches over the edge of the bin would look like a thing on the table.
-        Something that really comes to lie there is seen in later looks.
+        Something that really comes to lie there is seen in later looks, or now, if it
+        reaches further.
         """
         if self.destination.rim is None:
             return seen
         near = self.destination.contains(seen, AROUND)
         risen = near & ~(seen.height <= self.height_map.height)
+        for part in parts(fallen(self.height_map, seen) < 0.0, seen.resolution):
+            if np.mean(near[part]) < _LEAST_NEAR:
+                risen &= ~part
         height = np.where(risen, np.nan, seen.height)
         return dc.replace(seen, height=height).completed(self.height_map)
 

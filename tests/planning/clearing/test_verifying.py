@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from drake_srg.planning.clearing.clearing_memory import Pick
+from drake_srg.planning.clearing.destination import AROUND
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import ASIDE, BIN, CONFIG, HOME, grasp_at, table
+from planning.clearing.fake_table import ASIDE, BIN, CONFIG, HOME, TALL, grasp_at, table
 from planning.clearing.test_clearing_planner import A, B, pick, run
 
 IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
@@ -134,6 +135,20 @@ def test_a_load_in_the_hand_is_no_thing_beside_the_bin():
     small = dc.replace(BIN, low=np.zeros(2), high=np.full(2, 0.02), rim=0.12)
     seen = over_bin(before, small).without_load(table(far))
     np.testing.assert_array_equal(seen.height, table(far).height)
+
+
+def test_what_was_pushed_towards_the_bin_shows_as_a_whole():
+    """Cut off at the limit of what is left out, a wide box looked narrow enough."""
+    before, after = table(A), table()
+    small = dc.replace(
+        BIN, low=np.array([0.35, 0.3]), high=np.array([0.4, 0.35]), rim=0.12
+    )
+    limit = small.low[0] - AROUND  # of what is near the bin
+    middles = after.middles()
+    pushed = (np.abs(middles[..., 0] - limit) < 0.06) & (middles[..., 1] > 0.3)
+    after.height[pushed] = TALL
+    seen = over_bin(before, small).without_load(after)
+    np.testing.assert_array_equal(seen.height, after.height)
 
 
 FELL = (0.45, 0.2)  # beside the bin
