@@ -13,6 +13,7 @@ from drake_srg.types import Vector, positive
 JOINT_NAMES = ("left_base", "right_base", "left_tip", "right_tip")
 FINGERS = ((0, 2), (1, 3))
 BASES = ("algorithm_1", "freeze")
+TIPS = ("algorithm_1", "curl")
 EVALUATIONS = ("periodic", "per_message")
 
 
@@ -37,6 +38,14 @@ class UnderactuationConfig:
     # angle [rad], which limits the force. At speed 0, the base stays.
     approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
+    # What a tip does whose sensor fires, but not its base's. `algorithm_1`: it keeps its
+    # target. Around something wide and low, straight fingers lean outwards, and their
+    # pads push it down and out of the hand. `curl`: if its base leans outwards, the tip
+    # closes, and the base gives way until the pads are upright. That takes a motor at
+    # each joint: a wire pulls the base 2.9 times as hard as the tip (`moment_arms`),
+    # and a force on the middle of the pad turns it only 2.5 times as hard, so that a
+    # tip with a wire stays straight there.
+    tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
     # When the algorithm runs. `periodic`: every `period`. `per_message`: as in the
     # thesis, where it runs in the callback of /grasp, only in those periods in which a
     # message has arrived, also one with the same number.
@@ -52,6 +61,7 @@ def finger_targets(
     fired: tuple[bool, bool],
     last: tuple[float, float],
     straight_tolerance: float = 0.0,
+    curl: bool = False,
 ) -> tuple[float, float]:
     """Evaluate Algorithm 1 for one finger, as the Lua code of the SRG thesis does.
 
@@ -62,6 +72,8 @@ def finger_targets(
         fired: Whether the sensors of base and tip fire.
         last: Base and tip targets of the last evaluation [rad].
         straight_tolerance: Tip angle up to which the finger counts as straight [rad].
+        curl: Whether a tip that senses something closes while its base leans outwards;
+            not in the thesis.
 
     Returns:
         The new base and tip targets [rad].
@@ -72,9 +84,10 @@ def finger_targets(
         if tip <= straight_tolerance:
             return target, 0.0
         return base_target, target - base
-    if not fired[0]:
+    leans_outwards = base < 0.5 * math.pi
+    if not fired[0] and not (curl and fired[1] and leans_outwards):
         return target, tip_target
-    if not fired[1]:
+    if not (fired[0] and fired[1]):
         return base_target, target - base
     share = 0.5 * (target - base - tip)
     return base + share, tip + share
@@ -247,6 +260,7 @@ class UnderactuationLogic(StageSystem):
                 (fired[base], fired[tip]),
                 (targets[base], targets[tip]),
                 config.straight_tolerance,
+                config.tip == "curl",
             )
         return result
 

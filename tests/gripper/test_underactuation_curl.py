@@ -1,0 +1,43 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.gripper.underactuation import finger_targets
+from gripper.underactuation_case import angle, make, targets
+
+LAST = (0.7, 0.1)
+two_bools = st.tuples(st.booleans(), st.booleans())
+
+
+def curled(target, opening, angles, fired):
+    return finger_targets(target, opening, angles, fired, LAST, curl=True)
+
+
+@given(target=st.floats(0.0, 3.0), base=st.floats(-0.1, 1.57), tip=angle)
+def test_a_tip_that_touches_takes_the_rest_while_its_base_leans_outwards(
+    target, base, tip
+):
+    result = curled(target, False, (base, tip), (False, True))
+    assert result == pytest.approx((LAST[0], target - base))
+
+
+@given(
+    target=st.floats(0.0, 3.0),
+    opening=st.booleans(),
+    angles=st.tuples(angle, angle),
+    fired=two_bools,
+)
+def test_all_else_is_algorithm_1(target, opening, angles, fired):
+    if not opening and fired == (False, True) and angles[0] < 0.5 * np.pi:
+        return
+    plain = finger_targets(target, opening, angles, fired, LAST)
+    assert curled(target, opening, angles, fired) == plain
+
+
+def test_each_finger_curls_on_its_own():
+    # Full scale 3: a closure of 0.5 asks for 1.5 rad.
+    system, context = make(0.5, [0.7] * 2 + [0.0] * 2, [0, 0, 0, 1], tip="curl")
+    assert targets(system, context) == pytest.approx([1.5, 0.0, 0.0, 0.8])
+    system, context = make(0.5, [0.7] * 2 + [0.0] * 2, [0, 0, 0, 1])
+    assert targets(system, context) == pytest.approx([1.5, 1.5, 0.0, 0.0])
