@@ -38,13 +38,13 @@ class UnderactuationConfig:
     # angle [rad], which limits the force. At speed 0, the base stays.
     approach_speed: float = dc.field(default=0.0, metadata={"ge": 0.0})
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
-    # What a tip does whose sensor fires, but not its base's. `algorithm_1`: it keeps its
-    # target. Around something wide and low, straight fingers lean outwards, and their
-    # pads push it down and out of the hand. `curl`: if its base leans outwards, the tip
-    # closes, and the base gives way until the pads are upright. That takes a motor at
-    # each joint: a wire pulls the base 2.9 times as hard as the tip (`moment_arms`),
-    # and a force on the middle of the pad turns it only 2.5 times as hard, so that a
-    # tip with a wire stays straight there.
+    # What a tip does whose sensor fires while its base's does not. `algorithm_1`: it
+    # keeps its target. Around something wide and low, straight fingers lean outwards,
+    # and their pads push it down and out of the hand. `curl`: if its base leans
+    # outwards, the tip closes, and the base gives way until the pads are upright. That
+    # takes a motor at each joint: a wire pulls the base 2.9 times as hard as the tip
+    # (`moment_arms`), and a force on the middle of the pad turns it only 2.5 times as
+    # hard, so that a tip with a wire stays straight there.
     tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
     # When the algorithm runs. `periodic`: every `period`. `per_message`: as in the
     # thesis, where it runs in the callback of /grasp, only in those periods in which a
