@@ -26,6 +26,9 @@ from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
 
+# What falls out of the bin rolls this far at most [m]. Its volume on a map is the same
+# within this share, unless it lies on another side.
+_ROLLED, _ALIKE = 0.3, 0.25
 # Of what a hand over the bin holds, at least this share is near the bin. A long thing
 # that was pushed there lies on both sides of the limit.
 _LEAST_NEAR = 0.8
@@ -79,10 +82,21 @@ class Pick:
         load = SeenLoad(volume, self.grasp.height, sure)
         return Drop(self.destination, load, self.placing, again)
 
-    def fell_out(self, first: HeightMap | None) -> bool:
-        """Return whether what it takes has come to lie beside the bin since `first`."""
-        p_WC = self.grasp.p_WC[:2]
-        if first is None or not self.destination.encloses(p_WC, BESIDE):
+    def fell_out(self, memory: ClearingMemory, after: HeightMap) -> bool:
+        """Return whether what it takes had fallen out of the bin before.
+
+        It has come to lie beside the bin since the first map. Further away, it must
+        also be as large as a load that the bin has received.
+
+        Args:
+            memory: The planner's.
+            after: The map without it.
+        """
+        p_WC, first = self.grasp.p_WC[:2], memory.first_map
+        volume = volume_gone(self.height_map, after)
+        known = any(abs(v - volume) < _ALIKE * v for v in memory.received)
+        margin = _ROLLED if known else BESIDE
+        if first is None or not self.destination.encloses(p_WC, margin):
             return False
         return has_moved(self.height_map, first, p_WC)
 
@@ -133,6 +147,7 @@ class ClearingMemory:
     destinations: HeightMap | None = None  # the latest map of where loads go
     drop: Drop | None = None  # the load that was let go last, until it is looked for
     arrived: int = 0  # things that were taken and seen where they belong
+    received: tuple[float, ...] = ()  # their volumes on the table's map [m³]
     lost: tuple[Left, ...] = ()  # where things were let go that were not
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0

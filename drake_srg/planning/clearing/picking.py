@@ -71,7 +71,7 @@ class PickPlanner:
         """
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
-        again = pick.fell_out(memory.first_map)
+        again = pick.fell_out(memory, height_map)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):
             looked_for = (gone or pick.held) and memory.destinations is not None
@@ -106,7 +106,8 @@ class PickPlanner:
             return memory
         arrived, lost = memory.arrived, memory.lost
         if drop.destination.has_received(before, seen, drop.load):
-            memory = dc.replace(memory, pushes=0)
+            received = (*memory.received, drop.load.volume)
+            memory = dc.replace(memory, pushes=0, received=received)
             if drop.again and not lost:
                 return memory
             lost = lost[:-1] if drop.again else lost

@@ -5,12 +5,23 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.clearing.clearing_memory import Pick
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
 from drake_srg.planning.clearing.destination import AROUND
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import ASIDE, BIN, CONFIG, HOME, TALL, grasp_at, table
+from planning.clearing.fake_table import (
+    ASIDE,
+    BIN,
+    CONFIG,
+    HOME,
+    SIDE,
+    TALL,
+    grasp_at,
+    table,
+)
 from planning.clearing.test_clearing_planner import A, B, pick, run
 
+HERE = Motion(HOME)
 IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
 
 
@@ -176,11 +187,27 @@ def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again):
 
 
 def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
-    pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
-    assert not pick_there.fell_out(None)
-    assert not pick_there.fell_out(table(FELL, A))
-    assert pick_there.fell_out(table(A))
-    assert not over_bin(table(A), dc.replace(BIN, low=BIN.low + 0.2)).fell_out(table())
+    def fell_out(first, received=()):
+        pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
+        memory = ClearingMemory(HERE, first_map=first, received=received)
+        return pick_there.fell_out(memory, table())
+
+    assert not fell_out(None)
+    assert not fell_out(table(FELL, A))
+    assert fell_out(table(A))
+
+
+@pytest.mark.parametrize(
+    ("received", "expected"), [((), False), ((1.0,), True), ((0.5, 2.0), False)]
+)
+def test_what_rolled_away_is_known_by_its_volume(received, expected):
+    """A pitcher that leaned on the rim fell out later, and was counted twice."""
+    bin_ = dc.replace(BIN, low=np.array([0.3, 0.1]), rim=0.12)
+    far = (bin_.low[0] - 0.25, 0.2)
+    there = dc.replace(over_bin(table(far), bin_), grasp=grasp_at(far))
+    volumes = tuple(share * SIDE**2 * TALL for share in received)
+    memory = ClearingMemory(HERE, first_map=table(A), received=volumes)
+    assert there.fell_out(memory, table()) == expected
 
 
 def test_things_that_are_set_down_show():
