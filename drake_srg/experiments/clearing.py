@@ -33,8 +33,8 @@ LIMITS = {
         cleared=0.97,
         held=0.85,
         rate=500.0,
-        because="half of the picks that fail are of hammers, whose heads swing; balls roll "
-        "out of reach",
+        because="half of the picks that fail are of hammers, whose heads swing, and "
+        "balls roll out of reach",
     ),
 }
 
