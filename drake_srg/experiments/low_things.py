@@ -120,8 +120,7 @@ def judge(grasps: Mapping[Case, Grasp]) -> list[Row]:
             rows.append(Row.at_least(name, "share held", LEAST, share, "", spread=0.15))
         else:
             rows.append(Row.info(name, "share held", share, "", spread=0.15))
-        quantity = "pads lean outwards, median"
-        rows.append(Row.info(name, quantity, lean, "deg", spread=2.0))
+        rows.append(Row.info(name, "pads lean outwards, median", lean, "deg"))
     return rows
 
 

@@ -187,10 +187,9 @@ def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again):
 
 
 def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
-    def fell_out(first, received=()):
+    def fell_out(first):
         pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
-        memory = ClearingMemory(HERE, first_map=first, received=received)
-        return pick_there.fell_out(memory, table())
+        return pick_there.fell_out(ClearingMemory(HERE, first_map=first), table())
 
     assert not fell_out(None)
     assert not fell_out(table(FELL, A))
