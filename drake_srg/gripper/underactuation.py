@@ -40,12 +40,16 @@ class UnderactuationConfig:
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # What a tip does whose sensor fires while its base's does not. `algorithm_1`: it
     # keeps its target. Around something wide and low, straight fingers lean outwards,
-    # and their pads push it down and out of the hand. `curl`: if its base leans
-    # outwards, the tip closes, and the base gives way until the pads are upright. That
-    # takes a motor at each joint: a wire pulls the base 2.9 times as hard as the tip
-    # (`moment_arms`), and a force on the middle of the pad turns it only 2.5 times as
-    # hard, so that a tip with a wire stays straight there.
+    # and their pads push it down and out of the hand. `curl`: while the bases lean
+    # outwards (`curl_lean`), the tip closes, and the base gives way until the pads are
+    # upright. That takes a motor at each joint: a wire pulls the base 2.9 times as hard
+    # as the tip (`moment_arms`), and a force on the middle of the pad turns it only 2.5
+    # times as hard, so that a tip with a wire stays straight there.
     tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
+    # Tips curl while the bases lean outwards by more than this on average [rad], which
+    # is around things wider than 75 mm. Friction holds narrower ones, and a tip that
+    # curls would move them aside.
+    curl_lean: float = dc.field(default=0.15, metadata={"ge": 0.0})
     # When the algorithm runs. `periodic`: every `period`. `per_message`: as in the
     # thesis, where it runs in the callback of /grasp, only in those periods in which a
     # message has arrived, also one with the same number.
@@ -72,8 +76,8 @@ def finger_targets(
         fired: Whether the sensors of base and tip fire.
         last: Base and tip targets of the last evaluation [rad].
         straight_tolerance: Tip angle up to which the finger counts as straight [rad].
-        curl: Whether a tip that senses something closes while its base leans outwards;
-            not in the thesis.
+        curl: Whether a tip that senses something closes although its base senses
+            nothing; not in the thesis.
 
     Returns:
         The new base and tip targets [rad].
@@ -84,8 +88,7 @@ def finger_targets(
         if tip <= straight_tolerance:
             return target, 0.0
         return base_target, target - base
-    leans_outwards = base < 0.5 * math.pi
-    if not fired[0] and not (curl and fired[1] and leans_outwards):
+    if not fired[0] and not (curl and fired[1]):
         return target, tip_target
     if not (fired[0] and fired[1]):
         return base_target, target - base
@@ -252,6 +255,8 @@ class UnderactuationLogic(StageSystem):
         targets: list[float],
     ) -> list[float]:
         config, result = self.config, targets.copy()
+        lean = 0.5 * math.pi - sum(q[base] for base, _ in FINGERS) / len(FINGERS)
+        curl = config.tip == "curl" and lean > config.curl_lean
         for base, tip in FINGERS:
             result[base], result[tip] = finger_targets(
                 config.full_scale * closure,
@@ -260,7 +265,7 @@ class UnderactuationLogic(StageSystem):
                 (fired[base], fired[tip]),
                 (targets[base], targets[tip]),
                 config.straight_tolerance,
-                config.tip == "curl",
+                curl,
             )
         return result
 

@@ -14,10 +14,8 @@ def curled(target, opening, angles, fired):
     return finger_targets(target, opening, angles, fired, LAST, curl=True)
 
 
-@given(target=st.floats(0.0, 3.0), base=st.floats(-0.1, 1.57), tip=angle)
-def test_a_tip_that_touches_takes_the_rest_while_its_base_leans_outwards(
-    target, base, tip
-):
+@given(target=st.floats(0.0, 3.0), base=angle, tip=angle)
+def test_a_tip_that_touches_takes_the_rest(target, base, tip):
     result = curled(target, False, (base, tip), (False, True))
     assert result == pytest.approx((LAST[0], target - base))
 
@@ -29,7 +27,7 @@ def test_a_tip_that_touches_takes_the_rest_while_its_base_leans_outwards(
     fired=two_bools,
 )
 def test_all_else_is_algorithm_1(target, opening, angles, fired):
-    assume(opening or fired != (False, True) or angles[0] >= 0.5 * np.pi)
+    assume(opening or fired != (False, True))
     plain = finger_targets(target, opening, angles, fired, LAST)
     assert curled(target, opening, angles, fired) == plain
 
@@ -40,3 +38,18 @@ def test_each_finger_curls_on_its_own():
     assert targets(system, context) == pytest.approx([1.5, 0.0, 0.0, 0.8])
     system, context = make(0.5, [0.7] * 2 + [0.0] * 2, [0, 0, 0, 1])
     assert targets(system, context) == pytest.approx([1.5, 1.5, 0.0, 0.0])
+
+
+@given(lean=st.floats(-0.3, 1.5), apart=st.floats(0.0, 0.6), least=st.floats(0.0, 0.3))
+def test_both_tips_curl_or_none_by_how_far_the_bases_lean_on_average(
+    lean, apart, least
+):
+    assume(abs(lean - least) > 1e-6)
+    middle = 0.5 * np.pi - lean
+    bases = np.clip([middle - apart, middle + apart], -0.1, 1.94)
+    assume(np.mean(bases) == pytest.approx(middle))
+    system, context = make(
+        1.0, [*bases, 0.0, 0.0], [0, 0, 1, 1], tip="curl", curl_lean=least
+    )
+    curls = targets(system, context)[2:] > 0.0
+    assert curls.tolist() == [lean > least] * 2
