@@ -17,18 +17,19 @@ from drake_srg.planning.clearing.clearing_memory import (
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.push_motions import PushMotions
-from drake_srg.planning.grasps.top_grasp import GraspPlan, GraspPlanner, TopGrasp
+from drake_srg.planning.grasps.top_grasp import (
+    ALIKE,
+    SAME_THING,
+    GraspPlan,
+    GraspPlanner,
+    TopGrasp,
+)
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Left, Vector
 
 # Grasps whose motions are planned, at most.
 _MOST_GRASPS = 30
-# Places that are nearer to each other belong to one thing [m].
-_SAME_THING = 0.06
-# Grasps of one thing fail alike, such as on the rim of a plate, if what is between the
-# fingers is as wide and as high within [m].
-_ALIKE = 0.01
 
 
 class PickPlanner:
@@ -197,7 +198,7 @@ class PickPlanner:
         if pick is None:
             push = self._push(memory, height_map, time)
             refused = [Left(r.p_W, r.failure) for r in found.refused]
-            left = _named(found.places(_SAME_THING), _distinct([*refused, *missed]))
+            left = _named(found.places(SAME_THING), _distinct([*refused, *missed]))
         return dc.replace(
             memory,
             pick=pick,
@@ -226,9 +227,9 @@ class PickPlanner:
         count = sum(
             _near(failed.p_WC, grasp.p_WC)
             or (
-                failed.takes_as_much(grasp, _ALIKE)
+                failed.takes_as_much(grasp, ALIKE)
                 # It may have moved a little since.
-                and found.beside_same(grasp.p_WC, failed.p_WC, _SAME_THING)
+                and found.beside_same(grasp.p_WC, failed.p_WC, SAME_THING)
             )
             for failed in tried
         )
@@ -236,7 +237,7 @@ class PickPlanner:
 
 
 def _near(p_1: Vector, p_2: Vector) -> bool:
-    return bool(np.linalg.norm(p_1[:2] - p_2[:2]) < _SAME_THING)
+    return bool(np.linalg.norm(p_1[:2] - p_2[:2]) < SAME_THING)
 
 
 def _distinct(left: Iterable[Left]) -> list[Left]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
 
 import cv2
 import numpy as np
@@ -17,6 +18,9 @@ _NOISY = 3e-4
 # A thing is higher than the table's noise by this many standard deviations. From there
 # it extends over whatever is higher than it by so many.
 _DEVIATIONS, _EXTENDS = 4.0, 2.0
+# A part of a thing that is nowhere wider than `_THIN` and at least `_LONG` long sticks
+# out of something wider, such as a hammer from below a plate [m].
+_THIN, _LONG = 0.05, 0.1
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -117,12 +121,40 @@ class Relief:
             p_2: Shape (2 or 3,).
             apart: The distance.
         """
-        row, column = self.map.cells(np.asarray(p_1))
+        return self.label_at(p_1) in self.labels_near(p_2, apart)
+
+    def label_at(self, p_W: Vector) -> int:
+        """Return the number of the thing at a place (2 or 3,) in world [m]; 0: none."""
+        row, column = self.map.cells(np.asarray(p_W))
         ny, nx = self.labels.shape
-        if not (0 <= row < ny and 0 <= column < nx and self.labels[row, column]):
-            return False
-        parts = self.map.middles()[self.labels == self.labels[row, column]]
-        return bool(np.linalg.norm(parts - p_2[:2], axis=1).min() <= apart)
+        inside = 0 <= row < ny and 0 <= column < nx
+        return int(self.labels[row, column]) if inside else 0
+
+    def labels_near(self, p_W: Vector, apart: float) -> set[int]:
+        """Return the numbers of things within `apart` of a place (2 or 3,) [m]."""
+        near = np.linalg.norm(self.map.middles() - p_W[:2], axis=-1) <= apart
+        return set(np.unique(self.labels[near]).tolist()) - {0}
+
+    @functools.cached_property
+    def middles(self) -> Vector:
+        """Middle of what is in each cell, shape (ny, nx, 2) [m]; NaN where nothing is.
+
+        Things that touch count as one, but a long thin part has a middle of its own: it
+        may be another thing.
+        """
+        result = np.full((*self.labels.shape, 2), np.nan)
+        for thing in self.things:
+            result[tuple(thing.cells.T)] = thing.middle
+        size = 2 * round(0.5 * _THIN / self.map.resolution) + 1
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+        high = np.isfinite(result[..., 0]).astype(np.uint8)
+        wide = np.asarray(cv2.morphologyEx(high, cv2.MORPH_OPEN, disc))
+        count, parts = cv2.connectedComponents(high - wide, connectivity=8)
+        for part in range(1, count):
+            cells = np.argwhere(parts == part)
+            if sides(cells, self.map.resolution)[0] >= _LONG:
+                result[tuple(cells.T)] = _middle(self.map, self.above, cells)
+        return result
 
     def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
         """Return heights above the table at points; 0 outside the map.
@@ -173,21 +205,29 @@ def _things(
     )
     labels = np.array(found, np.int32)
     areas = np.bincount(labels[above > least], minlength=count) * map_.resolution**2
-    middles, things = map_.middles(), []
+    things = []
     for label in range(1, count):
         if areas[label] < least_area:
             labels[labels == label] = 0
             continue
         cells = np.argwhere(labels == label)
-        heights = above[cells[:, 0], cells[:, 1]].astype(float)
-        points = middles[cells[:, 0], cells[:, 1]]
         things.append(
             Thing(
                 label,
                 cells,
-                np.average(points, axis=0, weights=heights),
+                _middle(map_, above, cells),
                 sides(cells, map_.resolution),
-                float(heights.max()),
+                float(above[tuple(cells.T)].max()),
             )
         )
     return labels, tuple(things)
+
+
+def _middle(
+    map_: HeightMap, above: npt.NDArray[np.float32], cells: npt.NDArray[np.intp]
+) -> Vector:
+    """Return x, y of the middle of the volume of some cells (n, 2), shape (2,) [m]."""
+    heights = above[tuple(cells.T)].astype(float)
+    points = map_.middles()[tuple(cells.T)]
+    middle: Vector = np.average(points, axis=0, weights=heights)
+    return middle

@@ -14,6 +14,12 @@ from drake_srg.planning.grasps.fingers import Fingers, FingerState
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.types import Failure, HeightMap, Vector
 
+# Places that are nearer to each other belong to one thing [m].
+SAME_THING = 0.06
+# Grasps of one thing fail alike, such as on the rim of a plate, if what is between the
+# fingers is as wide and as high within [m].
+ALIKE = 0.01
+
 
 @dc.dataclass(frozen=True, eq=False, kw_only=True)
 class TopGrasp:

@@ -105,15 +105,12 @@ class TopGraspJudge(abc.ABC):
 
     def _lever(self, relief: Relief, candidates: Candidates) -> Vector:
         """Return the distance of each thing's middle from the contact line [m]."""
-        middles = np.full((int(relief.labels.max()) + 1, 2), np.nan)
-        for thing in relief.things:
-            middles[thing.label] = thing.middle
         between = 0.5 * (candidates.low + candidates.high)
         p_W = candidates.p_W + between[:, None] * candidates.direction
         cells = relief.map.cells(p_W)
         iy = np.clip(cells[:, 0], 0, relief.labels.shape[0] - 1)
         ix = np.clip(cells[:, 1], 0, relief.labels.shape[1] - 1)
-        apart = middles[relief.labels[iy, ix]] - p_W
+        apart = relief.middles[iy, ix] - p_W
         across = np.stack(
             [-candidates.direction[:, 1], candidates.direction[:, 0]], axis=-1
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import abc
+import copy
 import dataclasses as dc
 from collections.abc import Sequence
 
@@ -14,6 +15,8 @@ from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.pinch_judge import PinchJudge
 from drake_srg.planning.grasps.relief import Relief, Thing
 from drake_srg.planning.grasps.top_grasp import (
+    ALIKE,
+    SAME_THING,
     GraspPlan,
     Refusal,
     TopGrasp,
@@ -53,7 +56,8 @@ class TopGraspConfig(GraspJudgeConfig):
     # Candidates that score less are not worth an attempt.
     least_score: float = 3.5
     # Grasps within this distance and angle [rad] of each other count as one; within
-    # twice the distance of one that failed, they come last.
+    # twice the distance of one that failed, they come last. Before them come those that
+    # take something as wide and high of the same thing elsewhere.
     apart: float = dc.field(default=0.012, metadata=positive())
     turned: float = dc.field(default=0.35, metadata=positive())
     # A thing is at least this high, and this large as seen from above [m²].
@@ -121,10 +125,10 @@ class TopGraspSearch(abc.ABC):
         relief = self.relief(height_map)
         if not relief.things:
             return GraspPlan()
-        new, old = self._distinct(self._pinches(relief, seed), tried)
+        new, old = self._distinct(relief, self._pinches(relief, seed), tried)
         # Only what no pinch takes: wraps need a flat top and more room.
         wraps = self._wraps(relief, _not_taken(relief, new))
-        new_wraps, old_wraps = self._distinct(wraps, tried)
+        new_wraps, old_wraps = self._distinct(relief, wraps, tried)
         grasps = (new + new_wraps + old + old_wraps)[: self._config.grasps]
         return GraspPlan(
             tuple(grasps),
@@ -216,25 +220,45 @@ class TopGraspSearch(abc.ABC):
         )
 
     def _distinct(
-        self, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
+        self, relief: Relief, grasps: Sequence[TopGrasp], tried: Sequence[TopGrasp]
     ) -> tuple[list[TopGrasp], list[TopGrasp]]:
-        """Return grasps that differ, the best first: new ones, and like failed ones."""
+        """Return grasps that differ, the best first: new ones, and like failed ones.
+
+        Of those that are like failed ones, the ones at other places come first.
+        """
         config = self._config
+        near = [relief.labels_near(failed.p_WC, SAME_THING) for failed in tried]
         new: list[TopGrasp] = []
+        alike: list[TopGrasp] = []
         old: list[TopGrasp] = []
         for grasp in grasps:
-            if any(grasp.like(g, config.apart, config.turned) for g in new + old):
+            found = new + alike + old
+            if any(grasp.like(g, config.apart, config.turned) for g in found):
                 continue
-            failed = any(grasp.like(g, 2 * config.apart, config.turned) for g in tried)
-            (old if failed else new).append(grasp)
+            label = relief.label_at(grasp.p_WC)
+            if any(grasp.like(g, 2 * config.apart, config.turned) for g in tried):
+                old.append(grasp)
+            elif any(
+                label in labels and grasp.takes_as_much(failed, ALIKE)
+                for failed, labels in zip(tried, near, strict=True)
+            ):
+                alike.append(grasp)
+            else:
+                new.append(grasp)
             if len(new) >= config.grasps:
                 break
-        return new, old
+        return new, alike + old
 
     def _takes(self, relief: Relief, seed: int) -> bool:
         """Return whether any grasp takes anything."""
         found = self._pinches(relief, seed) or self._wraps(relief, relief.things)
         return bool(found)
+
+    def _anywhere(self) -> TopGraspSearch:
+        """Return the same search without limits of reach."""
+        search = copy.copy(self)
+        search._reach = None
+        return search
 
     def _refuse(self, relief: Relief, thing: Thing, seed: int) -> Refusal:
         """Return why there is no grasp of a thing."""
@@ -243,6 +267,10 @@ class TopGraspSearch(abc.ABC):
             failure = Failure.OUT_OF_REACH
         elif len(relief.things) > 1 and self._takes(relief.only(thing), seed):
             failure = Failure.BLOCKED
+        elif self._reach is not None and self._anywhere()._takes(
+            relief.only(thing), seed
+        ):
+            failure = Failure.OUT_OF_REACH
         elif thing.size[1] > self._fingers.max_width:
             failure = Failure.TOO_WIDE
         else:

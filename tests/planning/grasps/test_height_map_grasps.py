@@ -9,6 +9,7 @@ from drake_srg.planning.grasps.height_map_grasps import (
     TopGraspConfig,
 )
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
+from drake_srg.planning.grasps.top_grasp import ALIKE
 from drake_srg.types import Failure
 from planning.grasps.box_maps import TABLE, height_map, turn
 
@@ -116,6 +117,16 @@ def test_things_out_of_reach_are_refused():
     assert refusal.p_W[0] == pytest.approx(0.12, abs=2e-3)
 
 
+def test_what_could_be_taken_beyond_the_reach_is_out_of_reach():
+    # Only the edge of a long box is within reach, and no grasp takes it there.
+    scene = height_map((0.05, 0, 0, 0.06, 0.3, 0.05))
+    reach = Reach((-0.3, 0.0), 0.1, 0.322)
+    plan = HeightMapGrasps(HAND, TABLE, reach=reach).plan(scene)
+    assert not plan.grasps
+    (refusal,) = plan.refused
+    assert refusal.failure is Failure.OUT_OF_REACH
+
+
 def test_a_thing_between_walls_is_blocked():
     box = (0, 0, 0, 0.05, 0.05, 0.05)
     # So thick that the hand does not take box and wall together.
@@ -136,6 +147,17 @@ def test_the_next_attempt_differs_from_those_that_failed():
         grasp = PLANNER.plan(scene, tried=tried).grasps[0]
         assert not any(grasp.like(other, 0.012, 0.35) for other in tried)
         tried.append(grasp)
+
+
+def test_after_a_failure_another_way_to_take_the_thing_comes_first():
+    # A bar on which a block stands, which is as wide but higher.
+    scene = height_map((0, 0, 0, 0.26, 0.04, 0.03), (0.1, 0, 0, 0.06, 0.04, 0.09))
+    bar = [g for g in PLANNER.plan(scene).grasps if g.height < 0.04]
+    tried = bar[:1]
+    grasps = PLANNER.plan(scene, tried=tried).grasps
+    alike = [g.takes_as_much(tried[0], ALIKE) for g in grasps]
+    assert True in alike and False in alike
+    assert alike == sorted(alike)
 
 
 @settings(max_examples=3, deadline=None)

@@ -63,6 +63,27 @@ def test_the_unknown_is_level():
     assert found.things == ()
 
 
+def test_a_long_thin_part_has_a_middle_of_its_own():
+    found = relief((60, 98, 10, 60, 0.04), (2, 60, 30, 38, 0.02))
+    (thing,) = found.things
+    on_bar, on_plate, beside = found.middles[34, 10], found.middles[34, 80], (5, 5)
+    np.testing.assert_allclose(on_bar, [1.0 + 0.062, 2.0 + 0.068], atol=3e-3)
+    np.testing.assert_array_equal(on_plate, thing.middle)
+    assert np.isnan(found.middles[beside]).all()
+
+
+def test_a_short_part_and_a_thin_thing_do_not():
+    for boxes in (
+        [(60, 98, 10, 60, 0.04), (30, 60, 30, 38, 0.02)],
+        [(2, 90, 30, 50, 0.02)],
+    ):
+        found = relief(*boxes)
+        (thing,) = found.things
+        np.testing.assert_allclose(
+            found.middles[tuple(thing.cells.T)] - thing.middle, 0.0, atol=1e-9
+        )
+
+
 def test_places_beside_the_same_thing():
     found = relief((10, 40, 20, 30, 0.05), (60, 70, 10, 60, 0.03))
     middles = found.map.middles()
