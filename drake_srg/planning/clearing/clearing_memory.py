@@ -86,7 +86,7 @@ class Pick:
         """Return whether what it takes had fallen out of the bin before.
 
         It has come to lie beside the bin since the first map. Further away, it must
-        also be as large as a load that the bin has received.
+        also be as large as a load that the bin has received and that is there no more.
 
         Args:
             memory: The planner's.
@@ -94,7 +94,11 @@ class Pick:
         """
         p_WC, first = self.grasp.p_WC[:2], memory.first_map
         volume = volume_gone(self.height_map, after)
-        known = any(abs(v - volume) < _ALIKE * v for v in memory.received)
+        known = any(
+            abs(load.volume - volume) < _ALIKE * load.volume
+            and load.has_left(memory.destinations)
+            for load in memory.received
+        )
         margin = _ROLLED if known else BESIDE
         if first is None or not self.destination.encloses(p_WC, margin):
             return False
@@ -109,6 +113,29 @@ class Drop:
     load: SeenLoad
     laid: bool = False  # set down, or laid in a lane of a bin
     again: bool = False  # it has been let go before, and fell out or hung over the rim
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Received:
+    """A load that was seen where it belongs.
+
+    Attributes:
+        volume: On the map of the table [m³].
+        before: The map of where loads go before it came.
+        after: The map with it.
+    """
+
+    volume: float
+    before: HeightMap
+    after: HeightMap
+
+    def has_left(self, now: HeightMap | None) -> bool:
+        """Return whether most of what had risen as it came is gone from there."""
+        if now is None:
+            return False
+        risen = np.clip(-fallen(self.before, self.after), 0.0, None)
+        still = np.clip(-fallen(self.before, now), 0.0, risen)
+        return bool(np.sum(still) < 0.5 * np.sum(risen))
 
 
 @dc.dataclass(frozen=True)
@@ -147,7 +174,7 @@ class ClearingMemory:
     destinations: HeightMap | None = None  # the latest map of where loads go
     drop: Drop | None = None  # the load that was let go last, until it is looked for
     arrived: int = 0  # things that were taken and seen where they belong
-    received: tuple[float, ...] = ()  # their volumes on the table's map [m³]
+    received: tuple[Received, ...] = ()  # the same things
     lost: tuple[Left, ...] = ()  # where things were let go that were not
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0

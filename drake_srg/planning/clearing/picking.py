@@ -13,6 +13,7 @@ from drake_srg.planning.clearing.clearing_memory import (
     ClearingMemory,
     Pick,
     PlannedPush,
+    Received,
 )
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
@@ -107,7 +108,7 @@ class PickPlanner:
             return memory
         arrived, lost = memory.arrived, memory.lost
         if drop.destination.has_received(before, seen, drop.load):
-            received = (*memory.received, drop.load.volume)
+            received = (*memory.received, Received(drop.load.volume, before, seen))
             memory = dc.replace(memory, pushes=0, received=received)
             if drop.again and not lost:
                 return memory

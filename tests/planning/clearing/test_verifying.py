@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick, Received
 from drake_srg.planning.clearing.destination import AROUND
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, Mode
@@ -197,15 +197,32 @@ def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
 
 
 @pytest.mark.parametrize(
-    ("received", "expected"), [((), False), ((1.0,), True), ((0.5, 2.0), False)]
+    ("received", "left", "expected"),
+    [
+        ((), True, False),
+        ((1.0,), True, True),
+        ((1.0,), False, False),
+        ((0.5, 2.0), True, False),
+    ],
 )
-def test_what_rolled_away_is_known_by_its_volume(received, expected):
-    """A pitcher that leaned on the rim fell out later, and was counted twice."""
+def test_what_rolled_away_is_known_by_its_volume(received, left, expected):
+    """A pitcher that leaned on the rim fell out later, and was counted twice.
+
+    Two wrenches from a heap beside the bin were taken for one.
+    """
     bin_ = dc.replace(BIN, low=np.array([0.3, 0.1]), rim=0.12)
     far = (bin_.low[0] - 0.25, 0.2)
     there = dc.replace(over_bin(table(far), bin_), grasp=grasp_at(far))
-    volumes = tuple(share * SIDE**2 * TALL for share in received)
-    memory = ClearingMemory(HERE, first_map=table(A), received=volumes)
+    loads = [
+        Received(share * SIDE**2 * TALL, table(B), table(B, IN_BIN))
+        for share in received
+    ]
+    memory = ClearingMemory(
+        HERE,
+        first_map=table(A),
+        received=tuple(loads),
+        destinations=table() if left else table(IN_BIN),
+    )
     assert there.fell_out(memory, table()) == expected
 
 
