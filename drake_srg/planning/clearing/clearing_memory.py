@@ -211,7 +211,7 @@ class ClearingMemory:
         return destination.top(self.destinations) + self._unseen(destination)
 
     def lanes(self, destination: Destination) -> list[Lane]:
-        """Return a bin's lanes, the emptier one first; a row has none.
+        """Return a bin's lanes and spots, the emptier first; a row has none.
 
         A bin counts as empty until the first look.
         """

@@ -98,8 +98,9 @@ class ClearingMotions(Ways):
             height_map: Of the table, for motions to keep clear of what is on it.
             number: Of loads that were dropped before.
             filled: World z up to which the bin may be filled [m].
-            lanes: Where loads that may hang from the hand are laid down, the best one
-                first; they are dropped without any.
+            lanes: Where loads that may hang from the hand are laid down, and tall ones
+                set down, the best one first. All others are dropped, and without lanes,
+                these, too.
         """
         try:
             return self._plan(
@@ -129,7 +130,9 @@ class ClearingMotions(Ways):
             load,
             aside_W=side * self._aside,
             piled=max(filled - self._rim, 0.0),
-            lanes=tuple(lanes) if load.may_hang else (),
+            lanes=tuple(lane for lane in lanes if lane.tall == load.tall)
+            if load.tall or load.may_hang
+            else (),
         )
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,

@@ -34,6 +34,9 @@ _BEYOND = (0.025, 0.04)
 # Lanes in which long things are laid down are beside the middle, where others are
 # dropped: so far, as a share of a bin's width, and so wide to either side [m].
 _LANE, _LANE_WIDTH = 0.2, 0.05
+# Tall things are set down in its middle, or so far to either side along it, as a share
+# of its length: what leans on a rim may hang over it.
+_SPOT = 0.25
 # What was set down is as high as it was, within [m].
 _SAME_HEIGHT = 0.015
 
@@ -51,10 +54,11 @@ class SeenLoad:
 
 @dc.dataclass(frozen=True, eq=False)
 class Lane:
-    """A strip along a bin in which long things are laid down."""
+    """A part of a bin: a strip along it for long things, or a spot for tall ones."""
 
     aside_W: Vector  # from the bin's middle to its own, in world, shape (3,) [m]
     ground: float  # world z of the highest thing in it [m]
+    tall: bool = False  # it is a spot
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -135,22 +139,30 @@ class Destination:
         return float(np.nanmax(inside, initial=-np.inf))
 
     def lanes(self, height_map: HeightMap | None) -> list[Lane]:
-        """Return a bin's lanes, the emptier one first.
+        """Return a bin's lanes and spots, the emptier ones first.
 
         Args:
             height_map: The bin is empty without one.
         """
-        across = int(np.argmin(self.high - self.low))
+        size = self.high - self.low
+        across = int(np.argmin(size))
         lanes = []
-        for side in (-_LANE, _LANE):
-            aside = side * np.eye(3)[across] * (self.high - self.low)[across]
+        for tall, axis, side in (
+            (False, across, -_LANE),
+            (False, across, _LANE),
+            (True, 1 - across, 0.0),
+            (True, 1 - across, -_SPOT),
+            (True, 1 - across, _SPOT),
+        ):
+            aside = side * np.eye(3)[axis] * size[axis]
             ground = self.floor
             if height_map is not None:
-                apart = height_map.middles() - self.middle - aside[:2]
-                lane = np.abs(apart[..., across]) < _LANE_WIDTH
-                inside = height_map.height[lane & self.contains(height_map, -_WALL)]
+                apart = np.abs(height_map.middles() - self.middle - aside[:2])
+                lane = apart.max(axis=-1) if tall else apart[..., across]
+                within = (lane < _LANE_WIDTH) & self.contains(height_map, -_WALL)
+                inside = height_map.height[within]
                 ground = float(np.nanmax(inside, initial=self.floor))
-            lanes.append(Lane(aside, ground))
+            lanes.append(Lane(aside, ground, tall))
         return sorted(lanes, key=lambda lane: lane.ground)
 
     def contains(

@@ -1,9 +1,9 @@
-"""Laying a long load down in a bin.
+"""Laying a long load down in a bin, or setting a tall one down.
 
 Two pads are a hinge: a long load may hang from them. Dropped like that, it falls on its
 end and topples to any side, also over the rim. So the hand goes down on an arc around
 that end, and the load lies in the end as it lay on the table. A load that is still
-level comes to lie at the same place.
+level comes to lie at the same place. What does not turn goes straight down.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ def laying_targets(
     outward = np.sign(load.middle_G[2]) * X_WG.rotation().col(2)[:2]
     p_W = X_WG.translation() + lane.aside_W - middle_W
     lying = np.array([*p_W[:2], lane.ground + _ABOVE + palm])
+    angles = _ANGLES if load.sag > 0.0 else _ANGLES[-1:]
     arc = lying + load.sag * np.column_stack(
-        [np.outer(1.0 - np.sin(_ANGLES), outward), np.cos(_ANGLES)]
+        [np.outer(1.0 - np.sin(angles), outward), np.cos(angles)]
     )
     begin = [*arc[0, :2], max(high, arc[0, 2])]
     return [HandTarget(p_W, X_WG.rotation()) for p_W in (np.array(begin), *arc)]

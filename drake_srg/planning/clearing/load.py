@@ -18,6 +18,8 @@ from drake_srg.types import HeightMap, Vector
 _MOST_SAG, _LONG = 0.22, 0.1
 # Things that touch are parted by a step of this height [m]: more than noise makes.
 _STEP = 0.015
+# What hangs further below the grasp and is let go above the rim may topple over it [m].
+_TALL = 0.1
 # Greatest offset in x and y of the hand from the bin's middle when it lets go [m].
 _ASIDE = 0.12
 
@@ -41,6 +43,11 @@ class Load:
     def may_hang(self) -> bool:
         """Whether it may hang far below the hand when it is let go."""
         return self.long and self.sag > 0.0
+
+    @property
+    def tall(self) -> bool:
+        """Whether it does not hang, but might topple over the rim."""
+        return self.below > _TALL and not self.may_hang
 
     @property
     def expected_middle(self) -> Vector:

@@ -4,6 +4,7 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
 from drake_srg.cell.bins import bin_boxes, bin_floor
 from drake_srg.cell.clearing import MakeClearingPlanner
@@ -157,12 +158,36 @@ def test_where_a_load_cannot_be_laid_down_it_is_dropped(motions):
     assert Mode.PLACE not in planned
 
 
-def test_short_loads_are_dropped(motions):
-    lane = Lane(np.array([0.0, 0.08, 0.0]), 0.02)
+@pytest.mark.parametrize("tall", [True, False])
+def test_low_and_short_loads_are_dropped(motions, tall):
+    lane = Lane(np.array([0.0, 0.08, 0.0]), 0.02, tall)
     planned = motions.plan(
         motions.q_home, grasp_at(PLACE), moved(table(PLACE)), lanes=[lane]
     )
     assert Mode.PLACE not in planned
+
+
+def test_a_tall_load_is_set_down_at_a_spot(scenario, motions):
+    """Dropped from above the rim, a pitcher toppled over it."""
+    low, high = bin_boxes(scenario)["bin"]
+    floor = bin_floor(scenario, "bin")
+    grasp = grasp_at(PLACE)
+    up = RigidTransform([0.0, 0.0, 0.15])
+    grasp = dc.replace(
+        grasp, X_WG=up @ grasp.X_WG, p_WC=up @ grasp.p_WC, height=grasp.height + 0.15
+    )
+    lanes = [
+        Lane(np.zeros(3), floor),
+        Lane(np.array([0.1, 0.0, 0.0]), floor, tall=True),
+    ]
+    planned = motions.plan(
+        motions.q_home, grasp, moved(table(PLACE, tall=0.2)), lanes=lanes
+    )
+    assert not isinstance(planned, PlanningFailure), planned.message
+    p_WG = motions.scene.X_WG(planned[Mode.PLACE].value(1e9)[:, 0]).translation()
+    np.testing.assert_allclose(p_WG[:2], (low + high)[:2] / 2 + [0.1, 0.0], atol=0.01)
+    above_floor = p_WG[2] - grasp.X_WG.translation()[2] - floor
+    assert 0.0 < above_floor < 0.03
 
 
 def risen(motions, grasp, height_map):

@@ -77,3 +77,11 @@ def test_the_far_end_of_the_load_does_not_hit_the_far_wall_when_it_lies():
     shifts = [(X.translation() - poses[-1].translation()) @ outward for X in poses]
     assert shifts[1] == pytest.approx(0.2)
     assert all(np.diff(shifts) <= 1e-9)
+
+
+@given(yaws, st.floats(-0.1, 0.1), st.floats(0.0, 0.2))
+def test_what_does_not_turn_goes_straight_down(yaw, middle, ground):
+    high, low = way(yaw, middle, 0.0, ground)[0]
+    np.testing.assert_allclose(low.translation()[:2], high.translation()[:2])
+    assert low.translation()[2] == pytest.approx(ground + PALM + 0.02)
+    assert high.translation()[2] >= low.translation()[2]
