@@ -136,7 +136,7 @@ class Relief:
         return set(np.unique(self.labels[near]).tolist()) - {0}
 
     @functools.cached_property
-    def middles(self) -> Vector:
+    def thing_middles(self) -> Vector:
         """Middle of what is in each cell, shape (ny, nx, 2) [m]; NaN where nothing is.
 
         Things that touch count as one, but a long thin part has a middle of its own: it

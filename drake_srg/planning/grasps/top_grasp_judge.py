@@ -110,7 +110,7 @@ class TopGraspJudge(abc.ABC):
         cells = relief.map.cells(p_W)
         iy = np.clip(cells[:, 0], 0, relief.labels.shape[0] - 1)
         ix = np.clip(cells[:, 1], 0, relief.labels.shape[1] - 1)
-        apart = relief.middles[iy, ix] - p_W
+        apart = relief.thing_middles[iy, ix] - p_W
         across = np.stack(
             [-candidates.direction[:, 1], candidates.direction[:, 0]], axis=-1
         )

@@ -66,10 +66,14 @@ def test_the_unknown_is_level():
 def test_a_long_thin_part_has_a_middle_of_its_own():
     found = relief((60, 98, 10, 60, 0.04), (2, 60, 30, 38, 0.02))
     (thing,) = found.things
-    on_bar, on_plate, beside = found.middles[34, 10], found.middles[34, 80], (5, 5)
+    on_bar, on_plate, beside = (
+        found.thing_middles[34, 10],
+        found.thing_middles[34, 80],
+        (5, 5),
+    )
     np.testing.assert_allclose(on_bar, [1.0 + 0.062, 2.0 + 0.068], atol=3e-3)
     np.testing.assert_array_equal(on_plate, thing.middle)
-    assert np.isnan(found.middles[beside]).all()
+    assert np.isnan(found.thing_middles[beside]).all()
 
 
 def test_a_short_part_and_a_thin_thing_do_not():
@@ -80,7 +84,7 @@ def test_a_short_part_and_a_thin_thing_do_not():
         found = relief(*boxes)
         (thing,) = found.things
         np.testing.assert_allclose(
-            found.middles[tuple(thing.cells.T)] - thing.middle, 0.0, atol=1e-9
+            found.thing_middles[tuple(thing.cells.T)] - thing.middle, 0.0, atol=1e-9
         )
 
 
