@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.grasps.candidates import Candidates
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
@@ -132,6 +133,11 @@ class ChoosingPlanner(PickPlanner):
         super().__init__(grasps, motions[0], config, q_aside=q_aside)
         self._by_label, self._table = tuple(motions), table
         self._names, self._required = tuple(names), tuple(required)
+
+    @property
+    def destinations(self) -> tuple[Destination, ...]:
+        """Where loads of all labels go."""
+        return tuple(motions.destination for motions in self._by_label)
 
     def motions_with(
         self, grasp: TopGrasp, height_map: HeightMap

@@ -37,6 +37,10 @@ _LANE, _LANE_WIDTH = 0.2, 0.05
 # Tall things are set down in its middle, or so far to either side along it, as a share
 # of its length: what leans on a rim may hang over it.
 _SPOT = 0.25
+# What reaches over a rim from inside, no further than `_STICKS_OUT` beyond it, is in
+# the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
+# is higher than the rim by `_ON_RIM`, and beside that at most `_BELOW_RIM` lower.
+_STICKS_OUT, _ON_RIM, _BELOW_RIM = 0.08, 0.008, 0.03
 # What was set down is as high as it was, within [m].
 _SAME_HEIGHT = 0.015
 
@@ -132,6 +136,25 @@ class Destination:
         size = 2 * round((farthest + _NEAR_RIM) / after.resolution) + 1
         near = cv2.dilate(unseen, np.ones((size, size), np.uint8)) > 0
         return np.asarray(near & ~self.contains(after, -_NEAR_RIM))
+
+    def overhang(self, height_map: HeightMap) -> npt.NDArray[np.bool_]:
+        """Return where things that lie in a bin stick out over its rim, (ny, nx).
+
+        Args:
+            height_map: Of the bin and what is around it.
+        """
+        result = np.zeros(height_map.height.shape, bool)
+        if self.rim is None:
+            return result
+        inside = self.contains(height_map, -_WALL)
+        outside = ~self.contains(height_map, _EDGE)
+        beside = np.where(inside | outside, -_BELOW_RIM, _ON_RIM)
+        high = height_map.height > self.rim + beside  # no cell that is unknown
+        far = ~self.contains(height_map, _STICKS_OUT)
+        for part in parts(high, height_map.resolution):
+            if np.any(part & inside) and not np.any(part & far):
+                result |= part & outside
+        return result
 
     def top(self, height_map: HeightMap) -> float:
         """Return the world z of the highest thing inside, -inf if none is seen [m]."""

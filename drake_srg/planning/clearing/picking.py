@@ -6,6 +6,7 @@ import dataclasses as dc
 import time as wall
 from collections.abc import Iterable
 
+import cv2
 import numpy as np
 from pydrake.trajectories import Trajectory
 
@@ -17,6 +18,7 @@ from drake_srg.planning.clearing.clearing_memory import (
 )
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
+from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import (
     ALIKE,
@@ -31,6 +33,8 @@ from drake_srg.types import Failure, HeightMap, Left, Vector
 
 # Grasps whose motions are planned, at most.
 _MOST_GRASPS = 30
+# Edges of what sticks out of a bin flicker by so many cells.
+_EDGES = np.ones((9, 9), np.uint8)
 
 
 class PickPlanner:
@@ -58,6 +62,11 @@ class PickPlanner:
         self.pushes = pushes
         self.q_aside = motions.q_home if q_aside is None else q_aside
         self.config = config
+
+    @property
+    def destinations(self) -> tuple[Destination, ...]:
+        """Where loads go."""
+        return (self.motions.destination,)
 
     def motions_with(
         self, grasp: TopGrasp, height_map: HeightMap
@@ -163,6 +172,7 @@ class PickPlanner:
             time: Now [s].
         """
         start = wall.perf_counter()
+        height_map = self._without_overhang(memory, height_map)
         found = self.grasps.plan(height_map, tried=memory.tried)
         q_start = memory.departure
         missed: list[Left] = []
@@ -210,6 +220,28 @@ class PickPlanner:
             first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
             left=tuple(left),
             planning_wall=memory.planning_wall + wall.perf_counter() - start,
+        )
+
+    def _without_overhang(
+        self, memory: ClearingMemory, height_map: HeightMap
+    ) -> HeightMap:
+        """Return a map of the table without what sticks out of the bins.
+
+        It is in the bin. A hand that took it there would only drop it again.
+        """
+        seen = memory.destinations
+        if seen is None:
+            return height_map
+        over = np.zeros(seen.height.shape, np.uint8)
+        for destination in self.destinations:
+            over |= destination.overhang(seen)
+        over = np.asarray(cv2.dilate(over, _EDGES))
+        cells = seen.cells(height_map.middles())
+        known = np.all((cells >= 0) & (cells < over.shape), axis=-1)
+        hidden = np.zeros(height_map.height.shape, bool)
+        hidden[known] = over[tuple(cells[known].T)] > 0
+        return dc.replace(
+            height_map, height=np.where(hidden, np.nan, height_map.height)
         )
 
     def _push(

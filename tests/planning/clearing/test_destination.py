@@ -95,6 +95,36 @@ def test_the_lanes_of_a_bin_that_was_not_seen_are_empty():
     assert [lane.ground for lane in deep.lanes(unseen)] == 5 * [0.01]
 
 
+def crossing(inside, outside, height=0.15):
+    """Return a bin with walls, and a bar over its front rim, so far on both sides."""
+    deep = dc.replace(BIN, rim=0.12)
+    shown = table()
+    shown.height[deep.contains(shown)] = deep.rim
+    shown.height[deep.contains(shown, -0.02)] = 0.02
+    x, y = np.moveaxis(shown.middles(), -1, 0)
+    bar = np.abs(y - deep.middle[1]) < 0.012
+    bar &= (x > deep.low[0] - outside) & (x < deep.low[0] + inside)
+    shown.height[bar] = height
+    return deep, shown, bar
+
+
+@pytest.mark.parametrize(
+    ("inside", "outside", "height", "sticks_out"),
+    [
+        (0.1, 0.06, 0.15, True),
+        (0.1, 0.06, 0.125, False),  # not over the rim
+        (0.01, 0.06, 0.15, False),  # not inside
+        (0.1, 0.095, 0.15, False),  # too far
+    ],
+)
+def test_what_reaches_over_the_rim_from_inside(inside, outside, height, sticks_out):
+    """A hammer in the bin was picked up by its handle seven times."""
+    deep, shown, bar = crossing(inside, outside, height)
+    expected = bar & ~deep.contains(shown, 0.01) if sticks_out else np.zeros_like(bar)
+    np.testing.assert_array_equal(deep.overhang(shown), expected)
+    assert not dc.replace(deep, rim=None).overhang(shown).any()
+
+
 def test_tall_things_are_set_down_in_the_middle_or_along_it_where_nothing_is():
     deep = dc.replace(BIN, rim=0.12, floor=0.01)
     asides = [0.0, -0.25 * 0.3, 0.25 * 0.3]

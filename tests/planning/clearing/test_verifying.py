@@ -7,6 +7,7 @@ import pytest
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick, Received
 from drake_srg.planning.clearing.destination import AROUND
+from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, Mode
 from planning.clearing.fake_table import (
@@ -16,6 +17,8 @@ from planning.clearing.fake_table import (
     HOME,
     SIDE,
     TALL,
+    Grasps,
+    Motions,
     grasp_at,
     table,
 )
@@ -224,6 +227,30 @@ def test_what_rolled_away_is_known_by_its_volume(received, left, expected):
         destinations=table() if left else table(IN_BIN),
     )
     assert there.fell_out(memory, table()) == expected
+
+
+class Watched(Grasps):
+    """Remembers the map that it was given last."""
+
+    def plan(self, height_map, **rest):
+        self.seen = height_map
+        return super().plan(height_map, **rest)
+
+
+@pytest.mark.parametrize("crosses", [True, False])
+def test_what_sticks_out_of_the_bin_stays_there(crosses):
+    """A hammer in the bin was picked up by its handle seven times."""
+    low = dc.replace(BIN, rim=0.6 * TALL)
+    middle = 0.5 * (BIN.low + BIN.high)[1]
+    out, on_rim, in_bin = ((BIN.low[0] + x, middle) for x in (-0.03, 0.0, 0.03))
+    grasps, motions = Watched([A]), Motions()
+    motions.destination = low
+    seen = table(A, out, *[on_rim, in_bin] * crosses)
+    memory = ClearingMemory(HERE, destinations=seen)
+    PickPlanner(grasps, motions, CONFIG).plan(memory, table(A, out), 0.0)
+    cells = grasps.seen.cells(np.array([A, out]))
+    shown = grasps.seen.height[tuple(cells.T)] > 0.0
+    assert shown.tolist() == [True, not crosses]
 
 
 def test_things_that_are_set_down_show():
