@@ -115,10 +115,10 @@ class Destination:
                 missed += float(np.sum(risen[part & beside]))
         area, least = after.resolution**2, _LEAST_SHARE * load.volume
         if not load.felt:
-            # What lies in a bin moves as a load comes in; without one, as much falls.
+            # What lies in a bin moves as a load comes in; without one, as much falls,
+            # also in parts that are too small to count.
             least = max(least, _LEAST_SHARE * area * received)
-            for part in parts(risen < 0.0, after.resolution):
-                received += float(np.sum(risen[part & inside]))
+            received = min(received, float(np.sum(risen[inside])))
         if area * received < max(_LEAST_VOLUME, least):
             return False
         if area * missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):

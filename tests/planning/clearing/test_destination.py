@@ -194,6 +194,19 @@ def test_where_all_moves_a_small_load_must_have_been_felt():
     assert not BIN.has_received(before, after, dc.replace(small, felt=False))
 
 
+def test_what_falls_in_small_parts_counts_too():
+    """A thing that slipped out of the hand was counted, because others moved."""
+    slipped = SeenLoad(volume=0.0, height=TALL, felt=False)
+    empty, other, shifted = (
+        HeightMap(np.zeros(2), 0.002, np.zeros((200, 250))) for _ in range(3)
+    )
+    shifted.height[100:110, 150:160] = TALL  # 4 cm² and 20 cm³
+    for x in range(60, 180, 10):  # 1 cm² and 5 cm³ each
+        other.height[70:75, x : x + 5] = TALL
+    assert BIN.has_received(empty, shifted, slipped)
+    assert not BIN.has_received(other, shifted, slipped)
+
+
 def test_without_a_load_that_was_felt_more_must_rise_than_fall():
     before, after = table((0.2, 0.2), (0.3, 0.2)), table((0.2, 0.2), (0.35, 0.2))
     missed = dc.replace(LOAD, felt=False)
