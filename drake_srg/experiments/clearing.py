@@ -23,8 +23,8 @@ SCENES: Scenes = {
 _SPREAD = Limits(
     cleared=0.99,
     held=0.95,
-    because="a bottle at the edge of reach and a wrench beside a plate stay; pitchers "
-    "and overturned bowls take several picks",
+    because="things beside a plate stay, the fingers lose wrenches and hammers, and a "
+    "load that others hide in the bin does not count",
 )
 LIMITS = {
     "spread": _SPREAD,
@@ -33,8 +33,8 @@ LIMITS = {
         cleared=0.97,
         held=0.85,
         rate=500.0,
-        because="half of the picks that fail are of hammers, whose heads swing, and "
-        "balls roll out of reach",
+        because="the fingers lose bottles and spoons, things are pushed out of reach, "
+        "and a load that others hide in the bin does not count",
     ),
 }
 
