@@ -20,8 +20,8 @@ from drake_srg.planning.clearing.destination import (
     BESIDE,
     Destination,
     Lane,
-    SeenLoad,
 )
+from drake_srg.planning.clearing.receiving import SeenLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector

@@ -1,14 +1,13 @@
-"""Where loads go, and whether height maps show that one has come there."""
+"""Where loads go."""
 
 from __future__ import annotations
 
 import dataclasses as dc
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.planning.clearing.comparing import fallen, opened, parts
+from drake_srg.planning.clearing.comparing import parts
 from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].
@@ -16,21 +15,9 @@ BESIDE = 0.1
 # How far a load in the hand may reach beyond a bin, and how far around the bin the
 # planner looks in the end for what has missed it [m]. Farther off is the arm.
 AROUND = 0.2
-# Where loads go, at least this share of their volume rises, and at least so much [m³]:
-# more than noise. Things lie differently there, behind a rim, on others and in them,
-# and push others down.
-_LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share of the load's volume rises beside, in parts of which more than this
-# share lies there. So near to the rim, and so much higher than it [m], is beside, too,
-# where no camera sees beyond it: a load that leans there may hang over it and fall.
-_MOST_BESIDE = 0.25
-_NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # A bin's edge in maps flickers between wall and table within this distance outside [m].
 # As far inside, there may still be wall [m].
-_EDGE, _WALL = 0.01, 0.02
-# What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
-# the table from a camera above the bin, too.
-_BEYOND = (0.025, 0.04)
+EDGE, _WALL = 0.01, 0.02
 # Lanes in which long things are laid down are beside the middle, where others are
 # dropped: so far, as a share of a bin's width, and so wide to either side [m].
 _LANE, _LANE_WIDTH = 0.2, 0.05
@@ -41,19 +28,6 @@ _SPOT = 0.25
 # the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
 # is higher than the rim by `_ON_RIM`, and beside that at most `_BELOW_RIM` lower.
 _STICKS_OUT, _ON_RIM, _BELOW_RIM = 0.08, 0.008, 0.03
-# What was set down is as high as it was, within [m].
-_SAME_HEIGHT = 0.015
-
-
-@dc.dataclass(frozen=True)
-class SeenLoad:
-    """A load as it was seen on the table."""
-
-    volume: float  # m³, with whatever is hidden below it
-    height: float  # of its top above the table [m]
-    # Whether the fingers felt it until they let go, and the table's map shows it gone.
-    # The fingers miss some thin things.
-    felt: bool = True
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -90,53 +64,6 @@ class Destination:
         middle: Vector = 0.5 * (self.low + self.high)
         return middle
 
-    def has_received(self, before: HeightMap, after: HeightMap, load: SeenLoad) -> bool:
-        """Return whether maps show that a load has come here, and not beside.
-
-        Args:
-            before: The map before.
-            after: The map now.
-            load: As it was seen on the table.
-        """
-        risen = -fallen(before, after)
-        inside = self.contains(after)
-        beside = self.contains(after, BESIDE) & ~inside
-        if self.rim is not None:
-            low = after.height < self.rim + _ABOVE_RIM
-            beside &= ~(low & self.contains(after, _EDGE))
-            hidden = inside & ~low & self._hides(after)
-            inside, beside = inside & ~hidden, beside | hidden
-        received, missed = 0.0, 0.0
-        for part in parts(risen > 0.0, after.resolution):
-            outside = np.count_nonzero(part & beside)
-            if outside <= _MOST_BESIDE * np.count_nonzero(part):
-                received += float(np.sum(risen[part & inside]))
-            else:
-                missed += float(np.sum(risen[part & beside]))
-        area, least = after.resolution**2, _LEAST_SHARE * load.volume
-        if not load.felt:
-            # What lies in a bin moves as a load comes in; without one, as much falls,
-            # also in parts that are too small to count.
-            least = max(least, _LEAST_SHARE * area * received)
-            received = min(received, float(np.sum(risen[inside])))
-        if area * received < max(_LEAST_VOLUME, least):
-            return False
-        if area * missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
-            return False
-        if self.level is None:
-            return True
-        top = np.median(after.height[inside & (risen > 0.0)]) - self.level
-        return bool(abs(top - load.height) < _SAME_HEIGHT)
-
-    def _hides(self, after: HeightMap) -> npt.NDArray[np.bool_]:
-        """Return which cells near the rim may belong to what hangs over it unseen."""
-        nearest, farthest = _BEYOND
-        beyond = self.contains(after, farthest) & ~self.contains(after, nearest)
-        unseen = opened(beyond & np.isnan(after.height)).astype(np.uint8)
-        size = 2 * round((farthest + _NEAR_RIM) / after.resolution) + 1
-        near = cv2.dilate(unseen, np.ones((size, size), np.uint8)) > 0
-        return np.asarray(near & ~self.contains(after, -_NEAR_RIM))
-
     def overhang(self, height_map: HeightMap) -> npt.NDArray[np.bool_]:
         """Return where things that lie in a bin stick out over its rim, (ny, nx).
 
@@ -147,7 +74,7 @@ class Destination:
         if self.rim is None:
             return result
         inside = self.contains(height_map, -_WALL)
-        outside = ~self.contains(height_map, _EDGE)
+        outside = ~self.contains(height_map, EDGE)
         beside = np.where(inside | outside, -_BELOW_RIM, _ON_RIM)
         high = height_map.height > self.rim + beside  # no cell that is unknown
         far = ~self.contains(height_map, _STICKS_OUT)

@@ -20,6 +20,7 @@ from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMo
 from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.push_motions import PushMotions
+from drake_srg.planning.clearing.receiving import has_received
 from drake_srg.planning.grasps.top_grasp import (
     ALIKE,
     SAME_THING,
@@ -116,7 +117,7 @@ class PickPlanner:
         if before is None or drop is None:
             return memory
         arrived, lost = memory.arrived, memory.lost
-        if drop.destination.has_received(before, seen, drop.load):
+        if has_received(drop.destination, before, seen, drop.load):
             received = (*memory.received, Received(drop.load.volume, before, seen))
             memory = dc.replace(memory, pushes=0, received=received)
             if drop.again and not lost:

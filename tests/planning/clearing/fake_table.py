@@ -46,6 +46,19 @@ def table(*places, tall=TALL):
     return height_map
 
 
+def crossing(inside, outside, height=0.15):
+    """Return a bin with walls, and a bar over its front rim, so far on both sides."""
+    deep = dc.replace(BIN, rim=0.12)
+    shown = table()
+    shown.height[deep.contains(shown)] = deep.rim
+    shown.height[deep.contains(shown, -0.02)] = 0.02
+    x, y = np.moveaxis(shown.middles(), -1, 0)
+    bar = np.abs(y - deep.middle[1]) < 0.012
+    bar &= (x > deep.low[0] - outside) & (x < deep.low[0] + inside)
+    shown.height[bar] = height
+    return deep, shown, bar
+
+
 def grasp_at(place, width=SIDE, half_gap=0.05):
     """Return a grasp of the thing at a place."""
     p_WC = np.array([*place, 0.5 * TALL])

@@ -1,73 +1,13 @@
-"""What maps of a bin show of a load that was dropped."""
+"""Where loads go: what sticks out, lanes and spots."""
 
 import dataclasses as dc
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from drake_srg.planning.clearing.destination import Destination, SeenLoad
-from drake_srg.types import HeightMap
-from planning.clearing.fake_table import BIN, SIDE, TALL, table
-from planning.clearing.test_comparing import noisy
+from planning.clearing.fake_table import BIN, TALL, crossing, table
 
-LOAD = SeenLoad(volume=SIDE**2 * TALL, height=TALL)
 BEFORE = (0.15, 0.15)  # it has been there before
-seeds = st.integers(0, 2**32 - 1)
-inside = st.tuples(st.floats(0.25, 0.38), st.floats(0.12, 0.28))
-
-
-@given(seeds, inside)
-def test_a_load_in_the_bin_is_seen(seed, place):
-    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE, place), seed + 1)
-    assert BIN.has_received(before, after, LOAD)
-
-
-@given(seeds, st.floats(0.03, 0.08))
-def test_a_load_beside_the_bin_is_not_in_it(seed, far):
-    before = noisy(table(BEFORE), seed)
-    for place in ((0.4 + far, 0.2), (0.2, 0.3 + far), (0.1 - far, 0.2)):
-        after = noisy(table(BEFORE, place), seed + 1)
-        assert not BIN.has_received(before, after, LOAD)
-
-
-def test_a_load_that_hangs_over_the_rim_may_fall_out():
-    assert not BIN.has_received(table(), table((0.4, 0.2)), LOAD)
-
-
-@pytest.mark.parametrize(
-    ("x", "tall", "seen"),
-    [(0.36, TALL, False), (0.36, 0.03, True), (0.25, TALL, True)],
-)
-def test_a_load_that_leans_on_the_rim_may_hang_over_it_unseen(x, tall, seen):
-    deep = Destination(BIN.low, BIN.high, rim=0.02)
-    before, after = table(), table((x, 0.2), tall=tall)
-    assert deep.has_received(before, after, LOAD)  # nothing is beyond the rim
-    after.height[after.middles()[..., 0] > 0.405] = np.nan
-    assert deep.has_received(before, after, LOAD) == seen
-
-
-@given(st.sampled_from([0, 1]), st.booleans())
-def test_only_the_rim_beside_an_unseen_place_hides_things(axis, low):
-    deep = Destination(BIN.low, BIN.high, rim=0.02)
-    after = table((0.36, 0.2))
-    places = after.middles()[..., axis]
-    unseen = places < BIN.low[axis] if low else places > BIN.high[axis]
-    after.height[unseen] = np.nan
-    near = not low and axis == 0  # to the load
-    assert deep.has_received(table(), after, LOAD) != near
-
-
-@pytest.mark.parametrize(("beyond", "seen"), [(0.0075, True), (0.04, False)])
-def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
-    deep = Destination(BIN.low, BIN.high, rim=0.12)
-    before, after = table(), table((0.25, 0.2), tall=0.02)
-    x, y = np.moveaxis(after.middles(), -1, 0)
-    near = (x > 0.4) & (x < 0.4 + beyond) & (y > 0.1) & (y < 0.3)
-    after.height[near] = 0.12
-    load = SeenLoad(volume=0.02 * SIDE**2, height=0.02)
-    assert deep.has_received(before, after, load) == seen
 
 
 def test_the_top_of_what_is_in_a_bin_leaves_out_its_walls():
@@ -93,19 +33,6 @@ def test_the_lanes_of_a_bin_that_was_not_seen_are_empty():
     assert [lane.ground for lane in deep.lanes(None)] == 5 * [0.01]
     unseen = dc.replace(table(), height=np.full((80, 100), np.nan))
     assert [lane.ground for lane in deep.lanes(unseen)] == 5 * [0.01]
-
-
-def crossing(inside, outside, height=0.15):
-    """Return a bin with walls, and a bar over its front rim, so far on both sides."""
-    deep = dc.replace(BIN, rim=0.12)
-    shown = table()
-    shown.height[deep.contains(shown)] = deep.rim
-    shown.height[deep.contains(shown, -0.02)] = 0.02
-    x, y = np.moveaxis(shown.middles(), -1, 0)
-    bar = np.abs(y - deep.middle[1]) < 0.012
-    bar &= (x > deep.low[0] - outside) & (x < deep.low[0] + inside)
-    shown.height[bar] = height
-    return deep, shown, bar
 
 
 @pytest.mark.parametrize(
@@ -134,83 +61,3 @@ def test_tall_things_are_set_down_in_the_middle_or_along_it_where_nothing_is():
         np.testing.assert_allclose(full.aside_W, [taken, 0.0, 0.0])
         others = [a for a in asides if a != taken]
         assert [spot.aside_W[0] for spot in free] == pytest.approx(others)
-
-
-@given(seeds)
-def test_a_bin_that_has_not_changed_has_received_nothing(seed):
-    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
-    for share in (0.05, 1.0):
-        load = SeenLoad(share * LOAD.volume, TALL)
-        assert not BIN.has_received(before, after, load)
-
-
-@given(seeds)
-def test_what_is_in_a_bin_may_lean_a_little_over_its_rim(seed):
-    deep = Destination(BIN.low, BIN.high, rim=0.02)
-    before, after = table((0.36, 0.2), tall=0.2), table((0.385, 0.2), tall=0.2)
-    after.height[:, :60] = table((0.2, 0.2)).height[:, :60]  # the load
-    assert deep.has_received(noisy(before, seed), noisy(after, seed + 1), LOAD)
-
-
-def test_flickering_edges_are_no_load():
-    before = HeightMap(np.zeros(2), 0.002, np.zeros((200, 250)))
-    after = dc.replace(before, height=before.height.copy())
-    for column in range(60, 190, 6):
-        after.height[100:103, column : column + 3] = TALL
-    assert not BIN.has_received(before, after, SeenLoad(volume=1e-5, height=0.01))
-    after.height[100:103, 60:190] = TALL
-    assert BIN.has_received(before, after, SeenLoad(volume=1e-5, height=0.01))
-
-
-def test_a_load_may_push_another_down():
-    before, after = table(BEFORE, (0.35, 0.2)), table(BEFORE, (0.3, 0.2))
-    assert BIN.has_received(before, after, LOAD)
-    fell_out = table(BEFORE, (0.3, 0.2), (0.43, 0.2))
-    assert not BIN.has_received(before, fell_out, LOAD)
-
-
-def test_what_is_hidden_is_not_seen():
-    after = table((0.3, 0.2))
-    after.height[after.height > 0.0] = np.nan
-    assert not BIN.has_received(table(), after.completed(table()), LOAD)
-
-
-def test_far_less_than_was_taken_is_something_else():
-    large = SeenLoad(10.0 * LOAD.volume, TALL)
-    assert not BIN.has_received(table(), table((0.3, 0.2)), large)
-
-
-@pytest.mark.parametrize(("tall", "stands"), [(TALL, True), (0.5 * TALL, False)])
-def test_what_is_set_down_must_stand(tall, stands):
-    place = Destination(BIN.low, BIN.high, level=0.0)
-    assert place.has_received(table(), table((0.3, 0.2), tall=tall), LOAD) == stands
-    assert BIN.has_received(table(), table((0.3, 0.2), tall=tall), LOAD)
-
-
-def test_where_all_moves_a_small_load_must_have_been_felt():
-    before, after = table((0.2, 0.2), tall=0.2), table((0.35, 0.2), tall=0.22)
-    small = SeenLoad(volume=2e-5, height=0.01)
-    assert BIN.has_received(before, after, small)
-    assert not BIN.has_received(before, after, dc.replace(small, felt=False))
-
-
-def test_what_falls_in_small_parts_counts_too():
-    """A thing that slipped out of the hand was counted, because others moved."""
-    slipped = SeenLoad(volume=0.0, height=TALL, felt=False)
-    empty, other, shifted = (
-        HeightMap(np.zeros(2), 0.002, np.zeros((200, 250))) for _ in range(3)
-    )
-    shifted.height[100:110, 150:160] = TALL  # 4 cm² and 20 cm³
-    for x in range(60, 180, 10):  # 1 cm² and 5 cm³ each
-        other.height[70:75, x : x + 5] = TALL
-    assert BIN.has_received(empty, shifted, slipped)
-    assert not BIN.has_received(other, shifted, slipped)
-
-
-def test_without_a_load_that_was_felt_more_must_rise_than_fall():
-    before, after = table((0.2, 0.2), (0.3, 0.2)), table((0.2, 0.2), (0.35, 0.2))
-    missed = dc.replace(LOAD, felt=False)
-    assert BIN.has_received(before, after, LOAD)  # has only moved there
-    assert not BIN.has_received(before, after, missed)
-    both = table((0.2, 0.2), (0.35, 0.2), (0.25, 0.25))
-    assert BIN.has_received(before, both, missed)

@@ -1,0 +1,93 @@
+"""Whether height maps show that a load has come where it belongs."""
+
+from __future__ import annotations
+
+import dataclasses as dc
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from drake_srg.planning.clearing.comparing import fallen, opened, parts
+from drake_srg.planning.clearing.destination import BESIDE, EDGE, Destination
+from drake_srg.types import HeightMap
+
+# Where loads go, at least this share of their volume rises, and at least so much [m³]:
+# more than noise. Things lie differently there, behind a rim, on others and in them,
+# and push others down.
+_LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
+# At most this share of the load's volume rises beside, in parts of which more than this
+# share lies there. So near to the rim, and so much higher than it [m], is beside, too,
+# where no camera sees beyond it: a load that leans there may hang over it and fall.
+_MOST_BESIDE = 0.25
+_NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
+# What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
+# the table from a camera above the bin, too.
+_BEYOND = (0.025, 0.04)
+# What was set down is as high as it was, within [m].
+_SAME_HEIGHT = 0.015
+
+
+@dc.dataclass(frozen=True)
+class SeenLoad:
+    """A load as it was seen on the table."""
+
+    volume: float  # m³, with whatever is hidden below it
+    height: float  # of its top above the table [m]
+    # Whether the fingers felt it until they let go, and the table's map shows it gone.
+    # The fingers miss some thin things.
+    felt: bool = True
+
+
+def has_received(
+    destination: Destination, before: HeightMap, after: HeightMap, load: SeenLoad
+) -> bool:
+    """Return whether maps show that a load has come where it belongs, and not beside.
+
+    Args:
+        destination: Where it belongs.
+        before: The map before.
+        after: The map now.
+        load: As it was seen on the table.
+    """
+    risen = -fallen(before, after)
+    inside = destination.contains(after)
+    beside = destination.contains(after, BESIDE) & ~inside
+    if destination.rim is not None:
+        low = after.height < destination.rim + _ABOVE_RIM
+        beside &= ~(low & destination.contains(after, EDGE))
+        hidden = inside & ~low & _hides(destination, after)
+        inside, beside = inside & ~hidden, beside | hidden
+    received, missed = 0.0, 0.0
+    for part in parts(risen > 0.0, after.resolution):
+        outside = np.count_nonzero(part & beside)
+        if outside <= _MOST_BESIDE * np.count_nonzero(part):
+            received += float(np.sum(risen[part & inside]))
+        else:
+            missed += float(np.sum(risen[part & beside]))
+    area, least = after.resolution**2, _LEAST_SHARE * load.volume
+    if not load.felt:
+        # What lies in a bin moves as a load comes in; without one, as much falls,
+        # also in parts that are too small to count.
+        least = max(least, _LEAST_SHARE * area * received)
+        received = min(received, float(np.sum(risen[inside])))
+    if area * received < max(_LEAST_VOLUME, least):
+        return False
+    if area * missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
+        return False
+    if destination.level is None:
+        return True
+    top = np.median(after.height[inside & (risen > 0.0)]) - destination.level
+    return bool(abs(top - load.height) < _SAME_HEIGHT)
+
+
+def _hides(destination: Destination, after: HeightMap) -> npt.NDArray[np.bool_]:
+    """Return which cells near the rim may belong to what hangs over it unseen."""
+    nearest, farthest = _BEYOND
+    beyond = destination.contains(after, farthest) & ~destination.contains(
+        after, nearest
+    )
+    unseen = opened(beyond & np.isnan(after.height)).astype(np.uint8)
+    size = 2 * round((farthest + _NEAR_RIM) / after.resolution) + 1
+    near = cv2.dilate(unseen, np.ones((size, size), np.uint8)) > 0
+    return np.asarray(near & ~destination.contains(after, -_NEAR_RIM))

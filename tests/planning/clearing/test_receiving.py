@@ -1,0 +1,151 @@
+"""What maps of a bin show of a load that was dropped."""
+
+import dataclasses as dc
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drake_srg.planning.clearing.destination import Destination
+from drake_srg.planning.clearing.receiving import SeenLoad, has_received
+from drake_srg.types import HeightMap
+from planning.clearing.fake_table import BIN, SIDE, TALL, table
+from planning.clearing.test_comparing import noisy
+
+LOAD = SeenLoad(volume=SIDE**2 * TALL, height=TALL)
+BEFORE = (0.15, 0.15)  # it has been there before
+seeds = st.integers(0, 2**32 - 1)
+inside = st.tuples(st.floats(0.25, 0.38), st.floats(0.12, 0.28))
+
+
+@given(seeds, inside)
+def test_a_load_in_the_bin_is_seen(seed, place):
+    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE, place), seed + 1)
+    assert has_received(BIN, before, after, LOAD)
+
+
+@given(seeds, st.floats(0.03, 0.08))
+def test_a_load_beside_the_bin_is_not_in_it(seed, far):
+    before = noisy(table(BEFORE), seed)
+    for place in ((0.4 + far, 0.2), (0.2, 0.3 + far), (0.1 - far, 0.2)):
+        after = noisy(table(BEFORE, place), seed + 1)
+        assert not has_received(BIN, before, after, LOAD)
+
+
+def test_a_load_that_hangs_over_the_rim_may_fall_out():
+    assert not has_received(BIN, table(), table((0.4, 0.2)), LOAD)
+
+
+@pytest.mark.parametrize(
+    ("x", "tall", "seen"),
+    [(0.36, TALL, False), (0.36, 0.03, True), (0.25, TALL, True)],
+)
+def test_a_load_that_leans_on_the_rim_may_hang_over_it_unseen(x, tall, seen):
+    deep = Destination(BIN.low, BIN.high, rim=0.02)
+    before, after = table(), table((x, 0.2), tall=tall)
+    assert has_received(deep, before, after, LOAD)  # nothing is beyond the rim
+    after.height[after.middles()[..., 0] > 0.405] = np.nan
+    assert has_received(deep, before, after, LOAD) == seen
+
+
+@given(st.sampled_from([0, 1]), st.booleans())
+def test_only_the_rim_beside_an_unseen_place_hides_things(axis, low):
+    deep = Destination(BIN.low, BIN.high, rim=0.02)
+    after = table((0.36, 0.2))
+    places = after.middles()[..., axis]
+    unseen = places < BIN.low[axis] if low else places > BIN.high[axis]
+    after.height[unseen] = np.nan
+    near = not low and axis == 0  # to the load
+    assert has_received(deep, table(), after, LOAD) != near
+
+
+@pytest.mark.parametrize(("beyond", "seen"), [(0.0075, True), (0.04, False)])
+def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
+    deep = Destination(BIN.low, BIN.high, rim=0.12)
+    before, after = table(), table((0.25, 0.2), tall=0.02)
+    x, y = np.moveaxis(after.middles(), -1, 0)
+    near = (x > 0.4) & (x < 0.4 + beyond) & (y > 0.1) & (y < 0.3)
+    after.height[near] = 0.12
+    load = SeenLoad(volume=0.02 * SIDE**2, height=0.02)
+    assert has_received(deep, before, after, load) == seen
+
+
+@given(seeds)
+def test_a_bin_that_has_not_changed_has_received_nothing(seed):
+    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
+    for share in (0.05, 1.0):
+        load = SeenLoad(share * LOAD.volume, TALL)
+        assert not has_received(BIN, before, after, load)
+
+
+@given(seeds)
+def test_what_is_in_a_bin_may_lean_a_little_over_its_rim(seed):
+    deep = Destination(BIN.low, BIN.high, rim=0.02)
+    before, after = table((0.36, 0.2), tall=0.2), table((0.385, 0.2), tall=0.2)
+    after.height[:, :60] = table((0.2, 0.2)).height[:, :60]  # the load
+    assert has_received(deep, noisy(before, seed), noisy(after, seed + 1), LOAD)
+
+
+def test_flickering_edges_are_no_load():
+    before = HeightMap(np.zeros(2), 0.002, np.zeros((200, 250)))
+    after = dc.replace(before, height=before.height.copy())
+    for column in range(60, 190, 6):
+        after.height[100:103, column : column + 3] = TALL
+    assert not has_received(BIN, before, after, SeenLoad(volume=1e-5, height=0.01))
+    after.height[100:103, 60:190] = TALL
+    assert has_received(BIN, before, after, SeenLoad(volume=1e-5, height=0.01))
+
+
+def test_a_load_may_push_another_down():
+    before, after = table(BEFORE, (0.35, 0.2)), table(BEFORE, (0.3, 0.2))
+    assert has_received(BIN, before, after, LOAD)
+    fell_out = table(BEFORE, (0.3, 0.2), (0.43, 0.2))
+    assert not has_received(BIN, before, fell_out, LOAD)
+
+
+def test_what_is_hidden_is_not_seen():
+    after = table((0.3, 0.2))
+    after.height[after.height > 0.0] = np.nan
+    assert not has_received(BIN, table(), after.completed(table()), LOAD)
+
+
+def test_far_less_than_was_taken_is_something_else():
+    large = SeenLoad(10.0 * LOAD.volume, TALL)
+    assert not has_received(BIN, table(), table((0.3, 0.2)), large)
+
+
+@pytest.mark.parametrize(("tall", "stands"), [(TALL, True), (0.5 * TALL, False)])
+def test_what_is_set_down_must_stand(tall, stands):
+    place = Destination(BIN.low, BIN.high, level=0.0)
+    assert has_received(place, table(), table((0.3, 0.2), tall=tall), LOAD) == stands
+    assert has_received(BIN, table(), table((0.3, 0.2), tall=tall), LOAD)
+
+
+def test_where_all_moves_a_small_load_must_have_been_felt():
+    before, after = table((0.2, 0.2), tall=0.2), table((0.35, 0.2), tall=0.22)
+    small = SeenLoad(volume=2e-5, height=0.01)
+    assert has_received(BIN, before, after, small)
+    assert not has_received(BIN, before, after, dc.replace(small, felt=False))
+
+
+def test_what_falls_in_small_parts_counts_too():
+    """A thing that slipped out of the hand was counted, because others moved."""
+    slipped = SeenLoad(volume=0.0, height=TALL, felt=False)
+    empty, other, shifted = (
+        HeightMap(np.zeros(2), 0.002, np.zeros((200, 250))) for _ in range(3)
+    )
+    shifted.height[100:110, 150:160] = TALL  # 4 cm² and 20 cm³
+    for x in range(60, 180, 10):  # 1 cm² and 5 cm³ each
+        other.height[70:75, x : x + 5] = TALL
+    assert has_received(BIN, empty, shifted, slipped)
+    assert not has_received(BIN, other, shifted, slipped)
+
+
+def test_without_a_load_that_was_felt_more_must_rise_than_fall():
+    before, after = table((0.2, 0.2), (0.3, 0.2)), table((0.2, 0.2), (0.35, 0.2))
+    missed = dc.replace(LOAD, felt=False)
+    assert has_received(BIN, before, after, LOAD)  # has only moved there
+    assert not has_received(BIN, before, after, missed)
+    both = table((0.2, 0.2), (0.35, 0.2), (0.25, 0.25))
+    assert has_received(BIN, before, both, missed)
