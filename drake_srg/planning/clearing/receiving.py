@@ -21,6 +21,9 @@ _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
 # where no camera sees beyond it: a load that leans there may hang over it and fall.
 _MOST_BESIDE = 0.25
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
+# If more than this share of its volume has come in on the whole, what has come to lie
+# beside is something else: an arm that goes by may push things there.
+_MOST_SHARE = 0.5
 # What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
 # the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
@@ -51,6 +54,7 @@ def has_received(
         load: As it was seen on the table.
     """
     risen = -fallen(before, after)
+    changed = risen > 0.0
     inside = destination.contains(after)
     beside = destination.contains(after, BESIDE) & ~inside
     if destination.rim is not None:
@@ -58,13 +62,17 @@ def has_received(
         beside &= ~(low & destination.contains(after, EDGE))
         hidden = inside & ~low & _hides(destination, after)
         inside, beside = inside & ~hidden, beside | hidden
-    received, missed = 0.0, 0.0
-    for part in parts(risen > 0.0, after.resolution):
+        # Both ends of what lies on the rim are one part, above what the wall hides.
+        changed |= np.isnan(before.height) & (after.height > destination.rim)
+    received, missed, apart = 0.0, 0.0, 0.0
+    for part in parts(changed, after.resolution):
         outside = np.count_nonzero(part & beside)
         if outside <= _MOST_BESIDE * np.count_nonzero(part):
             received += float(np.sum(risen[part & inside]))
-        else:
+        elif np.any(part & inside):
             missed += float(np.sum(risen[part & beside]))
+        else:
+            apart += float(np.sum(risen[part & beside]))
     area, least = after.resolution**2, _LEAST_SHARE * load.volume
     if not load.felt:
         # What lies in a bin moves as a load comes in; without one, as much falls,
@@ -73,6 +81,8 @@ def has_received(
         received = min(received, float(np.sum(risen[inside])))
     if area * received < max(_LEAST_VOLUME, least):
         return False
+    if not load.felt or area * np.sum(risen[inside]) < _MOST_SHARE * load.volume:
+        missed += apart
     if area * missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
         return False
     if destination.level is None:

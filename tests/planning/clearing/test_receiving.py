@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.receiving import SeenLoad, has_received
 from drake_srg.types import HeightMap
-from planning.clearing.fake_table import BIN, SIDE, TALL, table
+from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
 from planning.clearing.test_comparing import noisy
 
 LOAD = SeenLoad(volume=SIDE**2 * TALL, height=TALL)
@@ -67,7 +67,7 @@ def test_the_edge_of_the_wall_may_be_seen_anywhere_near_it(beyond, seen):
     x, y = np.moveaxis(after.middles(), -1, 0)
     near = (x > 0.4) & (x < 0.4 + beyond) & (y > 0.1) & (y < 0.3)
     after.height[near] = 0.12
-    load = SeenLoad(volume=0.02 * SIDE**2, height=0.02)
+    load = SeenLoad(volume=0.02 * SIDE**2, height=0.02, felt=False)
     assert has_received(deep, before, after, load) == seen
 
 
@@ -85,6 +85,26 @@ def test_what_is_in_a_bin_may_lean_a_little_over_its_rim(seed):
     before, after = table((0.36, 0.2), tall=0.2), table((0.385, 0.2), tall=0.2)
     after.height[:, :60] = table((0.2, 0.2)).height[:, :60]  # the load
     assert has_received(deep, noisy(before, seed), noisy(after, seed + 1), LOAD)
+
+
+@pytest.mark.parametrize(("outside", "lies"), [(0.04, True), (0.09, False)])
+def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
+    deep, after, bar = crossing(0.16, outside)
+    hidden = deep.contains(after, 0.02) & ~deep.contains(after)  # by the wall
+    after.height[hidden & ~bar] = np.nan
+    walls = np.where(deep.contains(after), deep.rim, 0.0)
+    floor = np.where(deep.contains(after, -0.02), 0.02, walls)
+    before = dc.replace(after, height=np.where(hidden, np.nan, floor))
+    load = SeenLoad(volume=2e-4, height=0.025)
+    assert has_received(deep, before, after, load) == lies
+
+
+@pytest.mark.parametrize(("into", "comes"), [([(0.3, 0.2)], True), ([], False)])
+def test_what_is_pushed_beside_the_bin_is_not_the_load_in_it(into, comes):
+    before, after = table((0.2, 0.2)), table((0.25, 0.2), (0.45, 0.2), *into)
+    assert has_received(BIN, before, after, LOAD) == comes
+    missed = dc.replace(LOAD, felt=False)
+    assert not has_received(BIN, before, after, missed)
 
 
 def test_flickering_edges_are_no_load():
