@@ -83,6 +83,21 @@ def straight_base_angle(half_gap: float) -> float:
     return float(np.arccos((half_gap - SRG.hinge_y) / reach) - phase)
 
 
+def ends_gap(q: Vector) -> float:
+    """Return the gap between the ends of the pads [m]; below 0, they press together.
+
+    Half of it is hinge_y + base_length cos(base) + pad_end cos(base + tip)
+    - face_offset sin(base + tip) where both fingers are alike.
+
+    Args:
+        q: Angles of both base joints, then of both tip joints, shape (4,) [rad].
+    """
+    base, pad = q[:2], q[:2] + q[2:4]
+    halves = SRG.hinge_y + SRG.base_length * np.cos(base)
+    halves += SRG.pad_end * np.cos(pad) - SRG.face_offset * np.sin(pad)
+    return float(np.sum(halves))
+
+
 # Base angle at which the fingertips of an empty hand meet [rad].
 EMPTY_BASE_ANGLE = straight_base_angle(0.0)
 

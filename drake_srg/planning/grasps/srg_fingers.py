@@ -16,7 +16,7 @@ from drake_srg.planning.grasps.fingers import (
     lowest,
 )
 from drake_srg.planning.grasps.srg_angles import (
-    EMPTY_BASE_ANGLE,
+    ends_gap,
     finger_joints,
     pinch_angles,
     straight_base_angle,
@@ -27,12 +27,9 @@ from drake_srg.types import Vector
 # Backs of base link and tip, from the line through the hinges, and how far the base
 # link goes beyond its hinges [m] (srg_fast.sdf).
 _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
-# The base angle of an empty hand that is pressed shut exceeds EMPTY_BASE_ANGLE by about
-# 0.01 rad, because pads yield. One that holds something is below it by this much [rad]:
-# 1.3 mm between the pads, or 3 mm more than in the empty hand.
-_LESS = 0.006
-# A tip that has turned further than this lies on something [rad].
-_TURNED = 0.1
+# The ends of the pads of an empty hand press 2 to 3 mm into each other, because pads
+# yield, also where its tips have turned. With something between them, the gap is [m]:
+_LEAST_GAP = 0.0013
 # By how much a height map shows things too wide, at most [m].
 _BLUR = 0.004
 # `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
@@ -118,13 +115,10 @@ class SrgFingers(Fingers):
         """See `Fingers`; the base links come first in `q`.
 
         The width says little, because a height map shows things wider or narrower than
-        they are. So the angles only have to differ from those of an empty hand.
+        they are. So there only has to be something between the pads.
         """
-        return bool(
-            np.mean(q[:2]) < EMPTY_BASE_ANGLE - _LESS or np.max(q[2:]) > _TURNED
-        )
+        return ends_gap(q) > _LEAST_GAP
 
     def tellable(self, width: float) -> bool:
         """See `Fingers`."""
-        contact = straight_base_angle(0.5 * (width - _BLUR))
-        return EMPTY_BASE_ANGLE - contact > 2.0 * _LESS
+        return width - _BLUR > 2.0 * _LEAST_GAP

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -45,6 +46,16 @@ def test_held_things_are_told_from_none(width):
     assert FINGERS.tellable(width)
     assert FINGERS.holds(width, angles(closed), np.zeros(4))
     assert not FINGERS.holds(width, angles(empty), np.zeros(4))
+
+
+@pytest.mark.parametrize(
+    "empty",
+    [(1.777, 1.76, 0.0, 0.0), (1.714, 1.744, 0.066, 0.098), (1.617, 1.62, 0.3, 0.31)],
+)
+def test_an_empty_hand_whose_tips_have_turned_holds_nothing(empty):
+    """A hand that had lost a tin went on to set it down in the bin."""
+    assert not FINGERS.holds(0.084, np.array(empty), np.zeros(4))
+    assert FINGERS.holds(0.084, np.array(empty) - [0.03, 0.03, 0.0, 0.0], np.zeros(4))
 
 
 def test_the_thinnest_things_cannot_be_told():
