@@ -19,6 +19,9 @@ _LEAST_SHARE = 0.2
 # A connected change of this much of the map says that something is still moving [m²].
 # Edges of things flicker in noisy depth, here and there.
 _LEAST_AREA = 2.0e-4
+# An edge may be seen so far to either side of where it is [m]: two cells of the table's
+# map. There, only a height that was not seen so near is a change.
+_FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
 
@@ -29,7 +32,7 @@ def is_still(before: HeightMap, after: HeightMap) -> bool:
     A falling thing is too high for the map. It shows as unseen cells that move.
     """
     unseen = np.isnan(before.height) != np.isnan(after.height)
-    moved = opened(unseen) | (fallen(before, after) != 0.0)
+    moved = opened(unseen) | changed(before, after)
     return not parts(moved, after.resolution)
 
 
@@ -45,7 +48,7 @@ def has_moved(
         radius: What is near it [m].
     """
     near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
-    moved = near & (fallen(before, after) != 0.0)
+    moved = near & changed(before, after)
     return bool(parts(moved, after.resolution))
 
 
@@ -89,6 +92,20 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     changed = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
     closed = cv2.morphologyEx(changed, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
     return np.where(opened(closed > 0), drop, 0.0)
+
+
+def changed(before: HeightMap, after: HeightMap) -> npt.NDArray[np.bool_]:
+    """Return which cells have changed, shape (ny, nx).
+
+    Noise and edges that flicker do not count.
+    """
+    reach = int(np.ceil(_FLICKER / after.resolution))
+    around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    seen = np.isfinite(before.height)
+    high = cv2.dilate(np.where(seen, before.height, -np.inf), around)
+    low = cv2.erode(np.where(seen, before.height, np.inf), around)
+    out = (after.height > high + _SAME) | (after.height < low - _SAME)
+    return np.asarray(out & (fallen(before, after) != 0.0))
 
 
 def parts(

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.comparing import has_gone, has_moved, is_still
+from drake_srg.types import HeightMap
 from planning.clearing.fake_table import SIDE, TALL, table
 
 A, B = (0.1, 0.1), (0.3, 0.2)
@@ -33,6 +34,26 @@ def test_noise_is_still(seed, place):
 def test_what_moves_is_not_still(seed, step):
     before, after = table(A), table((A[0] + step, A[1]))
     assert not is_still(noisy(before, seed), noisy(after, seed + 1))
+
+
+@given(seeds, st.floats(0.03, 0.2))
+def test_edges_of_tall_things_flicker(seed, tall):
+    """Heaps seemed to move for as long as the planner was ready to wait."""
+    rng = np.random.default_rng(seed)
+    shown = HeightMap(np.zeros(2), 0.002, np.zeros((100, 120)))
+    x = shown.middles()[..., 0]
+
+    def look(edge):
+        """Near the edge, cells show what is beside them as well as what is there."""
+        near = x + rng.uniform(-0.004, 0.004, x.shape)
+        return dc.replace(shown, height=np.where(near > edge, tall, 0.0))
+
+    before = look(0.1)
+    assert is_still(noisy(before, seed), noisy(look(0.1), seed + 1))
+    assert not has_moved(before, look(0.1), np.array([0.1, 0.1]))
+    pushed = look(0.115)
+    assert not is_still(noisy(before, seed), noisy(pushed, seed + 1))
+    assert has_moved(before, pushed, np.array([0.1, 0.1]))
 
 
 def test_what_passes_above_the_map_is_not_still():
