@@ -14,6 +14,9 @@ _TOUCHES = 0.004
 _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012
+# Most of the flank of a low thing may be below what counts as between the pads. From
+# this height above the fingers' ends on, it counts, too [m].
+_FOOT = 0.001
 
 
 def extent(
@@ -57,7 +60,7 @@ def lean_of(
     """Return how far flanks lean inwards: the tangent of the angle to the vertical.
 
     Pads slip off what leans more than friction allows. Round things lean the less,
-    the lower they are held.
+    the lower they are held. The flanks of low things count down to where they begin.
 
     Args:
         strip: Heights along the closing direction, shape (n, S) [m].
@@ -69,11 +72,16 @@ def lean_of(
     """
     rows = np.arange(len(strip))
     rise = np.clip(0.8 * (top - tip), 1e-3, _RISE)
-    at = (strip.shape[1] - 1) // 2 + np.rint(end / step).astype(int)
-    low = np.ones(len(strip), bool)
+    ends = (strip.shape[1] - 1) // 2 + np.rint(end / step).astype(int)
     run = np.zeros(len(strip))
-    for _ in range(round(_RISE / step)):
-        at = np.clip(at + inwards, 0, strip.shape[1] - 1)
-        low = low & (strip[rows, at] < tip + rise)
-        run += step * low
+    steps = np.arange(1, round(_RISE / step) + 1)
+    low, foot = np.ones(len(strip), bool), rise < _RISE
+    for away in steps:
+        inside, outside = (
+            strip[rows, np.clip(ends + way * away, 0, strip.shape[1] - 1)]
+            for way in (inwards, -inwards)
+        )
+        low = low & (inside < tip + rise)
+        foot = foot & (outside > tip + _FOOT)
+        run += step * (low.astype(int) + foot)
     return run / rise

@@ -31,6 +31,23 @@ def test_the_lean_of_flanks(tangent, half):
         assert tangent - 0.34 < lean < tangent + 0.01
 
 
+@given(tangent=st.floats(0.0, 1.0))
+def test_the_flanks_of_low_things_lean_from_the_table_up(tangent):
+    """Fingers slipped off the bowl of a spoon that lay upside down."""
+    with np.errstate(divide="ignore"):
+        height = np.clip((0.025 - np.abs(S)) / max(tangent, 1e-9), 0.0, 0.011)
+    strip, tip, top = (
+        height[None].astype(np.float32),
+        np.full(1, 0.002),
+        np.full(1, 0.011),
+    )
+    low, high, _ = extent(strip > 0.005, S)  # what counts as between the pads
+    for end, inwards in ((low, 1), (high, -1)):
+        lean = lean_of(strip, tip, top, end, inwards, STEP)[0]
+        # To a step of 2 mm at both ends, over a rise of 7.2 mm.
+        assert tangent - 0.56 < lean < tangent + 0.28
+
+
 @given(slope=st.floats(-1.0, 1.0))
 def test_the_slant_of_a_face(slope):
     distance = slope * T - (slope * T).min()
