@@ -16,10 +16,11 @@ from drake_srg.types import HeightMap
 # more than noise. Things lie differently there, behind a rim, on others and in them,
 # and push others down.
 _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
-# At most this share of the load's volume rises beside, in parts of which more than this
-# share lies there. So near to the rim, and so much higher than it [m], is beside, too,
+# At most this share of the load's volume rises beside, in parts of which more than
+# `_MOST_OUTSIDE` lies there: what reaches less far over the rim has its middle inside,
+# and stays. So near to the rim, and so much higher than it [m], is beside, too,
 # where no camera sees beyond it: a load that leans there may hang over it and fall.
-_MOST_BESIDE = 0.25
+_MOST_BESIDE, _MOST_OUTSIDE = 0.25, 0.4
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # If more than this share of its volume has come in on the whole, what has come to lie
 # beside is something else: an arm that goes by may push things there.
@@ -67,7 +68,7 @@ def has_received(
     received, missed, apart = 0.0, 0.0, 0.0
     for part in parts(changed, after.resolution):
         outside = np.count_nonzero(part & beside)
-        if outside <= _MOST_BESIDE * np.count_nonzero(part):
+        if outside <= _MOST_OUTSIDE * np.count_nonzero(part):
             received += float(np.sum(risen[part & inside]))
         elif np.any(part & inside):
             missed += float(np.sum(risen[part & beside]))

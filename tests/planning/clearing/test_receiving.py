@@ -89,7 +89,7 @@ def test_what_is_in_a_bin_may_lean_a_little_over_its_rim(seed):
 
 @pytest.mark.parametrize(("outside", "lies"), [(0.04, True), (0.09, False)])
 def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
-    deep, after, bar = crossing(0.16, outside)
+    deep, after, bar = crossing(0.1, outside)
     hidden = deep.contains(after, 0.02) & ~deep.contains(after)  # by the wall
     after.height[hidden & ~bar] = np.nan
     walls = np.where(deep.contains(after), deep.rim, 0.0)

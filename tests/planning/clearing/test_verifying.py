@@ -64,11 +64,14 @@ def test_what_is_not_seen_in_the_bin_is_told(seen):
 
 @pytest.mark.parametrize(("hand", "seen"), [((0.45, 0.38), 1), ((0.45, 0.2), 0)])
 def test_the_hand_itself_is_no_load_beside_the_bin(hand, seen):
-    """It is where the next grasp is; what the camera sees elsewhere counts."""
+    """It is where the next grasp is; what the camera sees elsewhere counts.
+
+    A load that was felt would be in the bin all the same.
+    """
     near = (0.45, 0.38)
     both = run(A, near)
     both.show_bin()
-    pick(both, after=table(near))
+    pick(both, after=table(near), felt=False)
     both.until(Mode.GRASP)
     both.show_bin(IN_BIN, hand)
     pick(both, after=table())
