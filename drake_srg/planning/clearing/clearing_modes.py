@@ -6,6 +6,7 @@ import dataclasses as dc
 
 import numpy as np
 
+from drake_srg.planning.clearing.arriving import look_for_load
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_mode import (
     ClearingMode,
@@ -155,7 +156,7 @@ class Close(ClearingMode):
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Close the fingers, and judge the load before."""
         closure = memory.planned.grasp.closure_closed
-        memory = self.planner.look_for_load(memory, entry.senses.see_destinations())
+        memory = look_for_load(memory, entry.senses.see_destinations())
         return dc.replace(super().enter(memory, entry), closure=closure)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:

@@ -7,6 +7,7 @@ import dataclasses as dc
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from drake_srg.planning.clearing.arriving import look_for_load
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_mode import ClearingMode, Entry, Now
 from drake_srg.planning.clearing.destination import AROUND
@@ -75,7 +76,7 @@ class Verify(LastChance):
         around = memory.drop.destination.contains(seen, AROUND)
         height = np.where(around, seen.height, np.nan)
         seen = dc.replace(seen, height=height).completed(memory.height_map)
-        memory = self.planner.look_for_load(memory, now.senses.see_destinations())
+        memory = look_for_load(memory, now.senses.see_destinations())
         return self.planner.plan(memory, seen, now.time)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:

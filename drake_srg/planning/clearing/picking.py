@@ -14,13 +14,11 @@ from drake_srg.planning.clearing.clearing_memory import (
     ClearingMemory,
     Pick,
     PlannedPush,
-    Received,
 )
-from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS, ClearingMotions
+from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.push_motions import PushMotions
-from drake_srg.planning.clearing.receiving import has_received
 from drake_srg.planning.grasps.top_grasp import (
     ALIKE,
     SAME_THING,
@@ -93,42 +91,6 @@ class PickPlanner:
         if memory.destinations is None:  # then to have taken it must do
             return dc.replace(memory, arrived=memory.arrived + (not again))
         return dc.replace(memory, drop=pick.drop(height_map, True, again))
-
-    def look_for_load(
-        self, memory: ClearingMemory, seen: HeightMap | None
-    ) -> ClearingMemory:
-        """Judge by a map of where loads go whether the last one has come there.
-
-        A load that is not seen there does not count as cleared. One that fell out
-        counts once, whether it was seen there before or was lost.
-        """
-        if seen is None:
-            return memory
-        before, drop = memory.destinations, memory.drop
-        if memory.pick is not None and drop is not None:
-            # The hand, at the next grasp, is no load beside the bin.
-            p_WC = memory.pick.grasp.p_WC[:2]
-            hand = np.linalg.norm(seen.middles() - p_WC, axis=-1) < HAND_RADIUS
-            hand &= ~drop.destination.contains(seen)
-            seen = dc.replace(seen, height=np.where(hand, np.nan, seen.height))
-        seen = seen.completed(before)
-        looks = memory.looks + 1
-        memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
-        if before is None or drop is None:
-            return memory
-        arrived, lost = memory.arrived, memory.lost
-        if has_received(drop.destination, before, seen, drop.load):
-            received = (*memory.received, Received(drop.load.volume, before, seen))
-            memory = dc.replace(memory, pushes=0, received=received)
-            if drop.again and not lost:
-                return memory
-            lost = lost[:-1] if drop.again else lost
-            return dc.replace(memory, arrived=arrived + 1, lost=lost)
-        if not drop.load.felt or (drop.again and lost):
-            return memory
-        place = np.array([*drop.destination.middle, 0.0])
-        lost = (*lost, Left(place, Failure.DROPPED))
-        return dc.replace(memory, arrived=arrived - drop.again, lost=lost)
 
     def way_out(self, memory: ClearingMemory, pick: Pick) -> Trajectory | None:
         """Return the way up from where a load was laid in a bin; None without one.

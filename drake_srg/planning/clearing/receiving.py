@@ -43,6 +43,60 @@ class SeenLoad:
     felt: bool = True
 
 
+@dc.dataclass(frozen=True)
+class _Risen:
+    """What has risen between two maps of a destination and of what is around it.
+
+    Attributes:
+        inside: Volume inside, of parts that are there for the most part [m³].
+        net: Volume inside, less what has fallen there [m³].
+        over: Volume outside, of parts that reach over the rim, less what has fallen
+            there [m³].
+        apart: Volume outside, of parts that are wholly there [m³].
+        top: World z of the middle one of the cells that have risen inside [m].
+    """
+
+    inside: float
+    net: float
+    over: float
+    apart: float
+    top: float
+
+    @classmethod
+    def between(
+        cls, destination: Destination, before: HeightMap, after: HeightMap
+    ) -> _Risen:
+        risen = -fallen(before, after)
+        changed = risen > 0.0
+        inside = destination.contains(after)
+        beside = destination.contains(after, BESIDE) & ~inside
+        if destination.rim is not None:
+            low = after.height < destination.rim + _ABOVE_RIM
+            beside &= ~(low & destination.contains(after, EDGE))
+            hidden = inside & ~low & _hides(destination, after)
+            inside, beside = inside & ~hidden, beside | hidden
+            # Both ends of what lies on the rim are one part, above what the wall hides.
+            changed |= np.isnan(before.height) & (after.height > destination.rim)
+        received, over, apart = 0.0, 0.0, 0.0
+        for part in parts(changed, after.resolution):
+            outside = np.count_nonzero(part & beside)
+            if outside <= _MOST_OUTSIDE * np.count_nonzero(part):
+                received += float(np.sum(risen[part & inside]))
+            elif np.any(part & inside):
+                over += float(np.sum(risen[part & beside]))
+            else:
+                apart += float(np.sum(risen[part & beside]))
+        over = max(over + float(np.sum(np.minimum(risen, 0.0)[beside])), 0.0)
+        area, come = after.resolution**2, after.height[inside & (risen > 0.0)]
+        return cls(
+            inside=area * received,
+            net=area * float(np.sum(risen[inside])),
+            over=area * over,
+            apart=area * apart,
+            top=float(np.median(come)) if len(come) else -np.inf,
+        )
+
+
 def has_received(
     destination: Destination, before: HeightMap, after: HeightMap, load: SeenLoad
 ) -> bool:
@@ -54,42 +108,37 @@ def has_received(
         after: The map now.
         load: As it was seen on the table.
     """
-    risen = -fallen(before, after)
-    changed = risen > 0.0
-    inside = destination.contains(after)
-    beside = destination.contains(after, BESIDE) & ~inside
-    if destination.rim is not None:
-        low = after.height < destination.rim + _ABOVE_RIM
-        beside &= ~(low & destination.contains(after, EDGE))
-        hidden = inside & ~low & _hides(destination, after)
-        inside, beside = inside & ~hidden, beside | hidden
-        # Both ends of what lies on the rim are one part, above what the wall hides.
-        changed |= np.isnan(before.height) & (after.height > destination.rim)
-    received, missed, apart = 0.0, 0.0, 0.0
-    for part in parts(changed, after.resolution):
-        outside = np.count_nonzero(part & beside)
-        if outside <= _MOST_OUTSIDE * np.count_nonzero(part):
-            received += float(np.sum(risen[part & inside]))
-        elif np.any(part & inside):
-            missed += float(np.sum(risen[part & beside]))
-        else:
-            apart += float(np.sum(risen[part & beside]))
-    area, least = after.resolution**2, _LEAST_SHARE * load.volume
+    risen = _Risen.between(destination, before, after)
+    received, missed, least = risen.inside, risen.over, _LEAST_SHARE * load.volume
     if not load.felt:
         # What lies in a bin moves as a load comes in; without one, as much falls,
         # also in parts that are too small to count.
-        least = max(least, _LEAST_SHARE * area * received)
-        received = min(received, float(np.sum(risen[inside])))
-    if area * received < max(_LEAST_VOLUME, least):
+        least = max(least, _LEAST_SHARE * received)
+        received = min(received, risen.net)
+    if received < max(_LEAST_VOLUME, least):
         return False
-    if not load.felt or area * np.sum(risen[inside]) < _MOST_SHARE * load.volume:
-        missed += apart
-    if area * missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
+    if not load.felt or risen.net < _MOST_SHARE * load.volume:
+        missed += risen.apart
+    if missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
         return False
     if destination.level is None:
         return True
-    top = np.median(after.height[inside & (risen > 0.0)]) - destination.level
-    return bool(abs(top - load.height) < _SAME_HEIGHT)
+    return abs(risen.top - destination.level - load.height) < _SAME_HEIGHT
+
+
+def has_missed(
+    destination: Destination, before: HeightMap, after: HeightMap, load: SeenLoad
+) -> bool:
+    """Return whether maps show that most of a load has come to lie beside.
+
+    Args:
+        destination: Where it belongs.
+        before: The map before.
+        after: The map now.
+        load: As it was seen on the table.
+    """
+    risen = _Risen.between(destination, before, after)
+    return risen.over + risen.apart > max(_LEAST_VOLUME, _MOST_SHARE * load.volume)
 
 
 def _hides(destination: Destination, after: HeightMap) -> npt.NDArray[np.bool_]:

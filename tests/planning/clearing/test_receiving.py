@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.receiving import SeenLoad, has_received
+from drake_srg.planning.clearing.receiving import SeenLoad, has_missed, has_received
 from drake_srg.types import HeightMap
 from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
 from planning.clearing.test_comparing import noisy
@@ -105,6 +105,20 @@ def test_what_is_pushed_beside_the_bin_is_not_the_load_in_it(into, comes):
     assert has_received(BIN, before, after, LOAD) == comes
     missed = dc.replace(LOAD, felt=False)
     assert not has_received(BIN, before, after, missed)
+
+
+def test_what_lies_over_the_rim_may_be_pushed_along_it():
+    deep, after, _ = crossing(0.1, 0.09)
+    before = dc.replace(after, height=np.roll(after.height, 3, axis=0))
+    load = np.abs(after.middles() - (0.3, 0.15)).max(axis=-1) < 0.5 * SIDE
+    after.height[load] = 0.02 + TALL
+    assert has_received(deep, before, after, LOAD)
+
+
+@pytest.mark.parametrize("place", [(0.45, 0.2), (0.2, 0.2), None])
+def test_tells_a_load_beside_the_bin_from_one_that_is_unseen(place):
+    after = table() if place is None else table(place)
+    assert has_missed(BIN, table(), after, LOAD) == (place == (0.45, 0.2))
 
 
 def test_flickering_edges_are_no_load():

@@ -192,6 +192,23 @@ def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again):
     assert len(fell.status.left) == (not seen_again)
 
 
+def test_what_slipped_out_of_the_hand_beside_the_bin_counts_once_it_is_in_it():
+    """As it had not been felt, it was taken for a load that had counted before."""
+    slipped = run(A, FELL, shown=table(A))
+    slipped.show_bin()
+    pick(slipped, after=table(), felt=False)
+    slipped.until(Mode.VERIFY)
+    slipped.show(table(FELL))
+    slipped.show_bin(FELL)
+    pick(slipped, after=table())
+    slipped.until(Mode.VERIFY)
+    slipped.show_bin(IN_BIN)
+    slipped.until(Mode.DONE)
+    assert slipped.motions.taken == [A, FELL]
+    assert slipped.status.cycles == 1
+    assert slipped.status.left == ()
+
+
 def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
     def fell_out(first):
         pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
