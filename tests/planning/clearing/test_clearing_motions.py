@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform
 
 from drake_srg.cell.bins import bin_boxes, bin_floor
 from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.planning.clearing import clearing_motions
 from drake_srg.planning.clearing.destination import Lane
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.failure import PlanningFailure
@@ -92,6 +93,17 @@ def test_a_load_clears_the_rim_even_if_it_hangs_from_the_pads(
     # Between the pads it lies level, and needs no more than its own height.
     turned = dc.replace(grasp, X_WG=palm_pose(grasp.X_WG.translation(), 0.5 * np.pi))
     assert risen(motions, turned, height_map) < risen(motions, grasp, height_map)
+
+
+@pytest.mark.parametrize(("turn", "slower"), [(0.0, 0.6), (0.5 * np.pi, 1.0)])
+def test_what_hangs_from_the_pads_is_lifted_gently(monkeypatch, motions, turn, slower):
+    """A hammer swung, and slipped out of the hand."""
+    grasp, height_map = bar_at(PLACE, -0.1, 0.2)
+    grasp = dc.replace(grasp, X_WG=palm_pose(grasp.X_WG.translation(), turn))
+    gently = lifting(motions, grasp, height_map).end_time()
+    monkeypatch.setattr(clearing_motions, "_GENTLE", 1.0)
+    fast = lifting(motions, grasp, height_map).end_time()
+    assert fast == pytest.approx(slower * gently, rel=0.1)  # torques limit it, too
 
 
 def test_far_out_a_load_that_hangs_is_drawn_in_before_it_crosses_the_rim(
@@ -190,11 +202,16 @@ def test_a_tall_load_is_set_down_at_a_spot(scenario, motions):
     assert 0.0 < above_floor < 0.03
 
 
-def risen(motions, grasp, height_map):
-    """Return how high a grasp is lifted [m]."""
+def lifting(motions, grasp, height_map):
+    """Return the lift of a grasp."""
     planned = motions.plan(motions.q_home, grasp, height_map)
     assert not isinstance(planned, PlanningFailure), planned.message
-    lift = planned[Mode.LIFT]
+    return planned[Mode.LIFT]
+
+
+def risen(motions, grasp, height_map):
+    """Return how high a grasp is lifted [m]."""
+    lift = lifting(motions, grasp, height_map)
     start, end = (
         motions.scene.X_WG(lift.value(time)[:, 0]).translation()[2]
         for time in (lift.start_time(), lift.end_time())
