@@ -19,7 +19,7 @@ from drake_srg.planning.clearing.destination import (
     AROUND,
     BESIDE,
     Destination,
-    Lane,
+    Spots,
 )
 from drake_srg.planning.clearing.receiving import SeenLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
@@ -210,19 +210,16 @@ class ClearingMemory:
             return -np.inf
         return destination.top(self.destinations) + self._unseen(destination)
 
-    def lanes(self, destination: Destination) -> list[Lane]:
-        """Return a bin's lanes and spots, the emptier first; a row has none.
+    def spots(self, destination: Destination) -> Spots:
+        """Return where loads are laid or set down in a bin; a row has no such places.
 
         A bin counts as empty until the first look.
         """
         if destination.rim is None:
-            return []
+            return Spots()
         laid = self.drop is not None and self.drop.laid
         unseen = self._unseen(destination) if laid else 0.0
-        return [
-            dc.replace(lane, ground=lane.ground + unseen)
-            for lane in destination.lanes(self.destinations)
-        ]
+        return destination.spots(self.destinations).raised(unseen)
 
     def _unseen(self, destination: Destination) -> float:
         """Return the height of a load that has not been looked for there yet [m]."""

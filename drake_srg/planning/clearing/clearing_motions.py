@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.columns import highest_near, standing
-from drake_srg.planning.clearing.destination import Destination, Lane
+from drake_srg.planning.clearing.destination import Destination, Spots
 from drake_srg.planning.clearing.laying import laying_targets
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.clearing.ways import Ways
@@ -41,6 +41,7 @@ _DRAWN_IN = (0.15, 0.3, 0.45)
 # What hangs from the pads swings as it is lifted: lifted by the arm as fast as anything
 # else, a hammer of 0.67 kg pulls itself out of them. Share of that speed.
 _GENTLE = 0.6
+_NOWHERE = Spots()
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
 
 
@@ -91,7 +92,7 @@ class ClearingMotions(Ways):
         number: int = 0,
         *,
         filled: float = -np.inf,
-        lanes: Sequence[Lane] = (),
+        spots: Spots = _NOWHERE,
     ) -> dict[Mode, Trajectory] | PlanningFailure:
         """Plan from `q_start` to a grasp, and with what it takes over the bin.
 
@@ -101,13 +102,12 @@ class ClearingMotions(Ways):
             height_map: Of the table, for motions to keep clear of what is on it.
             number: Of loads that were dropped before.
             filled: World z up to which the bin may be filled [m].
-            lanes: Where loads that may hang from the hand are laid down, and tall ones
-                set down, the best one first. All others are dropped, and without lanes,
-                these, too.
+            spots: Where loads that may hang from the hand are laid down, and tall ones
+                set down. All others are dropped, and without spots, these, too.
         """
         try:
             return self._plan(
-                np.asarray(q_start), grasp, height_map, number, filled, lanes
+                np.asarray(q_start), grasp, height_map, number, filled, spots
             )
         except NoPathError as error:
             return error.failure
@@ -119,7 +119,7 @@ class ClearingMotions(Ways):
         height_map: HeightMap,
         number: int,
         filled: float,
-        lanes: Sequence[Lane],
+        spots: Spots,
     ) -> dict[Mode, Trajectory]:
         q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, HAND_RADIUS) + _OVER
@@ -133,9 +133,7 @@ class ClearingMotions(Ways):
             load,
             aside_W=side * self._aside,
             piled=max(filled - self._rim, 0.0),
-            lanes=tuple(lane for lane in lanes if lane.tall == load.tall)
-            if load.tall or load.may_hang
-            else (),
+            spots=spots.tall if load.tall else spots.long if load.may_hang else (),
         )
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,
@@ -259,7 +257,7 @@ class ClearingMotions(Ways):
 
         The load's middle is over the bin's or beside that, and just above its rim and
         whatever is in it, or as far above as the hand is at `q_over`. It is dropped
-        there. In one of its lanes it is laid down instead, where the arm can.
+        there. At one of its spots it is laid down instead, where the arm can.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -268,8 +266,8 @@ class ClearingMotions(Ways):
         palm = float(grasp.X_WG.translation()[2]) - self._table
         least = self._rim + load.piled + load.sag + _RIM + palm
         high = min(float(X_WG.translation()[2]), least)
-        for lane in load.lanes:
-            begin, *others = laying_targets(X_WG, load, palm, lane, high)
+        for spot in load.spots:
+            begin, *others = laying_targets(X_WG, load, palm, spot, high)
             with contextlib.suppress(NoPathError):
                 across, q_begin = self._across(q, begin, load, lifted)
                 with self.scene.reaching(_TIPS):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +20,13 @@ AROUND = 0.2
 # As far inside, there may still be wall [m].
 EDGE, _WALL = 0.01, 0.02
 # Lanes in which long things are laid down are beside the middle, where others are
-# dropped: so far, as a share of a bin's width, and so wide to either side [m].
-_LANE, _LANE_WIDTH = 0.2, 0.05
+# dropped: so far, as a share of a bin's width.
+_LANE = 0.2
 # Tall things are set down in its middle, or so far to either side along it, as a share
 # of its length: what leans on a rim may hang over it.
 _SPOT = 0.25
+# What is so near to the middle of a lane or a place is below the load [m].
+_HALF_WIDTH = 0.05
 # What reaches over a rim from inside, no further than `_STICKS_OUT` beyond it, is in
 # the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
 # is higher than the rim by `_ON_RIM`, and beside that at most `_BELOW_RIM` lower.
@@ -31,12 +34,32 @@ _STICKS_OUT, _ON_RIM, _BELOW_RIM = 0.08, 0.008, 0.03
 
 
 @dc.dataclass(frozen=True, eq=False)
-class Lane:
-    """A part of a bin: a strip along it for long things, or a spot for tall ones."""
+class Spot:
+    """A place in a bin where a load may be laid or set down."""
 
     aside_W: Vector  # from the bin's middle to its own, in world, shape (3,) [m]
-    ground: float  # world z of the highest thing in it [m]
-    tall: bool = False  # it is a spot
+    ground: float  # world z of the highest thing there [m]
+
+
+@dc.dataclass(frozen=True, eq=False)
+class Spots:
+    """Where loads are laid or set down in a bin, the emptier places first.
+
+    Attributes:
+        long: Lanes along the bin, for long loads.
+        tall: Places away from its walls, for tall ones.
+    """
+
+    long: tuple[Spot, ...] = ()
+    tall: tuple[Spot, ...] = ()
+
+    def raised(self, height: float) -> Spots:
+        """Return the same places, each higher than before [m]."""
+
+        def raised(spots: Iterable[Spot]) -> tuple[Spot, ...]:
+            return tuple(dc.replace(s, ground=s.ground + height) for s in spots)
+
+        return Spots(raised(self.long), raised(self.tall))
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -88,32 +111,44 @@ class Destination:
         inside = height_map.height[self.contains(height_map, -_WALL)]
         return float(np.nanmax(inside, initial=-np.inf))
 
-    def lanes(self, height_map: HeightMap | None) -> list[Lane]:
-        """Return a bin's lanes and spots, the emptier ones first.
+    def spots(self, height_map: HeightMap | None) -> Spots:
+        """Return where loads are laid or set down in a bin.
 
         Args:
             height_map: The bin is empty without one.
         """
-        size = self.high - self.low
-        across = int(np.argmin(size))
-        lanes = []
-        for tall, axis, side in (
-            (False, across, -_LANE),
-            (False, across, _LANE),
-            (True, 1 - across, 0.0),
-            (True, 1 - across, -_SPOT),
-            (True, 1 - across, _SPOT),
-        ):
-            aside = side * np.eye(3)[axis] * size[axis]
-            ground = self.floor
-            if height_map is not None:
-                apart = np.abs(height_map.middles() - self.middle - aside[:2])
-                lane = apart.max(axis=-1) if tall else apart[..., across]
-                within = (lane < _LANE_WIDTH) & self.contains(height_map, -_WALL)
-                inside = height_map.height[within]
-                ground = float(np.nanmax(inside, initial=self.floor))
-            lanes.append(Lane(aside, ground, tall))
-        return sorted(lanes, key=lambda lane: lane.ground)
+        across = int(np.argmin(self.high - self.low))
+        lanes = [self._spot(height_map, across, side) for side in (-_LANE, _LANE)]
+        middles = [
+            self._spot(height_map, 1 - across, side, around=True)
+            for side in (0.0, -_SPOT, _SPOT)
+        ]
+        return Spots(_emptier_first(lanes), _emptier_first(middles))
+
+    def _spot(
+        self,
+        height_map: HeightMap | None,
+        axis: int,
+        side: float,
+        *,
+        around: bool = False,
+    ) -> Spot:
+        """Return a strip beside the middle, or what is around a place.
+
+        Args:
+            height_map: See `spots`.
+            axis: Of the table, across the strip, 0 or 1.
+            side: How far it is from the middle along the axis, as a share of the bin.
+            around: Whether only what is around it counts.
+        """
+        aside = side * np.eye(3)[axis] * (self.high - self.low)[axis]
+        if height_map is None:
+            return Spot(aside, self.floor)
+        apart = np.abs(height_map.middles() - self.middle - aside[:2])
+        away = apart.max(axis=-1) if around else apart[..., axis]
+        within = (away < _HALF_WIDTH) & self.contains(height_map, -_WALL)
+        inside = height_map.height[within]
+        return Spot(aside, float(np.nanmax(inside, initial=self.floor)))
 
     def contains(
         self, height_map: HeightMap, margin: float = 0.0
@@ -125,3 +160,7 @@ class Destination:
         """Return which points (..., 2) are inside or within a margin [m], (...)."""
         inside = (p_W >= self.low - margin) & (p_W <= self.high + margin)
         return np.asarray(np.all(inside, axis=-1))
+
+
+def _emptier_first(spots: Iterable[Spot]) -> tuple[Spot, ...]:
+    return tuple(sorted(spots, key=lambda spot: spot.ground))

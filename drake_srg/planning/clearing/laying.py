@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.math import RigidTransform
 
-from drake_srg.planning.clearing.destination import Lane
+from drake_srg.planning.clearing.destination import Spot
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.motion.hand_target import HandTarget
 
@@ -23,7 +23,7 @@ _ANGLES = np.deg2rad([0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0])
 
 
 def laying_targets(
-    X_WG: RigidTransform, load: Load, palm: float, lane: Lane, high: float
+    X_WG: RigidTransform, load: Load, palm: float, spot: Spot, high: float
 ) -> list[HandTarget]:
     """Return where the hand begins to lay a load down, and the way from there.
 
@@ -34,13 +34,13 @@ def laying_targets(
         X_WG: The hand over the middle of the bin, as it drops things.
         load: The load.
         palm: Height of the palm above the underside of the level load [m].
-        lane: Where it shall lie.
+        spot: Where it shall lie.
         high: World z of the palm at which the hanging load clears the rim [m].
     """
     middle_W = X_WG.rotation() @ load.middle_G
     outward = np.sign(load.middle_G[2]) * X_WG.rotation().col(2)[:2]
-    p_W = X_WG.translation() + lane.aside_W - middle_W
-    lying = np.array([*p_W[:2], lane.ground + _ABOVE + palm])
+    p_W = X_WG.translation() + spot.aside_W - middle_W
+    lying = np.array([*p_W[:2], spot.ground + _ABOVE + palm])
     angles = _ANGLES if load.sag > 0.0 else _ANGLES[-1:]
     arc = lying + load.sag * np.column_stack(
         [np.outer(1.0 - np.sin(angles), outward), np.cos(angles)]

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.clearing.columns import thing_at
-from drake_srg.planning.clearing.destination import Lane
+from drake_srg.planning.clearing.destination import Spot
 from drake_srg.types import HeightMap, Vector
 
 # A load turns about the line between the pads until it hangs from them, but no
@@ -37,7 +37,7 @@ class Load:
     # From the bin's middle to where it is dropped, in world, shape (3,) [m].
     aside_W: Vector = dc.field(default_factory=lambda: np.zeros(3))
     piled: float = 0.0  # how far what is in the bin rises above its rim [m]
-    lanes: tuple[Lane, ...] = ()  # where it may be laid down, the best one first
+    spots: tuple[Spot, ...] = ()  # where it may be laid down, the best one first
 
     @property
     def may_hang(self) -> bool:

@@ -159,7 +159,7 @@ class PickPlanner:
                 height_map,
                 memory.picks,
                 filled=memory.filled(there.destination),
-                lanes=memory.lanes(there.destination),
+                spots=memory.spots(there.destination),
             )
             if isinstance(motions, PlanningFailure):
                 missed.append(Left(grasp.p_WC, motions.failure))

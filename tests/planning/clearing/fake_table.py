@@ -120,7 +120,7 @@ class Motions:
         self.places = False  # loads are set down, not dropped
         self.way_out = None  # where the way up out of a bin ends
 
-    def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf, lanes=()):
+    def plan(self, q_start, grasp, height_map, number=0, *, filled=-np.inf, spots=None):
         place = tuple(np.round(grasp.p_WC[:2], 6))
         if place in self.unreachable:
             return PlanningFailure(Failure.OUT_OF_REACH, "too far")

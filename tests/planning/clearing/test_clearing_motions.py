@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 from drake_srg.cell.bins import bin_boxes, bin_floor
 from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.planning.clearing import clearing_motions
-from drake_srg.planning.clearing.destination import Lane
+from drake_srg.planning.clearing.destination import Spot, Spots
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.scenario import load_scenario
@@ -140,9 +140,9 @@ def test_loads_are_carried_over_what_is_in_the_bin(scenario, motions):
 def test_a_long_load_is_laid_down_in_a_lane(scenario, motions, middle):
     low, high = bin_boxes(scenario)["bin"]
     floor = bin_floor(scenario, "bin")
-    lane = Lane(np.array([0.0, 0.08, 0.0]), floor)
+    lane = Spot(np.array([0.0, 0.08, 0.0]), floor)
     grasp, height_map = bar_at(PLACE, middle - 0.1, middle + 0.1)
-    planned = motions.plan(motions.q_home, grasp, height_map, lanes=[lane])
+    planned = motions.plan(motions.q_home, grasp, height_map, spots=Spots(long=(lane,)))
     assert not isinstance(planned, PlanningFailure), planned.message
     laying = planned[Mode.PLACE]
     np.testing.assert_allclose(
@@ -164,17 +164,17 @@ def test_a_long_load_is_laid_down_in_a_lane(scenario, motions, middle):
 
 def test_where_a_load_cannot_be_laid_down_it_is_dropped(motions):
     grasp, height_map = bar_at(PLACE, -0.03, 0.17)
-    lane = Lane(np.array([0.0, 0.08, 0.0]), -1.0)  # below the table
-    planned = motions.plan(motions.q_home, grasp, height_map, lanes=[lane])
+    lane = Spot(np.array([0.0, 0.08, 0.0]), -1.0)  # below the table
+    planned = motions.plan(motions.q_home, grasp, height_map, spots=Spots(long=(lane,)))
     assert not isinstance(planned, PlanningFailure), planned.message
     assert Mode.PLACE not in planned
 
 
-@pytest.mark.parametrize("tall", [True, False])
-def test_low_and_short_loads_are_dropped(motions, tall):
-    lane = Lane(np.array([0.0, 0.08, 0.0]), 0.02, tall)
+@pytest.mark.parametrize("kind", ["long", "tall"])
+def test_low_and_short_loads_are_dropped(motions, kind):
+    spots = Spots(**{kind: (Spot(np.array([0.0, 0.08, 0.0]), 0.02),)})
     planned = motions.plan(
-        motions.q_home, grasp_at(PLACE), moved(table(PLACE)), lanes=[lane]
+        motions.q_home, grasp_at(PLACE), moved(table(PLACE)), spots=spots
     )
     assert Mode.PLACE not in planned
 
@@ -188,12 +188,12 @@ def test_a_tall_load_is_set_down_at_a_spot(scenario, motions):
     grasp = dc.replace(
         grasp, X_WG=up @ grasp.X_WG, p_WC=up @ grasp.p_WC, height=grasp.height + 0.15
     )
-    lanes = [
-        Lane(np.zeros(3), floor),
-        Lane(np.array([0.1, 0.0, 0.0]), floor, tall=True),
-    ]
+    spots = Spots(
+        long=(Spot(np.zeros(3), floor),),
+        tall=(Spot(np.array([0.1, 0.0, 0.0]), floor),),
+    )
     planned = motions.plan(
-        motions.q_home, grasp, moved(table(PLACE, tall=0.2)), lanes=lanes
+        motions.q_home, grasp, moved(table(PLACE, tall=0.2)), spots=spots
     )
     assert not isinstance(planned, PlanningFailure), planned.message
     p_WG = motions.scene.X_WG(planned[Mode.PLACE].value(1e9)[:, 0]).translation()

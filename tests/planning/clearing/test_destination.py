@@ -23,16 +23,16 @@ def test_the_emptier_lane_of_a_bin_comes_first():
     across = 0.2 * (BIN.high - BIN.low)[1]
     for side in (-1.0, 1.0):
         shown = table((BIN.middle[0], BIN.middle[1] + side * 0.07))
-        empty, full = (lane for lane in deep.lanes(shown) if not lane.tall)
+        empty, full = deep.spots(shown).long
         np.testing.assert_allclose(empty.aside_W, [0.0, -side * across, 0.0])
         assert (empty.ground, full.ground) == (0.01, TALL)
 
 
 def test_the_lanes_of_a_bin_that_was_not_seen_are_empty():
     deep = dc.replace(BIN, rim=0.12, floor=0.01)
-    assert [lane.ground for lane in deep.lanes(None)] == 5 * [0.01]
     unseen = dc.replace(table(), height=np.full((80, 100), np.nan))
-    assert [lane.ground for lane in deep.lanes(unseen)] == 5 * [0.01]
+    for spots in (deep.spots(None), deep.spots(unseen)):
+        assert [spot.ground for spot in spots.long + spots.tall] == 5 * [0.01]
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_tall_things_are_set_down_in_the_middle_or_along_it_where_nothing_is():
     asides = [0.0, -0.25 * 0.3, 0.25 * 0.3]
     for taken in asides:
         shown = table((BIN.middle[0] + taken, BIN.middle[1]))
-        *free, full = (lane for lane in deep.lanes(shown) if lane.tall)
+        *free, full = deep.spots(shown).tall
         np.testing.assert_allclose(full.aside_W, [taken, 0.0, 0.0])
         others = [a for a in asides if a != taken]
         assert [spot.aside_W[0] for spot in free] == pytest.approx(others)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RotationMatrix
 
-from drake_srg.planning.clearing.destination import Lane
+from drake_srg.planning.clearing.destination import Spot
 from drake_srg.planning.clearing.laying import laying_targets
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import palm_pose
@@ -26,7 +26,7 @@ def way(yaw, middle, sag, ground=0.02, aside=(0.0, 0.0, 0.0), high=0.5):
         middle_G=np.array([0.0, 0.0, middle]),
     )
     targets = laying_targets(
-        palm_pose(OVER, yaw), load, PALM, Lane(np.array(aside), ground), high
+        palm_pose(OVER, yaw), load, PALM, Spot(np.array(aside), ground), high
     )
     return [RigidTransform(t.R_WG, t.p_WT) for t in targets], load
 
