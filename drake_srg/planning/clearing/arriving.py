@@ -15,6 +15,8 @@ from drake_srg.types import Failure, HeightMap, Left
 def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMemory:
     """Judge by a map of where loads go whether the last one has come there.
 
+    A load that is not seen there does not count. One that fell out counts once.
+
     Args:
         memory: The planner's.
         seen: The map; None without a camera for it.
@@ -40,9 +42,9 @@ def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMem
     return memory
 
 
-def _arrived(memory: ClearingMemory, drop: Drop, load: Received) -> ClearingMemory:
+def _arrived(memory: ClearingMemory, drop: Drop, come: Received) -> ClearingMemory:
     """Count a load, unless it has fallen out and counts already."""
-    received = (*memory.received, load)
+    received = (*memory.received, come)
     memory = dc.replace(memory, pushes=0, received=received)
     if drop.again and not memory.lost:
         return memory
@@ -51,7 +53,7 @@ def _arrived(memory: ClearingMemory, drop: Drop, load: Received) -> ClearingMemo
 
 
 def _lost(memory: ClearingMemory, drop: Drop) -> ClearingMemory:
-    """Tell of a load once, and count it no more if it has fallen out."""
+    """Report a load as dropped once. If it had counted before, count it no more."""
     if drop.again and memory.lost:
         return memory
     place = np.array([*drop.destination.middle, 0.0])

@@ -22,6 +22,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     solve_inverse_kinematics,
 )
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
@@ -38,8 +39,8 @@ _LOAD_WIDTH = 0.06  # of what hangs below the hand, as planned [m]
 # Shares of the distance from the arm by which a load is drawn in that it cannot lift
 # high enough where it is.
 _DRAWN_IN = (0.15, 0.3, 0.45)
-# What hangs from the pads swings as it is lifted: lifted by the arm as fast as anything
-# else, a hammer of 0.67 kg pulls itself out of them. Share of that speed.
+# A long load swings as it is lifted. At full speed, a hammer of 0.67 kg pulls itself
+# out of the pads. Share of that speed while a load that may hang is lifted.
 _GENTLE = 0.6
 _NOWHERE = Spots()
 _STARTS = 4  # of inverse kinematics: another grasp comes sooner than a rare posture
@@ -199,13 +200,15 @@ class ClearingMotions(Ways):
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
-            limits = moves.holding
-            if load.may_hang:
-                limits = limits.scaled(_GENTLE, _GENTLE**2)
-            lifting = moves.timed(up, limits, straight=True)
+            lifting = moves.timed(up, self._lifting(load), straight=True)
         with standing(scene, height_map, self._table, taken=grasp.p_WC):
             let_go = self._into_bin(up[-1], grasp, load, lifted)
         return {Mode.LIFT: lifting} | let_go
+
+    def _lifting(self, load: Load) -> MotionLimits:
+        """Return the limits of motions that lift a load."""
+        limits = self._moves.holding
+        return limits.scaled(_GENTLE, _GENTLE**2) if load.may_hang else limits
 
     def _drawn_in(self, q: Vector, load: Load) -> Vector:
         """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
@@ -257,7 +260,8 @@ class ClearingMotions(Ways):
 
         The load's middle is over the bin's or beside that, and just above its rim and
         whatever is in it, or as far above as the hand is at `q_over`. It is dropped
-        there. At one of its spots it is laid down instead, where the arm can.
+        there. Where `load.spots` has a place that the arm reaches, it is laid or set
+        down there instead.
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -290,11 +294,13 @@ class ClearingMotions(Ways):
         moves = self._moves
         with self._loaded(lifted):
             over = moves.straight(self.q_over, place)[-1]
-            drawn = q[np.newaxis] if lifted is load else self._drawn_in(q, load)
+            limits, drawn = moves.holding, q[np.newaxis]
+            if lifted is not load:
+                limits, drawn = self._lifting(load), self._drawn_in(q, load)
             with self._loaded(load):
                 across = moves.joint_path(drawn[-1], over)
             path = np.vstack([drawn, across[1:]])
-            return moves.timed(path, moves.holding), over
+            return moves.timed(path, limits), over
 
     @contextlib.contextmanager
     def _loaded(self, load: Load) -> Iterator[None]:

@@ -20,7 +20,8 @@ _LEAST_SHARE = 0.2
 # Edges of things flicker in noisy depth, here and there.
 _LEAST_AREA = 2.0e-4
 # An edge may be seen so far to either side of where it is [m]: two cells of the table's
-# map. There, only a height that was not seen so near is a change.
+# map. There, only a height that was not seen so near is a change. So a thing of 5 cm
+# that moves by less than about 1 cm between two looks counts as still.
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
@@ -89,8 +90,8 @@ def fallen(before: HeightMap, after: HeightMap) -> Vector:
     known = np.abs(drop[np.isfinite(drop)])
     noise = 1.4826 * float(np.median(known)) if len(known) else 0.0  # most is table
     drop = np.nan_to_num(drop)
-    changed = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
-    closed = cv2.morphologyEx(changed, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
+    differs = (np.abs(drop) > max(_SAME, _DEVIATIONS * noise)).astype(np.uint8)
+    closed = cv2.morphologyEx(differs, cv2.MORPH_CLOSE, _KERNEL)  # unknown cells
     return np.where(opened(closed > 0), drop, 0.0)
 
 

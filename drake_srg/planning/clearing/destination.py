@@ -25,7 +25,8 @@ _LANE = 0.2
 # Tall things are set down in its middle, or so far to either side along it, as a share
 # of its length: what leans on a rim may hang over it.
 _SPOT = 0.25
-# What is so near to the middle of a lane or a place is below the load [m].
+# Half the width of a lane, and of a place for a tall load [m]: what is within it is
+# below the load.
 _HALF_WIDTH = 0.05
 # What reaches over a rim from inside, no further than `_STICKS_OUT` beyond it, is in
 # the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
@@ -133,13 +134,13 @@ class Destination:
         *,
         around: bool = False,
     ) -> Spot:
-        """Return a strip beside the middle, or what is around a place.
+        """Return a lane beside the middle, or a place.
 
         Args:
             height_map: See `spots`.
-            axis: Of the table, across the strip, 0 or 1.
-            side: How far it is from the middle along the axis, as a share of the bin.
-            around: Whether only what is around it counts.
+            axis: Along which it is off the bin's middle, 0 or 1.
+            side: By how much, as a share of the bin.
+            around: True: a square around the place. False: a strip along the bin.
         """
         aside = side * np.eye(3)[axis] * (self.high - self.low)[axis]
         if height_map is None:

@@ -22,9 +22,9 @@ _LEAST_SHARE, _LEAST_VOLUME = 0.2, 5.0e-6
 # where no camera sees beyond it: a load that leans there may hang over it and fall.
 _MOST_BESIDE, _MOST_OUTSIDE = 0.25, 0.4
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
-# If more than this share of its volume has come in on the whole, what has come to lie
+# If at least this share of its volume has come in on the whole, what has come to lie
 # beside is something else: an arm that goes by may push things there.
-_MOST_SHARE = 0.5
+_MAIN_SHARE = 0.5
 # What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
 # the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
@@ -50,22 +50,24 @@ class _Risen:
     Attributes:
         inside: Volume inside, of parts that are there for the most part [m³].
         net: Volume inside, less what has fallen there [m³].
-        over: Volume outside, of parts that reach over the rim, less what has fallen
-            there [m³].
+        over: Volume outside, of parts that reach over the rim [m³].
         apart: Volume outside, of parts that are wholly there [m³].
-        top: World z of the middle one of the cells that have risen inside [m].
+        left: Volume outside that has fallen [m³].
+        top: Median world z of the cells that have risen inside [m].
     """
 
     inside: float
     net: float
     over: float
     apart: float
+    left: float
     top: float
 
     @classmethod
     def between(
         cls, destination: Destination, before: HeightMap, after: HeightMap
     ) -> _Risen:
+        """Return what has risen between two maps."""
         risen = -fallen(before, after)
         changed = risen > 0.0
         inside = destination.contains(after)
@@ -77,22 +79,23 @@ class _Risen:
             inside, beside = inside & ~hidden, beside | hidden
             # Both ends of what lies on the rim are one part, above what the wall hides.
             changed |= np.isnan(before.height) & (after.height > destination.rim)
+        away = beside | ~destination.contains(after, BESIDE)
         received, over, apart = 0.0, 0.0, 0.0
         for part in parts(changed, after.resolution):
-            outside = np.count_nonzero(part & beside)
+            outside = np.count_nonzero(part & away)
             if outside <= _MOST_OUTSIDE * np.count_nonzero(part):
                 received += float(np.sum(risen[part & inside]))
             elif np.any(part & inside):
                 over += float(np.sum(risen[part & beside]))
             else:
                 apart += float(np.sum(risen[part & beside]))
-        over = max(over + float(np.sum(np.minimum(risen, 0.0)[beside])), 0.0)
         area, come = after.resolution**2, after.height[inside & (risen > 0.0)]
         return cls(
             inside=area * received,
             net=area * float(np.sum(risen[inside])),
             over=area * over,
             apart=area * apart,
+            left=area * float(np.sum(np.clip(-risen[beside], 0.0, None))),
             top=float(np.median(come)) if len(come) else -np.inf,
         )
 
@@ -109,16 +112,20 @@ def has_received(
         load: As it was seen on the table.
     """
     risen = _Risen.between(destination, before, after)
-    received, missed, least = risen.inside, risen.over, _LEAST_SHARE * load.volume
-    if not load.felt:
+    received, least = risen.inside, _LEAST_SHARE * load.volume
+    if load.felt:
+        # What lay over the rim may have been pushed along it.
+        missed = max(risen.over - risen.left, 0.0)
+        if risen.net < max(_LEAST_VOLUME, _MAIN_SHARE * load.volume):
+            missed += risen.apart
+    else:
+        missed = risen.over + risen.apart
         # What lies in a bin moves as a load comes in; without one, as much falls,
         # also in parts that are too small to count.
         least = max(least, _LEAST_SHARE * received)
         received = min(received, risen.net)
     if received < max(_LEAST_VOLUME, least):
         return False
-    if not load.felt or risen.net < _MOST_SHARE * load.volume:
-        missed += risen.apart
     if missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
         return False
     if destination.level is None:
@@ -138,7 +145,9 @@ def has_missed(
         load: As it was seen on the table.
     """
     risen = _Risen.between(destination, before, after)
-    return risen.over + risen.apart > max(_LEAST_VOLUME, _MOST_SHARE * load.volume)
+    missed = risen.over + risen.apart - risen.left
+    least = max(_LEAST_VOLUME, _MAIN_SHARE * load.volume)
+    return load.volume > 0.0 and missed > least
 
 
 def _hides(destination: Destination, after: HeightMap) -> npt.NDArray[np.bool_]:

@@ -15,8 +15,9 @@ _FACE, _AWAY = 0.01, 0.02
 # Height of the flank over which its lean is measured [m].
 _RISE = 0.012
 # Most of the flank of a low thing may be below what counts as between the pads. From
-# this height above the fingers' ends on, it counts, too [m].
-_FOOT = 0.001
+# this height above the fingers' ends on [m], and so many standard deviations of the
+# table's own heights, it counts, too.
+_FOOT, _DEVIATIONS = 0.001, 2.0
 
 
 def extent(
@@ -56,6 +57,7 @@ def lean_of(
     end: Vector,
     inwards: int,
     step: float,
+    noise: float = 0.0,
 ) -> Vector:
     """Return how far flanks lean inwards: the tangent of the angle to the vertical.
 
@@ -69,6 +71,7 @@ def lean_of(
         end: Where the thing ends, shape (n,) [m].
         inwards: Direction from there to its inside, 1 or -1.
         step: Between the samples, the middle one of which is at 0 [m].
+        noise: Standard deviation of the heights [m].
     """
     rows = np.arange(len(strip))
     rise = np.clip(0.8 * (top - tip), 1e-3, _RISE)
@@ -82,6 +85,6 @@ def lean_of(
             for way in (inwards, -inwards)
         )
         low = low & (inside < tip + rise)
-        foot = foot & (outside > tip + _FOOT)
+        foot = foot & (outside > tip + max(_FOOT, _DEVIATIONS * noise))
         run += step * (low.astype(int) + foot)
     return run / rise

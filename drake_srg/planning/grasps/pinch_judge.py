@@ -61,8 +61,8 @@ class PinchJudge(TopGraspJudge):
                 inside = np.abs(self._s) <= silhouette.half_gap
                 low, high, some = extent(between & inside, self._s)
                 lean = np.maximum(
-                    lean_of(strip, tip, top, low, 1, self._config.step),
-                    lean_of(strip, tip, top, high, -1, self._config.step),
+                    lean_of(strip, tip, top, low, 1, self._config.step, relief.noise),
+                    lean_of(strip, tip, top, high, -1, self._config.step, relief.noise),
                 )
                 score = _score(tip, top, high - low, lean, clear)
                 score = score - silhouette.half_gap / _OPENING

@@ -27,8 +27,8 @@ from drake_srg.types import Vector
 # Backs of base link and tip, from the line through the hinges, and how far the base
 # link goes beyond its hinges [m] (srg_fast.sdf).
 _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
-# The ends of the pads of an empty hand press 2 to 3 mm into each other, because pads
-# yield, also where its tips have turned. With something between them, the gap is [m]:
+# The pads' ends of an empty hand press 2 to 3 mm into each other, also when its tips
+# have turned. A larger gap than this means that something is between them [m].
 _LEAST_GAP = 0.0013
 # By how much a height map shows things too wide, at most [m].
 _BLUR = 0.004
@@ -115,7 +115,8 @@ class SrgFingers(Fingers):
         """See `Fingers`; the base links come first in `q`.
 
         The width says little, because a height map shows things wider or narrower than
-        they are. So there only has to be something between the pads.
+        they are. So there only has to be something between the ends of the pads. What
+        is enclosed above ends that meet is not told.
         """
         return ends_gap(q) > _LEAST_GAP
 

@@ -1,4 +1,4 @@
-"""Where loads go: what sticks out, lanes and spots."""
+"""Where loads go: what sticks out, lanes for long loads, places for tall ones."""
 
 import dataclasses as dc
 

@@ -95,8 +95,9 @@ def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
     walls = np.where(deep.contains(after), deep.rim, 0.0)
     floor = np.where(deep.contains(after, -0.02), 0.02, walls)
     before = dc.replace(after, height=np.where(hidden, np.nan, floor))
-    load = SeenLoad(volume=2e-4, height=0.025)
-    assert has_received(deep, before, after, load) == lies
+    for felt in (True, False):
+        load = SeenLoad(volume=2e-4, height=0.025, felt=felt)
+        assert has_received(deep, before, after, load) == lies
 
 
 @pytest.mark.parametrize(("into", "comes"), [([(0.3, 0.2)], True), ([], False)])
@@ -108,17 +109,40 @@ def test_what_is_pushed_beside_the_bin_is_not_the_load_in_it(into, comes):
 
 
 def test_what_lies_over_the_rim_may_be_pushed_along_it():
-    deep, after, _ = crossing(0.1, 0.09)
-    before = dc.replace(after, height=np.roll(after.height, 3, axis=0))
+    deep, after, bar = crossing(0.1, 0.09)
+    walls = np.where(deep.contains(after), deep.rim, 0.0)
+    floor = np.where(deep.contains(after, -0.02), 0.02, walls)
+    moved = np.where(np.roll(bar, 3, axis=0), 0.15, floor)
+    before = dc.replace(after, height=moved)
+    assert not has_received(deep, before, after, LOAD)
     load = np.abs(after.middles() - (0.3, 0.15)).max(axis=-1) < 0.5 * SIDE
     after.height[load] = 0.02 + TALL
     assert has_received(deep, before, after, LOAD)
+    missed = dc.replace(LOAD, felt=False)
+    assert not has_received(deep, before, after, missed)
 
 
 @pytest.mark.parametrize("place", [(0.45, 0.2), (0.2, 0.2), None])
 def test_tells_a_load_beside_the_bin_from_one_that_is_unseen(place):
     after = table() if place is None else table(place)
     assert has_missed(BIN, table(), after, LOAD) == (place == (0.45, 0.2))
+
+
+def test_what_is_pushed_beside_the_bin_is_no_load_that_missed():
+    before, after = table((0.45, 0.2)), table((0.45, 0.25))
+    assert not has_missed(BIN, before, after, dc.replace(LOAD, felt=False))
+    assert not has_missed(BIN, table(), before, dc.replace(LOAD, volume=0.0))
+
+
+def test_a_small_load_beside_the_bin_is_not_in_it_though_others_settle():
+    small = SeenLoad(volume=6e-6, height=0.005)
+    before, after = table((0.2, 0.2), tall=0.2), table((0.2, 0.2), tall=0.202)
+    assert has_received(BIN, before, table((0.2, 0.2), (0.3, 0.2)), small)
+    x, y = np.moveaxis(after.middles(), -1, 0)
+    after.height[(np.abs(x - 0.45) < 0.02) & (np.abs(y - 0.2) < 0.02)] = 0.005
+    settled = (np.abs(x - 0.3) < 0.02) & (np.abs(y - 0.2) < 0.02)
+    after.height[settled] = 0.003  # 4.8 cm³
+    assert not has_received(BIN, before, after, small)
 
 
 def test_flickering_edges_are_no_load():

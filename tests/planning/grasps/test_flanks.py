@@ -32,7 +32,7 @@ def test_the_lean_of_flanks(tangent, half):
 
 
 @given(tangent=st.floats(0.0, 1.0))
-def test_the_flanks_of_low_things_lean_from_the_table_up(tangent):
+def test_the_flanks_of_low_things_lean_from_the_fingers_ends_up(tangent):
     """Fingers slipped off the bowl of a spoon that lay upside down."""
     with np.errstate(divide="ignore"):
         height = np.clip((0.025 - np.abs(S)) / max(tangent, 1e-9), 0.0, 0.011)
