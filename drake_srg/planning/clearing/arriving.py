@@ -8,7 +8,13 @@ import numpy as np
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Drop, Received
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS
-from drake_srg.planning.clearing.receiving import has_missed, has_received
+from drake_srg.planning.clearing.destination import Destination
+from drake_srg.planning.clearing.receiving import (
+    MAIN_SHARE,
+    has_missed,
+    has_received,
+    volume_lost,
+)
 from drake_srg.types import Failure, HeightMap, Left
 
 
@@ -35,10 +41,39 @@ def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMem
     memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
     if before is None or drop is None:
         return memory
+    memory = _without_what_left(memory, drop.destination, before)
     if has_received(drop.destination, before, seen, drop.load):
         return _arrived(memory, drop, Received(drop.load.volume, before, seen))
     if drop.load.felt or has_missed(drop.destination, before, seen, drop.load):
         return _lost(memory, drop)
+    return memory
+
+
+def _without_what_left(
+    memory: ClearingMemory, destination: Destination, before: HeightMap
+) -> ClearingMemory:
+    """Count a load no more that has left the bin, such as a mug on the open fingers.
+
+    What only topples, or comes to lie elsewhere in the bin, takes up as much there.
+
+    Args:
+        memory: The planner's, with the latest map of where loads go.
+        destination: The bin.
+        before: The map before.
+    """
+    now = memory.destinations
+    assert now is not None
+    volume = volume_lost(destination, before, now)
+    for load in memory.received:
+        least = MAIN_SHARE * load.volume
+        if load.counts and volume > least and load.has_left(now):
+            received = tuple(
+                dc.replace(other, counts=other.counts and other is not load)
+                for other in memory.received
+            )
+            lost = (*memory.lost, _dropped(destination))
+            arrived = memory.arrived - 1
+            return dc.replace(memory, received=received, lost=lost, arrived=arrived)
     return memory
 
 
@@ -56,6 +91,9 @@ def _lost(memory: ClearingMemory, drop: Drop) -> ClearingMemory:
     """Report a load as dropped once. If it had counted before, count it no more."""
     if drop.again and memory.lost:
         return memory
-    place = np.array([*drop.destination.middle, 0.0])
-    lost = (*memory.lost, Left(place, Failure.DROPPED))
+    lost = (*memory.lost, _dropped(drop.destination))
     return dc.replace(memory, arrived=memory.arrived - drop.again, lost=lost)
+
+
+def _dropped(destination: Destination) -> Left:
+    return Left(np.array([*destination.middle, 0.0]), Failure.DROPPED)

@@ -123,11 +123,13 @@ class Received:
         volume: On the map of the table [m³].
         before: The map of where loads go before it came.
         after: The map with it.
+        counts: Whether it still counts as arrived.
     """
 
     volume: float
     before: HeightMap
     after: HeightMap
+    counts: bool = True
 
     def has_left(self, now: HeightMap | None) -> bool:
         """Return whether most of what had risen as it came is gone from there."""

@@ -24,7 +24,7 @@ _MOST_BESIDE, _MOST_OUTSIDE = 0.25, 0.4
 _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # If at least this share of its volume has come in on the whole, what has come to lie
 # beside is something else: an arm that goes by may push things there.
-_MAIN_SHARE = 0.5
+MAIN_SHARE = 0.5
 # What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
 # the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
@@ -116,7 +116,7 @@ def has_received(
     if load.felt:
         # What lay over the rim may have been pushed along it.
         missed = max(risen.over - risen.left, 0.0)
-        if risen.net < max(_LEAST_VOLUME, _MAIN_SHARE * load.volume):
+        if risen.net < max(_LEAST_VOLUME, MAIN_SHARE * load.volume):
             missed += risen.apart
     else:
         missed = risen.over + risen.apart
@@ -133,6 +133,17 @@ def has_received(
     return abs(risen.top - destination.level - load.height) < _SAME_HEIGHT
 
 
+def volume_lost(destination: Destination, before: HeightMap, after: HeightMap) -> float:
+    """Return by how much less is in a destination than before, on the whole [m³].
+
+    Args:
+        destination: The destination.
+        before: The map before.
+        after: The map now.
+    """
+    return max(-_Risen.between(destination, before, after).net, 0.0)
+
+
 def has_missed(
     destination: Destination, before: HeightMap, after: HeightMap, load: SeenLoad
 ) -> bool:
@@ -146,7 +157,7 @@ def has_missed(
     """
     risen = _Risen.between(destination, before, after)
     missed = risen.over + risen.apart - risen.left
-    least = max(_LEAST_VOLUME, _MAIN_SHARE * load.volume)
+    least = max(_LEAST_VOLUME, MAIN_SHARE * load.volume)
     return load.volume > 0.0 and missed > least
 
 
