@@ -1,7 +1,7 @@
 """A table cleared into a bin: spread objects, poured heaps, noisy depth.
 
 The seeds are not those that the planner was tuned on (0 to 99, 8000 to 8199, 9000 to
-9199), nor those of earlier runs (8200 to 8419). Published rates are not comparable as
+9199), nor those of earlier runs (8200 to 8615). Published rates are not comparable as
 they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took more than
 300 picks an hour at 95 % reliability from heaps of real objects, with a parallel-jaw
 gripper and a suction cup; people take 400 to 600 an hour. Here all is simulated, with
@@ -20,27 +20,24 @@ SCENES: Scenes = {
     "heap, noise": ("clear_heap_fast", NOISE),
 }
 # Asked for before the first run.
-_SPREAD = Limits(
-    cleared=0.99,
-    held=0.95,
-    because="things beside a plate stay, the fingers lose wrenches and hammers, and a "
-    "load that others hide in the bin does not count",
-)
 LIMITS = {
-    "spread": _SPREAD,
-    "spread, noise": _SPREAD,
+    "spread": Limits(
+        cleared=0.99,
+        held=0.95,
+        because="the fingers slip off spoons, mugs and hammers",
+    ),
+    "spread, noise": Limits(cleared=0.99, held=0.95),
     "heap, noise": Limits(
         cleared=0.97,
         held=0.85,
         rate=500.0,
-        because="the fingers lose bottles and spoons, things are pushed out of reach, "
-        "and a load that others hide in the bin does not count",
+        because="picks that fail and loads that are not seen in the bin take time",
     ),
 }
 
 
 def run(
-    track: Track, *, trials: int = 16, seed: int = 8500, keep: str = ""
+    track: Track, *, trials: int = 16, seed: int = 8620, keep: str = ""
 ) -> ExperimentResult:
     """Clear the table in every scene.
 
