@@ -9,12 +9,7 @@ import numpy as np
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Drop, Received
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.receiving import (
-    MAIN_SHARE,
-    has_missed,
-    has_received,
-    volume_lost,
-)
+from drake_srg.planning.clearing.receiving import MAIN_SHARE, Risen
 from drake_srg.types import Failure, HeightMap, Left
 
 
@@ -41,16 +36,17 @@ def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMem
     memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
     if before is None or drop is None:
         return memory
-    memory = _without_what_left(memory, drop.destination, before)
-    if has_received(drop.destination, before, seen, drop.load):
+    risen = Risen.between(drop.destination, before, seen)
+    memory = _without_what_left(memory, drop.destination, risen.lost)
+    if risen.shows(drop.load):
         return _arrived(memory, drop, Received(drop.load.volume, before, seen))
-    if drop.load.felt or has_missed(drop.destination, before, seen, drop.load):
+    if drop.load.felt or risen.shows_beside(drop.load):
         return _lost(memory, drop)
     return memory
 
 
 def _without_what_left(
-    memory: ClearingMemory, destination: Destination, before: HeightMap
+    memory: ClearingMemory, destination: Destination, volume: float
 ) -> ClearingMemory:
     """Count a load no more that has left the bin, such as a mug on the open fingers.
 
@@ -59,11 +55,9 @@ def _without_what_left(
     Args:
         memory: The planner's, with the latest map of where loads go.
         destination: The bin.
-        before: The map before.
+        volume: By how much less is in it than on the map before [m³].
     """
     now = memory.destinations
-    assert now is not None
-    volume = volume_lost(destination, before, now)
     for load in memory.received:
         least = MAIN_SHARE * load.volume
         if load.counts and volume > least and load.has_left(now):

@@ -44,7 +44,7 @@ class SeenLoad:
 
 
 @dc.dataclass(frozen=True)
-class _Risen:
+class Risen:
     """What has risen between two maps of a destination and of what is around it.
 
     Attributes:
@@ -53,7 +53,8 @@ class _Risen:
         over: Volume outside, of parts that reach over the rim [m³].
         apart: Volume outside, of parts that are wholly there [m³].
         left: Volume outside that has fallen [m³].
-        top: Median world z of the cells that have risen inside [m].
+        top: Median height of the cells that have risen inside, above what loads are set
+            down on [m]; None where they are dropped.
     """
 
     inside: float
@@ -61,13 +62,19 @@ class _Risen:
     over: float
     apart: float
     left: float
-    top: float
+    top: float | None
 
     @classmethod
     def between(
         cls, destination: Destination, before: HeightMap, after: HeightMap
-    ) -> _Risen:
-        """Return what has risen between two maps."""
+    ) -> Risen:
+        """Return what has risen between two maps.
+
+        Args:
+            destination: Where loads belong.
+            before: The map before.
+            after: The map now.
+        """
         risen = -fallen(before, after)
         changed = risen > 0.0
         inside = destination.contains(after)
@@ -90,75 +97,46 @@ class _Risen:
             else:
                 apart += float(np.sum(risen[part & beside]))
         area, come = after.resolution**2, after.height[inside & (risen > 0.0)]
+        top = float(np.median(come)) if len(come) else -np.inf
         return cls(
             inside=area * received,
             net=area * float(np.sum(risen[inside])),
             over=area * over,
             apart=area * apart,
             left=area * float(np.sum(np.clip(-risen[beside], 0.0, None))),
-            top=float(np.median(come)) if len(come) else -np.inf,
+            top=None if destination.level is None else top - destination.level,
         )
 
+    @property
+    def lost(self) -> float:
+        """By how much less is inside than before, on the whole [m³]."""
+        return max(-self.net, 0.0)
 
-def has_received(
-    destination: Destination, before: HeightMap, after: HeightMap, load: SeenLoad
-) -> bool:
-    """Return whether maps show that a load has come where it belongs, and not beside.
+    def shows(self, load: SeenLoad) -> bool:
+        """Return whether a load has come where it belongs, and not beside."""
+        received, least = self.inside, _LEAST_SHARE * load.volume
+        if load.felt:
+            # What lay over the rim may have been pushed along it.
+            missed = max(self.over - self.left, 0.0)
+            if self.net < max(_LEAST_VOLUME, MAIN_SHARE * load.volume):
+                missed += self.apart
+        else:
+            missed = self.over + self.apart
+            # What lies in a bin moves as a load comes in; without one, as much falls,
+            # also in parts that are too small to count.
+            least = max(least, _LEAST_SHARE * received)
+            received = min(received, self.net)
+        if received < max(_LEAST_VOLUME, least):
+            return False
+        if missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
+            return False
+        return self.top is None or abs(self.top - load.height) < _SAME_HEIGHT
 
-    Args:
-        destination: Where it belongs.
-        before: The map before.
-        after: The map now.
-        load: As it was seen on the table.
-    """
-    risen = _Risen.between(destination, before, after)
-    received, least = risen.inside, _LEAST_SHARE * load.volume
-    if load.felt:
-        # What lay over the rim may have been pushed along it.
-        missed = max(risen.over - risen.left, 0.0)
-        if risen.net < max(_LEAST_VOLUME, MAIN_SHARE * load.volume):
-            missed += risen.apart
-    else:
-        missed = risen.over + risen.apart
-        # What lies in a bin moves as a load comes in; without one, as much falls,
-        # also in parts that are too small to count.
-        least = max(least, _LEAST_SHARE * received)
-        received = min(received, risen.net)
-    if received < max(_LEAST_VOLUME, least):
-        return False
-    if missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
-        return False
-    if destination.level is None:
-        return True
-    return abs(risen.top - destination.level - load.height) < _SAME_HEIGHT
-
-
-def volume_lost(destination: Destination, before: HeightMap, after: HeightMap) -> float:
-    """Return by how much less is in a destination than before, on the whole [m³].
-
-    Args:
-        destination: The destination.
-        before: The map before.
-        after: The map now.
-    """
-    return max(-_Risen.between(destination, before, after).net, 0.0)
-
-
-def has_missed(
-    destination: Destination, before: HeightMap, after: HeightMap, load: SeenLoad
-) -> bool:
-    """Return whether maps show that most of a load has come to lie beside.
-
-    Args:
-        destination: Where it belongs.
-        before: The map before.
-        after: The map now.
-        load: As it was seen on the table.
-    """
-    risen = _Risen.between(destination, before, after)
-    missed = risen.over + risen.apart - risen.left
-    least = max(_LEAST_VOLUME, MAIN_SHARE * load.volume)
-    return load.volume > 0.0 and missed > least
+    def shows_beside(self, load: SeenLoad) -> bool:
+        """Return whether most of a load has come to lie beside where it belongs."""
+        missed = self.over + self.apart - self.left
+        least = max(_LEAST_VOLUME, MAIN_SHARE * load.volume)
+        return load.volume > 0.0 and missed > least
 
 
 def _hides(destination: Destination, after: HeightMap) -> npt.NDArray[np.bool_]:

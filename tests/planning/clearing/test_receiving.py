@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.clearing.destination import Destination
-from drake_srg.planning.clearing.receiving import SeenLoad, has_missed, has_received
+from drake_srg.planning.clearing.receiving import Risen, SeenLoad
 from drake_srg.types import HeightMap
 from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
 from planning.clearing.test_comparing import noisy
@@ -17,6 +17,14 @@ LOAD = SeenLoad(volume=SIDE**2 * TALL, height=TALL)
 BEFORE = (0.15, 0.15)  # it has been there before
 seeds = st.integers(0, 2**32 - 1)
 inside = st.tuples(st.floats(0.25, 0.38), st.floats(0.12, 0.28))
+
+
+def has_received(destination, before, after, load):
+    return Risen.between(destination, before, after).shows(load)
+
+
+def has_missed(destination, before, after, load):
+    return Risen.between(destination, before, after).shows_beside(load)
 
 
 @given(seeds, inside)
