@@ -57,36 +57,63 @@ def _without_what_left(
         destination: The bin.
         volume: By how much less is in it than on the map before [m³].
     """
-    now = memory.destinations
     for load in memory.received:
-        least = MAIN_SHARE * load.volume
-        if load.counts and volume > least and load.has_left(now):
-            received = tuple(
-                dc.replace(other, counts=other.counts and other is not load)
-                for other in memory.received
-            )
-            lost = (*memory.lost, _dropped(destination))
-            arrived = memory.arrived - 1
-            return dc.replace(memory, received=received, lost=lost, arrived=arrived)
+        if volume > MAIN_SHARE * load.volume and _gone(memory, load):
+            return _without(memory, load, destination)
     return memory
 
 
+def found_again(
+    memory: ClearingMemory, destination: Destination
+) -> tuple[ClearingMemory, bool]:
+    """Return whether what has come to lie beside a bin may be a load, and count it so.
+
+    Something else may have rolled there, unless a load is missed. One may have left
+    the bin unnoticed, as a larger one came in.
+
+    Args:
+        memory: The planner's.
+        destination: The bin.
+    """
+    if memory.destinations is None or memory.lost:
+        return memory, True
+    for load in memory.received:
+        if _gone(memory, load):
+            return _without(memory, load, destination), True
+    return memory, False
+
+
+def _gone(memory: ClearingMemory, load: Received) -> bool:
+    """Return whether a load that counts is no more where it came to lie."""
+    return load.counts and load.has_left(memory.destinations)
+
+
+def _without(
+    memory: ClearingMemory, load: Received, destination: Destination
+) -> ClearingMemory:
+    """Count a load no more, and report it as dropped."""
+    received = tuple(
+        dc.replace(other, counts=other.counts and other is not load)
+        for other in memory.received
+    )
+    lost = (*memory.lost, _dropped(destination))
+    arrived = memory.arrived - 1
+    return dc.replace(memory, received=received, lost=lost, arrived=arrived)
+
+
 def _arrived(memory: ClearingMemory, drop: Drop, come: Received) -> ClearingMemory:
-    """Count a load, unless it has fallen out and counts already."""
+    """Count a load, and miss it no more if it had been dropped."""
     received = (*memory.received, come)
     memory = dc.replace(memory, pushes=0, received=received)
-    if drop.again and not memory.lost:
-        return memory
     lost = memory.lost[:-1] if drop.again else memory.lost
     return dc.replace(memory, arrived=memory.arrived + 1, lost=lost)
 
 
 def _lost(memory: ClearingMemory, drop: Drop) -> ClearingMemory:
-    """Report a load as dropped once. If it had counted before, count it no more."""
-    if drop.again and memory.lost:
+    """Report a load as dropped once."""
+    if drop.again:
         return memory
-    lost = (*memory.lost, _dropped(drop.destination))
-    return dc.replace(memory, arrived=memory.arrived - drop.again, lost=lost)
+    return dc.replace(memory, lost=(*memory.lost, _dropped(drop.destination)))
 
 
 def _dropped(destination: Destination) -> Left:

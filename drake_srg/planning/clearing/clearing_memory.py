@@ -83,7 +83,7 @@ class Pick:
         return Drop(self.destination, load, self.placing, again)
 
     def fell_out(self, memory: ClearingMemory, after: HeightMap) -> bool:
-        """Return whether what it takes had fallen out of the bin before.
+        """Return whether what it takes may have fallen out of the bin before.
 
         It has come to lie beside the bin since the first map. Further away, it must
         also be as large as a load that the bin has received and that is there no more.
@@ -112,7 +112,7 @@ class Drop:
     destination: Destination
     load: SeenLoad
     laid: bool = False  # set down, or laid in a lane of a bin
-    again: bool = False  # it has been let go before, and fell out or hung over the rim
+    again: bool = False  # it was let go before, and is one of those that are missed
 
 
 @dc.dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from pydrake.trajectories import Trajectory
 
+from drake_srg.planning.clearing.arriving import found_again
 from drake_srg.planning.clearing.clearing_memory import (
     ClearingMemory,
     Pick,
@@ -82,6 +83,8 @@ class PickPlanner:
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         again = pick.fell_out(memory, height_map)
+        if again:
+            memory, again = found_again(memory, pick.destination)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):
             looked_for = (gone or pick.held) and memory.destinations is not None

@@ -185,9 +185,9 @@ class Run:
     def show(self, height_map):
         self.fix("height_map", height_map)
 
-    def show_bin(self, *places):
+    def show_bin(self, *places, tall=TALL):
         """Show a bin with a thing at each place, on the map of destinations."""
-        self.fix("destination_map", table(*places))
+        self.fix("destination_map", table(*places, tall=tall))
 
     def feel(self, held):
         self.fix("grasped", [float(held)])

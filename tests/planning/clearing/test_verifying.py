@@ -182,14 +182,34 @@ def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again):
     pick(fell, after=table(FELL))
     fell.until(Mode.GRASP)
     other = (0.35, 0.25)
-    fell.show_bin(*[IN_BIN] * seen_before, other)
+    higher = 2 * TALL  # so the bin holds no less than before
+    fell.show_bin(other, tall=higher)
     pick(fell, after=table())
     fell.until(Mode.VERIFY)
-    fell.show_bin(other, *[IN_BIN, (0.15, 0.25)] * seen_again)
+    fell.show_bin(other, *[(0.15, 0.25)] * seen_again, tall=higher)
     fell.until(Mode.DONE)
     assert fell.motions.taken == [A, B, FELL]
     assert fell.status.cycles == 1 + seen_again
     assert len(fell.status.left) == (not seen_again)
+
+
+def test_what_rolled_beside_the_bin_counts_where_no_load_is_missed():
+    """A brick that had come to lie there was never counted."""
+    rolled = run(A, B, FELL, shown=table(A, B))
+    rolled.show_bin()
+    pick(rolled, after=table(B))
+    rolled.until(Mode.GRASP)
+    rolled.show_bin(IN_BIN)
+    pick(rolled, after=table(FELL))
+    rolled.until(Mode.GRASP)
+    both = IN_BIN, (0.35, 0.25)
+    rolled.show_bin(*both)
+    pick(rolled, after=table())
+    rolled.until(Mode.VERIFY)
+    rolled.show_bin(*both, (0.15, 0.25))
+    rolled.until(Mode.DONE)
+    assert rolled.motions.taken == [A, B, FELL]
+    assert (rolled.status.cycles, rolled.status.left) == (3, ())
 
 
 def test_what_slipped_out_of_the_hand_beside_the_bin_counts_once_it_is_in_it():
