@@ -40,9 +40,9 @@ class UnderactuationConfig:
     approach_error: float = dc.field(default=0.1, metadata={"ge": 0.0})
     # What a tip does whose sensor fires while its base's does not. `algorithm_1`: it
     # keeps its target. Around something wide and low, straight fingers lean outwards,
-    # and their pads push it down and out of the hand. `curl`: while the bases lean
-    # outwards (`curl_lean`), the tip closes, and the base gives way until the pads are
-    # upright. That takes a motor at each joint: a wire pulls the base 2.9 times as hard
+    # and their pads push it down and out of the hand. `curl`: where both tips sense
+    # something while the bases lean outwards (`curl_lean`), the tip closes, and the
+    # base gives way until the pads are upright. That takes a motor at each joint: a wire pulls the base 2.9 times as hard
     # as the tip (`moment_arms`), and a force on the middle of the pad turns it only 2.5
     # times as hard, so that a tip with a wire stays straight there.
     tip: str = dc.field(default="algorithm_1", metadata={"among": TIPS})
@@ -256,7 +256,9 @@ class UnderactuationLogic(StageSystem):
     ) -> list[float]:
         config, result = self.config, targets.copy()
         lean = 0.5 * math.pi - sum(q[base] for base, _ in FINGERS) / len(FINGERS)
-        curl = config.tip == "curl" and lean > config.curl_lean
+        # One tip alone may touch something in passing, or be at the object first.
+        both = all(fired[tip] for _, tip in FINGERS)
+        curl = config.tip == "curl" and lean > config.curl_lean and both
         for base, tip in FINGERS:
             result[base], result[tip] = finger_targets(
                 config.full_scale * closure,

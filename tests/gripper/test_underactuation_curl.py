@@ -32,12 +32,19 @@ def test_all_else_is_algorithm_1(target, opening, angles, fired):
     assert curled(target, opening, angles, fired) == plain
 
 
-def test_each_finger_curls_on_its_own():
+@pytest.mark.parametrize("tip", ["algorithm_1", "curl"])
+@pytest.mark.parametrize("fired", [[0, 0, 0, 1], [0, 0, 1, 0]])
+def test_one_tip_alone_stays_straight(tip, fired):
+    """A tip that had touched something in passing stayed bent for the next grasp."""
     # Full scale 3: a closure of 0.5 asks for 1.5 rad.
-    system, context = make(0.5, [0.7] * 2 + [0.0] * 2, [0, 0, 0, 1], tip="curl")
-    assert targets(system, context) == pytest.approx([1.5, 0.0, 0.0, 0.8])
-    system, context = make(0.5, [0.7] * 2 + [0.0] * 2, [0, 0, 0, 1])
+    system, context = make(0.5, [0.7] * 2 + [0.0] * 2, fired, tip=tip)
     assert targets(system, context) == pytest.approx([1.5, 1.5, 0.0, 0.0])
+
+
+def test_a_finger_whose_base_senses_too_does_not_curl():
+    system, context = make(0.5, [0.7] * 2 + [0.0] * 2, [1, 0, 1, 1], tip="curl")
+    both_links = 0.7 + 0.5 * (1.5 - 0.7)  # Algorithm 1 shares what is left
+    assert targets(system, context) == pytest.approx([both_links, 0.0, 0.4, 0.8])
 
 
 @given(lean=st.floats(-0.3, 1.5), apart=st.floats(0.0, 0.6), least=st.floats(0.0, 0.3))
