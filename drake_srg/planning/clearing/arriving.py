@@ -38,9 +38,10 @@ def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMem
         return memory
     risen = Risen.between(drop.destination, before, seen)
     memory = _without_what_left(memory, drop.destination, risen.lost)
-    if risen.shows(drop.load):
-        return _arrived(memory, drop, Received(drop.load.volume, before, seen))
-    if drop.load.felt or risen.shows_beside(drop.load):
+    load = risen.alone(drop.load)
+    if risen.shows(load):
+        return _arrived(memory, drop, Received(load.volume, before, seen))
+    if load.felt or risen.shows_beside(load):
         return _lost(memory, drop)
     return memory
 

@@ -25,6 +25,9 @@ _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # If at least this share of its volume has come in on the whole, what has come to lie
 # beside is something else: an arm that goes by may push things there.
 MAIN_SHARE = 0.5
+# What a heap loses is more than the load: others settle. Where at least so much rises
+# in a bin [m³], and so little falls that this share remains, it is the load.
+_LEAST_WHOLE, _WHOLE = 1.0e-5, 0.8
 # What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
 # the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
@@ -111,6 +114,18 @@ class Risen:
     def lost(self) -> float:
         """By how much less is inside than before, on the whole [m³]."""
         return max(-self.net, 0.0)
+
+    def alone(self, load: SeenLoad) -> SeenLoad:
+        """Return a load without what has settled around it on the table.
+
+        If the fingers held it until they let go, and nothing else has moved in the bin
+        or beside it, what has risen is the load, however much is gone from the table.
+        """
+        whole = self.inside > _LEAST_WHOLE and self.net > _WHOLE * self.inside
+        whole &= self.over + self.apart < _LEAST_WHOLE
+        if load.felt and whole and self.inside < _LEAST_SHARE * load.volume:
+            return dc.replace(load, volume=self.inside)
+        return load
 
     def shows(self, load: SeenLoad) -> bool:
         """Return whether a load has come where it belongs, and not beside."""

@@ -108,6 +108,31 @@ def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
         assert has_received(deep, before, after, load) == lies
 
 
+@pytest.mark.parametrize(
+    ("felt", "now", "comes"),
+    [
+        (True, [BEFORE, (0.3, 0.2)], True),
+        (False, [BEFORE, (0.3, 0.2)], False),
+        (True, [(0.2, 0.2)], False),  # something else has moved
+        (True, [BEFORE], False),
+        (True, [BEFORE, (0.45, 0.2)], False),
+        (True, [BEFORE, (0.3, 0.2), (0.45, 0.2)], False),
+    ],
+)
+def test_more_may_be_gone_from_a_heap_than_the_load(felt, now, comes):
+    """What had settled with a load seemed to be a part of it that had not come."""
+    heap = SeenLoad(volume=6.0 * LOAD.volume, height=TALL, felt=felt)
+    risen = Risen.between(BIN, table(BEFORE), table(*now))
+    assert risen.shows(risen.alone(heap)) == comes
+
+
+@given(seeds)
+def test_noise_is_no_load_of_a_heap(seed):
+    before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
+    risen = Risen.between(BIN, before, after)
+    assert not risen.shows(risen.alone(LOAD))
+
+
 @pytest.mark.parametrize(("into", "comes"), [([(0.3, 0.2)], True), ([], False)])
 def test_what_is_pushed_beside_the_bin_is_not_the_load_in_it(into, comes):
     before, after = table((0.2, 0.2)), table((0.25, 0.2), (0.45, 0.2), *into)
