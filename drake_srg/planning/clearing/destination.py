@@ -26,8 +26,9 @@ _LANE = 0.2
 # of its length: what leans on a rim may hang over it.
 _SPOT = 0.25
 # Half the width of a lane, and of a place for a tall load [m]: what is within it is
-# below the load.
-_HALF_WIDTH = 0.05
+# below the load. In a lane, it may also be below the hand, whose fingers open by 55 mm
+# and are 22 mm thick: one that goes down in a mug lifts it out of the bin.
+_HALF_LANE, _HALF_SPOT = 0.09, 0.05
 # What reaches over a rim from inside, no further than `_STICKS_OUT` beyond it, is in
 # the bin [m]: most of it is inside, and the wall leaves a hand no room. On the wall it
 # is higher than the rim by `_ON_RIM`, and beside that at most `_BELOW_RIM` lower.
@@ -146,8 +147,11 @@ class Destination:
         if height_map is None:
             return Spot(aside, self.floor)
         apart = np.abs(height_map.middles() - self.middle - aside[:2])
-        away = apart.max(axis=-1) if around else apart[..., axis]
-        within = (away < _HALF_WIDTH) & self.contains(height_map, -_WALL)
+        if around:
+            within = apart.max(axis=-1) < _HALF_SPOT
+        else:
+            within = apart[..., axis] < _HALF_LANE
+        within &= self.contains(height_map, -_WALL)
         inside = height_map.height[within]
         return Spot(aside, float(np.nanmax(inside, initial=self.floor)))
 

@@ -5,7 +5,7 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from planning.clearing.fake_table import BIN, TALL, crossing, table
+from planning.clearing.fake_table import BIN, SIDE, TALL, crossing, table
 
 BEFORE = (0.15, 0.15)  # it has been there before
 
@@ -22,10 +22,21 @@ def test_the_emptier_lane_of_a_bin_comes_first():
     deep = dc.replace(BIN, rim=0.12, floor=0.01)
     across = 0.2 * (BIN.high - BIN.low)[1]
     for side in (-1.0, 1.0):
-        shown = table((BIN.middle[0], BIN.middle[1] + side * 0.07))
+        shown = table((BIN.middle[0], BIN.middle[1] + side * 0.08))
         empty, full = deep.spots(shown).long
         np.testing.assert_allclose(empty.aside_W, [0.0, -side * across, 0.0])
         assert (empty.ground, full.ground) == (0.01, TALL)
+
+
+@pytest.mark.parametrize(("away", "below"), [(0.06, TALL), (0.1, 0.01)])
+def test_what_the_open_hand_may_reach_is_below_a_lane(away, below):
+    """A finger went down in a mug beside a lane, and lifted it out of the bin."""
+    deep = dc.replace(BIN, high=BIN.low + [0.3, 0.25], rim=0.12, floor=0.01)
+    lane = deep.middle[1] - 0.2 * 0.25
+    shown = table((deep.middle[0], lane + away + 0.5 * SIDE))
+    first, *_ = deep.spots(shown).long
+    assert first.aside_W[1] < 0.0
+    assert first.ground == below
 
 
 def test_the_lanes_of_a_bin_that_was_not_seen_are_empty():
