@@ -305,6 +305,8 @@ class PlannerStatus:
     failure: Failure | None = None  # set once the mode is FAILED
     attempts: int = 0  # grasps started
     cycles: int = 0  # times the object has been placed
+    # Grasps after which several things were seen where one should come; a cycle each.
+    multi_object_picks: int = 0
     looks: int = 0  # times the planner requested images
     blobs: tuple[Blob, ...] = ()  # seen in the latest look
     localization: Blob | None = None  # the first that led to a plan

@@ -11,13 +11,17 @@ import numpy as np
 
 from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import ROW, destinations, row_places
-from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import measures
-from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES, row_to_pose
+from drake_srg.simulation.picks import (
+    attempts_of,
+    box_distance,
+    loads_carried,
+    pose_key,
+)
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
 
 # How far above the rim the middle of an object may be that rests on others in the bin
@@ -28,8 +32,6 @@ _BELOW = 0.01
 _UPRIGHT = np.cos(np.deg2rad(5.0))  # of the angle of what stands from the vertical
 # Distance between an object and the place that the planner names for it, at most [m].
 _NAMED_WITHIN = 0.05
-# Where the fingers take things, in the palm [m].
-_p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
 CLEARED, WRONG_BIN = "cleared", "wrong_bin"
 
 
@@ -47,6 +49,7 @@ class ObjectOutcome:
             lay before the first pick [m].
         moved_m: Distance of its middle from where it lay then, at the end [m].
         under: Name of another that lies over its middle at the end; "" for none.
+        carried_with: Name of another that the hand last carried with it; "" for none.
     """
 
     cleared: bool
@@ -55,6 +58,7 @@ class ObjectOutcome:
     width_m: float
     moved_m: float
     under: str = ""
+    carried_with: str = ""
 
 
 @dc.dataclass(frozen=True)
@@ -66,6 +70,8 @@ class ClearingOutcome:
         picks: Grasps begun.
         picks_held: Those that held by the planner's word.
         picks_per_hour: Of those that held.
+        multi_object_picks: Those that carried several objects.
+        multi_object_picks_seen: Those after which the planner has seen several.
         in_wrong_bin: Names of all objects that rest in a bin that is not theirs.
         others_moved: Largest distance of any object that belongs into no bin from where
             it was when the first pick was planned, at any time [m]; None without a pick
@@ -77,6 +83,8 @@ class ClearingOutcome:
     picks: int
     picks_held: int
     picks_per_hour: float | None
+    multi_object_picks: int = 0
+    multi_object_picks_seen: int = 0
     in_wrong_bin: tuple[str, ...] = ()
     others_moved: float | None = None
     bins: int = 1
@@ -97,6 +105,8 @@ class ClearingOutcome:
             "picks": self.picks,
             "picks_held": self.picks_held,
             "picks_per_hour": self.picks_per_hour,
+            "multi_object_picks": self.multi_object_picks,
+            "multi_object_picks_seen": self.multi_object_picks_seen,
             "objects": {name: dc.asdict(o) for name, o in self.objects.items()},
         }
 
@@ -124,10 +134,10 @@ def clearing_outcome(
     """
     assert scenario.task.clear is not None
     time, boxes = log["time"], bin_boxes(scenario)
-    wanted = {n: b for n, b in destinations(scenario).items() if _pose(n) in log}
+    wanted = {n: b for n, b in destinations(scenario).items() if pose_key(n) in log}
     names = [name for name, into in wanted.items() if into is not None]
     facts = {name: object_facts(name, scenario.objects[name]) for name in wanted}
-    attempts = _attempts(scenario, log, {name: facts[name] for name in names})
+    attempts = attempts_of(scenario, log, {name: facts[name] for name in names})
     found = {
         name: next(
             (
@@ -148,12 +158,12 @@ def clearing_outcome(
     for name in names:
         cleared = found[name] == wanted[name]
         if found[name] is None:
-            last = log[_pose(name)][-1]
+            last = log[pose_key(name)][-1]
             outcome = _reason(last, facts[name], status.left)
         else:
             outcome = CLEARED if cleared else WRONG_BIN
         middle = 0.5 * (facts[name].low + facts[name].high)
-        X_WO, X_WO_end = (row_to_pose(log[_pose(name)][i]) for i in (first, -1))
+        X_WO, X_WO_end = (row_to_pose(log[pose_key(name)][i]) for i in (first, -1))
         outcomes[name] = ObjectOutcome(
             cleared,
             outcome,
@@ -163,6 +173,11 @@ def clearing_outcome(
         )
     for name, above in _covered(log, facts, outcomes).items():
         outcomes[name] = dc.replace(outcomes[name], under=above)
+    loads = loads_carried(log, {name: facts[name] for name in names})
+    for load in loads:
+        for name in load:
+            other = next((n for n in load if n != name), "")
+            outcomes[name] = dc.replace(outcomes[name], carried_with=other)
     for name in _dropped(log, outcomes, status.left):
         outcomes[name] = dc.replace(outcomes[name], outcome=Failure.DROPPED.value)
     spent = time[-1] - status.localized_at
@@ -175,6 +190,8 @@ def clearing_outcome(
         status.attempts,
         status.cycles,
         rate,
+        sum(len(load) > 1 for load in loads),
+        status.multi_object_picks,
         tuple(n for n, into in found.items() if into not in (None, wanted[n])),
         _others_moved(log, set(wanted) - set(names), status),
         len(boxes),
@@ -194,7 +211,7 @@ def _covered(
     outcomes: Mapping[str, ObjectOutcome],
 ) -> dict[str, str]:
     """Return which of the objects that are left lie under which others."""
-    poses = {n: row_to_pose(log[_pose(n)][-1]) for n, o in outcomes.items()}
+    poses = {n: row_to_pose(log[pose_key(n)][-1]) for n, o in outcomes.items()}
     left = [name for name, outcome in outcomes.items() if not outcome.cleared]
     middles = {n: poses[n] @ (0.5 * (facts[n].low + facts[n].high)) for n in left}
     found = {}
@@ -209,17 +226,13 @@ def _covered(
     return found
 
 
-def _pose(name: str) -> str:
-    return f"object_pose.{name}"
-
-
 def _rests_inside(
     log: Mapping[str, Vector],
     name: str,
     facts: ObjectFacts,
     box: tuple[Vector, Vector],
 ) -> bool:
-    poses = log[_pose(name)]
+    poses = log[pose_key(name)]
     slow = measures.final_speed(log["time"], poses) < measures.AT_REST
     # Its middle: the origin of a jug that stands on its head is at its top.
     middle = 0.5 * (facts.low + facts.high)
@@ -230,7 +243,7 @@ def _stands_at(
     scenario: Scenario, log: Mapping[str, Vector], name: str, p_WO: Vector
 ) -> bool:
     """Return whether an object stands upright at its place in the row."""
-    row, poses = scenario.task.place.row, log[_pose(name)]
+    row, poses = scenario.task.place.row, log[pose_key(name)]
     assert row is not None
     X_WO = row_to_pose(poses[-1])
     shape = simple_shape(name, scenario.objects[name])
@@ -253,7 +266,7 @@ def _others_moved(
     if not (others and status.attempts):
         return None
     first = int(np.searchsorted(log["time"], status.localized_at - 1e-9))
-    places = [log[_pose(name)][first:, :3] for name in sorted(others)]
+    places = [log[pose_key(name)][first:, :3] for name in sorted(others)]
     moved = [np.linalg.norm(p - p[0], axis=1).max() for p in places]
     return float(max(moved))
 
@@ -265,7 +278,7 @@ def _is_inside(p_W: Vector, box: tuple[Vector, Vector]) -> bool:
 
 def _reason(row: Vector, facts: ObjectFacts, left: Sequence[Left]) -> str:
     """Return the reason that the planner gives for the place of an object."""
-    distances = [(_distance(row, facts, thing.p_W), thing) for thing in left]
+    distances = [(box_distance(row, facts, thing.p_W), thing) for thing in left]
     near = [pair for pair in distances if pair[0] < _NAMED_WITHIN]
     if not near:
         return Failure.NOT_SEEN.value
@@ -285,33 +298,6 @@ def _dropped(
     unnamed = [n for n, o in outcomes.items() if o.outcome == Failure.NOT_SEEN.value]
 
     def distance(name: str) -> float:
-        return min(float(np.linalg.norm(log[_pose(name)][-1, :3] - p)) for p in lost)
+        return min(float(np.linalg.norm(log[pose_key(name)][-1, :3] - p)) for p in lost)
 
     return sorted(unnamed, key=distance)[: len(lost)] if lost else []
-
-
-def _attempts(
-    scenario: Scenario, log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
-) -> dict[str, int]:
-    """Return how many grasps have closed nearest to each object."""
-    mode, states = log["mode"], measures.arm_states(log)
-    assert states is not None
-    if not facts:  # the cameras may see a colour that no object is said to have
-        return {}
-    closes = mode == MODES.index(Mode.CLOSE)
-    rows = np.flatnonzero(closes[1:] & ~closes[:-1]) + 1
-    counts = dict.fromkeys(facts, 0)
-    for row, X_WG in zip(rows, hand_poses(scenario, states[rows]), strict=True):
-        distances = {
-            name: _distance(log[f"object_pose.{name}"][row], facts[name], X_WG @ _p_GC)
-            for name in facts
-        }
-        counts[min(distances, key=lambda name: distances[name])] += 1
-    return counts
-
-
-def _distance(row: Vector, facts: ObjectFacts, p_W: Vector) -> float:
-    """Return the distance of a point from the box around an object [m]."""
-    p_O = row_to_pose(row).inverse() @ p_W
-    outside = np.maximum(np.maximum(facts.low - p_O, p_O - facts.high), 0.0)
-    return float(np.linalg.norm(outside))

@@ -23,6 +23,7 @@ OF_SEVERAL = (
     *("objects_total", "objects_cleared", "objects"),
     *("objects_sorted", "objects_in_wrong_bin"),
     *("picks", "picks_held", "picks_per_hour"),
+    *("multi_object_picks", "multi_object_picks_seen"),
 )
 
 # Limits for an object that rests upright.
@@ -82,6 +83,9 @@ class Metrics:
     picks: int | None = None
     picks_held: int | None = None
     picks_per_hour: float | None = None
+    # Grasps that carried several objects, and those of which the planner says so.
+    multi_object_picks: int | None = None
+    multi_object_picks_seen: int | None = None
     objects: dict[str, dict[str, bool | str | int]] | None = None
     # Only with a safety monitor: when the arm was stopped, and why; see
     # `measures.safety_stops`.
@@ -141,6 +145,7 @@ class Metrics:
             ("cleared", f"{self.objects_cleared} of {self.objects_total} objects"),
             *self._choice_rows(),
             ("picks", f"{self.picks_held} held of {self.picks}, {rate} per hour"),
+            *self._multi_object_rows(),
             *(
                 (name, f"{thing['outcome']}, {thing['attempts']} attempt(s)")
                 for name, thing in objects.items()
@@ -149,6 +154,12 @@ class Metrics:
             ("speed", f"{self.real_time_factor:.2f} x real time"),
         ]
         return "\n".join(f"{name:20} {value}" for name, value in rows)
+
+    def _multi_object_rows(self) -> list[tuple[str, str]]:
+        if not self.multi_object_picks and not self.multi_object_picks_seen:
+            return []
+        seen = f"{self.multi_object_picks_seen} seen by the planner"
+        return [("picks of several", f"{self.multi_object_picks}, {seen}")]
 
     def _choice_rows(self) -> list[tuple[str, str]]:
         """Return the rows about the wrong bin and about what must stay."""

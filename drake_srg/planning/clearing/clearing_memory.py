@@ -176,6 +176,7 @@ class ClearingMemory:
     destinations: HeightMap | None = None  # the latest map of where loads go
     drop: Drop | None = None  # the load that was let go last, until it is looked for
     arrived: int = 0  # things that were taken and seen where they belong
+    multi_object_picks: int = 0  # after which several things were seen there
     received: tuple[Received, ...] = ()  # the same things
     lost: tuple[Left, ...] = ()  # where things were let go that were not
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
@@ -236,6 +237,7 @@ class ClearingMemory:
             failure=self.failure if mode is Mode.FAILED else None,
             attempts=self.picks,
             cycles=self.arrived,
+            multi_object_picks=self.multi_object_picks,
             looks=self.looks,
             localized_at=self.first_seen_at if self.picks else 0.0,
             message=self.message,

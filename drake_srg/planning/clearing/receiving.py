@@ -28,6 +28,9 @@ MAIN_SHARE = 0.5
 # What a heap loses is more than the load: others settle. Where at least so much rises
 # in a bin [m³], and so little falls that this share remains, it is the load.
 _LEAST_WHOLE, _WHOLE = 1.0e-5, 0.8
+# A part is a thing of its own if it is larger than this [m³], and so many times as
+# large as all that has fallen: what was pushed aside rises as much as it falls.
+_LEAST_THING, _MOVED = 1.0e-5, 2.0
 # What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
 # the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
@@ -58,6 +61,8 @@ class Risen:
         left: Volume outside that has fallen [m³].
         top: Median height of the cells that have risen inside, above what loads are set
             down on [m]; None where they are dropped.
+        things: Number of parts inside that are larger than all that has fallen there
+            can explain.
     """
 
     inside: float
@@ -66,6 +71,7 @@ class Risen:
     apart: float
     left: float
     top: float | None
+    things: int
 
     @classmethod
     def between(
@@ -90,24 +96,27 @@ class Risen:
             # Both ends of what lies on the rim are one part, above what the wall hides.
             changed |= np.isnan(before.height) & (after.height > destination.rim)
         away = beside | ~destination.contains(after, BESIDE)
-        received, over, apart = 0.0, 0.0, 0.0
+        received, over, apart = [], 0.0, 0.0
         for part in parts(changed, after.resolution):
             outside = np.count_nonzero(part & away)
             if outside <= _MOST_OUTSIDE * np.count_nonzero(part):
-                received += float(np.sum(risen[part & inside]))
+                received.append(float(np.sum(risen[part & inside])))
             elif np.any(part & inside):
                 over += float(np.sum(risen[part & beside]))
             else:
                 apart += float(np.sum(risen[part & beside]))
         area, come = after.resolution**2, after.height[inside & (risen > 0.0)]
+        fell = float(np.sum(np.clip(-risen[inside], 0.0, None)))
+        least = max(_LEAST_THING / area, _MOVED * fell)
         top = float(np.median(come)) if len(come) else -np.inf
         return cls(
-            inside=area * received,
+            inside=area * sum(received),
             net=area * float(np.sum(risen[inside])),
             over=area * over,
             apart=area * apart,
             left=area * float(np.sum(np.clip(-risen[beside], 0.0, None))),
             top=None if destination.level is None else top - destination.level,
+            things=sum(volume > least for volume in received),
         )
 
     @property

@@ -240,3 +240,18 @@ def test_without_a_load_that_was_felt_more_must_rise_than_fall():
     assert not has_received(BIN, before, after, missed)
     both = table((0.2, 0.2), (0.35, 0.2), (0.25, 0.25))
     assert has_received(BIN, before, both, missed)
+
+
+@pytest.mark.parametrize(
+    ("now", "things"),
+    [
+        ([BEFORE, (0.3, 0.2)], 1),
+        ([BEFORE, (0.3, 0.2), (0.2, 0.25)], 2),
+        ([BEFORE, (0.3, 0.2), (0.3, 0.2 + SIDE)], 1),  # they touch
+        ([(0.2, 0.25), (0.3, 0.2)], 0),  # one of them has only moved
+        ([BEFORE, (0.3, 0.2), (0.45, 0.2)], 1),  # one of them is beside the bin
+        ([BEFORE], 0),
+    ],
+)
+def test_things_that_come_apart_are_counted(now, things):
+    assert Risen.between(BIN, table(BEFORE), table(*now)).things == things

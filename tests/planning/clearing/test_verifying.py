@@ -47,6 +47,17 @@ def test_a_load_counts_once_it_is_seen_in_the_bin():
     np.testing.assert_allclose(arm.Eval(both.context), HOME)
 
 
+@pytest.mark.parametrize("others", [0, 1])
+def test_several_things_in_one_grasp_are_told_and_count_once(others):
+    two = run(A)
+    two.show_bin()
+    pick(two, after=table())
+    two.until(Mode.VERIFY)
+    two.show_bin(IN_BIN, *[(0.3, 0.2)] * others)
+    two.until(Mode.DONE)
+    assert (two.status.cycles, two.status.multi_object_picks) == (1, others)
+
+
 @pytest.mark.parametrize("seen", [(), (BESIDE,)])
 def test_what_is_not_seen_in_the_bin_is_told(seen):
     both = run(A, B)
