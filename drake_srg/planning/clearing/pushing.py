@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import dataclasses as dc
 
+import cv2
 import numpy as np
 
+from drake_srg.planning.clearing.comparing import parts
 from drake_srg.planning.grasps.relief import Relief, Thing
 from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.types import Vector
 
 _DIRECTIONS = 16
-# The uppermost thing of a heap reaches down this far at least [m]. What is flatter,
-# such as a plate or a lying box, is a single thing that pushing does not help.
-_TOP, _FLAT = 0.025, 0.035
+# The uppermost thing of a heap reaches down this far at least [m]. Another is where it
+# is lower by `_FLAT`, over more than the rounded edge of one thing, such as a plate or
+# a lying box, which pushing does not help: that is narrower than `_EDGE` [m].
+_TOP, _FLAT, _EDGE = 0.025, 0.035, 0.01
 # Distance of the closed hand's middle from what it pushes at first, and how far it
 # pushes it [m].
 _BEFORE, _FAR = 0.05, 0.2
@@ -62,9 +65,9 @@ def best_push(relief: Relief, table: float, reach: Reach | None) -> Push | None:
 def _pushes(relief: Relief, thing: Thing, table: float) -> list[tuple[float, Push]]:
     """Return pushes of the uppermost thing, each with how free its way is."""
     above = relief.above[thing.cells[:, 0], thing.cells[:, 1]]
-    if np.quantile(above, 0.95) - np.quantile(above, 0.1) < _FLAT:
-        return []
     top = float(np.quantile(above, 0.98))  # single cells are noise
+    if not _reaches_below(relief, thing, top - _FLAT):
+        return []
     cells = thing.cells[above > top - _TOP]
     points = relief.map.middles()[cells[:, 0], cells[:, 1]]
     middle, height = points.mean(axis=0), top - _TOP
@@ -85,6 +88,15 @@ def _pushes(relief: Relief, thing: Thing, table: float) -> list[tuple[float, Pus
         z = table + height
         found.append((free, Push(*(np.array([*end, z]) for end in ends))))
     return found
+
+
+def _reaches_below(relief: Relief, thing: Thing, height: float) -> bool:
+    """Return whether a part of a heap that is more than an edge is lower."""
+    lower = (relief.labels == thing.label) & (relief.above < height)
+    size = max(3, round(_EDGE / relief.map.resolution))
+    kernel = np.ones((size, size), np.uint8)
+    wide = cv2.morphologyEx(lower.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+    return bool(parts(wide > 0, relief.map.resolution))
 
 
 def _patch(

@@ -1,5 +1,8 @@
 """Pushes of heaps on made-up maps."""
 
+import dataclasses as dc
+
+import cv2
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -53,6 +56,28 @@ def test_does_not_push_towards_other_things(middle):
     ]
     push = best_push(relief_of(*heap(middle), *others), 0.0, None)
     assert push.end_W[1] - push.start_W[1] < -0.15
+
+
+def fine(*bars):
+    """Return the relief of bars, with edges as rounded as those of smoothed maps."""
+    height_map = HeightMap(np.zeros(2), 0.002, np.zeros((400, 400)))
+    for low, high, top in bars:
+        p_W = height_map.middles()
+        inside = np.all((p_W > low) & (p_W < high), axis=-1)
+        height_map.height[inside] = top
+    rounded = cv2.GaussianBlur(height_map.height, (0, 0), 1.5)
+    height_map = dc.replace(height_map, height=rounded)
+    return Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
+
+
+def test_what_lies_close_to_something_too_wide_is_freed():
+    """A wrench lay along a lying box, and was left there."""
+    box = ((0.3, 0.3), (0.46, 0.51), 0.06)
+    wrench = ((0.46, 0.35), (0.477, 0.52), 0.012)
+    assert best_push(fine(box), 0.0, None) is None
+    push = best_push(fine(box, wrench), 0.0, None)
+    assert push.start_W[2] > wrench[-1]
+    assert push.end_W[0] - push.start_W[0] < 0.1  # not over the wrench
 
 
 @given(middles, st.floats(0.05, 0.3))
