@@ -8,6 +8,7 @@ import numpy as np
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Drop, Received
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS
+from drake_srg.planning.clearing.comparing import completed
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.receiving import MAIN_SHARE, Risen
 from drake_srg.types import Failure, HeightMap, Left
@@ -31,7 +32,7 @@ def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMem
         hand = np.linalg.norm(seen.middles() - p_WC, axis=-1) < HAND_RADIUS
         hand &= ~drop.destination.contains(seen)
         seen = dc.replace(seen, height=np.where(hand, np.nan, seen.height))
-    seen = seen.completed(before)
+    seen = completed(seen, before)
     looks = memory.looks + 1
     memory = dc.replace(memory, destinations=seen, drop=None, looks=looks)
     if before is None or drop is None:

@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.comparing import (
+    completed,
     fallen,
     has_moved,
     parts,
@@ -68,7 +69,7 @@ class Pick:
             if np.mean(near[part]) < _LEAST_NEAR:
                 risen &= ~part
         height = np.where(risen, np.nan, seen.height)
-        return dc.replace(seen, height=height).completed(self.height_map)
+        return completed(dc.replace(seen, height=height), self.height_map)
 
     def drop(self, after: HeightMap, sure: bool, again: bool) -> Drop:
         """Return what it has let go, by the map of the table after it.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,9 @@ _LEAST_AREA = 2.0e-4
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
+# What was so much higher has left [m]. Low things hide so much of the table beside them
+# from the ceiling [m].
+_LEFT, _HIDDEN = 0.01, 0.02
 
 
 def is_still(before: HeightMap, after: HeightMap) -> bool:
@@ -107,6 +112,25 @@ def changed(before: HeightMap, after: HeightMap) -> npt.NDArray[np.bool_]:
     low = cv2.erode(np.where(seen, before.height, np.inf), around)
     out = (after.height > high + _SAME) | (after.height < low - _SAME)
     return np.asarray(out & (fallen(before, after) != 0.0))
+
+
+def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
+    """Return a map with what an earlier one shows in its gaps, unless that has left.
+
+    What was seen to leave is in no gap close by, either: a few cells of it, hidden now
+    beside something else, would look like a thing that still stands there.
+
+    Args:
+        seen: The map.
+        earlier: The earlier one, of the same grid; None: there is none.
+    """
+    if earlier is None:
+        return seen
+    left = (fallen(earlier, seen) > _LEFT).astype(np.uint8)
+    size = 2 * round(_HIDDEN / seen.resolution) + 1
+    near = cv2.dilate(left, np.ones((size, size), np.uint8)) > 0
+    height = np.where(near, np.nan, earlier.height)
+    return seen.completed(dc.replace(earlier, height=height))
 
 
 def parts(

@@ -10,6 +10,7 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.clearing.arriving import look_for_load
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_mode import ClearingMode, Entry, Now
+from drake_srg.planning.clearing.comparing import completed
 from drake_srg.planning.clearing.destination import AROUND
 from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.arm_motion import Motion
@@ -75,7 +76,7 @@ class Verify(LastChance):
         seen = now.senses.see()
         around = memory.drop.destination.contains(seen, AROUND)
         height = np.where(around, seen.height, np.nan)
-        seen = dc.replace(seen, height=height).completed(memory.height_map)
+        seen = completed(dc.replace(seen, height=height), memory.height_map)
         memory = look_for_load(memory, now.senses.see_destinations())
         return self.planner.plan(memory, seen, now.time)
 

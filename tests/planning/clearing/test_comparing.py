@@ -7,7 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.planning.clearing.comparing import has_gone, has_moved, is_still
+from drake_srg.planning.clearing.comparing import (
+    completed,
+    has_gone,
+    has_moved,
+    is_still,
+)
 from drake_srg.types import HeightMap
 from planning.clearing.fake_table import SIDE, TALL, table
 
@@ -97,3 +102,19 @@ def test_a_flat_thing_that_leaves_a_noisy_table_is_gone(seed):
     before.height[wrench] += 0.01
     after = noisy(table(*others), seed + 1, noise=2.4e-3)
     assert has_gone(before, after, np.array(A))
+
+
+@pytest.mark.parametrize(("now", "kept"), [((), False), ((A,), True)])
+def test_what_has_left_is_in_no_gap_either(now, kept):
+    """A strip beside a box kept the height of a pitcher, and was grasped thrice."""
+    before, after = table(A), table(*now)
+    x, y = np.moveaxis(after.middles(), -1, 0)
+    gap = (np.abs(x - A[0]) < 0.005) & (np.abs(y - A[1]) < 0.02)
+    far = (x > A[0] + 0.1) & (x < A[0] + 0.12)
+    before.height[far] = TALL  # out of sight by now
+    after.height[gap | far] = np.nan
+    whole = completed(after, before)
+    assert np.all(whole.height[far] == TALL)
+    assert np.all(whole.height[gap] == TALL) == kept
+    assert np.all(np.isnan(whole.height[gap])) == (not kept)
+    assert completed(after, None) is after
