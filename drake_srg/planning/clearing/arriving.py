@@ -41,7 +41,7 @@ def look_for_load(memory: ClearingMemory, seen: HeightMap | None) -> ClearingMem
     memory = _without_what_left(memory, drop.destination, risen.lost)
     load = risen.alone(drop.load)
     if risen.shows(load):
-        several = memory.multi_object_picks + (risen.things > 1)
+        several = memory.multi_object_picks + risen.shows_several(load)
         memory = dc.replace(memory, multi_object_picks=several)
         return _arrived(memory, drop, Received(load.volume, before, seen))
     if load.felt or risen.shows_beside(load):

@@ -28,9 +28,10 @@ MAIN_SHARE = 0.5
 # What a heap loses is more than the load: others settle. Where at least so much rises
 # in a bin [m³], and so little falls that this share remains, it is the load.
 _LEAST_WHOLE, _WHOLE = 1.0e-5, 0.8
-# A part is a thing of its own if it is larger than this [m³], and so many times as
-# large as all that has fallen: what was pushed aside rises as much as it falls.
-_LEAST_THING, _MOVED = 1.0e-5, 2.0
+# A part is a thing of its own if it is larger than this [m³], than this share of all
+# that has risen, and than so many times what has fallen: what was pushed aside rises as
+# much as it falls. Things rise by so many times the load's volume together at most.
+_LEAST_THING, _LEAST_PART, _MOVED, _MOST_RISEN = 1.0e-5, 0.1, 2.0, 1.5
 # What hangs over a rim shows at these distances from it [m]. Nearer to it, a wall hides
 # the table from a camera above the bin, too.
 _BEYOND = (0.025, 0.04)
@@ -61,8 +62,8 @@ class Risen:
         left: Volume outside that has fallen [m³].
         top: Median height of the cells that have risen inside, above what loads are set
             down on [m]; None where they are dropped.
-        things: Number of parts inside that are larger than all that has fallen there
-            can explain.
+        parts: Volumes of the parts inside [m³].
+        fell: Volume inside that has fallen [m³].
     """
 
     inside: float
@@ -71,7 +72,8 @@ class Risen:
     apart: float
     left: float
     top: float | None
-    things: int
+    parts: tuple[float, ...]
+    fell: float
 
     @classmethod
     def between(
@@ -107,7 +109,6 @@ class Risen:
                 apart += float(np.sum(risen[part & beside]))
         area, come = after.resolution**2, after.height[inside & (risen > 0.0)]
         fell = float(np.sum(np.clip(-risen[inside], 0.0, None)))
-        least = max(_LEAST_THING / area, _MOVED * fell)
         top = float(np.median(come)) if len(come) else -np.inf
         return cls(
             inside=area * sum(received),
@@ -116,7 +117,8 @@ class Risen:
             apart=area * apart,
             left=area * float(np.sum(np.clip(-risen[beside], 0.0, None))),
             top=None if destination.level is None else top - destination.level,
-            things=sum(volume > least for volume in received),
+            parts=tuple(area * volume for volume in received),
+            fell=area * fell,
         )
 
     @property
@@ -155,6 +157,12 @@ class Risen:
         if missed > max(_LEAST_VOLUME, _MOST_BESIDE * load.volume):
             return False
         return self.top is None or abs(self.top - load.height) < _SAME_HEIGHT
+
+    def shows_several(self, load: SeenLoad) -> bool:
+        """Return whether a load has come as several things that lie apart."""
+        least = max(_LEAST_THING, _LEAST_PART * self.inside, _MOVED * self.fell)
+        things = sum(volume > least for volume in self.parts)
+        return things > 1 and self.inside < _MOST_RISEN * load.volume
 
     def shows_beside(self, load: SeenLoad) -> bool:
         """Return whether most of a load has come to lie beside where it belongs."""

@@ -243,15 +243,26 @@ def test_without_a_load_that_was_felt_more_must_rise_than_fall():
 
 
 @pytest.mark.parametrize(
-    ("now", "things"),
+    ("now", "volume", "several"),
     [
-        ([BEFORE, (0.3, 0.2)], 1),
-        ([BEFORE, (0.3, 0.2), (0.2, 0.25)], 2),
-        ([BEFORE, (0.3, 0.2), (0.3, 0.2 + SIDE)], 1),  # they touch
-        ([(0.2, 0.25), (0.3, 0.2)], 0),  # one of them has only moved
-        ([BEFORE, (0.3, 0.2), (0.45, 0.2)], 1),  # one of them is beside the bin
-        ([BEFORE], 0),
+        ([BEFORE, (0.3, 0.2)], 2.0, False),
+        ([BEFORE, (0.3, 0.2), (0.2, 0.25)], 2.0, True),
+        ([BEFORE, (0.3, 0.2), (0.2, 0.25)], 1.0, False),  # more than has left the table
+        ([BEFORE, (0.3, 0.2), (0.3, 0.2 + SIDE)], 2.0, False),  # they touch
+        ([(0.2, 0.25), (0.3, 0.2)], 2.0, False),  # one of them has only moved
+        ([BEFORE, (0.3, 0.2), (0.45, 0.2)], 2.0, False),  # one is beside the bin
+        ([BEFORE], 2.0, False),
     ],
 )
-def test_things_that_come_apart_are_counted(now, things):
-    assert Risen.between(BIN, table(BEFORE), table(*now)).things == things
+def test_several_things_in_one_grasp_are_told_apart(now, volume, several):
+    load = dc.replace(LOAD, volume=volume * LOAD.volume)
+    risen = Risen.between(BIN, table(BEFORE), table(*now))
+    assert risen.shows_several(load) == several
+
+
+def test_a_thing_that_a_large_load_tilts_is_no_second_load():
+    """A box on others seemed to be two things."""
+    after = table(BEFORE, (0.3, 0.2), tall=0.2)
+    after.height[table(BEFORE).height > 0.0] = TALL + 0.01
+    load = dc.replace(LOAD, volume=0.2 * SIDE**2)
+    assert not Risen.between(BIN, table(BEFORE), after).shows_several(load)

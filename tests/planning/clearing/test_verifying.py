@@ -49,7 +49,7 @@ def test_a_load_counts_once_it_is_seen_in_the_bin():
 
 @pytest.mark.parametrize("others", [0, 1])
 def test_several_things_in_one_grasp_are_told_and_count_once(others):
-    two = run(A)
+    two = run(A, shown=table(A, *[B] * others))
     two.show_bin()
     pick(two, after=table())
     two.until(Mode.VERIFY)
