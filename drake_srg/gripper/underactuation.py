@@ -41,8 +41,8 @@ class UnderactuationConfig:
     # What a tip does whose sensor fires while its base's does not. `algorithm_1`: it
     # keeps its target. Around something wide and low, straight fingers lean outwards,
     # and their pads push it down and out of the hand. `curl`: where both tips sense
-    # something while the bases lean outwards (`curl_lean`), the tip closes, and the
-    # base gives way until the pads are upright. That takes a motor at each joint: a
+    # something while the bases lean outwards (`curl_lean`), the tips close, and the
+    # bases give way until the pads are upright. That takes a motor at each joint: a
     # wire pulls the base 2.9 times as hard as the tip (`moment_arms`), and a force on
     # the middle of the pad turns it only 2.5 times as hard, so that a tip with a wire
     # stays straight there.

@@ -173,11 +173,12 @@ def clearing_outcome(
         )
     for name, above in _covered(log, facts, outcomes).items():
         outcomes[name] = dc.replace(outcomes[name], under=above)
-    loads = loads_carried(log, {name: facts[name] for name in names})
+    loads = loads_carried(log, facts)
     for load in loads:
         for name in load:
             other = next((n for n in load if n != name), "")
-            outcomes[name] = dc.replace(outcomes[name], carried_with=other)
+            if other and name in outcomes:
+                outcomes[name] = dc.replace(outcomes[name], carried_with=other)
     for name in _dropped(log, outcomes, status.left):
         outcomes[name] = dc.replace(outcomes[name], outcome=Failure.DROPPED.value)
     spent = time[-1] - status.localized_at

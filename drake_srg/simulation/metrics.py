@@ -159,7 +159,7 @@ class Metrics:
         if not self.multi_object_picks and not self.multi_object_picks_seen:
             return []
         seen = f"{self.multi_object_picks_seen} seen by the planner"
-        return [("picks of several", f"{self.multi_object_picks}, {seen}")]
+        return [("multi-object picks", f"{self.multi_object_picks}, {seen}")]
 
     def _choice_rows(self) -> list[tuple[str, str]]:
         """Return the rows about the wrong bin and about what must stay."""

@@ -48,9 +48,13 @@ def attempts_of(
 def loads_carried(
     log: Mapping[str, Vector], facts: Mapping[str, ObjectFacts]
 ) -> list[list[str]]:
-    """Return what each grasp has carried until the arm was over the bin.
+    """Return the names of what each grasp carried, at the end of its transfer.
 
     That is whatever is higher by then than it was as the fingers closed.
+
+    Args:
+        log: Arrays of log.npz: `mode`, and the poses of all objects.
+        facts: Of the objects, by name.
     """
     closes, moves = (
         log["mode"] == MODES.index(mode) for mode in (Mode.CLOSE, Mode.TRANSFER)

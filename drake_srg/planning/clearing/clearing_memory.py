@@ -30,6 +30,10 @@ from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vecto
 # What falls out of the bin rolls this far at most [m]. Its volume on a map is the same
 # within this share, unless it lies on another side.
 _ROLLED, _ALIKE = 0.3, 0.25
+# What is gone from so near to the grasp belongs to the load for the most part [m].
+_CORE = 0.03
+# A cell of a load that is within this height of where it was still shows it [m].
+_SAME_PLACE = 0.01
 # Of what a hand over the bin holds, at least this share is near the bin. A long thing
 # that was pushed there lies on both sides of the limit.
 _LEAST_NEAR = 0.8
@@ -80,7 +84,8 @@ class Pick:
             again: Whether it has been let go before.
         """
         volume = volume_gone(self.height_map, after)
-        load = SeenLoad(volume, self.grasp.height, sure)
+        core = volume_gone(self.height_map, after, self.grasp.p_WC, _CORE)
+        load = SeenLoad(volume, self.grasp.height, sure, core)
         return Drop(self.destination, load, self.placing, again)
 
     def fell_out(self, memory: ClearingMemory, after: HeightMap) -> bool:
@@ -96,8 +101,7 @@ class Pick:
         p_WC, first = self.grasp.p_WC[:2], memory.first_map
         volume = volume_gone(self.height_map, after)
         known = any(
-            abs(load.volume - volume) < _ALIKE * load.volume
-            and load.has_left(memory.destinations)
+            load.is_like(volume) and load.has_left(memory.destinations)
             for load in memory.received
         )
         margin = _ROLLED if known else BESIDE
@@ -113,7 +117,7 @@ class Drop:
     destination: Destination
     load: SeenLoad
     laid: bool = False  # set down, or laid in a lane of a bin
-    again: bool = False  # it was let go before, and is one of those that are missed
+    again: bool = False  # it passes for a load that is missed
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -124,13 +128,28 @@ class Received:
         volume: On the map of the table [m³].
         before: The map of where loads go before it came.
         after: The map with it.
+        destination: Where that is.
         counts: Whether it still counts as arrived.
     """
 
     volume: float
     before: HeightMap
     after: HeightMap
+    destination: Destination
     counts: bool = True
+
+    def is_like(self, volume: float) -> bool:
+        """Return whether it is about as large as something on the table [m³]."""
+        return abs(self.volume - volume) < _ALIKE * self.volume
+
+    def may_have_left(self, now: HeightMap) -> bool:
+        """Return whether most of where it came to lie looks otherwise by now.
+
+        It may lie below something else, or that may be all that is there.
+        """
+        came = -fallen(self.before, self.after) > 0.0
+        other = ~(np.abs(now.height - self.after.height) < _SAME_PLACE)
+        return bool(np.count_nonzero(came & other) > 0.5 * np.count_nonzero(came))
 
     def has_left(self, now: HeightMap | None) -> bool:
         """Return whether most of what had risen as it came is gone from there."""
@@ -177,9 +196,9 @@ class ClearingMemory:
     destinations: HeightMap | None = None  # the latest map of where loads go
     drop: Drop | None = None  # the load that was let go last, until it is looked for
     arrived: int = 0  # things that were taken and seen where they belong
-    multi_object_picks: int = 0  # after which several things were seen there
     received: tuple[Received, ...] = ()  # the same things
     lost: tuple[Left, ...] = ()  # where things were let go that were not
+    multi_object_picks: int = 0  # after which several things were seen there
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0
     first_seen_at: float = np.inf  # when the first pick was planned [s]

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.types import HeightMap, Vector
+from drake_srg.types import HeightMap, LabeledHeightMap, Vector
 
 # Heights that differ by less are the same: [m], below the height of a spoon's handle,
 # and in standard deviations of what noise changes.
@@ -81,9 +81,18 @@ def has_gone(
     return bool(volume > least)
 
 
-def volume_gone(before: HeightMap, after: HeightMap) -> float:
-    """Return by how much less is on the map [m³]."""
-    return float(np.sum(fallen(before, after))) * after.resolution**2
+def volume_gone(
+    before: HeightMap,
+    after: HeightMap,
+    p_W: Vector | None = None,
+    radius: float = np.inf,
+) -> float:
+    """Return by how much less is on the map, or within a radius of a place [m³]."""
+    drop = fallen(before, after)
+    if p_W is not None:
+        near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
+        drop = np.where(near, drop, 0.0)
+    return float(np.sum(drop)) * after.resolution**2
 
 
 def fallen(before: HeightMap, after: HeightMap) -> Vector:
@@ -128,9 +137,17 @@ def completed(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
         return seen
     left = (fallen(earlier, seen) > _LEFT).astype(np.uint8)
     size = 2 * round(_HIDDEN / seen.resolution) + 1
-    near = cv2.dilate(left, np.ones((size, size), np.uint8)) > 0
+    around = np.ones((size, size), np.uint8)
+    near = cv2.dilate(left, around) > 0
+    # What is as high as something that is still seen nearby may belong to that.
+    highest = cv2.dilate(np.nan_to_num(seen.height, nan=-np.inf), around)
+    near &= earlier.height > highest + _LEFT
     height = np.where(near, np.nan, earlier.height)
-    return seen.completed(dc.replace(earlier, height=height))
+    whole = seen.completed(dc.replace(earlier, height=height))
+    if isinstance(whole, LabeledHeightMap):
+        unknown = np.isnan(whole.height)
+        whole = dc.replace(whole, label=np.where(unknown, -1, whole.label))
+    return whole
 
 
 def parts(

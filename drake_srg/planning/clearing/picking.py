@@ -10,14 +10,14 @@ import cv2
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.arriving import found_again
+from drake_srg.planning.clearing.arriving import match_missed_load
 from drake_srg.planning.clearing.clearing_memory import (
     ClearingMemory,
     Pick,
     PlannedPush,
 )
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
-from drake_srg.planning.clearing.comparing import has_gone
+from drake_srg.planning.clearing.comparing import has_gone, volume_gone
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import (
@@ -83,8 +83,9 @@ class PickPlanner:
         pick = memory.planned
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         again = pick.fell_out(memory, height_map)
-        if again:
-            memory, again = found_again(memory, pick.destination)
+        if again and (gone or pick.held):
+            volume = volume_gone(pick.height_map, height_map)
+            memory, again = match_missed_load(memory, pick.destination, volume)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):
             looked_for = (gone or pick.held) and memory.destinations is not None

@@ -13,9 +13,9 @@ from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.types import Vector
 
 _DIRECTIONS = 16
-# The uppermost thing of a heap reaches down this far at least [m]. Another is where it
-# is lower by `_FLAT`, over more than the rounded edge of one thing, such as a plate or
-# a lying box, which pushing does not help: that is narrower than `_EDGE` [m].
+# The uppermost thing of a heap reaches down this far at least [m]. A heap has parts
+# that are lower than its top by `_FLAT` and at least `_EDGE` wide [m]. A plate or a
+# lying box on its own, which pushing does not help, has only a rounded edge.
 _TOP, _FLAT, _EDGE = 0.025, 0.035, 0.01
 # Distance of the closed hand's middle from what it pushes at first, and how far it
 # pushes it [m].
@@ -91,7 +91,13 @@ def _pushes(relief: Relief, thing: Thing, table: float) -> list[tuple[float, Pus
 
 
 def _reaches_below(relief: Relief, thing: Thing, height: float) -> bool:
-    """Return whether a part of a heap that is more than an edge is lower."""
+    """Return whether a heap has a part below a height that is wider than an edge.
+
+    Args:
+        relief: What stands on the table.
+        thing: The heap.
+        height: Above the table [m].
+    """
     lower = (relief.labels == thing.label) & (relief.above < height)
     size = max(3, round(_EDGE / relief.map.resolution))
     kernel = np.ones((size, size), np.uint8)

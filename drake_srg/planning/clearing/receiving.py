@@ -26,7 +26,8 @@ _NEAR_RIM, _ABOVE_RIM = 0.05, 0.02
 # beside is something else: an arm that goes by may push things there.
 MAIN_SHARE = 0.5
 # What a heap loses is more than the load: others settle. Where at least so much rises
-# in a bin [m³], and so little falls that this share remains, it is the load.
+# in a bin [m³], as little beside it, and so little falls that this share remains, it is
+# the load.
 _LEAST_WHOLE, _WHOLE = 1.0e-5, 0.8
 # A part is a thing of its own if it is larger than this [m³], than this share of all
 # that has risen, and than so many times what has fallen: what was pushed aside rises as
@@ -48,6 +49,7 @@ class SeenLoad:
     # Whether the fingers felt it until they let go, and the table's map shows it gone.
     # The fingers miss some thin things.
     felt: bool = True
+    core: float = 0.0  # volume that is gone from right at the grasp [m³]
 
 
 @dc.dataclass(frozen=True)
@@ -126,14 +128,16 @@ class Risen:
         """By how much less is inside than before, on the whole [m³]."""
         return max(-self.net, 0.0)
 
-    def alone(self, load: SeenLoad) -> SeenLoad:
+    def without_settled(self, load: SeenLoad) -> SeenLoad:
         """Return a load without what has settled around it on the table.
 
-        If the fingers held it until they let go, and nothing else has moved in the bin
-        or beside it, what has risen is the load, however much is gone from the table.
+        If the fingers held it until they let go, and hardly anything else has moved in
+        the bin or beside it, what has risen is the load, however much is gone from the
+        table. It is at least half as large as what is gone from right at the grasp.
         """
-        whole = self.inside > _LEAST_WHOLE and self.net > _WHOLE * self.inside
-        whole &= self.over + self.apart < _LEAST_WHOLE
+        least = max(_LEAST_WHOLE, MAIN_SHARE * load.core)
+        whole = self.inside > least and self.net > _WHOLE * self.inside
+        whole &= self.over + self.apart + self.left < _LEAST_WHOLE
         if load.felt and whole and self.inside < _LEAST_SHARE * load.volume:
             return dc.replace(load, volume=self.inside)
         return load

@@ -13,7 +13,7 @@ from drake_srg.planning.clearing.comparing import (
     has_moved,
     is_still,
 )
-from drake_srg.types import HeightMap
+from drake_srg.types import HeightMap, LabeledHeightMap
 from planning.clearing.fake_table import SIDE, TALL, table
 
 A, B = (0.1, 0.1), (0.3, 0.2)
@@ -118,3 +118,24 @@ def test_what_has_left_is_in_no_gap_either(now, kept):
     assert np.all(whole.height[gap] == TALL) == kept
     assert np.all(np.isnan(whole.height[gap])) == (not kept)
     assert completed(after, None) is after
+
+
+def test_what_may_belong_to_something_that_is_still_seen_is_kept():
+    close = (A[0] + SIDE + 0.01, A[1])
+    before, after = table(A, close), table(close)
+    x = after.middles()[..., 0]
+    edge = (np.abs(x - close[0] + 0.5 * SIDE) < 0.01) & (after.height > 0.0)
+    after.height[edge] = np.nan
+    np.testing.assert_array_equal(completed(after, before).height, table(close).height)
+
+
+def test_nothing_is_where_nothing_is_known():
+    before, after = table(A), table()
+    gap = np.abs(after.middles() - A).max(axis=-1) < 0.004
+    after.height[gap] = np.nan
+    label = np.zeros(after.height.shape, np.int8)
+    labeled = [
+        LabeledHeightMap(m.origin, m.resolution, m.height, label, ("a",))
+        for m in (after, before)
+    ]
+    assert np.all(completed(*labeled).label[gap] == -1)

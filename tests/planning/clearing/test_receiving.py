@@ -121,16 +121,24 @@ def test_a_bar_over_the_rim_is_in_the_bin_with_both_its_ends(outside, lies):
 )
 def test_more_may_be_gone_from_a_heap_than_the_load(felt, now, comes):
     """What had settled with a load seemed to be a part of it that had not come."""
-    heap = SeenLoad(volume=6.0 * LOAD.volume, height=TALL, felt=felt)
+    heap = SeenLoad(6.0 * LOAD.volume, TALL, felt, core=LOAD.volume)
     risen = Risen.between(BIN, table(BEFORE), table(*now))
-    assert risen.shows(risen.alone(heap)) == comes
+    assert risen.shows(risen.without_settled(heap)) == comes
 
 
 @given(seeds)
 def test_noise_is_no_load_of_a_heap(seed):
     before, after = noisy(table(BEFORE), seed), noisy(table(BEFORE), seed + 1)
     risen = Risen.between(BIN, before, after)
-    assert not risen.shows(risen.alone(LOAD))
+    heap = dc.replace(LOAD, volume=6.0 * LOAD.volume)
+    assert not risen.shows(risen.without_settled(heap))
+
+
+def test_a_heap_loses_at_least_half_of_what_was_at_the_grasp():
+    """What is upset in the bin as a box bounces out of it is not the box."""
+    heap = SeenLoad(6.0 * LOAD.volume, TALL, core=2.5 * LOAD.volume)
+    risen = Risen.between(BIN, table(BEFORE), table(BEFORE, (0.3, 0.2)))
+    assert not risen.shows(risen.without_settled(heap))
 
 
 @pytest.mark.parametrize(("into", "comes"), [([(0.3, 0.2)], True), ([], False)])
