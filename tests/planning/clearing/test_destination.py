@@ -28,7 +28,7 @@ def test_the_emptier_lane_of_a_bin_comes_first():
         assert (empty.ground, full.ground) == (0.01, TALL)
 
 
-@pytest.mark.parametrize(("away", "below"), [(0.06, TALL), (0.1, 0.01)])
+@pytest.mark.parametrize(("away", "below"), [(0.06, TALL), (0.08, TALL), (0.1, 0.01)])
 def test_what_the_open_hand_may_reach_is_below_a_lane(away, below):
     """A finger went down in a mug beside a lane, and lifted it out of the bin."""
     deep = dc.replace(BIN, high=np.add(BIN.low, [0.3, 0.25]), rim=0.12, floor=0.01)

@@ -74,7 +74,9 @@ def test_what_lies_close_to_something_too_wide_is_freed():
     """A wrench lay along a lying box, and was left there."""
     box = ((0.3, 0.3), (0.46, 0.51), 0.06)
     wrench = ((0.46, 0.35), (0.477, 0.52), 0.012)
+    elsewhere = ((0.5, 0.35), (0.517, 0.52), 0.012)
     assert best_push(fine(box), 0.0, None) is None
+    assert best_push(fine(box, elsewhere), 0.0, None) is None
     push = best_push(fine(box, wrench), 0.0, None)
     assert push.start_W[2] > wrench[-1]
     assert push.end_W[0] - push.start_W[0] < 0.1  # not over the wrench
