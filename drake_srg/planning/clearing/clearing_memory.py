@@ -81,7 +81,7 @@ class Pick:
         Args:
             after: The map.
             sure: Whether the fingers felt it, and it is gone from the table.
-            again: Whether it has been let go before.
+            again: Whether it passes for a load that is missed.
         """
         volume = volume_gone(self.height_map, after)
         core = volume_gone(self.height_map, after, self.grasp.p_WC, _CORE)

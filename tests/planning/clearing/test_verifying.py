@@ -182,17 +182,27 @@ def test_what_was_pushed_towards_the_bin_shows_as_a_whole():
 FELL = (0.45, 0.2)  # beside the bin
 
 
+def with_one_beside(*seen):
+    """Return a run in which a thing lies beside the bin after two were let go there.
+
+    Args:
+        seen: Where the first one is seen in the bin.
+    """
+    result = run(A, B, FELL, shown=table(A, B))
+    result.show_bin()
+    pick(result, after=table(B))
+    result.until(Mode.GRASP)
+    result.show_bin(*seen)
+    pick(result, after=table(FELL))
+    result.until(Mode.GRASP)
+    return result
+
+
 @pytest.mark.parametrize("seen_before", [True, False])
 @pytest.mark.parametrize("seen_again", [True, False])
 @pytest.mark.parametrize("other", [(0.35, 0.25), IN_BIN])
 def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again, other):
-    fell = run(A, B, FELL, shown=table(A, B))
-    fell.show_bin()
-    pick(fell, after=table(B))
-    fell.until(Mode.GRASP)
-    fell.show_bin(*[IN_BIN] * seen_before)
-    pick(fell, after=table(FELL))
-    fell.until(Mode.GRASP)
+    fell = with_one_beside(*[IN_BIN] * seen_before)
     higher = 2 * TALL  # so the bin holds no less than before
     fell.show_bin(other, tall=higher)
     pick(fell, after=table())
@@ -207,13 +217,7 @@ def test_what_fell_out_of_the_bin_counts_once(seen_before, seen_again, other):
 @pytest.mark.parametrize("seen", [True, False])
 def test_what_rolled_beside_the_bin_counts_where_no_load_is_missed(seen):
     """A brick that had come to lie there was never counted."""
-    rolled = run(A, B, FELL, shown=table(A, B))
-    rolled.show_bin()
-    pick(rolled, after=table(B))
-    rolled.until(Mode.GRASP)
-    rolled.show_bin(IN_BIN)
-    pick(rolled, after=table(FELL))
-    rolled.until(Mode.GRASP)
+    rolled = with_one_beside(IN_BIN)
     both = IN_BIN, (0.35, 0.25)
     rolled.show_bin(*both)
     pick(rolled, after=table())
@@ -243,13 +247,7 @@ def test_what_slipped_out_of_the_hand_beside_the_bin_counts_once_it_is_in_it():
 
 def test_an_empty_hand_beside_the_bin_has_found_no_load():
     """A load that had only rolled within the bin was reported as dropped."""
-    empty = run(A, B, FELL, shown=table(A, B))
-    empty.show_bin()
-    pick(empty, after=table(B))
-    empty.until(Mode.GRASP)
-    empty.show_bin(IN_BIN)
-    pick(empty, after=table(FELL))
-    empty.until(Mode.GRASP)
+    empty = with_one_beside(IN_BIN)
     empty.show_bin((0.15, 0.25), (0.35, 0.25), tall=1.5 * TALL)  # the first rolled
     pick(empty, after=table(FELL), felt=False)
     assert (empty.status.cycles, empty.status.left) == (2, ())
