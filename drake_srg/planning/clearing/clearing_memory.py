@@ -55,8 +55,13 @@ class Pick:
 
     @property
     def placing(self) -> bool:
-        """Whether the load is set down, not dropped."""
-        return Mode.PLACE in self.motions
+        """Whether a load is set down or laid, not dropped.
+
+        A hand that has lost its load does not go down in a bin. What stands in a row
+        may never fall: there it does.
+        """
+        felt = self.held or self.destination.rim is None
+        return felt and Mode.PLACE in self.motions
 
     def without_load(self, seen: HeightMap) -> HeightMap:
         """Return a map without the hand over a bin and its load.

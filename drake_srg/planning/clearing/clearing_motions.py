@@ -22,8 +22,8 @@ from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     solve_inverse_kinematics,
 )
-from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Box, HeightMap, Mode, Vector
@@ -171,13 +171,13 @@ class ClearingMotions(Ways):
         scene.SetFingers(grasp.fingers_open)
         with scene.reaching(_TIPS):
             down = moves.straight(q_grasp, moves.above(q_grasp, height))[::-1]
-            lowering = moves.timed(down, moves.free, straight=True)
         with standing(self.scene, height_map, self._table):
             to = moves.joint_path(q_start, down[0])
-            return {
-                Mode.PRE_GRASP: moves.timed(to, moves.free),
-                Mode.GRASP: lowering,
-            }
+            parts = (PathPart(to), PathPart(down, STRAIGHT))
+            approach, lowering = moves.successive(
+                parts, moves.free, self._config.period
+            )
+            return {Mode.PRE_GRASP: approach, Mode.GRASP: lowering}
 
     def _carry(
         self,
@@ -200,17 +200,14 @@ class ClearingMotions(Ways):
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
-            lifting = moves.timed(up, self._lifting(load), straight=True)
         with standing(scene, height_map, self._table, taken=grasp.p_WC):
-            let_go = self._into_bin(up[-1], grasp, load, lifted)
-        return {Mode.LIFT: lifting} | let_go
+            lift = PathPart(up, STRAIGHT)
+            if lifted is not load:
+                drawn = self._drawn_in(up[-1], load, lifted)
+                lift = joined([lift, PathPart(drawn)])
+            return self._into_bin(lift, grasp, load, lifted)
 
-    def _lifting(self, load: Load) -> MotionLimits:
-        """Return the limits of motions that lift a load."""
-        limits = self._moves.holding
-        return limits.scaled(_GENTLE, _GENTLE**2) if load.may_hang else limits
-
-    def _drawn_in(self, q: Vector, load: Load) -> Vector:
+    def _drawn_in(self, q: Vector, load: Load, lifted: Load) -> Vector:
         """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
 
         Raises:
@@ -222,7 +219,8 @@ class ClearingMotions(Ways):
         for share in _DRAWN_IN:
             target = HandTarget.from_pose(X_WG).shifted(up - share * away)
             try:
-                path: Vector = self._moves.straight(q, target)
+                with self._loaded(lifted):
+                    path: Vector = self._moves.straight(q, target)
             except NoPathError as error:
                 failed = error
             else:
@@ -254,9 +252,9 @@ class ClearingMotions(Ways):
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
     def _into_bin(
-        self, q: Vector, grasp: TopGrasp, load: Load, lifted: Load
+        self, lift: PathPart, grasp: TopGrasp, load: Load, lifted: Load
     ) -> dict[Mode, Trajectory]:
-        """Return the motions from a lifted load at `q` to where it is let go.
+        """Return the motions with a load along `lift` and on to where it is let go.
 
         The load's middle is over the bin's or beside that, and just above its rim and
         whatever is in it, or as far above as the hand is at `q_over`. It is dropped
@@ -273,20 +271,20 @@ class ClearingMotions(Ways):
         for spot in load.spots:
             begin, *others = laying_targets(X_WG, load, palm, spot, high)
             with contextlib.suppress(NoPathError):
-                across, q_begin = self._across(q, begin, load, lifted)
+                carried, q_begin = self._carried(lift, begin, load, lifted)
                 with self.scene.reaching(_TIPS):
                     down = moves.through(q_begin, others)
                     laying = moves.timed(down, moves.holding)
-                return {Mode.TRANSFER: across, Mode.PLACE: laying}
+                return carried | {Mode.PLACE: laying}
         aside = load.aside_W - X_WG.rotation() @ load.expected_middle
         lower = float(X_WG.translation()[2]) - high
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
-        return {Mode.TRANSFER: self._across(q, place, load, lifted)[0]}
+        return self._carried(lift, place, load, lifted)[0]
 
-    def _across(
-        self, q: Vector, place: HandTarget, load: Load, lifted: Load
-    ) -> tuple[Trajectory, Vector]:
-        """Return the motion with a load from `q` to a place, and its end, (N,) [rad].
+    def _carried(
+        self, lift: PathPart, place: HandTarget, load: Load, lifted: Load
+    ) -> tuple[dict[Mode, Trajectory], Vector]:
+        """Return the motions with a load to a place, and their end, shape (N,) [rad].
 
         Raises:
             NoPathError: If the arm cannot go there.
@@ -294,13 +292,17 @@ class ClearingMotions(Ways):
         moves = self._moves
         with self._loaded(lifted):
             over = moves.straight(self.q_over, place)[-1]
-            limits, drawn = moves.holding, q[np.newaxis]
-            if lifted is not load:
-                limits, drawn = self._lifting(load), self._drawn_in(q, load)
             with self._loaded(load):
-                across = moves.joint_path(drawn[-1], over)
-            path = np.vstack([drawn, across[1:]])
-            return moves.timed(path, limits), over
+                across = PathPart(moves.joint_path(lift.path[-1], over))
+            if load.may_hang:
+                gentle = moves.holding.scaled(_GENTLE, _GENTLE**2)
+                lifting = moves.timed_part(lift, gentle)
+                crossing = moves.timed_part(across, moves.holding)
+            else:
+                lifting, crossing = moves.successive(
+                    (lift, across), moves.holding, self._config.period
+                )
+        return {Mode.LIFT: lifting, Mode.TRANSFER: crossing}, over
 
     @contextlib.contextmanager
     def _loaded(self, load: Load) -> Iterator[None]:

@@ -18,6 +18,9 @@ from drake_srg.types import Vector
 STOP_TIME = 0.4
 _SEARCH = 1e-3  # resolution of a search along a path [s]
 _ARRIVED = 0.005  # joint error within which the arm is where it was sent [rad]
+# An arm that does not rest there is behind by this time at most [s].
+_LAG = 0.05
+_TICK = 1e-6  # times that differ by less are the same [s]
 
 
 @dc.dataclass(frozen=True)
@@ -47,12 +50,25 @@ class Motion:
         return self.position(np.inf)
 
     def arrived(self, q: Vector, time: float) -> bool:
-        """Return whether the motion is over and the arm, at `q` (N,) [rad], there."""
+        """Return whether the motion is over and the arm, at `q` (N,) [rad], there.
+
+        A motion need not end at rest, if another one follows.
+        """
         if self.trajectory is None:
             return True
-        if time < self.due:
+        if time < self.due - _TICK:
             return False
-        return bool(np.max(np.abs(q - self.destination)) < _ARRIVED)
+        behind = np.abs(q - self.destination)
+        return bool(np.all(behind < _ARRIVED + _LAG * self._end_speed))
+
+    @property
+    def _end_speed(self) -> Vector:
+        """How fast the joints still are as the trajectory ends, shape (N,) [rad/s]."""
+        if self.trajectory is None or self.stopped_at is not None:
+            return np.zeros_like(self.q_rest)
+        end = self.trajectory.EvalDerivative(self.trajectory.end_time(), 1)
+        speed: Vector = np.abs(end[:, 0])
+        return speed
 
     def stopped(self, time: float) -> Motion:
         """Return the motion that comes to rest along its own path from `time` on."""

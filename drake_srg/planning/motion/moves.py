@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from pydrake.trajectories import Trajectory
@@ -12,6 +12,13 @@ from drake_srg.planning.motion.config import MotionConfig
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
 from drake_srg.planning.motion.limits import MotionLimits
+from drake_srg.planning.motion.path_parts import (
+    ROUNDING,
+    STRAIGHT,
+    PathPart,
+    cut,
+    joined,
+)
 from drake_srg.planning.motion.paths import plan_cartesian_path, plan_joint_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
@@ -142,16 +149,61 @@ class Moves:
         Raises:
             NoPathError: If there is no such motion.
         """
+        return self.timed_part(
+            PathPart(path, STRAIGHT if straight else ROUNDING), limits
+        )
+
+    def timed_part(self, part: PathPart, limits: MotionLimits) -> Trajectory:
+        """Return the fastest motion along a part of a path, from rest to rest.
+
+        Args:
+            part: The part.
+            limits: `free` or `holding`.
+
+        Raises:
+            NoPathError: If there is no such motion.
+        """
         trajectory: Trajectory | PlanningFailure
         if self._config.tip_limits is not None:
             trajectory = tip_limited_trajectory(
-                self._scene, path, limits, self._config.tip_limits, p_GT=self.p_GT
+                self._scene, part.path, limits, self._config.tip_limits, p_GT=self.p_GT
             )
         else:
-            rounding = 1e-3 if straight else 0.2  # of the path's corners [rad]
             trajectory = time_optimal_trajectory(
-                self._scene, path, limits, self._parameterize, rounding=rounding
+                self._scene,
+                part.path,
+                limits,
+                self._parameterize,
+                rounding=part.rounding,
             )
         if isinstance(trajectory, PlanningFailure):
             raise NoPathError(trajectory)
         return trajectory
+
+    def successive(
+        self, parts: Sequence[PathPart], limits: MotionLimits, period: float
+    ) -> tuple[Trajectory, ...]:
+        """Return the fastest motions along parts of a path, one after the other.
+
+        The arm begins and ends at rest. It goes on without a rest between the parts
+        where that is free and faster, unless the speed of the hand is limited.
+
+        Args:
+            parts: Each begins where the one before ends.
+            limits: `free` or `holding`.
+            period: A motion that does not end at rest lasts a multiple of this time
+                [s], so that the next one can begin without a gap.
+
+        Raises:
+            NoPathError: If there is no such motion.
+        """
+        apart = tuple(self.timed_part(part, limits) for part in parts)
+        if self._config.tip_limits is not None:
+            return apart
+        try:
+            whole = self.timed_part(joined(parts), limits)
+        except NoPathError:
+            return apart
+        if whole.end_time() > sum(motion.end_time() for motion in apart):
+            return apart
+        return cut(whole, [part.path[-1] for part in parts[:-1]], period)

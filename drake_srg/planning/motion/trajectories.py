@@ -11,6 +11,7 @@ time-optimal acceleration into ramps without exceeding a limit.
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import BsplineBasis
 from pydrake.trajectories import (
     BsplineTrajectory,
@@ -27,6 +28,8 @@ from drake_srg.types import Failure, Vector
 # Between the configurations that were checked, the polyline may break its margin by
 # this [m]; a motion that is checked there must not fail for that.
 _GRAZE = 1e-3
+# A motion is on a line of the polyline within this distance [rad].
+_ON_LINE = 3e-3
 
 
 def time_optimal_trajectory(
@@ -35,7 +38,7 @@ def time_optimal_trajectory(
     limits: MotionLimits,
     parameterize: TimeParameterization,
     *,
-    rounding: float = 0.2,
+    rounding: float | Vector = 0.2,
     ramp: float = 0.04,
 ) -> BsplineTrajectory | PlanningFailure:
     """Move from rest to rest along `waypoints`, as fast as `limits` allow.
@@ -50,8 +53,9 @@ def time_optimal_trajectory(
         waypoints: The polyline, shape (K, N) [rad].
         limits: What the motion must not exceed.
         parameterize: Finds the fastest motion along a path.
-        rounding: How far the motion may leave the polyline [rad]. For a path of
-            `plan_cartesian_path`, 1e-3 keeps the hand on its line to a millimetre.
+        rounding: How far the motion may leave the polyline [rad], everywhere or at
+            each waypoint, shape (K,). For a path of `plan_cartesian_path`, 1e-3 keeps
+            the hand on its line to a millimetre.
         ramp: Duration of the shortest ramp from one acceleration to another [s]. The
             whole motion lasts two to three ramps longer than the fastest.
 
@@ -66,18 +70,20 @@ def time_optimal_trajectory(
         raise ValueError(
             f"waypoints: must have shape (K, N), got {np.shape(waypoints)}"
         )
-    if rounding <= 0.0 or ramp <= 0.0:
+    allowed = np.broadcast_to(rounding, len(waypoints))
+    if np.min(allowed) <= 0.0 or ramp <= 0.0:
         raise ValueError("rounding and ramp must be positive")
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
-    waypoints = waypoints[np.append(True, lengths > 1e-9)]
+    distinct = np.append(True, lengths > 1e-9)
+    waypoints, allowed = waypoints[distinct], allowed[distinct]
     if len(waypoints) == 1:
         return _ramped(np.repeat(waypoints, 5, axis=0), ramp)
     message = ""
     spans = 4
     while spans <= 256:
-        path, deviation = rounded_path(waypoints, spans)
+        path, deviation = rounded_path(waypoints, spans, allowed)
         spans *= 2
-        if deviation > rounding:
+        if deviation > 1.0:
             continue
         motion = _fastest_motion(scene, path, limits, parameterize)
         if motion is None:
@@ -86,28 +92,32 @@ def time_optimal_trajectory(
                 "the arm's torque cannot hold the arm all along this path",
             )
         trajectory = _within_limits(scene, motion, limits, ramp)
-        # A straight line stays straight and has been checked.
-        samples = motion_samples(scene, trajectory) if len(waypoints) > 2 else ()
-        hit = scene.first_hit(samples, _GRAZE)
+        samples = motion_samples(scene, trajectory)
+        hit = scene.first_hit(samples[_off_lines(waypoints, samples)], _GRAZE)
         if hit is None:
             return trajectory
         message = f": {hit}"
     return PlanningFailure(Failure.BLOCKED, f"no rounding of the path is free{message}")
 
 
-def rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, float]:
+def rounded_path(
+    waypoints: Vector, spans: int, allowed: float | Vector = np.inf
+) -> tuple[BsplineTrajectory, float]:
     """Return a spline of `spans` equal spans over a polyline, and its deviation.
 
     Args:
         waypoints: The polyline, shape (K, N) [rad].
         spans: The more there are, the less the corners are rounded.
+        allowed: Distance from the polyline, everywhere or at each waypoint, (K,) [rad].
 
     Returns:
         q(s), shape (N, 1) [rad], from s = 0 to the length of the polyline [rad]; and
-        the spline's distance from the polyline at corners and knots, the largest [rad].
+        the spline's distance from the polyline at corners and knots as a share of what
+        is allowed there, the largest.
     """
     lengths = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     breaks = np.append(0.0, np.cumsum(lengths))
+    allowed = np.broadcast_to(allowed, len(waypoints))
 
     def polyline(s: Vector) -> Vector:
         return np.array([np.interp(s, breaks, q) for q in waypoints.T]).T
@@ -119,7 +129,17 @@ def rounded_path(waypoints: Vector, spans: int) -> tuple[BsplineTrajectory, floa
     path = BsplineTrajectory(BsplineBasis(4, list(knots)), list(control[..., None]))
     s = np.concatenate([breaks, knots])
     deviation = np.linalg.norm(path.vector_values(s).T - polyline(s), axis=1)
-    return path, float(np.max(deviation))
+    return path, float(np.max(deviation / np.interp(s, breaks, allowed)))
+
+
+def _off_lines(waypoints: Vector, samples: Vector) -> npt.NDArray[np.bool_]:
+    """Return which samples (M, N) are not on the polyline (K, N), which is free."""
+    starts, lines = waypoints[:-1], np.diff(waypoints, axis=0)
+    from_start = samples[:, np.newaxis] - starts
+    share = np.sum(from_start * lines, axis=-1) / np.sum(lines**2, axis=-1)
+    nearest = np.clip(share, 0.0, 1.0)[..., np.newaxis] * lines
+    distance = np.linalg.norm(from_start - nearest, axis=-1)
+    return np.asarray(np.min(distance, axis=-1) > _ON_LINE)
 
 
 def _fastest_motion(

@@ -76,6 +76,22 @@ def test_motions_follow_one_another(motions):
         q = planned[mode].value(1e9)[:, 0]
 
 
+def test_the_arm_rests_only_at_the_grasp_and_over_the_bin(motions):
+    """What may hang from the hand comes to rest above the table, too."""
+
+    def rests(grasp, height_map):
+        planned = motions.plan(motions.q_home, grasp, height_map)
+        speeds = {
+            mode: np.max(np.abs(motion.EvalDerivative(motion.end_time(), 1)))
+            for mode, motion in planned.items()
+        }
+        return [mode for mode, speed in speeds.items() if speed < 1e-6]
+
+    assert rests(grasp_at(PLACE), moved(table())) == [Mode.GRASP, Mode.TRANSFER]
+    hanging = bar_at(PLACE, -0.1, 0.2)
+    assert rests(*hanging) == [Mode.GRASP, Mode.LIFT, Mode.TRANSFER]
+
+
 def test_far_out_a_long_load_is_lifted_less(motions):
     far = (0.78, 0.05)
     assert 0.1 < risen(motions, *bar_at(far)) < risen(motions, *bar_at(PLACE)) - 0.05
@@ -210,13 +226,12 @@ def lifting(motions, grasp, height_map):
 
 
 def risen(motions, grasp, height_map):
-    """Return how high a grasp is lifted [m]."""
+    """Return how high a grasp is lifted straight up [m]."""
     lift = lifting(motions, grasp, height_map)
-    start, end = (
-        motions.scene.X_WG(lift.value(time)[:, 0]).translation()[2]
-        for time in (lift.start_time(), lift.end_time())
-    )
-    return end - start
+    times = np.linspace(lift.start_time(), lift.end_time(), 200)
+    way = [motions.scene.X_WG(lift.value(t)[:, 0]).translation() for t in times]
+    way = np.array(way) - way[0]
+    return np.max(way[np.linalg.norm(way[:, :2], axis=1) < 0.02, 2])
 
 
 def bar_at(place, low=-0.2, high=0.2):

@@ -338,6 +338,21 @@ def test_goes_up_all_the_way_out_of_a_row_or_where_it_must(rim):
     np.testing.assert_allclose(deep.motions.starts[-1], OVER)
 
 
+@pytest.mark.parametrize(
+    ("rim", "felt", "placed"),
+    [(0.1, True, True), (0.1, False, False), (None, False, True)],
+)
+def test_an_empty_hand_does_not_go_down_in_a_bin(rim, felt, placed):
+    """What stands in a row, and may not fall, is never let go above it."""
+    deep = in_a_bin()
+    deep.motions.destination = dc.replace(BIN, rim=rim)
+    pick(deep, after=table(B), felt=felt)
+    assert (Mode.PLACE in deep.modes) == placed
+    closure = deep.planner.GetOutputPort("closure_commanded").Eval(deep.context)
+    assert closure == (grasp_at(A).closure_open if placed else 0.0)
+    deep.until(Mode.RETREAT if placed else Mode.PRE_GRASP)
+
+
 def test_leaves_what_the_arm_is_stopped_at_too_often():
     stuck = run(A, config=dc.replace(CONFIG, max_attempts=2))
     for _ in range(2):

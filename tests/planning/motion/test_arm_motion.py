@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.motion.arm_motion import Motion
 from planning.planning_world import motion as straight
@@ -80,8 +81,23 @@ def test_the_next_motion_knows_where_the_last_one_was(moment):
     [(5.05, 0.0, False), (5.2, 0.0049, True), (5.2, 0.0051, False)],
 )
 def test_an_arm_arrives_when_the_motion_is_over_and_it_has_followed(time, off, arrived):
-    assert UNDER_WAY.arrived(END + off, time) == arrived
+    to_rest = Motion(START).followed_by(
+        PiecewisePolynomial.CubicHermite(
+            [0.0, 0.1], np.array([START, END]).T, np.zeros((2, 2))
+        ),
+        5.0,
+    )
+    assert to_rest.arrived(END + off, time) == arrived
     assert Motion(START).arrived(END, time)
+
+
+@pytest.mark.parametrize(("behind", "arrived"), [(0.03, True), (0.6, False)])
+def test_an_arm_that_does_not_rest_there_may_be_a_little_behind(behind, arrived):
+    speed = (END - START) / 0.1
+    assert UNDER_WAY.arrived(END - behind * speed, 5.1) == arrived
+    assert not UNDER_WAY.arrived(END - np.array([0.0, 0.01]), 5.1)  # that one rests
+    # A sum of times may be a little less than the same time.
+    assert UNDER_WAY.arrived(END, np.nextafter(5.1, 0.0))
 
 
 @given(moments)

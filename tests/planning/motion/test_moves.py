@@ -1,3 +1,5 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
@@ -5,10 +7,12 @@ from pydrake.math import RigidTransform
 from drake_srg.planning.motion.config import MotionConfig, TipLimits
 from drake_srg.planning.motion.failure import NoPathError
 from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
 from drake_srg.planning.motion.paths import plan_joint_path
 from drake_srg.types import Failure, Sphere
 
 UP = np.array([0.0, 0.0, 1.0])
+PERIOD = 0.01  # s
 CONFIG = MotionConfig(lift_height=0.06, approach_distance=0.05)
 
 
@@ -98,3 +102,46 @@ def test_limits_of_the_tip_are_kept_in_place_of_the_fastest_motion(iiwa, home):
     limited = Moves(iiwa, np.zeros(3), MotionConfig(tip_limits=slow))
     path = limited.straight(home, limited.above(home, 0.1))
     assert limited.timed(path, limited.free).end_time() > 0.1 / 0.02
+
+
+@pytest.fixture
+def corner(moves, home):
+    """Return a way straight up, and one from there to the side."""
+    up = moves.straight(home, moves.above(home, 0.2))
+    aside = moves.joint_path(up[-1], up[-1] + np.array([0.8, *np.zeros(6)]))
+    return PathPart(up, STRAIGHT), PathPart(aside)
+
+
+def test_goes_around_a_corner_without_a_rest(iiwa, moves, corner):
+    first, second = moves.successive(corner, moves.free, PERIOD)
+    apart = [moves.timed_part(part, moves.free) for part in corner]
+    together = first.end_time() + second.end_time()
+    assert together < sum(motion.end_time() for motion in apart) - 0.05
+    assert first.end_time() / PERIOD == pytest.approx(round(first.end_time() / PERIOD))
+    for order in (0, 1, 2):
+        np.testing.assert_allclose(
+            first.EvalDerivative(first.end_time(), order),
+            second.EvalDerivative(0.0, order),
+            atol=1e-9,
+        )
+    assert np.max(np.abs(first.EvalDerivative(first.end_time(), 1))) > 0.1
+    # Up to half of its height, the hand stays on the line.
+    times = np.linspace(0.0, first.end_time(), 100)
+    way = moved(iiwa, [first.value(t)[:, 0] for t in times])
+    low = way[:, 2] < 0.09
+    assert np.any(low)
+    np.testing.assert_allclose(way[low, :2], 0.0, atol=0.003)
+    assert np.linalg.norm(way[-1, :2]) > 0.003
+
+
+def test_rests_at_a_corner_that_cannot_be_left_out(iiwa, moves, corner):
+    p_WG = iiwa.X_WG(corner[0].path[-1]).translation()
+    limited = Moves(iiwa, np.zeros(3), dc.replace(CONFIG, tip_limits=TipLimits()))
+    assert rests(limited.successive(corner, limited.free, PERIOD)[0])
+    with iiwa.standing(Sphere(0.1), RigidTransform(p_WG)):  # the lines are free
+        assert rests(moves.successive(corner, moves.free, PERIOD)[0])
+
+
+def rests(motion):
+    """Return whether a motion ends at rest."""
+    return np.max(np.abs(motion.EvalDerivative(motion.end_time(), 1))) < 1e-6

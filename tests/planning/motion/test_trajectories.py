@@ -188,6 +188,26 @@ def test_a_timed_line_of_the_hand_stays_a_line(timed, iiwa, home):
     assert_within(iiwa, trajectory, limits)
 
 
+def test_a_motion_leaves_each_line_by_as_much_as_is_allowed_there(timed, iiwa, home):
+    aside, up = np.zeros(7), np.zeros(7)
+    aside[0], up[1] = 0.6, -0.6
+    corner = home + aside
+    waypoints = np.array([home, home + 0.75 * aside, corner, corner + up])
+    limits = MotionLimits.of_plant(iiwa)
+
+    def deviation(rounding):
+        """Return how far the motion is from the corner, and from the first line."""
+        _, q, _, _ = sampled(timed(iiwa, waypoints, limits, rounding=rounding))
+        first = q[q[:, 0] < waypoints[1, 0]]
+        off_corner = np.min(np.linalg.norm(q - corner, axis=1))
+        return off_corner, np.max(np.abs(first[:, 1] - home[1]))
+
+    loose, held = deviation(0.2), deviation(np.array([1e-3, 1e-3, 0.2, 0.2]))
+    assert 0.02 < held[0] < 0.2
+    assert held[1] < 3e-3 < loose[1]
+    assert deviation(np.full(4, 0.02))[0] < held[0]
+
+
 def test_jerk_falls_with_the_ramp(timed, iiwa, home):
     waypoints = np.array([home, home + 0.5])
     limits = MotionLimits.of_plant(iiwa)
@@ -257,6 +277,7 @@ def test_a_payload_slows_the_arm_and_can_be_too_heavy(timed, pendulum, loaded_pe
         (np.zeros(7), {}, "shape"),
         (np.zeros((2, 6)), {}, "shape"),
         (np.zeros((2, 7)), {"rounding": 0.0}, "positive"),
+        (np.zeros((2, 7)), {"rounding": np.array([0.1, -0.1])}, "positive"),
         (np.zeros((2, 7)), {"ramp": -0.1}, "positive"),
     ],
 )
