@@ -91,6 +91,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             table=table,
             reach=reach,
             relief=grasps.relief,
+            period=config.period,
         )
         planner = PickPlanner(grasps, into[0], config, pushes, q_aside)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)

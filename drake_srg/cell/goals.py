@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.objects.models import simple_shape
 from drake_srg.planning.task.sightings import lean, standing_at
 from drake_srg.scenario import Scenario
-from drake_srg.types import Shape, Sphere
+from drake_srg.types import Sphere
 
 
-def goal_pose(scenario: Scenario, shape: Shape) -> RigidTransform:
+def goal_pose(scenario: Scenario, shape: Solid) -> RigidTransform:
     """Return the upright pose at which the planner places the object, X_WO [m].
 
     Args:
@@ -20,14 +21,16 @@ def goal_pose(scenario: Scenario, shape: Shape) -> RigidTransform:
     """
     place = scenario.task.place
     height = scenario.table.height if place.height is None else place.height
-    return RigidTransform([*place.position, height + 0.5 * shape.height])
+    below = shape.half_extent(np.array([0.0, 0.0, -1.0]))
+    return RigidTransform([*place.position, height + below])
 
 
 def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform:
     """Return the pose at which the object must be at the end of a run, X_WO [m].
 
-    A script keeps the object's height and orientation. After an even number of cycles,
-    the object is back at its start, upright.
+    A script keeps the object's height and orientation, and the planner the orientation
+    of one that is no simple shape. After an even number of the planner's cycles, the
+    object is back at its start, upright if its shape is simple.
 
     Args:
         scenario: The scenario of the run.
@@ -35,10 +38,15 @@ def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform
     """
     pick, place = scenario.task.pick, scenario.task.place
     shape = simple_shape(pick, scenario.objects[pick])
+    returned = scenario.task.repeat % 2 == 0 and not scenario.script
     if scenario.script or shape is None:
+        if returned:
+            return X_WO_start
         height = X_WO_start.translation()[2]
+        if place.height is not None and not scenario.script:
+            height += place.height - scenario.table.height
         return RigidTransform(X_WO_start.rotation(), [*place.position, height])
-    if scenario.task.repeat % 2 == 0:
+    if returned:
         return standing_at(X_WO_start, shape)
     return goal_pose(scenario, shape)
 

@@ -12,6 +12,7 @@ from drake_srg.cell.goals import goal_pose
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.ports import output_ports
 from drake_srg.objects.models import known_shape, object_shape
+from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.script.scripted import ScriptedPlanner
@@ -31,7 +32,8 @@ def MakePlanner(scenario: Scenario) -> PickAndPlacePlanner:
 def planner_arguments(scenario: Scenario) -> dict[str, Any]:
     """Return the arguments of a scenario's `PickAndPlacePlanner` by name."""
     name, place = scenario.task.pick, scenario.task.place
-    shape = object_shape(name, scenario.objects[name])
+    config = scenario.objects[name]
+    shape = planned_solid(name, config) or object_shape(name, config)
     return {
         "task_planner": MakeTaskPlanner(scenario),
         "object_name": name,

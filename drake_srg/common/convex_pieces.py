@@ -11,17 +11,22 @@ import numpy as np
 from drake_srg.types import Shape, Vector
 
 
-@dc.dataclass(frozen=True, eq=False)
+@dc.dataclass(frozen=True, eq=False, repr=False)
 class ConvexPieces:
     """A solid that is the union of convex pieces, such as a model's collision meshes.
 
-    Its origin is the middle of its bounding box, as with the simple shapes.
+    Its origin may be anywhere; with `centered_pieces`, it is the middle of its bounding
+    box, as with the simple shapes.
 
     Attributes:
         pieces: Corners of each piece [m], shape (n, 3) each, n >= 4.
     """
 
     pieces: tuple[Vector, ...]
+
+    def __repr__(self) -> str:
+        size = " x ".join(f"{1e3 * side:.0f}" for side in self.bounding_size)
+        return f"solid of {len(self.pieces)} convex pieces, {size} mm"
 
     @property
     def corners(self) -> Vector:
@@ -38,6 +43,18 @@ class ConvexPieces:
         """Extents along the object's x, y, z [m], shape (3,)."""
         return np.asarray(np.ptp(self.corners, axis=0))
 
+    def half_extent(self, direction: Vector) -> float:
+        """Return the distance from the origin to the farthest point along a direction.
+
+        Args:
+            direction: Unit vector in the object's frame, shape (3,).
+        """
+        return float(np.max(self.corners @ direction))
+
+    def shifted(self, p: Vector) -> ConvexPieces:
+        """Return the same solid, moved by p in its frame, shape (3,) [m]."""
+        return ConvexPieces(tuple(piece + p for piece in self.pieces))
+
     @functools.cached_property
     def faces(self) -> tuple[tuple[Vector, Vector], ...]:
         """Outward unit normals (m, 3) and their distances from the origin (m,) [m]."""
@@ -51,6 +68,15 @@ class ConvexPieces:
             (center, float(np.linalg.norm(piece - center, axis=1).max()))
             for piece, center in zip(self.pieces, centers, strict=True)
         )
+
+    @functools.cached_property
+    def center_of_mass(self) -> Vector:
+        """Centre of mass at uniform density, shape (3,) [m]; of pieces, the middle."""
+        from pydrake.geometry.optimization import VPolytope
+
+        volumes = [VPolytope(piece.T).CalcVolume() for piece in self.pieces]
+        middles = [piece.mean(axis=0) for piece in self.pieces]
+        return np.average(middles, axis=0, weights=volumes)
 
     @functools.cached_property
     def resting(self) -> tuple[Vector, ...]:
@@ -78,7 +104,7 @@ def _resting(solid: ConvexPieces) -> list[Vector]:
     import cv2
 
     corners = solid.corners
-    center = _center_of_mass(solid)
+    center = solid.center_of_mass
     found: list[Vector] = []
     for down, offset in zip(*_faces(corners), strict=True):
         if any(down @ other > np.cos(np.deg2rad(10.0)) for other in found):
@@ -90,14 +116,6 @@ def _resting(solid: ConvexPieces) -> list[Vector]:
         if cv2.pointPolygonTest(polygon, (float(x), float(y)), False) >= 0:
             found.append(down)
     return found
-
-
-def _center_of_mass(solid: ConvexPieces) -> Vector:
-    from pydrake.geometry.optimization import VPolytope
-
-    volumes = [VPolytope(piece.T).CalcVolume() for piece in solid.pieces]
-    middles = [piece.mean(axis=0) for piece in solid.pieces]
-    return np.average(middles, axis=0, weights=volumes)
 
 
 def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:

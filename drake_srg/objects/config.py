@@ -58,11 +58,10 @@ class ObjectConfig:
     # File of a model with one link: SDF, URDF, OBJ, STL or GLB, as a path (relative to
     # the scenario's file) or URL (package://drake_srg/sdf/mug.sdf); exclusive with
     # `shape`. If the link has exactly one collision geometry, a cylinder, box or sphere
-    # around its origin, the localizer and the planner know that shape. The planner
-    # picks no other object, and the localizer knows the convex pieces of another one
-    # only if `color_range` is given. The origin of such an object is underneath it, on
-    # the table. Meshes are cut into convex pieces, once, for which a cache is kept; see
-    # docs/objects.md.
+    # around its origin, the localizer and the planner know that shape. They know the
+    # convex pieces of another object only if `color_range` is given. The origin of such
+    # an object is underneath it, on the table. Meshes are cut into convex pieces, once,
+    # for which a cache is kept; see docs/objects.md.
     model: str | None = None
     # Metres per unit of a mesh as `model`: 0.001 for one in millimetres.
     scale: float = dc.field(default=1.0, metadata=positive())

@@ -38,6 +38,22 @@ def known_solid(name: str, config: ObjectConfig) -> tuple[Solid, Vector] | None:
     return ConvexPieces(tuple(scale * piece for piece in solid.pieces)), scale * p_OC
 
 
+def planned_solid(name: str, config: ObjectConfig) -> Solid | None:
+    """Return the geometry that the planner assumes for an object, about its frame.
+
+    Returns:
+        What the localizer knows of it; None if that is nothing, or the object is soft.
+
+    Raises:
+        ScenarioError: If the model cannot be read, or a piece has no volume.
+    """
+    known = None if config.soft is not None else known_solid(name, config)
+    if known is None:
+        return None
+    solid, p_OC = known
+    return solid.shifted(p_OC) if isinstance(solid, ConvexPieces) else solid
+
+
 def object_pieces(name: str, config: ObjectConfig) -> tuple[ConvexPieces, Vector]:
     """Return the convex hulls of an object's collision geometries.
 

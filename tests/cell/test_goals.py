@@ -46,6 +46,23 @@ def test_a_script_keeps_height_and_orientation():
     np.testing.assert_array_equal(final.rotation().matrix(), lying.rotation().matrix())
 
 
+@pytest.mark.parametrize(("repeat", "height"), [(1, None), (2, None), (1, 0.1)])
+def test_what_is_no_simple_shape_stays_as_it_stood(repeat, height):
+    mug = dc.replace(
+        KITCHEN.objects["soup_can"], model="package://drake_srg/sdf/mug.sdf"
+    )
+    place = dc.replace(KITCHEN.task.place, height=height)
+    scenario = dc.replace(
+        with_task(place=place, repeat=repeat), objects={"soup_can": mug}
+    )
+    start = RigidTransform(RollPitchYaw(0.02, 0.0, 0.2), [0.6, 0.1, 0.004])
+    final = final_pose(scenario, start)
+    there = [*place.position, 0.004 + (height or 0.0)]
+    expected = start.translation() if repeat == 2 else there
+    np.testing.assert_allclose(final.translation(), expected)
+    np.testing.assert_array_equal(final.rotation().matrix(), start.rotation().matrix())
+
+
 def test_a_ball_has_no_tilt():
     ball = dc.replace(KITCHEN.objects["soup_can"], model=None, shape=Sphere(0.03))
     scenario = dc.replace(KITCHEN, objects={"soup_can": ball})

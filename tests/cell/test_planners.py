@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from helpers import port_table
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from drake_srg.cell import (
@@ -10,10 +11,13 @@ from drake_srg.cell import (
     MakeTaskPlanner,
 )
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.objects.solids import planned_solid
+from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.script.scripted import ScriptedPlanner
 from drake_srg.scenario import load_scenario
-from drake_srg.types import Mode
+from drake_srg.types import Failure, Mode
 
+BLUE = "object.color_range={space: hsv, lower: [190, 0.4, 0.2], upper: [250, 1, 1]}"
 MUG = "objects.mug={model: package://drake_srg/sdf/mug.sdf, position: [0.6, 0.1]}"
 
 
@@ -44,10 +48,52 @@ def test_an_object_without_a_simple_shape_is_neither_located_nor_avoided():
     assert {blob.object_name for blob in blobs} == {"soup_can"}
 
 
-def test_an_object_without_a_simple_shape_cannot_be_picked():
+def test_an_object_without_a_simple_shape_is_picked_only_by_its_colours():
     scenario = load_scenario("kitchen", overrides=[MUG, "task.pick=mug"])
-    with pytest.raises(ScenarioError, match=r"objects\.mug\.model: .* must have one"):
+    with pytest.raises(ScenarioError, match=r"give objects\.mug\.color_range"):
         MakePlanner(scenario)
+
+
+def as_picked(*overrides):
+    """Return `kitchen` with a blue mug to pick, which stands on the table."""
+    changes = ["object.model=package://drake_srg/sdf/mug.sdf", BLUE, *overrides]
+    return load_scenario("kitchen", seed=0, overrides=changes)
+
+
+@pytest.mark.parametrize(("yaw", "height"), [(0.0, 0.0), (1.3, 0.1)])
+def test_a_mug_is_taken_by_its_pieces_and_set_down_as_it_stood(yaw, height):
+    scenario = as_picked(f"task.place.height={height}")
+    planner, task = MakePlanner(scenario), MakeTaskPlanner(scenario)
+    np.testing.assert_allclose(planner.goal.translation(), [0.55, -0.42, height])
+    mug = planned_solid("soup_can", scenario.objects["soup_can"])
+    X_WO = RigidTransform(RollPitchYaw(0.0, 0.0, yaw), [0.6, 0.1, 0.0])
+    assert task.rests(mug, X_WO)
+    assert not task.rests(mug, RigidTransform([0.6, 0.1, 0.05]))
+    planned = task.plan(task.q_home, X_WO, mug, planner.goal)
+    assert not isinstance(planned, PlanningFailure), planned.message
+    ends = {
+        mode: task.scene.X_WG(planned.motions[mode].value(1e9)[:, 0])
+        for mode in (Mode.GRASP, Mode.PLACE)
+    }
+    X_GO = ends[Mode.GRASP].inverse() @ X_WO
+    X_WO_placed = ends[Mode.PLACE] @ X_GO
+    np.testing.assert_allclose(X_WO_placed.rotation().col(2), [0, 0, 1], atol=0.01)
+    above = X_WO_placed.translation() - planner.goal.translation()
+    np.testing.assert_allclose(above[:2], 0.0, atol=0.003)
+    assert 0.0 <= above[2] < 0.01
+
+
+def test_a_mug_that_lies_is_not_taken():
+    scenario = as_picked()
+    task, mug = (
+        MakeTaskPlanner(scenario),
+        planned_solid("soup_can", scenario.objects["soup_can"]),
+    )
+    X_WO = RigidTransform(RollPitchYaw(0.5 * np.pi, 0.0, 0.0), [0.6, 0.1, 0.05])
+    planned = task.plan(task.q_home, X_WO, mug, MakePlanner(scenario).goal)
+    assert isinstance(planned, PlanningFailure)
+    assert planned.failure is Failure.NO_GRASP
+    assert "convex pieces" in planned.message
 
 
 def test_planners_do_not_share_their_models():

@@ -124,7 +124,9 @@ def _without(memory: ClearingMemory, load: Received) -> ClearingMemory:
 def _arrived(memory: ClearingMemory, drop: Drop, come: Received) -> ClearingMemory:
     """Count a load, and miss it no more if it had been dropped."""
     received = (*memory.received, come)
-    memory = dc.replace(memory, pushes=0, received=received)
+    # At the next grasp, what was taken has changed the table; in the end, pushes have.
+    pushed = () if memory.pick else memory.pushed
+    memory = dc.replace(memory, pushed=pushed, received=received)
     lost = memory.lost
     if drop.again:  # withdraw one report, of its own bin
         reports = _reports(memory, drop.destination)

@@ -22,6 +22,7 @@ from drake_srg.planning.clearing.destination import (
     Destination,
     Spots,
 )
+from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.clearing.receiving import SeenLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
@@ -167,8 +168,9 @@ class Received:
 
 @dc.dataclass(frozen=True)
 class PlannedPush:
-    """The motions of a push, one after the other."""
+    """A push, and its motions, one after the other."""
 
+    push: Push
     motions: tuple[Trajectory, ...]
     ready_at: float  # when planning has taken its time [s]
 
@@ -194,7 +196,7 @@ class ClearingMemory:
     # is planned.
     way_out: Trajectory | None = None
     push: PlannedPush | None = None  # what is left of the push under way, or the next
-    pushes: int = 0  # begun since anything was taken
+    pushed: tuple[Push, ...] = ()  # begun since anything was taken
     finished: bool = False  # nothing is left that a grasp takes
     picks: int = 0  # grasps begun
     taken: int = 0  # things that were felt in the hand and are gone from the table
@@ -202,6 +204,7 @@ class ClearingMemory:
     drop: Drop | None = None  # the load that was let go last, until it is looked for
     arrived: int = 0  # things that were taken and seen where they belong
     received: tuple[Received, ...] = ()  # the same things
+    released_at: float = -np.inf  # when the hand let go last [s]
     lost: tuple[Left, ...] = ()  # where things were let go that were not
     multi_object_picks: int = 0  # after which several things were seen there
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps

@@ -80,7 +80,9 @@ class Push(ClearingMode):
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Close the hand, and begin the first motion."""
-        memory = dc.replace(memory, closure=1.0, pushes=memory.pushes + 1)
+        assert memory.push is not None, "this mode needs a planned push"
+        pushed = (*memory.pushed, memory.push.push)
+        memory = dc.replace(memory, closure=1.0, pushed=pushed)
         return _next_motion(memory, entry.time)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
@@ -225,7 +227,9 @@ class Release(ClearingMode):
         grasp, placing = pick.grasp, pick.placing
         closure = grasp.closure_open if placing else 0.0
         fingers = grasp.fingers_open if placing else {}
-        memory = dc.replace(memory, closure=closure, fingers=fingers)
+        memory = dc.replace(
+            memory, closure=closure, fingers=fingers, released_at=entry.time
+        )
         stuck = entry.observation is not None and entry.observation.stuck
         if stuck and entry.previous is not Mode.PLACE:
             memory = dc.replace(memory, motion=Motion(entry.senses.q.copy()))

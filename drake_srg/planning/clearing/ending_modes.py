@@ -92,10 +92,13 @@ class Home(LastChance):
     mode = Mode.HOME
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Plan the way home, and go."""
+        """Plan the way home, and go; wait there until the last load has settled."""
         motions = self.planner.motions
         motion = motions.plan_way(memory.motion.destination, motions.q_home)
-        return self.planned(memory, entry, motion, self.config.home_wait)
+        wait = memory.released_at + self.config.home_wait - entry.time
+        if not isinstance(motion, PlanningFailure):
+            wait -= motion.end_time()
+        return self.planned(memory, entry, motion, max(wait, 0.0))
 
 
 class End(ClearingMode):

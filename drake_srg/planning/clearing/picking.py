@@ -91,7 +91,7 @@ class PickPlanner:
             looked_for = (gone or pick.held) and memory.destinations is not None
             drop = pick.drop(height_map, False, again) if looked_for else None
             return dc.replace(memory, tried=(*memory.tried, pick.grasp), drop=drop)
-        memory = dc.replace(memory, taken=memory.taken + 1, pushes=0)
+        memory = dc.replace(memory, taken=memory.taken + 1, pushed=())
         if memory.destinations is None:  # then to have taken it must do
             return dc.replace(memory, arrived=memory.arrived + (not again))
         return dc.replace(memory, drop=pick.drop(height_map, True, again))
@@ -215,10 +215,14 @@ class PickPlanner:
         self, memory: ClearingMemory, height_map: HeightMap, time: float
     ) -> PlannedPush | None:
         """Return the next push; None if there is none, or enough were tried."""
-        if self.pushes is None or memory.pushes >= self.config.max_attempts:
+        tried = memory.pushed
+        if self.pushes is None or len(tried) >= self.config.max_attempts:
             return None
-        motions = self.pushes.plan(memory.departure, height_map)
-        return PlannedPush(motions, time + self.config.latency) if motions else None
+        found = self.pushes.plan(memory.departure, height_map, tried)
+        if found is None:
+            return None
+        push, motions = found
+        return PlannedPush(push, motions, time + self.config.latency)
 
     def _given_up(
         self, tried: Iterable[TopGrasp], grasp: TopGrasp, found: GraspPlan

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.columns import highest_near
-from drake_srg.planning.clearing.pushing import best_push
+from drake_srg.planning.clearing.pushing import Push, best_push
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.top_grasp import palm_pose
@@ -20,6 +20,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import HeightMap, Vector
 
@@ -38,6 +39,7 @@ class PushMotions:
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
         relief: Returns what stands on the table according to a height map.
+        period: Of the planner [s].
     """
 
     def __init__(
@@ -50,21 +52,24 @@ class PushMotions:
         table: float,
         reach: Reach | None,
         relief: Callable[[HeightMap], Relief],
+        period: float,
     ) -> None:
         self._scene, self._moves, self._q_over = scene, moves, q_over
         self._fingers, self._table = fingers, table
         self._reach, self._relief = reach, relief
+        self._period = period
 
     def plan(
-        self, q_start: Vector, height_map: HeightMap
-    ) -> tuple[Trajectory, ...] | None:
+        self, q_start: Vector, height_map: HeightMap, tried: Sequence[Push] = ()
+    ) -> tuple[Push, tuple[Trajectory, ...]] | None:
         """Plan to a heap, through its top, and over the bin; None without a way.
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
             height_map: Of the table.
+            tried: See `best_push`.
         """
-        push = best_push(self._relief(height_map), self._table, self._reach)
+        push = best_push(self._relief(height_map), self._table, self._reach, tried)
         if push is None:
             return None
         moves = self._moves
@@ -87,12 +92,15 @@ class PushMotions:
                 down = moves.straight(ik.q, moves.above(ik.q, rise))[::-1]
                 across = moves.straight(ik.q, end)
                 away = moves.straight(across[-1], moves.above(across[-1], rise))
-                return (
-                    moves.timed(moves.joint_path(q_start, down[0]), moves.free),
-                    moves.timed(down, moves.free, straight=True),
+                to = PathPart(moves.joint_path(q_start, down[0]))
+                back = PathPart(moves.joint_path(away[-1], self._q_over))
+                there = (to, PathPart(down, STRAIGHT))
+                return push, (
+                    *moves.successive(there, moves.free, self._period),
                     moves.timed(across, moves.holding, straight=True),
-                    moves.timed(away, moves.free, straight=True),
-                    moves.timed(moves.joint_path(away[-1], self._q_over), moves.free),
+                    *moves.successive(
+                        (PathPart(away, STRAIGHT), back), moves.free, self._period
+                    ),
                 )
             except NoPathError:
                 continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -25,6 +26,8 @@ _AROUND, _UNDER = 0.04, 0.008
 # What is pushed needs as much room where it goes, along and across [m], and so much of
 # that must be free.
 _ROOM, _ACROSS, _LEAST_FREE = 0.2, 0.12, 0.6
+# Pushes are alike if they begin so near to each other [m] and turn by so little [rad].
+_SAME_PLACE, _SAME_WAY = 0.05, np.deg2rad(30.0)
 
 
 @dc.dataclass(frozen=True)
@@ -40,14 +43,23 @@ class Push:
         x, y = (self.end_W - self.start_W)[:2]
         return float(np.arctan2(y, x))
 
+    def is_like(self, other: Push) -> bool:
+        """Return whether another push moves the same thing in the same direction."""
+        apart = np.linalg.norm(self.start_W - other.start_W)
+        turn = (self.yaw - other.yaw + np.pi) % (2.0 * np.pi) - np.pi
+        return bool(apart < _SAME_PLACE and abs(turn) < _SAME_WAY)
 
-def best_push(relief: Relief, table: float, reach: Reach | None) -> Push | None:
+
+def best_push(
+    relief: Relief, table: float, reach: Reach | None, tried: Sequence[Push] = ()
+) -> Push | None:
     """Return the push that moves the top of the highest heap to where there is room.
 
     Args:
         relief: What stands on the table.
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
+        tried: Pushes after which no grasp took anything; one like them is none.
     """
     for thing in sorted(relief.things, key=lambda t: -t.top):
         pushes = _pushes(relief, thing, table)
@@ -57,6 +69,7 @@ def best_push(relief: Relief, table: float, reach: Reach | None) -> Push | None:
                 for free, push in pushes
                 if reach.contains(np.array([push.start_W, push.end_W])).all()
             ]
+        pushes = [(f, p) for f, p in pushes if not any(map(p.is_like, tried))]
         if pushes:
             return max(pushes, key=lambda found: found[0])[1]
     return None

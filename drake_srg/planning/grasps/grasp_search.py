@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.planning.grasps.grasps import PALM_Y, Grasp, Hand
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
@@ -18,7 +19,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.types import Shape, Sphere, Vector
+from drake_srg.types import Sphere, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 # A held object may overlap its support by this much in the plan [m], because the plan
@@ -73,7 +74,7 @@ class GraspSearch:
     def candidates(
         self,
         X_WO_seen: RigidTransform,
-        shape: Shape,
+        shape: Solid,
         X_WO_goal: RigidTransform,
         *,
         turned: bool = False,
@@ -124,7 +125,7 @@ class GraspSearch:
                 *(s.clearance.distance for s in (pick, place) if s.clearance),
             )
             score = pick.cost + place.cost - 50.0 * spare + 40.0 * grasp.lean
-            score += _FAILED * tried.count(grasp.name)
+            score += grasp.cost + _FAILED * tried.count(grasp.name)
             candidates.append(Candidate(grasp, X_WO, pick.q, place.q, score))
         # The narrowest miss, of angles or of distances, says most.
         step, missed = ("place", no_place) if no_place else ("pick", no_pick)
@@ -135,7 +136,7 @@ class GraspSearch:
         return sorted(candidates, key=lambda c: c.score), failures
 
     def grasped(
-        self, q_grasp: Vector, grasp: Grasp, shape: Shape, X_WO_goal: RigidTransform
+        self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> Candidate:
         """Return the candidate of a grasp that holds its object.
 
@@ -156,7 +157,7 @@ class GraspSearch:
         return Candidate(grasp, X_WO, q_grasp, place.q, score=0.0)
 
     def _place(
-        self, q_grasp: Vector, grasp: Grasp, shape: Shape, X_WO_goal: RigidTransform
+        self, q_grasp: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> IkSolution | IkFailure:
         with carrying(self._scene, shape, grasp, supported=True):
             return solve_inverse_kinematics(
@@ -179,11 +180,11 @@ class GraspSearch:
         turns = [AxisTarget(PALM_Y, y_W, np.pi / _TURNS) for y_W in across]
         return [dc.replace(target, axes=(*target.axes, turn)) for turn in turns]
 
-    def _ends_up(self, X_WO: RigidTransform, shape: Shape) -> list[RigidTransform]:
+    def _ends_up(self, X_WO: RigidTransform, shape: Solid) -> list[RigidTransform]:
         """Return the object's pose, with either end up if it does not stand."""
         if X_WO.rotation().col(2)[2] >= np.cos(self._hand.upright_within):
             return [X_WO]
-        if isinstance(shape, Sphere):
+        if isinstance(shape, Sphere | ConvexPieces):
             return [X_WO]
         return [
             X_WO,
@@ -208,7 +209,7 @@ def place_target(
 
 @contextlib.contextmanager
 def carrying(
-    scene: PlanningScene, shape: Shape, grasp: Grasp, *, supported: bool = False
+    scene: PlanningScene, shape: Solid, grasp: Grasp, *, supported: bool = False
 ) -> Iterator[None]:
     """Let the hand of a scene hold an object within the context.
 

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.motion.hand_target import AxisTarget, HandTarget
-from drake_srg.types import Shape, Vector
+from drake_srg.types import Vector
 
 # In every grasp, the palm's y is perpendicular to the object's axis.
 PALM_Y = np.array([0.0, 1.0, 0.0])
@@ -47,6 +48,7 @@ class Grasp(abc.ABC):
     # How the object moves, in the palm's axes, when it is set down and let go, shape
     # (3,) [m].
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
+    cost: float = 0.0  # by which another grasp that the arm reaches is better [rad²]
 
     @property
     def X_GO(self) -> RigidTransform:
@@ -129,7 +131,7 @@ class Hand(abc.ABC):
 
     @abc.abstractmethod
     def grasps(
-        self, shape: Shape, X_WO: RigidTransform, firmness: float = 1.0
+        self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """Return the ways to take an object; empty if it does not fit the hand.
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
-from drake_srg.types import Cylinder, Shape, Vector
+from drake_srg.types import Cylinder, Vector
 
 # Geometry of the gripper in the palm frame G (x out of the palm, z along the pads) [m].
 # Cranks of parallelograms carry the pads. They point straight ahead where the gap fits
@@ -82,7 +83,7 @@ class LinkageHand(Hand):
     upright_within = np.deg2rad(3.0)
 
     def grasps(
-        self, shape: Shape, X_WO: RigidTransform, firmness: float = 1.0
+        self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """See `Hand`; the driver, not the command, decides how firmly it closes."""
         if not isinstance(shape, Cylinder):

@@ -9,9 +9,11 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp, Hand
+from drake_srg.planning.grasps.solid_grasps import solid_pinches
 from drake_srg.planning.grasps.srg_angles import (
     EMPTY_BASE_ANGLE,
     contact_angle,
@@ -19,6 +21,7 @@ from drake_srg.planning.grasps.srg_angles import (
     opening_angle,
     pinch_angles,
 )
+from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.types import Box, Cylinder, Shape, Sphere, Vector
 
 # What the hand must clear above and below its middle [m]: half of the palm's height,
@@ -99,11 +102,17 @@ class SrgHand(Hand):
     upright_within = _UPRIGHT_WITHIN
 
     def grasps(
-        self, shape: Shape, X_WO: RigidTransform, firmness: float = 1.0
+        self, shape: Solid, X_WO: RigidTransform, firmness: float = 1.0
     ) -> list[Grasp]:
         """See `Hand`."""
         squeeze = firmness * self.squeeze
         up_O = X_WO.rotation().matrix()[2]
+        if isinstance(shape, ConvexPieces):
+            stands = up_O[2] >= np.cos(_UPRIGHT_WITHIN)
+            if not stands or Approach.ABOVE.value not in self.approaches:
+                return []
+            fingers = SrgFingers(firmness * self.squeeze, self.full_scale)
+            return list(solid_pinches(fingers, shape, self.clearance))
         found: list[SrgGrasp | None] = []
         if isinstance(shape, Sphere) or up_O[2] >= np.cos(_UPRIGHT_WITHIN):
             if Approach.ABOVE.value in self.approaches:

@@ -41,7 +41,8 @@ class Motion:
         if self.stopped_at is not None:
             t = min(t - self.stopped_at, STOP_TIME)
             t = self.stopped_at + t - 0.5 * t * t / STOP_TIME
-        q: Vector = self.trajectory.value(min(t, self.trajectory.end_time()))[:, 0]
+        end = self.trajectory.end_time()
+        q: Vector = self.trajectory.value(end if t > end - _TICK else t)[:, 0]
         return q
 
     @property

@@ -18,10 +18,11 @@ from pydrake.multibody.tree import (
 )
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
-from drake_srg.common.shapes import drake_shape
+from drake_srg.common.convex_pieces import Solid
+from drake_srg.common.shapes import drake_shapes
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.clearance import Clearance
-from drake_srg.types import Shape, Vector
+from drake_srg.types import Vector
 
 
 class PlanningScene(ArmModel):
@@ -176,7 +177,7 @@ class PlanningScene(ArmModel):
         return None
 
     def touches(
-        self, q: Vector, shape: Shape, X_WO: RigidTransform, *, within: float = 0.0
+        self, q: Vector, shape: Solid, X_WO: RigidTransform, *, within: float = 0.0
     ) -> bool:
         """Return whether arm, gripper or held object come `within` [m] of a shape.
 
@@ -198,7 +199,7 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def holding(
-        self, shape: Shape, X_GO: RigidTransform, *, margin: float | None = None
+        self, shape: Solid, X_GO: RigidTransform, *, margin: float | None = None
     ) -> Iterator[None]:
         """Let the hand carry `shape` within the context.
 
@@ -239,7 +240,7 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def standing(
-        self, shape: Shape, X_WO: RigidTransform, *, touchable: bool = False
+        self, shape: Solid, X_WO: RigidTransform, *, touchable: bool = False
     ) -> Iterator[None]:
         """Let `shape` stand at `X_WO` [m] within the context.
 
@@ -251,10 +252,11 @@ class PlanningScene(ArmModel):
 
     @contextlib.contextmanager
     def _added_shape(
-        self, body: RigidBody, shape: Shape, X_BO: RigidTransform
+        self, body: RigidBody, shape: Solid, X_BO: RigidTransform
     ) -> Iterator[None]:
         group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
-        self._checker.AddCollisionShapeToBody(group, body, drake_shape(shape), X_BO)
+        for part in drake_shapes(shape):
+            self._checker.AddCollisionShapeToBody(group, body, part, X_BO)
         try:
             yield
         finally:

@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.planning.grasps.grasp_search import (
     SUPPORT_OVERLAP,
     Candidate,
@@ -19,7 +20,7 @@ from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.paths import plan_cartesian_path
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.types import Failure, Mode, Shape, Vector
+from drake_srg.types import Failure, Mode, Vector
 
 _UP = np.array([0.0, 0.0, 1.0])
 # How much more a carried object may lean than where it was taken [rad].
@@ -53,7 +54,7 @@ class GraspMotions:
     def plan(
         self,
         q_start: Vector,
-        shape: Shape,
+        shape: Solid,
         X_WO_goal: RigidTransform,
         candidate: Candidate,
     ) -> dict[Mode, Trajectory]:
@@ -87,7 +88,7 @@ class GraspMotions:
         return motions | self.carry(shape, X_WO_goal, candidate)
 
     def carry(
-        self, shape: Shape, X_WO_goal: RigidTransform, candidate: Candidate
+        self, shape: Solid, X_WO_goal: RigidTransform, candidate: Candidate
     ) -> dict[Mode, Trajectory]:
         """Plan the motions that follow a grasp, from lifting to home.
 
@@ -119,7 +120,7 @@ class GraspMotions:
         return motions | self._leave(down[-1], grasp, shape, X_WO_goal)
 
     def place(
-        self, q_start: Vector, grasp: Grasp, shape: Shape, X_WO_goal: RigidTransform
+        self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
     ) -> dict[Mode, Trajectory]:
         """Plan the motions onto the goal and home, with the object in the hand.
 
@@ -140,7 +141,7 @@ class GraspMotions:
         return {Mode.PLACE: down} | self._leave(path[-1], grasp, shape, X_WO_goal)
 
     def _leave(
-        self, q_place: Vector, grasp: Grasp, shape: Shape, X_WO: RigidTransform
+        self, q_place: Vector, grasp: Grasp, shape: Solid, X_WO: RigidTransform
     ) -> dict[Mode, Trajectory]:
         """Return the motions away from an object that has been placed, and home."""
         scene, motions = self._scene, {}

@@ -7,6 +7,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_machine import PlannerMachine
 from drake_srg.planning.task.config import PlannerConfig
@@ -18,7 +19,7 @@ from drake_srg.planning.task.sightings import Sightings, View
 from drake_srg.planning.task.task_mode import TaskMode
 from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.planning.task.transitions import Observation, transition
-from drake_srg.types import Mode, Shape
+from drake_srg.types import Mode
 
 MakeModes: TypeAlias = Callable[
     [PlannerConfig, Replanner, int], Mapping[Mode, TaskMode]
@@ -95,10 +96,10 @@ class PickAndPlacePlanner(PlannerMachine[PlannerMemory, Senses, Observation]):
         self,
         task_planner: TaskPlanner,
         object_name: str,
-        shape: Shape,
+        shape: Solid,
         goal: RigidTransform,
         tolerance: float = 0.005,
-        obstacles: Mapping[str, Shape] | None = None,
+        obstacles: Mapping[str, Solid] | None = None,
         repeat: int = 1,
         config: PlannerConfig | None = None,
         make_modes: MakeModes = task_modes,

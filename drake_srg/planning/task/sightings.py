@@ -9,13 +9,13 @@ import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.planning.grasps.grasps import pose_along
 from drake_srg.planning.task.task_motions import Obstacles
 from drake_srg.types import (
     Blob,
     Box,
     Obstacle,
-    Shape,
     Sphere,
     Vector,
 )
@@ -46,8 +46,8 @@ class Sightings:
     def __init__(
         self,
         object_name: str,
-        shape: Shape,
-        others: Mapping[str, Shape],
+        shape: Solid,
+        others: Mapping[str, Solid],
         upright_within: float,
     ) -> None:
         self.object_name = object_name
@@ -116,10 +116,13 @@ class Sightings:
         others = [o for o in unknown if not _inside(*o, p_WO)]
         return (*known, *apart, *others)
 
-    def _pose(self, shape: Shape, blob: Blob) -> RigidTransform:
+    def _pose(self, shape: Solid, blob: Blob) -> RigidTransform:
         # What nearly stands on something level is upright, whatever an image says.
         if isinstance(shape, Box):
             return _levelled(blob.X_WO, self._upright)
+        if isinstance(shape, ConvexPieces):
+            stands = blob.axis[2] >= self._upright
+            return _levelled(blob.X_WO, self._upright) if stands else blob.X_WO
         stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
         return pose_along(blob.position, _UP if stands else blob.axis)
 
@@ -156,8 +159,9 @@ def lean(axis_1: Vector, axis_2: Vector) -> float:
     return float(np.arctan2(sine, abs(float(axis_1 @ axis_2))))
 
 
-def standing_at(X_WO: RigidTransform, shape: Shape) -> RigidTransform:
+def standing_at(X_WO: RigidTransform, shape: Solid) -> RigidTransform:
     """Return where an object now at X_WO [m] stands upright on the same level."""
     p_WO, up_O = X_WO.translation(), X_WO.rotation().matrix()[2]
-    below = shape.half_extent(up_O)
-    return RigidTransform([*p_WO[:2], p_WO[2] - below + 0.5 * shape.height])
+    below = shape.half_extent(-up_O)
+    stands = shape.half_extent(-_UP)
+    return RigidTransform([*p_WO[:2], p_WO[2] - below + stands])

@@ -11,6 +11,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
 
+from drake_srg.common.convex_pieces import Solid
 from drake_srg.planning.grasps.grasp_search import (
     SUPPORT_OVERLAP,
     GraspSearch,
@@ -25,7 +26,7 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.trajectories import motion_samples
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.task.grasp_motions import GraspMotions
-from drake_srg.types import Failure, Mode, Shape, Vector
+from drake_srg.types import Failure, Mode, Vector
 
 # Grasps whose motions are planned before giving up. There are more only where the hand
 # is turned about the object; each search for a way takes up to 5 s.
@@ -33,7 +34,7 @@ _MOST_CANDIDATES = 8
 
 
 # Shapes to keep clear of, and their poses X_WO [m].
-Obstacles: TypeAlias = Sequence[tuple[Shape, RigidTransform]]
+Obstacles: TypeAlias = Sequence[tuple[Solid, RigidTransform]]
 
 
 @dc.dataclass(frozen=True)
@@ -79,7 +80,7 @@ class TaskPlanner:
         self,
         q_start: Vector,
         X_WO: RigidTransform,
-        shape: Shape,
+        shape: Solid,
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
         tried: Sequence[str] = (),
@@ -101,7 +102,7 @@ class TaskPlanner:
         self,
         q_grasp: Vector,
         grasp: Grasp,
-        shape: Shape,
+        shape: Solid,
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
     ) -> TaskMotions | PlanningFailure:
@@ -126,7 +127,7 @@ class TaskPlanner:
         self,
         q_start: Vector,
         grasp: Grasp,
-        shape: Shape,
+        shape: Solid,
         X_WO_goal: RigidTransform,
         obstacles: Obstacles = (),
     ) -> TaskMotions | PlanningFailure:
@@ -150,7 +151,7 @@ class TaskPlanner:
         self,
         q_start: Vector,
         X_WO: RigidTransform,
-        shape: Shape,
+        shape: Solid,
         X_WO_goal: RigidTransform,
         tried: Sequence[str],
     ) -> TaskMotions | PlanningFailure:
@@ -183,12 +184,12 @@ class TaskPlanner:
         # posture of the arm reaches.
         return (blocked or reasons)[0]
 
-    def rests(self, shape: Shape, X_WO: RigidTransform) -> bool:
+    def rests(self, shape: Solid, X_WO: RigidTransform) -> bool:
         """Return whether an object at `X_WO` [m] is on something, and in nothing."""
         lowered = RigidTransform([0.0, 0.0, 2.0 * SUPPORT_OVERLAP]) @ X_WO
         return not self._overlap(shape, X_WO) and bool(self._overlap(shape, lowered))
 
-    def _overlap(self, shape: Shape, X_WO: RigidTransform) -> Clearance | None:
+    def _overlap(self, shape: Solid, X_WO: RigidTransform) -> Clearance | None:
         """Return what an object at `X_WO` [m] is in, None where it fits there.
 
         Fixed bodies are checked only against moving ones, so the object is attached to
@@ -223,7 +224,7 @@ class TaskPlanner:
         )
 
     def obstruction(
-        self, task: TaskMotions, shape: Shape, obstacles: Obstacles
+        self, task: TaskMotions, shape: Solid, obstacles: Obstacles
     ) -> str | None:
         """Return what is in the way of motions, in words; None if nothing is.
 

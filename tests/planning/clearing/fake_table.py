@@ -11,6 +11,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.top_grasp import (
@@ -146,10 +147,15 @@ class Motions:
 class Pushes:
     """Stands in for `PushMotions`: two motions of a second each, over the bin."""
 
-    def plan(self, q_start, height_map):
+    def __init__(self):
+        self.tried = []  # pushes before each one
+
+    def plan(self, q_start, height_map, tried=()):
+        self.tried.append(len(tried))
         if not height_map.height.any():
             return None
-        return _line(q_start, np.full(2, 2.0)), _line(np.full(2, 2.0), OVER)
+        motions = _line(q_start, np.full(2, 2.0)), _line(np.full(2, 2.0), OVER)
+        return Push(np.zeros(3), np.ones(3)), motions
 
 
 def _line(start, end):

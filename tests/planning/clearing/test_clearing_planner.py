@@ -223,7 +223,36 @@ def test_leaves_a_heap_that_pushes_do_not_change(pushes):
     stays = heap(after_push=[], pushes=pushes)
     stays.until(Mode.DONE)
     assert stays.modes.count(Mode.PUSH) == pushes
+    assert stays.pushes.tried[:pushes] == list(range(pushes))
     assert [left.failure for left in stays.status.left] == [Failure.BLOCKED]
+
+
+def test_a_load_that_is_seen_in_the_end_gives_no_more_pushes():
+    """The pushes since then have not helped, and would not help again."""
+    stays = heap(after_push=[])
+    stays.grasps.places = (A, B)
+    stays.show(table(A, B))
+    stays.show_bin()
+    pick(stays, after=table(A))
+    stays.show_bin((0.2, 0.2))
+    stays.until(Mode.DONE)
+    assert stays.status.cycles == 1
+    assert stays.modes.count(Mode.PUSH) == stays.config.max_attempts
+
+
+@pytest.mark.parametrize(("home_wait", "longer"), [(0.5, False), (30.0, True)])
+def test_waits_at_home_until_the_last_load_has_settled(home_wait, longer):
+    one = run(A, config=dc.replace(CONFIG, home_wait=home_wait))
+    pick(one, after=table())
+    released = one.context.get_time()
+    one.until(Mode.HOME)
+    gone = one.context.get_time()
+    one.until(Mode.DONE, limit=60.0)
+    done = one.context.get_time()
+    if longer:
+        assert done == pytest.approx(released + home_wait, abs=0.15)
+    else:  # the way home alone takes longer
+        assert done - gone < 1.0 + 0.15
 
 
 def test_goes_back_when_something_stops_a_push():

@@ -30,7 +30,7 @@ def test_the_hand_goes_through_the_top_of_the_heap_and_back_over_the_bin(planner
     middle = np.array([0.6, 0.0])
     motions, q = planner.motions, planner.motions.q_home
     height_map = heap((middle, 0.2, LOW), (middle, 0.08, HIGH))
-    pieces = planner.pushes.plan(q, height_map)
+    push, pieces = planner.pushes.plan(q, height_map)
     for piece in pieces:
         np.testing.assert_allclose(piece.value(0.0)[:, 0], q, atol=1e-6)
         q = piece.value(1e9)[:, 0]
@@ -47,6 +47,7 @@ def test_the_hand_goes_through_the_top_of_the_heap_and_back_over_the_bin(planner
     ]
     assert np.all((p_W[:, 2] > LOW) & (p_W[:, 2] < HIGH))
     assert np.linalg.norm(p_W[-1] - p_W[0]) == pytest.approx(0.25, abs=0.005)
+    np.testing.assert_allclose(p_W[0], push.start_W, atol=1e-3)
     way = (p_W[-1] - p_W[0])[:2] / np.linalg.norm(p_W[-1] - p_W[0])
     assert abs(way @ [-(middle - p_W[0, :2])[1], (middle - p_W[0, :2])[0]]) < 0.01
 

@@ -48,6 +48,20 @@ def test_pushes_the_upper_thing_from_free_air_and_above_the_lower_one(middle, sh
 
 
 @settings(max_examples=15)
+@given(middles, shifts)
+def test_pushes_in_another_way_after_each_that_did_not_help(middle, shift):
+    relief, tried = relief_of(*heap(middle, shift)), []
+    while (push := best_push(relief, 0.0, None, tried)) is not None:
+        assert not any(push.is_like(other) for other in tried)
+        tried.append(push)
+        assert len(tried) < 20
+    assert len(tried) > 3
+    # What has moved since may be pushed in the same way again.
+    there = np.add(middle, (0.1, 0.0))
+    assert best_push(relief_of(*heap(there, shift)), 0.0, None, tried) is not None
+
+
+@settings(max_examples=15)
 @given(middles)
 def test_does_not_push_towards_other_things(middle):
     others = [
