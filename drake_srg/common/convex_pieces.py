@@ -51,6 +51,16 @@ class ConvexPieces:
         """
         return float(np.max(self.corners @ direction))
 
+    @property
+    def middle(self) -> Vector:
+        """Middle of the bounding box, shape (3,) [m]."""
+        corners = self.corners
+        return np.asarray(0.5 * (corners.min(axis=0) + corners.max(axis=0)))
+
+    def turned(self, R: Vector) -> ConvexPieces:
+        """Return the same solid, turned about its origin by a matrix R, (3, 3)."""
+        return ConvexPieces(tuple(piece @ R.T for piece in self.pieces))
+
     def shifted(self, p: Vector) -> ConvexPieces:
         """Return the same solid, moved by p in its frame, shape (3,) [m]."""
         return ConvexPieces(tuple(piece + p for piece in self.pieces))
@@ -130,8 +140,7 @@ def centered_pieces(pieces: list[Vector]) -> tuple[ConvexPieces, Vector]:
     Raises:
         ValueError: If a piece is flat or empty.
     """
-    corners = np.concatenate(pieces)
-    p_OC = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+    p_OC = ConvexPieces(tuple(pieces)).middle
     for i, piece in enumerate(pieces):
         if len(piece) < 4 or np.linalg.svd(piece - piece.mean(axis=0))[1][2] < 1e-9:
             raise ValueError(f"piece {i} of {len(pieces)} has no volume")

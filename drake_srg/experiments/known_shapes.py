@@ -25,7 +25,7 @@ from drake_srg.simulation.metrics import Metrics
 from drake_srg.types import Vector
 
 SCENARIO = "kitchen"
-_YAW = "object.yaw=!Uniform {min: -3.1416, max: 3.1416}"
+YAW = "object.yaw=!Uniform {min: -3.1416, max: 3.1416}"
 
 
 def _lying(shape: str, height: float) -> tuple[str, ...]:
@@ -41,7 +41,7 @@ def _lying(shape: str, height: float) -> tuple[str, ...]:
 def _box(least: Sequence[float], most: Sequence[float]) -> tuple[str, ...]:
     """Return the overrides of a box that stands, of a size between two (3,) [m]."""
     size = f"!UniformVector {{min: {list(least)}, max: {list(most)}}}"
-    return f"object.shape=!Box {{size: {size}}}", _YAW
+    return f"object.shape=!Box {{size: {size}}}", YAW
 
 
 # Overrides of the scenario. A ball rolls off a rigid table: nothing there resists that.
@@ -173,9 +173,9 @@ def columns(runs: _Runs) -> dict[str, list[Any]]:
     return table
 
 
-def draw(runs: _Runs) -> Any:
+def draw(runs: _Runs, title: str = "Known shapes, picked and placed") -> Any:
     """Draw the share that is placed, and how near to the goal, for each case."""
-    figure = make_figure(9.0, 1.4 + 0.4 * len(runs), "Known shapes, picked and placed")
+    figure = make_figure(9.0, 1.4 + 0.4 * len(runs), title)
     left, right = figure.subplots(1, 2, sharey=True)
     style_axes(left, xlabel="share placed, with its 95 % interval")
     style_axes(right, xlabel="distance from the goal [mm]")

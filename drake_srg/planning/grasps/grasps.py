@@ -24,6 +24,8 @@ _EXACT = 0.002  # tolerance of a direction [rad]
 class Grasp(abc.ABC):
     """One way to take an object, and to set it down with its axis upright.
 
+    The axis is the object's z unless `axis_O` says otherwise.
+
     The rotation about the object's axis is free when it is set down. When it is taken,
     the rotation is free unless `across_O` or `down_G` says otherwise.
     """
@@ -31,6 +33,7 @@ class Grasp(abc.ABC):
     name: str  # a few words, for messages
     p_GO: Vector  # the object's centre in the hand, shape (3,) [m]
     axis_G: Vector  # the object's axis in the hand, shape (3,)
+    axis_O: Vector = dc.field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     closure_open: float  # the object passes between the fingers
     closure_closed: float  # the fingers press on the object
     fingers_open: Mapping[str, float]  # joint angles of the gripper by name [rad]
@@ -56,7 +59,7 @@ class Grasp(abc.ABC):
         if self.across_O is None:
             return pose_along(self.p_GO, self.axis_G)
         R_GA = _axes(self.axis_G, PALM_Y)
-        R_OA = _axes(np.array([0.0, 0.0, 1.0]), self.across_O)
+        R_OA = _axes(self.axis_O, self.across_O)
         return RigidTransform(R_GA @ R_OA.inverse(), self.p_GO)
 
     def target(
@@ -65,11 +68,11 @@ class Grasp(abc.ABC):
         """Return where the hand must be to hold the object at `X_WO`.
 
         Args:
-            X_WO: The object's pose in world [m]. Its turn about its z does not count.
+            X_WO: The object's pose in world [m]. Its turn about its axis does not
+                count.
             angle_tolerance: Of the object's axis in the hand [rad].
         """
-        # A copy: col() would be a view into a pose that may not live on.
-        axis_W = X_WO.rotation().matrix()[:, 2]
+        axis_W = X_WO.rotation().matrix() @ self.axis_O
         axis = AxisTarget(self.axis_G, axis_W, angle_tolerance)
         return HandTarget(p_WT=X_WO.translation(), p_GT=self.p_GO, axes=(axis,))
 

@@ -1,4 +1,4 @@
-"""Pinches from above of a known solid of any form, which stands as it is modelled."""
+"""Pinches from above of a known solid of any form, on whichever side it lies."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import dataclasses as dc
 import functools
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.planning.grasps.fingers import Fingers
@@ -44,26 +44,39 @@ class PinchGrasp(Grasp):
 
 @functools.lru_cache(maxsize=8)
 def solid_pinches(
-    fingers: Fingers, solid: ConvexPieces, clearance: float
+    fingers: Fingers,
+    solid: ConvexPieces,
+    up_O: tuple[float, float, float],
+    clearance: float,
 ) -> tuple[PinchGrasp, ...]:
-    """Return pinches from above of a solid that stands on a level surface.
+    """Return pinches from above of a solid that is on a level surface.
 
     They are found on its height map, which shows no more than a camera above it would.
 
     Args:
         fingers: The hand's.
-        solid: It stands with its z up.
+        solid: The solid.
+        up_O: Its direction that points up, a unit vector.
         clearance: Distance that the hand must keep from the table [m].
     """
+    R_OS = RotationMatrix.MakeFromOneVector(np.array(up_O), 2)
+    solid = solid.turned(R_OS.inverse().matrix())
     config = TopGraspConfig(table_gap=clearance + _SPARE)
     X_SO = RigidTransform([0.0, 0.0, solid.half_extent(np.array([0.0, 0.0, -1.0]))])
     search = HeightMapGrasps(fingers, 0.0, config=config)
     found = search.plan(solid_map(solid)).grasps[:_MOST]
+    p_SM = X_SO @ solid.center_of_mass
     return tuple(
-        _pinch(grasp, found[0].score, X_SO, X_SO @ solid.center_of_mass)
+        _in_object(_pinch(grasp, found[0].score, X_SO, p_SM), R_OS)
         for top in found
         for grasp in (top, top.half_turn())
     )
+
+
+def _in_object(grasp: PinchGrasp, R_OS: RotationMatrix) -> PinchGrasp:
+    """Return a grasp of a solid that is turned to stand, of the solid itself."""
+    assert grasp.across_O is not None
+    return dc.replace(grasp, axis_O=R_OS @ grasp.axis_O, across_O=R_OS @ grasp.across_O)
 
 
 def _pinch(

@@ -108,11 +108,11 @@ class SrgHand(Hand):
         squeeze = firmness * self.squeeze
         up_O = X_WO.rotation().matrix()[2]
         if isinstance(shape, ConvexPieces):
-            stands = up_O[2] >= np.cos(_UPRIGHT_WITHIN)
-            if not stands or Approach.ABOVE.value not in self.approaches:
+            if Approach.ABOVE.value not in self.approaches:
                 return []
             fingers = SrgFingers(firmness * self.squeeze, self.full_scale)
-            return list(solid_pinches(fingers, shape, self.clearance))
+            x, y, z = (round(float(value), 6) for value in up_O)
+            return list(solid_pinches(fingers, shape, (x, y, z), self.clearance))
         found: list[SrgGrasp | None] = []
         if isinstance(shape, Sphere) or up_O[2] >= np.cos(_UPRIGHT_WITHIN):
             if Approach.ABOVE.value in self.approaches:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from pydrake.math import RigidTransform
 
+from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.planning.grasps.grasps import Grasp
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
@@ -17,7 +18,9 @@ from drake_srg.planning.task.planner_memory import PlannerMemory, Trouble
 from drake_srg.planning.task.sightings import (
     Sightings,
     View,
+    distance,
     lean,
+    set_down_at,
     standing_at,
 )
 from drake_srg.planning.task.task_motions import Obstacles, TaskMotions, TaskPlanner
@@ -63,8 +66,9 @@ class Replanner:
 
     def goal(self, memory: PlannerMemory) -> RigidTransform:
         """Return where this cycle takes the object: to the goal, or back."""
-        back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
-        return back or self._goal
+        seen = memory.seen
+        back = seen.X_WO_return if memory.totals.cycles % 2 else None
+        return back or seen.X_WO_goal or self._goal
 
     def judge(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See whether the object is where this cycle was to take it."""
@@ -72,9 +76,8 @@ class Replanner:
         at_goal = False
         if blob is not None:
             X_WO = self._sightings.pose(blob)
-            turn = lean(X_WO.rotation().col(2), goal.rotation().col(2))
-            near = distance(X_WO, goal) <= self._tolerance
-            at_goal = bool(near and turn <= _STANDING)
+            near = distance(X_WO, goal, self._shape) <= self._tolerance
+            at_goal = near and self._turn(X_WO, goal) <= _STANDING
         return _looked(memory, view, blob, time, at_goal=at_goal)
 
     def plan(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
@@ -85,6 +88,10 @@ class Replanner:
             return self._not_seen(memory, time)
         start, q = wall.perf_counter(), memory.motion.q_rest
         X_WO = self._sightings.pose(blob)
+        if memory.seen.localization is None:
+            goal = set_down_at(self._goal, X_WO, self._shape)
+            seen = dc.replace(memory.seen, X_WO_goal=goal)
+            memory = dc.replace(memory, seen=seen)
         obstacles = self._obstacles(
             view, memory, q, memory.grip.fingers_open, blob.position
         )
@@ -142,8 +149,8 @@ class Replanner:
         if certain is None:  # behind the hand
             return memory
         X_WO_seen = self._sightings.pose(certain)
-        turn = lean(X_WO_seen.rotation().col(2), X_WO.rotation().col(2))
-        moved = distance(X_WO_seen, X_WO) > _MOVED or turn > _TURNED
+        far = distance(X_WO_seen, X_WO, self._shape) > _MOVED
+        moved = far or self._turn(X_WO_seen, X_WO) > _TURNED
         return _detour(memory) if moved else memory
 
     def correct(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
@@ -219,6 +226,15 @@ class Replanner:
             seen=dc.replace(memory.seen, obstacles=obstacles),
         )
 
+    def _turn(self, X_1: RigidTransform, X_2: RigidTransform) -> float:
+        """Return the angle between the object's axis in two poses [rad].
+
+        That of a solid does not count: what looks alike may have another one.
+        """
+        if isinstance(self._shape, ConvexPieces):
+            return 0.0
+        return lean(X_1.rotation().col(2), X_2.rotation().col(2))
+
     def _rests(self, X_WO: RigidTransform) -> bool:
         return self._task_planner.rests(self._shape, X_WO)
 
@@ -250,6 +266,10 @@ class Replanner:
     def _in_hand(self, grasp: Grasp, blob: Blob, q: Vector) -> Grasp:
         """Return the grasp as it is seen with the arm at `q`."""
         X_GW = self._task_planner.scene.X_WG(q).inverse()
+        if isinstance(self._shape, ConvexPieces):
+            middle = self._shape.middle
+            shift = X_GW @ blob.X_WO @ middle - grasp.X_GO @ middle
+            return dc.replace(grasp, p_GO=grasp.p_GO + shift)
         grasp = dc.replace(grasp, p_GO=X_GW @ blob.position)
         if isinstance(self._shape, Sphere):
             return grasp
@@ -295,8 +315,3 @@ def _failed(memory: PlannerMemory, failure: Failure, message: str) -> PlannerMem
         return memory
     trouble = dc.replace(trouble, failure=failure, message=message)
     return dc.replace(memory, trouble=trouble)
-
-
-def distance(X_1: RigidTransform, X_2: RigidTransform) -> float:
-    """Return the distance between the origins of two poses [m]."""
-    return float(np.linalg.norm(X_1.translation() - X_2.translation()))

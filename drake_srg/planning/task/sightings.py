@@ -22,6 +22,8 @@ from drake_srg.types import (
 
 # Blobs further apart do not show the same object [m].
 _APART = 0.03
+# A solid that leans by less than this from where it would rest on a face does so [rad].
+_NEARLY_RESTS = np.deg2rad(5.0)
 _UP = np.array([0.0, 0.0, 1.0])
 
 
@@ -121,8 +123,7 @@ class Sightings:
         if isinstance(shape, Box):
             return _levelled(blob.X_WO, self._upright)
         if isinstance(shape, ConvexPieces):
-            stands = blob.axis[2] >= self._upright
-            return _levelled(blob.X_WO, self._upright) if stands else blob.X_WO
+            return _resting(blob.X_WO, shape)
         stands = isinstance(shape, Sphere) or blob.axis[2] >= self._upright
         return pose_along(blob.position, _UP if stands else blob.axis)
 
@@ -142,8 +143,24 @@ def _levelled(X_WO: RigidTransform, upright: float) -> RigidTransform:
     R_WO = X_WO.rotation().matrix()
     axis = int(np.argmax(np.abs(R_WO[2])))
     up = np.sign(R_WO[2, axis]) * R_WO[:, axis]  # the level face's normal
-    if up[2] < upright:
-        return X_WO
+    return _turned_up(X_WO, up) if up[2] >= upright else X_WO
+
+
+def _resting(X_WO: RigidTransform, solid: ConvexPieces) -> RigidTransform:
+    """Return a solid's pose, turned so that it rests on a face if it nearly does."""
+    ups = X_WO.rotation().matrix() @ -np.array(solid.resting).T
+    up = ups[:, np.argmax(ups[2])]
+    return _turned_up(X_WO, up) if up[2] >= np.cos(_NEARLY_RESTS) else X_WO
+
+
+def _turned_up(X_WO: RigidTransform, up: Vector) -> RigidTransform:
+    """Return a pose turned by the least angle that turns a direction upwards.
+
+    Args:
+        X_WO: The pose [m].
+        up: The direction in world, a unit vector, shape (3,).
+    """
+    R_WO = X_WO.rotation().matrix()
     turn = np.cross(up, _UP)
     sine = float(np.linalg.norm(turn))
     if sine > 0.0:
@@ -153,6 +170,44 @@ def _levelled(X_WO: RigidTransform, upright: float) -> RigidTransform:
     return RigidTransform(R, X_WO.translation())
 
 
+def set_down_at(
+    goal: RigidTransform, X_WO: RigidTransform, shape: Solid
+) -> RigidTransform:
+    """Return the goal of an object that is now at X_WO [m].
+
+    A solid of several pieces is set down as it is, all others with their z up.
+
+    Args:
+        goal: Where it stands with its z up [m].
+        X_WO: Where it is [m].
+        shape: Its shape.
+    """
+    if not isinstance(shape, ConvexPieces):
+        return goal
+    below = shape.half_extent(-X_WO.rotation().matrix()[2])
+    lower = shape.half_extent(-_UP)
+    return RigidTransform(X_WO.rotation(), goal.translation() + (below - lower) * _UP)
+
+
+def distance(
+    X_1: RigidTransform, X_2: RigidTransform, shape: Solid | None = None
+) -> float:
+    """Return how far an object is from another pose, whatever its yaw there [m].
+
+    It is the distance between its origins or between its middles, the shorter one:
+    poses in which a solid looks alike may have other origins.
+
+    Args:
+        X_1: A pose [m].
+        X_2: Another one [m].
+        shape: The object's; None: its middle is its origin.
+    """
+    points = [np.zeros(3)]
+    if isinstance(shape, ConvexPieces):
+        points.append(shape.middle)
+    return min(float(np.linalg.norm(X_1 @ p - X_2 @ p)) for p in points)
+
+
 def lean(axis_1: Vector, axis_2: Vector) -> float:
     """Return the angle between two lines of directions (3,), 0 .. pi/2 [rad]."""
     sine = float(np.linalg.norm(np.cross(axis_1, axis_2)))
@@ -160,7 +215,12 @@ def lean(axis_1: Vector, axis_2: Vector) -> float:
 
 
 def standing_at(X_WO: RigidTransform, shape: Solid) -> RigidTransform:
-    """Return where an object now at X_WO [m] stands upright on the same level."""
+    """Return where an object now at X_WO [m] stands upright on the same level.
+
+    A solid of several pieces stays as it is.
+    """
+    if isinstance(shape, ConvexPieces):
+        return X_WO
     p_WO, up_O = X_WO.translation(), X_WO.rotation().matrix()[2]
     below = shape.half_extent(-up_O)
     stands = shape.half_extent(-_UP)
