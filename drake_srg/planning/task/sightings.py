@@ -163,7 +163,7 @@ def _turned_up(X_WO: RigidTransform, up: Vector) -> RigidTransform:
     R_WO = X_WO.rotation().matrix()
     turn = np.cross(up, _UP)
     sine = float(np.linalg.norm(turn))
-    if sine > 0.0:
+    if sine > 1e-12:  # less is no turn, and too little to normalize
         turning = AngleAxis(np.arctan2(sine, up[2]), turn / sine)
         R_WO = RotationMatrix(turning).matrix() @ R_WO
     R = RotationMatrix.ProjectToRotationMatrix(R_WO)

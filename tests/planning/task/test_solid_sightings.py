@@ -51,7 +51,7 @@ def test_a_solid_is_set_down_on_the_side_on_which_it_lies(down, yaw):
     R_WO = RotationMatrix.MakeFromOneVector(-down, 2).inverse()
     X_WO = RigidTransform(RotationMatrix.MakeZRotation(yaw) @ R_WO, [0.5, 0.1, 3.0])
     goal = set_down_at(GOAL, X_WO, THING)
-    assert goal.rotation().IsExactlyEqualTo(X_WO.rotation())
+    np.testing.assert_array_equal(goal.rotation().matrix(), X_WO.rotation().matrix())
     np.testing.assert_allclose(goal.translation()[:2], GOAL.translation()[:2])
     # What the upright one stands on is as high.
     lowest = (goal @ THING.corners.T)[2].min()
