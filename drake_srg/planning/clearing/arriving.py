@@ -6,9 +6,10 @@ import dataclasses as dc
 
 import numpy as np
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Drop, Received
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_motions import HAND_RADIUS
 from drake_srg.planning.clearing.destination import Destination
+from drake_srg.planning.clearing.loads import Drop, Received
 from drake_srg.planning.clearing.receiving import MAIN_SHARE, Risen
 from drake_srg.types import Failure, HeightMap, Left
 

@@ -22,19 +22,17 @@ from drake_srg.planning.clearing.destination import (
     Destination,
     Spots,
 )
+from drake_srg.planning.clearing.loads import Drop, Received
 from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.clearing.receiving import SeenLoad
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
 
-# What falls out of the bin rolls this far at most [m]. Its volume on a map is the same
-# within this share, unless it lies on another side.
-_ROLLED, _ALIKE = 0.3, 0.25
+# What falls out of the bin rolls this far at most [m].
+_ROLLED = 0.3
 # What is gone from so near to the grasp belongs to the load for the most part [m].
 _CORE = 0.03
-# A cell of a load that is within this height of where it was still shows it [m].
-_SAME_PLACE = 0.01
 # Of what a hand over the bin holds, at least this share is near the bin. A long thing
 # that was pushed there lies on both sides of the limit.
 _LEAST_NEAR = 0.8
@@ -114,56 +112,6 @@ class Pick:
         if first is None or not self.destination.encloses(p_WC, margin):
             return False
         return has_moved(self.height_map, first, p_WC)
-
-
-@dc.dataclass(frozen=True)
-class Drop:
-    """A load that the hand has let go, or may have."""
-
-    destination: Destination
-    load: SeenLoad
-    laid: bool = False  # set down, or laid in a lane of a bin
-    again: bool = False  # it passes for a load that is missed
-
-
-@dc.dataclass(frozen=True, eq=False)
-class Received:
-    """A load that was seen where it belongs.
-
-    Attributes:
-        volume: On the map of the table [m³].
-        before: The map of where loads go before it came.
-        after: The map with it.
-        destination: Where that is.
-        counts: Whether it still counts as arrived.
-    """
-
-    volume: float
-    before: HeightMap
-    after: HeightMap
-    destination: Destination
-    counts: bool = True
-
-    def is_like(self, volume: float) -> bool:
-        """Return whether it is about as large as something on the table [m³]."""
-        return abs(self.volume - volume) < _ALIKE * self.volume
-
-    def may_have_left(self, now: HeightMap) -> bool:
-        """Return whether most of where it came to lie looks otherwise by now.
-
-        It may lie below something else, or that may be all that is there.
-        """
-        came = -fallen(self.before, self.after) > 0.0
-        other = ~(np.abs(now.height - self.after.height) < _SAME_PLACE)
-        return bool(np.count_nonzero(came & other) > 0.5 * np.count_nonzero(came))
-
-    def has_left(self, now: HeightMap | None) -> bool:
-        """Return whether most of what had risen as it came is gone from there."""
-        if now is None:
-            return False
-        risen = np.clip(-fallen(self.before, self.after), 0.0, None)
-        still = np.clip(-fallen(self.before, now), 0.0, risen)
-        return bool(np.sum(still) < 0.5 * np.sum(risen))
 
 
 @dc.dataclass(frozen=True)

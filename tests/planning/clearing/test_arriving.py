@@ -5,7 +5,8 @@ import dataclasses as dc
 import pytest
 
 from drake_srg.planning.clearing.arriving import look_for_load, match_missed_load
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Drop, Received
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory
+from drake_srg.planning.clearing.loads import Drop, Received
 from drake_srg.planning.clearing.receiving import SeenLoad
 from drake_srg.planning.motion.arm_motion import Motion
 from planning.clearing.fake_table import BIN, HOME, SIDE, TALL, table

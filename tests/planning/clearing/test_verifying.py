@@ -5,8 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick, Received
+from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
 from drake_srg.planning.clearing.destination import AROUND
+from drake_srg.planning.clearing.loads import Received
 from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, Mode
