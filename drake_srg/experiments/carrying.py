@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.log_keys import pose_key
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
@@ -81,7 +82,7 @@ def carry(case: Case) -> Carried:
     if not len(while_carried):
         raise ScenarioError(f"carrying: {case}: the arm carries nothing")
     log = {name: values[while_carried] for name, values in log.items()}
-    time, p_WO = log["time"], log[f"object_pose.{scenario.task.pick}"][:, :3]
+    time, p_WO = log["time"], log[pose_key(scenario.task.pick)][:, :3]
     p_GO = _in_hand(scenario, log["arm.state_cheat"], p_WO)
     halves = 2 if case.scenario.endswith("_fast") else 1
     return Carried(

@@ -11,6 +11,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Diagram
 
 from drake_srg.cell import MakeCell
+from drake_srg.common.log_keys import pose_key
 from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation import Simulate
@@ -80,7 +81,7 @@ def make_cycle(
     ]
     placed = [k for k, m in enumerate(mode) if m is Mode.PLACE][-1:]
 
-    arm, poses = log["arm.state_measured"], log[f"object_pose.{scenario.task.pick}"]
+    arm, poses = log["arm.state_measured"], log[pose_key(scenario.task.pick)]
     rows = sorted({*opened, *held, *carried, *placed})
     X_WG = dict(zip(rows, hand_poses(scenario, arm[rows]), strict=True))
     X_GO = {k: X_WG[k].inverse() @ _pose(poses[k]) for k in rows}

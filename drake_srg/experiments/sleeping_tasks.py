@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.log_keys import is_pose
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
@@ -91,7 +92,7 @@ def simulate(seed: int, kind: str) -> Trial:
     overrides = (*_OVERRIDES, *_KINDS[kind])
     result = Simulate(load_scenario(SCENARIO, seed=seed, overrides=overrides))
     m = result.metrics
-    poses = [log for key, log in result.log.items() if key.startswith("object_pose.")]
+    poses = [log for key, log in result.log.items() if is_pose(key)]
     return Trial(
         m.success,
         m.failure or "",

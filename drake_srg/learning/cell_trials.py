@@ -11,6 +11,7 @@ import numpy as np
 from pydrake.systems.framework import System
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.log_keys import pose_key
 from drake_srg.envs.movers import MakeMover
 from drake_srg.envs.physics import DRIVER_TAGS
 from drake_srg.envs.rewards import LIFTED
@@ -151,7 +152,7 @@ def is_held(scenario: Scenario, result: Result) -> bool:
     """Return whether the picked object was up at the end of a run, as in `HandTask`."""
     name = scenario.task.pick
     shape = simple_shape(name, scenario.objects[name])
-    X_WO = row_to_pose(result.log[f"object_pose.{name}"][-1])
+    X_WO = row_to_pose(result.log[pose_key(name)][-1])
     if shape is None:
         return False
     down = -X_WO.rotation().matrix()[2]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 from collections.abc import Mapping
 
+from drake_srg.common.log_keys import pose_key
 from drake_srg.recording.timeline import Timeline
 from drake_srg.types import Mode, Vector
 
@@ -34,7 +35,7 @@ def run_timeline(log: Mapping[str, Vector], labels: Labels) -> Timeline:
     """Return the timeline of a log that `Simulate` wrote."""
     arm = log["arm.state_measured"]
     gripper = log.get("gripper.state_measured")
-    poses = log.get(f"object_pose.{labels.pick}")
+    poses = log.get(pose_key(labels.pick))
     return Timeline(
         time=log["time"],
         mode=[_MODES[int(i)].value for i in log["mode"]],

@@ -11,6 +11,7 @@ import numpy as np
 
 from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import ROW, destinations, row_places
+from drake_srg.common.log_keys import pose_key
 from drake_srg.objects.household import ObjectFacts, object_facts
 from drake_srg.objects.models import simple_shape
 from drake_srg.scenario import Scenario
@@ -20,7 +21,6 @@ from drake_srg.simulation.picks import (
     attempts_of,
     box_distance,
     loads_carried,
-    pose_key,
 )
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
 

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.common.log_keys import is_pose, pose_key
 from drake_srg.common.safety_states import SafetyState, safety_state
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.hand_poses import hand_poses
@@ -96,7 +97,7 @@ def others_moved(log: Mapping[str, Vector], pick: str) -> float | None:
     others = [
         poses[:, :3]
         for name, poses in log.items()
-        if name.startswith("object_pose.") and name != f"object_pose.{pick}"
+        if is_pose(name) and name != pose_key(pick)
     ]
     if not others:
         return None

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from drake_srg.cell.goals import final_pose, final_tilt
+from drake_srg.common.log_keys import pose_key
 from drake_srg.objects.models import simple_shape
 from drake_srg.recording.output import OutputFile
 from drake_srg.scenario import Scenario
@@ -218,7 +219,7 @@ def calc_metrics(
     """
     pick = scenario.task.pick
     time, mode = log["time"], log["mode"].astype(int)
-    poses = log.get(f"object_pose.{pick}")
+    poses = log.get(pose_key(pick))
     placed, error, tilt, turn = False, None, None, None
     localization = shift = drift = peak = cycle = lifted = to_placement = None
     if poses is not None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.log_keys import pose_key
 from drake_srg.common.srg_geometry import SRG
 from drake_srg.objects.household import ObjectFacts
 from drake_srg.scenario import Scenario
@@ -18,11 +19,6 @@ from drake_srg.types import Mode, Vector
 # Where the fingers take things, in the palm [m].
 _p_GC = np.array([SRG.grasp_center_x, 0.0, 0.0])
 _LIFTED = 0.08  # least rise of the middle of what the hand carries over the bin [m]
-
-
-def pose_key(name: str) -> str:
-    """Return the key of an object's poses in a log."""
-    return f"object_pose.{name}"
 
 
 def attempts_of(

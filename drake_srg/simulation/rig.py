@@ -26,6 +26,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
+from drake_srg.common.log_keys import pose_key
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.common.ports import output_ports
 from drake_srg.objects.contact_reader import ContactReader
@@ -262,7 +263,7 @@ class Rig:
                 row[name] = self.measured(name)
         poses = self._ports["object_poses_cheat"].Eval(self._station_context)
         for name, X_WO in poses.items():
-            row[f"object_pose.{name}"] = pose_to_row(X_WO)
+            row[pose_key(name)] = pose_to_row(X_WO)
         self._rows.append(row)
 
     def __enter__(self) -> "Rig":

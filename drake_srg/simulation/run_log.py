@@ -3,6 +3,7 @@
 import numpy as np
 from pydrake.systems.framework import Context, Diagram, OutputPort, PortDataType
 
+from drake_srg.common.log_keys import pose_key
 from drake_srg.common.ports import output_ports
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.scenario import Scenario
@@ -94,7 +95,7 @@ class RunLog:
             row[name] = np.array(port.Eval(context))
         if self._poses is not None:
             for name, X_WO in self._poses.Eval(context).items():
-                row[f"object_pose.{name}"] = pose_to_row(X_WO)
+                row[pose_key(name)] = pose_to_row(X_WO)
         if self._contacts is not None:
             self._sample_contacts(self._contacts, context, row)
         self._rows.append(row)
@@ -122,7 +123,7 @@ class RunLog:
         time = np.array([row["time"] for row in self._rows])
         return any(
             final_speed(time, np.array([row[name] for row in self._rows])) >= AT_REST
-            for name in (f"object_pose.{name}" for name in self._grasped)
+            for name in (pose_key(name) for name in self._grasped)
             if name in self._rows[-1]
         )
 
