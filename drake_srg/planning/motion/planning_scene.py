@@ -19,7 +19,7 @@ from pydrake.multibody.tree import (
 from pydrake.planning import RobotDiagramBuilder, SceneGraphCollisionChecker
 
 from drake_srg.common.convex_pieces import Solid
-from drake_srg.common.shapes import drake_shapes
+from drake_srg.common.shapes import drake_shape
 from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.clearance import Clearance
 from drake_srg.types import Vector
@@ -255,8 +255,7 @@ class PlanningScene(ArmModel):
         self, body: RigidBody, shape: Solid, X_BO: RigidTransform
     ) -> Iterator[None]:
         group = f"shape_{len(self._checker.GetAllAddedCollisionShapes())}"
-        for part in drake_shapes(shape):
-            self._checker.AddCollisionShapeToBody(group, body, part, X_BO)
+        self._checker.AddCollisionShapeToBody(group, body, drake_shape(shape), X_BO)
         try:
             yield
         finally:
