@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
 from collections.abc import Iterable
 
 import numpy as np
@@ -50,6 +51,9 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         ScenarioError: If the gripper does not pinch from above, the arm does not reach
             over a bin, or a bin has no collision geometry or is no bin.
     """
+    if scenario.safety is not None:  # the monitor may slow or stop the arm at any time
+        resting = dc.replace(scenario.planner, cut_corners=False)
+        scenario = dc.replace(scenario, planner=resting)
     assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
@@ -91,7 +95,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             table=table,
             reach=reach,
             relief=grasps.relief,
-            period=config.period,
+            period=config.period if config.cut_corners else None,
         )
         planner = PickPlanner(grasps, into[0], config, pushes, q_aside)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)

@@ -7,7 +7,8 @@ from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import Solid
 from drake_srg.objects.models import simple_shape
-from drake_srg.planning.task.sightings import lean, standing_at
+from drake_srg.objects.solids import planned_solid
+from drake_srg.planning.task.sightings import lean, set_down_at, standing_at
 from drake_srg.scenario import Scenario
 from drake_srg.types import Sphere
 
@@ -38,16 +39,14 @@ def final_pose(scenario: Scenario, X_WO_start: RigidTransform) -> RigidTransform
     """
     pick, place = scenario.task.pick, scenario.task.place
     shape = simple_shape(pick, scenario.objects[pick])
-    returned = scenario.task.repeat % 2 == 0 and not scenario.script
-    if scenario.script or shape is None:
-        if returned:
-            return X_WO_start
+    solid = shape or planned_solid(pick, scenario.objects[pick])
+    if scenario.script or solid is None:
         height = X_WO_start.translation()[2]
-        if place.height is not None and not scenario.script:
-            height += place.height - scenario.table.height
         return RigidTransform(X_WO_start.rotation(), [*place.position, height])
-    if returned:
-        return standing_at(X_WO_start, shape)
+    if scenario.task.repeat % 2 == 0:
+        return X_WO_start if shape is None else standing_at(X_WO_start, shape)
+    if shape is None:
+        return set_down_at(goal_pose(scenario, solid), X_WO_start, solid)
     return goal_pose(scenario, shape)
 
 
@@ -64,8 +63,13 @@ def final_tilt(
         X_WO: Pose of the object at the end [m].
     """
     pick = scenario.task.pick
-    if isinstance(simple_shape(pick, scenario.objects[pick]), Sphere):
+    shape = simple_shape(pick, scenario.objects[pick])
+    if isinstance(shape, Sphere):
         return None
+    if shape is None:  # it may be turned about the vertical, also where it lies
+        up_O, up_O_end = (X.rotation().matrix()[2] for X in (X_WO_start, X_WO))
+        sine = float(np.linalg.norm(np.cross(up_O, up_O_end)))
+        return float(np.arctan2(sine, up_O @ up_O_end))
     X_WO_goal = final_pose(scenario, X_WO_start)
     goal = X_WO_goal.rotation().col(2)
     axis = X_WO.rotation().col(2)

@@ -10,8 +10,9 @@ from pydrake.systems.framework import DiagramBuilder, System
 from drake_srg.arm.driver import AddJerkLimits
 from drake_srg.cell.goals import goal_pose
 from drake_srg.cell.hands import MakeHand
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.ports import output_ports
-from drake_srg.objects.models import known_shape, object_shape
+from drake_srg.objects.models import object_shape
 from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
@@ -33,7 +34,13 @@ def planner_arguments(scenario: Scenario) -> dict[str, Any]:
     """Return the arguments of a scenario's `PickAndPlacePlanner` by name."""
     name, place = scenario.task.pick, scenario.task.place
     config = scenario.objects[name]
-    shape = planned_solid(name, config) or object_shape(name, config)
+    shape = planned_solid(name, config)
+    if shape is None and config.known and config.soft is None:
+        raise ScenarioError(
+            f"objects.{name}.color_range: must be given for {config.model}, which is "
+            "no single cylinder, box or sphere, to be localized and planned with"
+        )
+    shape = shape or object_shape(name, config)
     return {
         "task_planner": MakeTaskPlanner(scenario),
         "object_name": name,
@@ -43,7 +50,7 @@ def planner_arguments(scenario: Scenario) -> dict[str, Any]:
         "obstacles": {
             other: known
             for other, config in scenario.objects.items()
-            if other != name and (known := known_shape(other, config)) is not None
+            if other != name and (known := planned_solid(other, config)) is not None
         },
         "repeat": scenario.task.repeat,
         "config": scenario.planner,

@@ -46,6 +46,8 @@ class ConvexPieces:
     def half_extent(self, direction: Vector) -> float:
         """Return the distance from the origin to the farthest point along a direction.
 
+        It is that of simple shapes, of which the origin is the middle.
+
         Args:
             direction: Unit vector in the object's frame, shape (3,).
         """
@@ -81,7 +83,10 @@ class ConvexPieces:
 
     @functools.cached_property
     def center_of_mass(self) -> Vector:
-        """Centre of mass at uniform density, shape (3,) [m]; of pieces, the middle."""
+        """Centre of mass at uniform density, about, shape (3,) [m].
+
+        Each piece counts at the mean of its corners.
+        """
         from pydrake.geometry.optimization import VPolytope
 
         volumes = [VPolytope(piece.T).CalcVolume() for piece in self.pieces]

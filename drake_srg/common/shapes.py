@@ -7,7 +7,7 @@ from drake_srg.types import Box, Cylinder, Sphere
 
 
 def drake_shape(solid: Solid) -> geometry.Shape:
-    """Return a shape as Drake's geometry; of several pieces, their convex hull."""
+    """Return a shape as Drake's geometry; several pieces become their convex hull."""
     match solid:
         case Cylinder(radius, length):
             return geometry.Cylinder(radius, length)

@@ -52,6 +52,14 @@ class MirrorLink(Link):
         """See `Link`."""
 
 
+def _resting(scenario: Scenario) -> Scenario:
+    """Return a scenario whose arm rests between any two motions.
+
+    A motion that begins late would not begin where the one before has ended at speed.
+    """
+    return dc.replace(scenario, planner=dc.replace(scenario.planner, cut_corners=False))
+
+
 class PlannerCell:
     """A cell whose clock ticks move.
 
@@ -77,7 +85,7 @@ class PlannerCell:
             make_planner = MakeServoTaskPlanner
             camera = hardware.cameras[scenario.servoing.camera]
             self._eye = ServoEye(MakeTracker(scenario), camera)
-        cell = MakeCell(scenario, make_station, make_planner)
+        cell = MakeCell(_resting(scenario), make_station, make_planner)
         self._cell = cell
         self._planner = cell.GetSubsystemByName("planner")
         if not isinstance(self._planner, PlannerMachine):

@@ -58,8 +58,8 @@ def object_shape(name: str, config: ObjectConfig) -> Shape:
     shape = known_shape(name, config)
     if shape is None:
         raise ScenarioError(
-            f"objects.{name}: {config.model} is not a single cylinder, box or sphere; "
-            f"give objects.{name}.color_range for it to be localized and planned with"
+            f"objects.{name}.model: {config.model} must have one collision geometry, "
+            "a cylinder, box or sphere, to be localized and planned with"
         )
     return shape
 

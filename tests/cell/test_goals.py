@@ -7,12 +7,18 @@ from hypothesis import strategies as st
 from pydrake.math import RigidTransform, RollPitchYaw
 
 from drake_srg.cell.goals import final_pose, final_tilt, goal_pose
+from drake_srg.objects.config import ColorRangeConfig
 from drake_srg.planning.script.scripted import ScriptStep
 from drake_srg.planning.task.sightings import lean, standing_at
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Cylinder, Sphere
 
 KITCHEN = load_scenario("kitchen", seed=0)
+MUG = dc.replace(
+    KITCHEN.objects["soup_can"],
+    model="package://drake_srg/sdf/mug.sdf",
+    color_range=ColorRangeConfig(),
+)
 CAN = Cylinder(0.0339, 0.1018)
 START = RigidTransform([0.6, 0.1, 0.0509])
 
@@ -48,19 +54,26 @@ def test_a_script_keeps_height_and_orientation():
 
 @pytest.mark.parametrize(("repeat", "height"), [(1, None), (2, None), (1, 0.1)])
 def test_what_is_no_simple_shape_stays_as_it_stood(repeat, height):
-    mug = dc.replace(
-        KITCHEN.objects["soup_can"], model="package://drake_srg/sdf/mug.sdf"
-    )
+    mug = MUG
     place = dc.replace(KITCHEN.task.place, height=height)
     scenario = dc.replace(
         with_task(place=place, repeat=repeat), objects={"soup_can": mug}
     )
-    start = RigidTransform(RollPitchYaw(0.02, 0.0, 0.2), [0.6, 0.1, 0.004])
+    start = RigidTransform(RollPitchYaw(0.0, 0.0, 0.2), [0.6, 0.1, 0.0])
     final = final_pose(scenario, start)
-    there = [*place.position, 0.004 + (height or 0.0)]
+    there = [*place.position, height or 0.0]
     expected = start.translation() if repeat == 2 else there
-    np.testing.assert_allclose(final.translation(), expected)
+    np.testing.assert_allclose(final.translation(), expected, atol=1e-4)
     np.testing.assert_array_equal(final.rotation().matrix(), start.rotation().matrix())
+
+
+def test_what_lies_may_be_turned_about_the_vertical_but_not_tilted():
+    scenario = dc.replace(KITCHEN, objects={"soup_can": MUG})
+    lying = RollPitchYaw(1.5, 0.0, 0.2).ToRotationMatrix()
+    start = RigidTransform(lying, [0.6, 0.1, 0.04])
+    for roll, yaw in ((0.0, 0.8), (0.1, 0.0)):
+        end = RigidTransform(RollPitchYaw(roll, 0.0, yaw).ToRotationMatrix() @ lying)
+        assert final_tilt(scenario, start, end) == pytest.approx(roll, abs=1e-9)
 
 
 def test_a_ball_has_no_tilt():

@@ -12,12 +12,16 @@ from drake_srg.cell import (
 )
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.objects.solids import planned_solid
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.script.scripted import ScriptedPlanner
-from drake_srg.planning.task.sightings import set_down_at
+from drake_srg.planning.task.planner_memory import PlannerMemory
+from drake_srg.planning.task.replanning import Replanner
+from drake_srg.planning.task.sightings import Sightings, View, set_down_at
 from drake_srg.scenario import load_scenario
-from drake_srg.types import Mode
+from drake_srg.types import Blob, Mode
 
+GRAVITY = np.array([0.0, 0.0, -1.0])
 BLUE = "object.color_range={space: hsv, lower: [190, 0.4, 0.2], upper: [250, 1, 1]}"
 MUG = "objects.mug={model: package://drake_srg/sdf/mug.sdf, position: [0.6, 0.1]}"
 
@@ -51,8 +55,14 @@ def test_an_object_without_a_simple_shape_is_neither_located_nor_avoided():
 
 def test_an_object_without_a_simple_shape_is_picked_only_by_its_colours():
     scenario = load_scenario("kitchen", overrides=[MUG, "task.pick=mug"])
-    with pytest.raises(ScenarioError, match=r"give objects\.mug\.color_range"):
+    with pytest.raises(ScenarioError, match=r"objects\.mug\.color_range: must be"):
         MakePlanner(scenario)
+
+
+def test_another_solid_that_is_located_is_avoided():
+    color = BLUE.replace("object.", "objects.mug.")
+    scenario = load_scenario("kitchen", overrides=[MUG, color])
+    assert set(MakePlanner(scenario).obstacles) == {"mug"}
 
 
 def as_picked(*overrides):
@@ -99,6 +109,24 @@ def test_a_mug_that_lies_is_set_down_as_it_lies():
     np.testing.assert_allclose(
         X_WO_placed.rotation().matrix()[2], R_WO.matrix()[2], atol=0.01
     )
+
+
+def test_a_mug_that_has_toppled_is_set_down_as_it_lies_now():
+    """Its goal is that of the side on which it was seen last."""
+    scenario = as_picked()
+    planner, task = MakePlanner(scenario), MakeTaskPlanner(scenario)
+    mug = planned_solid("soup_can", scenario.objects["soup_can"])
+    sightings = Sightings("soup_can", mug, {}, 0.1)
+    replanner = Replanner(task, sightings, planner.goal, 0.005, scenario.planner)
+    memory = PlannerMemory(Motion(task.q_home))
+    for down in (GRAVITY, mug.resting[1]):
+        R_WO = RotationMatrix.MakeFromOneVector(-down, 2).inverse()
+        X_WO = RigidTransform(R_WO, [0.6, 0.1, mug.half_extent(down)])
+        blob = Blob("soup_can", "ceiling", (0.0, 0.0), X_WO, 1.0)
+        memory = replanner.plan(View([blob]), memory, 0.0)
+        assert memory.attempt.motions is not None, memory.trouble
+        R_goal = replanner.goal(memory).rotation().matrix()
+        np.testing.assert_allclose(R_goal.T @ GRAVITY, down, atol=1e-6)
 
 
 def test_planners_do_not_share_their_models():

@@ -25,7 +25,7 @@ def test_a_ball_keeps_its_radius():
     assert shape.radius() == pytest.approx(0.1)
 
 
-def test_of_several_pieces_the_hull_remains():
+def test_several_pieces_become_their_hull():
     corners = np.concatenate([np.zeros((1, 3)), np.eye(3)])
     inside = 0.1 * corners + [0.1, 0.1, 0.1]
     hull = drake_shape(ConvexPieces((inside, corners))).GetConvexHull()

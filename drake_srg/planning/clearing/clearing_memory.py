@@ -56,8 +56,8 @@ class Pick:
     def placing(self) -> bool:
         """Whether a load is set down or laid, not dropped.
 
-        A hand that has lost its load does not go down in a bin. What stands in a row
-        may never fall: there it does.
+        A hand that has lost its load does not go down in a bin. Over a row it always
+        does, because things must not be dropped there.
         """
         felt = self.held or self.destination.rim is None
         return felt and Mode.PLACE in self.motions

@@ -167,7 +167,7 @@ class Close(ClearingMode):
 
 
 class Lift(ClearingMode):
-    """Lifts straight up what the fingers have closed on."""
+    """Lifts what the fingers have closed on, straight up at first."""
 
     mode = Mode.LIFT
 

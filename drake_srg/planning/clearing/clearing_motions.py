@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -22,6 +22,7 @@ from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
     solve_inverse_kinematics,
 )
+from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
 from drake_srg.planning.motion.planning_scene import PlanningScene
@@ -170,14 +171,26 @@ class ClearingMotions(Ways):
         scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_open)
         with scene.reaching(_TIPS):
-            down = moves.straight(q_grasp, moves.above(q_grasp, height))[::-1]
-        with standing(self.scene, height_map, self._table):
-            to = moves.joint_path(q_start, down[0])
-            parts = (PathPart(to), PathPart(down, STRAIGHT))
-            approach, lowering = moves.successive(
-                parts, moves.free, self._config.period
+            down = PathPart(
+                moves.straight(q_grasp, moves.above(q_grasp, height))[::-1], STRAIGHT
             )
-            return {Mode.PRE_GRASP: approach, Mode.GRASP: lowering}
+            lowering = moves.timed_part(down, moves.free)
+        with standing(self.scene, height_map, self._table):
+            to = PathPart(moves.joint_path(q_start, down.path[0]))
+            approach = moves.timed_part(to, moves.free)
+            motions = self._without_rest((approach, lowering), (to, down), moves.free)
+        return dict(zip((Mode.PRE_GRASP, Mode.GRASP), motions, strict=True))
+
+    def _without_rest(
+        self,
+        apart: tuple[Trajectory, ...],
+        parts: Sequence[PathPart],
+        limits: MotionLimits,
+    ) -> tuple[Trajectory, ...]:
+        """See `Moves.without_rest`; the arm rests where `cut_corners` is not set."""
+        if not self._config.cut_corners:
+            return apart
+        return self._moves.without_rest(apart, parts, limits, self._config.period)
 
     def _carry(
         self,
@@ -199,15 +212,18 @@ class ClearingMotions(Ways):
         rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
         scene.SetFingers(grasp.fingers_closed)
         with scene.reaching(_TIPS):
-            up = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
+            path = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
+            up = PathPart(path, STRAIGHT)
+            lifting = moves.timed_part(up, self._lifting(load))
         with standing(scene, height_map, self._table, taken=grasp.p_WC):
-            lift = PathPart(up, STRAIGHT)
-            if lifted is not load:
-                drawn = self._drawn_in(up[-1], load, lifted)
-                lift = joined([lift, PathPart(drawn)])
-            return self._into_bin(lift, grasp, load, lifted)
+            return self._into_bin(up, lifting, grasp, load, lifted)
 
-    def _drawn_in(self, q: Vector, load: Load, lifted: Load) -> Vector:
+    def _lifting(self, load: Load) -> MotionLimits:
+        """Return the limits of motions that lift a load."""
+        limits = self._moves.holding
+        return limits.scaled(_GENTLE, _GENTLE**2) if load.may_hang else limits
+
+    def _drawn_in(self, q: Vector, load: Load) -> Vector:
         """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
 
         Raises:
@@ -219,8 +235,7 @@ class ClearingMotions(Ways):
         for share in _DRAWN_IN:
             target = HandTarget.from_pose(X_WG).shifted(up - share * away)
             try:
-                with self._loaded(lifted):
-                    path: Vector = self._moves.straight(q, target)
+                path: Vector = self._moves.straight(q, target)
             except NoPathError as error:
                 failed = error
             else:
@@ -252,9 +267,14 @@ class ClearingMotions(Ways):
         raise NoPathError(PlanningFailure(nearest.failure, nearest.message))
 
     def _into_bin(
-        self, lift: PathPart, grasp: TopGrasp, load: Load, lifted: Load
+        self,
+        up: PathPart,
+        lifting: Trajectory,
+        grasp: TopGrasp,
+        load: Load,
+        lifted: Load,
     ) -> dict[Mode, Trajectory]:
-        """Return the motions with a load along `lift` and on to where it is let go.
+        """Return the motions with a load along `up` and on to where it is let go.
 
         The load's middle is over the bin's or beside that, and just above its rim and
         whatever is in it, or as far above as the hand is at `q_over`. It is dropped
@@ -271,7 +291,7 @@ class ClearingMotions(Ways):
         for spot in load.spots:
             begin, *others = laying_targets(X_WG, load, palm, spot, high)
             with contextlib.suppress(NoPathError):
-                carried, q_begin = self._carried(lift, begin, load, lifted)
+                carried, q_begin = self._carried(up, lifting, begin, load, lifted)
                 with self.scene.reaching(_TIPS):
                     down = moves.through(q_begin, others)
                     laying = moves.timed(down, moves.holding)
@@ -279,30 +299,41 @@ class ClearingMotions(Ways):
         aside = load.aside_W - X_WG.rotation() @ load.expected_middle
         lower = float(X_WG.translation()[2]) - high
         place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
-        return self._carried(lift, place, load, lifted)[0]
+        return self._carried(up, lifting, place, load, lifted)[0]
 
     def _carried(
-        self, lift: PathPart, place: HandTarget, load: Load, lifted: Load
+        self,
+        up: PathPart,
+        lifting: Trajectory,
+        place: HandTarget,
+        load: Load,
+        lifted: Load,
     ) -> tuple[dict[Mode, Trajectory], Vector]:
         """Return the motions with a load to a place, and their end, shape (N,) [rad].
+
+        Args:
+            up: The line on which it is lifted.
+            lifting: The motion along that line, which ends at rest.
+            place: Where it is let go, or the way down begins.
+            load: The load.
+            lifted: The load as it must clear what is below it as it is lifted.
 
         Raises:
             NoPathError: If the arm cannot go there.
         """
-        moves = self._moves
+        moves, q = self._moves, up.path[-1]
         with self._loaded(lifted):
             over = moves.straight(self.q_over, place)[-1]
+            drawn = q[np.newaxis] if lifted is load else self._drawn_in(q, load)
             with self._loaded(load):
-                across = PathPart(moves.joint_path(lift.path[-1], over))
-            if load.may_hang:
-                gentle = moves.holding.scaled(_GENTLE, _GENTLE**2)
-                lifting = moves.timed_part(lift, gentle)
-                crossing = moves.timed_part(across, moves.holding)
-            else:
-                lifting, crossing = moves.successive(
-                    (lift, across), moves.holding, self._config.period
-                )
-        return {Mode.LIFT: lifting, Mode.TRANSFER: crossing}, over
+                across = PathPart(moves.joint_path(drawn[-1], over))
+            if lifted is not load:
+                lift = joined([up, PathPart(drawn)])
+                lifting = moves.timed_part(lift, self._lifting(load))
+            motions = (lifting, moves.timed_part(across, moves.holding))
+            if lifted is load and not load.may_hang:
+                motions = self._without_rest(motions, (up, across), moves.holding)
+        return dict(zip((Mode.LIFT, Mode.TRANSFER), motions, strict=True)), over
 
     @contextlib.contextmanager
     def _loaded(self, load: Load) -> Iterator[None]:

@@ -39,7 +39,7 @@ class PushMotions:
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
         relief: Returns what stands on the table according to a height map.
-        period: Of the planner [s].
+        period: Of the planner [s]; None: the arm rests between all motions.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class PushMotions:
         table: float,
         reach: Reach | None,
         relief: Callable[[HeightMap], Relief],
-        period: float,
+        period: float | None,
     ) -> None:
         self._scene, self._moves, self._q_over = scene, moves, q_over
         self._fingers, self._table = fingers, table
@@ -94,14 +94,23 @@ class PushMotions:
                 away = moves.straight(across[-1], moves.above(across[-1], rise))
                 to = PathPart(moves.joint_path(q_start, down[0]))
                 back = PathPart(moves.joint_path(away[-1], self._q_over))
-                there = (to, PathPart(down, STRAIGHT))
                 return push, (
-                    *moves.successive(there, moves.free, self._period),
+                    *self._free(to, PathPart(down, STRAIGHT)),
                     moves.timed(across, moves.holding, straight=True),
-                    *moves.successive(
-                        (PathPart(away, STRAIGHT), back), moves.free, self._period
-                    ),
+                    *self._free(PathPart(away, STRAIGHT), back),
                 )
             except NoPathError:
                 continue
         return None
+
+    def _free(self, *parts: PathPart) -> tuple[Trajectory, ...]:
+        """Return the motions of an empty hand along parts of a path.
+
+        Raises:
+            NoPathError: If there are none.
+        """
+        moves = self._moves
+        apart = tuple(moves.timed_part(part, moves.free) for part in parts)
+        if self._period is None:
+            return apart
+        return moves.without_rest(apart, parts, moves.free, self._period)

@@ -59,7 +59,7 @@ def best_push(
         relief: What stands on the table.
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
-        tried: Pushes after which no grasp took anything; one like them is none.
+        tried: Pushes that did not help; similar ones are left out.
     """
     for thing in sorted(relief.things, key=lambda t: -t.top):
         pushes = _pushes(relief, thing, table)

@@ -31,7 +31,7 @@ class Grasp(abc.ABC):
     """
 
     name: str  # a few words, for messages
-    p_GO: Vector  # the object's centre in the hand, shape (3,) [m]
+    p_GO: Vector  # the object's origin in the hand, shape (3,) [m]
     axis_G: Vector  # the object's axis in the hand, shape (3,)
     axis_O: Vector = dc.field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     closure_open: float  # the object passes between the fingers
@@ -51,7 +51,7 @@ class Grasp(abc.ABC):
     # How the object moves, in the palm's axes, when it is set down and let go, shape
     # (3,) [m].
     release_shift_G: Vector = dc.field(default_factory=lambda: np.zeros(3))
-    cost: float = 0.0  # by which another grasp that the arm reaches is better [rad²]
+    cost: float = 0.0  # added to the score, of which less is better [rad²]
 
     @property
     def X_GO(self) -> RigidTransform:

@@ -75,9 +75,10 @@ class SrgGrasp(Grasp):
 
 @dc.dataclass(frozen=True)
 class SrgHand(Hand):
-    """The SRG: takes round objects and boxes that stand or lie.
+    """The SRG: takes round objects, boxes and solids that stand or lie.
 
-    Its pads take boxes, and whatever lies, from above. What lies is set upright.
+    Its pads take boxes and solids, and whatever lies, from above. Round objects and
+    boxes that lie are set upright.
 
     Args:
         approaches: Values of `Approach` to consider.

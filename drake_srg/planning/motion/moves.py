@@ -180,24 +180,26 @@ class Moves:
             raise NoPathError(trajectory)
         return trajectory
 
-    def successive(
-        self, parts: Sequence[PathPart], limits: MotionLimits, period: float
+    def without_rest(
+        self,
+        apart: tuple[Trajectory, ...],
+        parts: Sequence[PathPart],
+        limits: MotionLimits,
+        period: float,
     ) -> tuple[Trajectory, ...]:
-        """Return the fastest motions along parts of a path, one after the other.
+        """Return one motion along parts of a path, cut where one part ends.
 
-        The arm begins and ends at rest. It goes on without a rest between the parts
-        where that is free and faster, unless the speed of the hand is limited.
+        The arm does not rest there, but cuts the corner. Each motion but the last ends
+        at speed. The next one must begin at once.
 
         Args:
+            apart: The motions with a rest between them, which are returned if they are
+                faster, if no other motion is free, or if the hand's speed is limited.
             parts: Each begins where the one before ends.
             limits: `free` or `holding`.
-            period: A motion that does not end at rest lasts a multiple of this time
-                [s], so that the next one can begin without a gap.
-
-        Raises:
-            NoPathError: If there is no such motion.
+            period: A motion that ends at speed lasts a multiple of this time [s], so
+                that the next one can begin without a gap.
         """
-        apart = tuple(self.timed_part(part, limits) for part in parts)
         if self._config.tip_limits is not None:
             return apart
         try:

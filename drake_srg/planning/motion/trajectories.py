@@ -28,8 +28,9 @@ from drake_srg.types import Failure, Vector
 # Between the configurations that were checked, the polyline may break its margin by
 # this [m]; a motion that is checked there must not fail for that.
 _GRAZE = 1e-3
-# A motion is on a line of the polyline within this distance [rad].
-_ON_LINE = 3e-3
+# A motion is on a line that it must keep, by at most `_STRAIGHT` [rad], if no link is
+# further from where it was on the line than this [m].
+_STRAIGHT, _ON_LINE = 1e-3, 3e-3
 
 
 def time_optimal_trajectory(
@@ -55,7 +56,8 @@ def time_optimal_trajectory(
         parameterize: Finds the fastest motion along a path.
         rounding: How far the motion may leave the polyline [rad], everywhere or at
             each waypoint, shape (K,). For a path of `plan_cartesian_path`, 1e-3 keeps
-            the hand on its line to a millimetre.
+            the hand on its line to a millimetre. Such lines are not checked again if
+            only some waypoints have them.
         ramp: Duration of the shortest ramp from one acceleration to another [s]. The
             whole motion lasts two to three ramps longer than the fastest.
 
@@ -92,8 +94,13 @@ def time_optimal_trajectory(
                 "the arm's torque cannot hold the arm all along this path",
             )
         trajectory = _within_limits(scene, motion, limits, ramp)
+        # A straight line stays straight and has been checked.
         samples = motion_samples(scene, trajectory)
-        hit = scene.first_hit(samples[_off_lines(waypoints, samples)], _GRAZE)
+        if len(waypoints) == 2:
+            samples = samples[:0]
+        elif np.ndim(rounding) > 0:
+            samples = samples[~_on_lines(scene, waypoints, allowed, samples)]
+        hit = scene.first_hit(samples, _GRAZE)
         if hit is None:
             return trajectory
         message = f": {hit}"
@@ -132,14 +139,24 @@ def rounded_path(
     return path, float(np.max(deviation / np.interp(s, breaks, allowed)))
 
 
-def _off_lines(waypoints: Vector, samples: Vector) -> npt.NDArray[np.bool_]:
-    """Return which samples (M, N) are not on the polyline (K, N), which is free."""
-    starts, lines = waypoints[:-1], np.diff(waypoints, axis=0)
+def _on_lines(
+    scene: PlanningScene, waypoints: Vector, allowed: Vector, samples: Vector
+) -> npt.NDArray[np.bool_]:
+    """Return which samples (M, N) are on a line that a motion must keep, shape (M,).
+
+    Args:
+        scene: Knows how far each joint moves a link.
+        waypoints: The polyline, shape (K, N) [rad].
+        allowed: How far a motion may leave it at each waypoint, shape (K,) [rad].
+        samples: Configurations [rad].
+    """
+    kept = np.maximum(allowed[:-1], allowed[1:]) <= _STRAIGHT
+    starts, lines = waypoints[:-1][kept], np.diff(waypoints, axis=0)[kept]
     from_start = samples[:, np.newaxis] - starts
     share = np.sum(from_start * lines, axis=-1) / np.sum(lines**2, axis=-1)
     nearest = np.clip(share, 0.0, 1.0)[..., np.newaxis] * lines
-    distance = np.linalg.norm(from_start - nearest, axis=-1)
-    return np.asarray(np.min(distance, axis=-1) > _ON_LINE)
+    moved = np.abs(from_start - nearest) @ scene.levers
+    return np.asarray(np.min(moved, axis=-1, initial=np.inf) < _ON_LINE)
 
 
 def _fastest_motion(

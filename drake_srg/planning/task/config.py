@@ -77,11 +77,16 @@ class PlannerConfig(MotionConfig):
     # from there. Useful with cameras that see it there.
     look_before_place: bool = False
     # Least waits of the arm [s]: with closed fingers before it lifts, with open fingers
-    # before it leaves, and at home.
+    # before it leaves, and at home. When it has cleared a table, the last one counts
+    # from when it let go.
     grip_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     release_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     home_wait: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Time for the empty fingers to close at home [s]; 0 leaves them open.
     close_at_home: float = dc.field(default=0.0, metadata={"ge": 0.0})
+    # Whether an arm that clears a table cuts corners: it does not rest between two
+    # motions then, and the second one must begin on time. So it does rest on a robot,
+    # and where a safety monitor may slow it.
+    cut_corners: bool = False
     # Time between evaluations of the state machine [s].
     period: float = dc.field(default=0.01, metadata=positive())

@@ -79,8 +79,8 @@ class Seen:
     blobs: tuple[Blob, ...] = ()  # all in the latest look
     latest: Blob | None = None  # the latest one that was used
     latest_at: float = 0.0  # s
-    X_WO_goal: RigidTransform | None = None  # where the others put it [m]
-    X_WO_return: RigidTransform | None = None  # where every second cycle puts it [m]
+    X_WO_goal: RigidTransform | None = None  # where this cycle puts it [m]
+    X_WO_return: RigidTransform | None = None  # where it stood at first, upright [m]
     obstacles: Obstacles = ()
 
 

@@ -20,6 +20,7 @@ from drake_srg.planning.task.sightings import (
     View,
     distance,
     lean,
+    middle_of,
     set_down_at,
     standing_at,
 )
@@ -65,10 +66,13 @@ class Replanner:
         self._config = config
 
     def goal(self, memory: PlannerMemory) -> RigidTransform:
-        """Return where this cycle takes the object: to the goal, or back."""
-        seen = memory.seen
-        back = seen.X_WO_return if memory.totals.cycles % 2 else None
-        return back or seen.X_WO_goal or self._goal
+        """Return where this cycle takes the object, as it was seen last."""
+        return memory.seen.X_WO_goal or self._upright_goal(memory)
+
+    def _upright_goal(self, memory: PlannerMemory) -> RigidTransform:
+        """Return where the object stands after this cycle: on the goal, or back."""
+        back = memory.seen.X_WO_return if memory.totals.cycles % 2 else None
+        return back or self._goal
 
     def judge(self, view: View, memory: PlannerMemory, time: float) -> PlannerMemory:
         """See whether the object is where this cycle was to take it."""
@@ -88,13 +92,10 @@ class Replanner:
             return self._not_seen(memory, time)
         start, q = wall.perf_counter(), memory.motion.q_rest
         X_WO = self._sightings.pose(blob)
-        if memory.seen.localization is None:
-            goal = set_down_at(self._goal, X_WO, self._shape)
-            seen = dc.replace(memory.seen, X_WO_goal=goal)
-            memory = dc.replace(memory, seen=seen)
-        obstacles = self._obstacles(
-            view, memory, q, memory.grip.fingers_open, blob.position
-        )
+        goal = set_down_at(self._upright_goal(memory), X_WO, self._shape)
+        memory = dc.replace(memory, seen=dc.replace(memory.seen, X_WO_goal=goal))
+        p_WO = self._sightings.middle(blob)
+        obstacles = self._obstacles(view, memory, q, memory.grip.fingers_open, p_WO)
         result = self._task_planner.plan(
             q, X_WO, self._shape, self.goal(memory), obstacles, memory.cycle.tried
         )
@@ -142,7 +143,9 @@ class Replanner:
         assert X_WO is not None, "motions are planned from a sighting"
         if view.obstacles:
             q, fingers = memory.motion.position(time), motions.grasp.fingers_open
-            p_WO = X_WO.translation() if blob is None else blob.position
+            p_WO = X_WO @ middle_of(self._shape)
+            if blob is not None:
+                p_WO = self._sightings.middle(blob)
             obstacles = self._obstacles(view, memory, q, fingers, p_WO)
             if self._obstruction(motions, Mode.PRE_GRASP, obstacles):
                 return _detour(memory)
@@ -267,8 +270,8 @@ class Replanner:
         """Return the grasp as it is seen with the arm at `q`."""
         X_GW = self._task_planner.scene.X_WG(q).inverse()
         if isinstance(self._shape, ConvexPieces):
-            middle = self._shape.middle
-            shift = X_GW @ blob.X_WO @ middle - grasp.X_GO @ middle
+            seen = X_GW @ self._sightings.middle(blob)
+            shift = seen - grasp.X_GO @ self._shape.middle
             return dc.replace(grasp, p_GO=grasp.p_GO + shift)
         grasp = dc.replace(grasp, p_GO=X_GW @ blob.position)
         if isinstance(self._shape, Sphere):

@@ -94,13 +94,19 @@ class Sightings:
         """Return the object's pose X_WO [m]; a round one's turn has no meaning."""
         return self._pose(self.shape, blob)
 
+    def middle(self, blob: Blob) -> Vector:
+        """Return where the object's middle is, in world, shape (3,) [m]."""
+        p_W: Vector = blob.X_WO @ middle_of(self.shape)
+        return p_W
+
     def obstacles(self, view: View, p_WO: Vector | None = None) -> Obstacles:
         """Return the other objects and the obstacles that are seen.
 
         Args:
             view: What is seen.
-            p_WO: Where the object is believed to be, shape (3,) [m]. A look-alike
-                elsewhere is an obstacle; an obstacle around this place is the object.
+            p_WO: Where the object's middle is believed to be, shape (3,) [m]. A
+                look-alike elsewhere is an obstacle; an obstacle around this place is
+                the object.
         """
         known = tuple(
             (shape, self._pose(shape, blob))
@@ -113,7 +119,7 @@ class Sightings:
         apart = [
             (self.shape, self.pose(blob))
             for blob in self._own(view)
-            if np.linalg.norm(blob.position - p_WO) > _APART
+            if np.linalg.norm(self.middle(blob) - p_WO) > _APART
         ]
         others = [o for o in unknown if not _inside(*o, p_WO)]
         return (*known, *apart, *others)
@@ -178,7 +184,7 @@ def set_down_at(
     A solid of several pieces is set down as it is, all others with their z up.
 
     Args:
-        goal: Where it stands with its z up [m].
+        goal: Where it would stand with its z up [m].
         X_WO: Where it is [m].
         shape: Its shape.
     """
@@ -189,9 +195,12 @@ def set_down_at(
     return RigidTransform(X_WO.rotation(), goal.translation() + (below - lower) * _UP)
 
 
-def distance(
-    X_1: RigidTransform, X_2: RigidTransform, shape: Solid | None = None
-) -> float:
+def middle_of(shape: Solid) -> Vector:
+    """Return the middle of an object in its frame, shape (3,) [m]."""
+    return shape.middle if isinstance(shape, ConvexPieces) else np.zeros(3)
+
+
+def distance(X_1: RigidTransform, X_2: RigidTransform, shape: Solid) -> float:
     """Return how far an object is from another pose, whatever its yaw there [m].
 
     It is the distance between its origins or between its middles, the shorter one:
@@ -200,11 +209,9 @@ def distance(
     Args:
         X_1: A pose [m].
         X_2: Another one [m].
-        shape: The object's; None: its middle is its origin.
+        shape: The object's.
     """
-    points = [np.zeros(3)]
-    if isinstance(shape, ConvexPieces):
-        points.append(shape.middle)
+    points = (np.zeros(3), middle_of(shape))
     return min(float(np.linalg.norm(X_1 @ p - X_2 @ p)) for p in points)
 
 
@@ -215,12 +222,7 @@ def lean(axis_1: Vector, axis_2: Vector) -> float:
 
 
 def standing_at(X_WO: RigidTransform, shape: Solid) -> RigidTransform:
-    """Return where an object now at X_WO [m] stands upright on the same level.
-
-    A solid of several pieces stays as it is.
-    """
-    if isinstance(shape, ConvexPieces):
-        return X_WO
+    """Return where an object now at X_WO [m] stands upright on the same level."""
     p_WO, up_O = X_WO.translation(), X_WO.rotation().matrix()[2]
     below = shape.half_extent(-up_O)
     stands = shape.half_extent(-_UP)

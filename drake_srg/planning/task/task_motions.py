@@ -89,7 +89,7 @@ class TaskPlanner:
 
         Args:
             q_start: Where the arm is, at rest, shape (N,) [rad].
-            X_WO: The object's pose [m]; how it is turned about its z does not count.
+            X_WO: The object's pose [m]; the turn of a round one does not count.
             shape: The object's shape.
             X_WO_goal: Where the object must go [m].
             obstacles: Other objects and their poses [m].

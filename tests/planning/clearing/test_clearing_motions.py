@@ -92,6 +92,24 @@ def test_the_arm_rests_only_at_the_grasp_and_over_the_bin(motions):
     assert rests(*hanging) == [Mode.GRASP, Mode.LIFT, Mode.TRANSFER]
 
 
+@pytest.mark.parametrize(
+    "key",
+    [
+        "planner.cut_corners=false",
+        "safety={}",
+        "planner.tip_limits={velocity: 0.5, acceleration: 1.0}",
+    ],
+)
+def test_where_the_next_motion_might_be_late_the_arm_rests(key):
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", key])
+    resting = MakeClearingPlanner(scenario).planner.motions
+    planned = resting.plan(resting.q_home, grasp_at(PLACE), moved(table(PLACE)))
+    assert not isinstance(planned, PlanningFailure), planned.message
+    for motion in planned.values():
+        end = motion.EvalDerivative(motion.end_time(), 1)
+        np.testing.assert_allclose(end, 0.0, atol=1e-6)
+
+
 def test_far_out_a_long_load_is_lifted_less(motions):
     far = (0.78, 0.05)
     assert 0.1 < risen(motions, *bar_at(far)) < risen(motions, *bar_at(PLACE)) - 0.05

@@ -5,7 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.motion.config import MotionConfig, TipLimits
-from drake_srg.planning.motion.failure import NoPathError
+from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
 from drake_srg.planning.motion.paths import plan_joint_path
@@ -112,9 +112,14 @@ def corner(moves, home):
     return PathPart(up, STRAIGHT), PathPart(aside)
 
 
+def both_ways(moves, corner):
+    """Return the motions with a rest at the corner, and those without, if there are."""
+    apart = tuple(moves.timed_part(part, moves.free) for part in corner)
+    return apart, moves.without_rest(apart, corner, moves.free, PERIOD)
+
+
 def test_goes_around_a_corner_without_a_rest(iiwa, moves, corner):
-    first, second = moves.successive(corner, moves.free, PERIOD)
-    apart = [moves.timed_part(part, moves.free) for part in corner]
+    apart, (first, second) = both_ways(moves, corner)
     together = first.end_time() + second.end_time()
     assert together < sum(motion.end_time() for motion in apart) - 0.05
     assert first.end_time() / PERIOD == pytest.approx(round(first.end_time() / PERIOD))
@@ -134,14 +139,24 @@ def test_goes_around_a_corner_without_a_rest(iiwa, moves, corner):
     assert np.linalg.norm(way[-1, :2]) > 0.003
 
 
-def test_rests_at_a_corner_that_cannot_be_left_out(iiwa, moves, corner):
-    p_WG = iiwa.X_WG(corner[0].path[-1]).translation()
+def test_rests_at_a_corner_that_cannot_be_cut(iiwa, moves, corner):
     limited = Moves(iiwa, np.zeros(3), dc.replace(CONFIG, tip_limits=TipLimits()))
-    assert rests(limited.successive(corner, limited.free, PERIOD)[0])
-    with iiwa.standing(Sphere(0.1), RigidTransform(p_WG)):  # the lines are free
-        assert rests(moves.successive(corner, moves.free, PERIOD)[0])
+    apart, motions = both_ways(limited, corner)
+    assert motions is apart
 
 
-def rests(motion):
-    """Return whether a motion ends at rest."""
-    return np.max(np.abs(motion.EvalDerivative(motion.end_time(), 1))) < 1e-6
+def test_rests_where_no_other_motion_is_free(monkeypatch, moves, corner):
+    apart = tuple(moves.timed_part(part, moves.free) for part in corner)
+    monkeypatch.setattr(
+        moves, "timed_part", raises(NoPathError(PlanningFailure(Failure.BLOCKED, "")))
+    )
+    assert moves.without_rest(apart, corner, moves.free, PERIOD) is apart
+
+
+def raises(error):
+    """Return a function that raises an error."""
+
+    def function(*args):
+        raise error
+
+    return function

@@ -56,7 +56,10 @@ def test_a_solid_is_set_down_on_the_side_on_which_it_lies(down, yaw):
     # What the upright one stands on is as high.
     lowest = (goal @ THING.corners.T)[2].min()
     assert lowest == pytest.approx(GOAL.translation()[2])
-    assert standing_at(X_WO, THING) is X_WO
+    # Its goal upright is as high as what it is on now.
+    assert set_down_at(standing_at(X_WO, THING), X_WO, THING).IsNearlyEqualTo(
+        X_WO, 1e-9
+    )
 
 
 def test_simple_shapes_are_set_upright():
@@ -73,4 +76,5 @@ def test_poses_in_which_a_solid_looks_alike_are_near():
     flip = RigidTransform(RollPitchYaw(np.pi, 0.0, 0.0), np.zeros(3))
     flipped = there @ about @ flip @ about.inverse()
     assert distance(there, flipped, THING) == pytest.approx(0.0, abs=1e-12)
-    assert distance(there, flipped) == pytest.approx(0.1)
+    upright = Cylinder(0.03, 0.1)
+    assert distance(there, flipped, upright) == pytest.approx(0.1)
