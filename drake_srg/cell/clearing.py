@@ -44,6 +44,15 @@ _OVER = 0.44
 _ASIDE = 0.22
 
 
+def without_cut_corners(scenario: Scenario) -> Scenario:
+    """Return a scenario whose arm rests between any two motions.
+
+    A motion that begins late would not begin where the one before has ended at speed.
+    """
+    planner = dc.replace(scenario.planner, cut_corners=False)
+    return dc.replace(scenario, planner=planner)
+
+
 def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     """Make the planner that clears a scenario's table into its bins.
 
@@ -52,8 +61,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             over a bin, or a bin has no collision geometry or is no bin.
     """
     if scenario.safety is not None:  # the monitor may slow or stop the arm at any time
-        resting = dc.replace(scenario.planner, cut_corners=False)
-        scenario = dc.replace(scenario, planner=resting)
+        scenario = without_cut_corners(scenario)
     assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)

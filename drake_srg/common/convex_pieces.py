@@ -46,7 +46,7 @@ class ConvexPieces:
     def half_extent(self, direction: Vector) -> float:
         """Return the distance from the origin to the farthest point along a direction.
 
-        It is that of simple shapes, of which the origin is the middle.
+        Of simple shapes, whose origin is their middle, it is half of the extent.
 
         Args:
             direction: Unit vector in the object's frame, shape (3,).

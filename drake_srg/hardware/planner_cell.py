@@ -17,6 +17,7 @@ from pydrake.systems.framework import Diagram, DiagramBuilder, System
 
 from drake_srg.bridges.commands import PortValues
 from drake_srg.cell import MakeCell
+from drake_srg.cell.clearing import without_cut_corners
 from drake_srg.cell.servoing import MakeServoTaskPlanner, MakeTracker
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.hardware.exchange import Answer, Tick
@@ -52,14 +53,6 @@ class MirrorLink(Link):
         """See `Link`."""
 
 
-def _resting(scenario: Scenario) -> Scenario:
-    """Return a scenario whose arm rests between any two motions.
-
-    A motion that begins late would not begin where the one before has ended at speed.
-    """
-    return dc.replace(scenario, planner=dc.replace(scenario.planner, cut_corners=False))
-
-
 class PlannerCell:
     """A cell whose clock ticks move.
 
@@ -85,7 +78,7 @@ class PlannerCell:
             make_planner = MakeServoTaskPlanner
             camera = hardware.cameras[scenario.servoing.camera]
             self._eye = ServoEye(MakeTracker(scenario), camera)
-        cell = MakeCell(_resting(scenario), make_station, make_planner)
+        cell = MakeCell(without_cut_corners(scenario), make_station, make_planner)
         self._cell = cell
         self._planner = cell.GetSubsystemByName("planner")
         if not isinstance(self._planner, PlannerMachine):

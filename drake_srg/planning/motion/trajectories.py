@@ -21,6 +21,7 @@ from pydrake.trajectories import (
 
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.motion.limits import InverseDynamics, MotionLimits
+from drake_srg.planning.motion.path_parts import STRAIGHT
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.motion.time_parameterization import TimeParameterization
 from drake_srg.types import Failure, Vector
@@ -28,9 +29,9 @@ from drake_srg.types import Failure, Vector
 # Between the configurations that were checked, the polyline may break its margin by
 # this [m]; a motion that is checked there must not fail for that.
 _GRAZE = 1e-3
-# A motion is on a line that it must keep, by at most `_STRAIGHT` [rad], if no link is
+# A motion is on a line that it must keep, by at most `STRAIGHT` [rad], if no link is
 # further from where it was on the line than this [m].
-_STRAIGHT, _ON_LINE = 1e-3, 3e-3
+_ON_LINE = 3e-3
 
 
 def time_optimal_trajectory(
@@ -150,7 +151,7 @@ def _on_lines(
         allowed: How far a motion may leave it at each waypoint, shape (K,) [rad].
         samples: Configurations [rad].
     """
-    kept = np.maximum(allowed[:-1], allowed[1:]) <= _STRAIGHT
+    kept = np.maximum(allowed[:-1], allowed[1:]) <= STRAIGHT
     starts, lines = waypoints[:-1][kept], np.diff(waypoints, axis=0)[kept]
     from_start = samples[:, np.newaxis] - starts
     share = np.sum(from_start * lines, axis=-1) / np.sum(lines**2, axis=-1)

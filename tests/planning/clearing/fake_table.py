@@ -221,3 +221,13 @@ class Run:
                 if mode in modes:
                     return mode
         raise AssertionError(f"still {self.status.mode}, not {modes}")
+
+
+def pick(run, *, after, felt=True):
+    """Let a pick happen; afterwards, the table looks like `after`."""
+    run.until(Mode.CLOSE)
+    run.feel(felt)
+    run.until(Mode.TRANSFER)
+    run.show(after)
+    run.until(Mode.RELEASE)
+    run.feel(False)

@@ -21,9 +21,10 @@ from planning.clearing.fake_table import (
     Grasps,
     Motions,
     grasp_at,
+    pick,
     table,
 )
-from planning.clearing.test_clearing_planner import A, B, pick, run
+from planning.clearing.test_clearing_planner import A, B, run
 
 HERE = Motion(HOME)
 IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
