@@ -211,8 +211,9 @@ class HeightMap:
     def middles(self) -> Vector:
         """Return x, y of the middle of each cell in world, shape (ny, nx, 2) [m]."""
         ny, nx = self.height.shape
-        x, y = np.meshgrid(np.arange(nx), np.arange(ny))
-        middles: Vector = self.origin + self.resolution * np.stack([x, y], axis=-1)
+        middles = np.empty((ny, nx, 2))
+        middles[..., 0] = self.origin[0] + self.resolution * np.arange(nx)
+        middles[..., 1] = (self.origin[1] + self.resolution * np.arange(ny))[:, None]
         return middles
 
     def cells(self, p_W: Vector) -> npt.NDArray[np.intp]:

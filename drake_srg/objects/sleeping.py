@@ -132,6 +132,8 @@ class SleepMonitor(LeafSystem):
         """Return the objects to which a force is applied."""
         forces = self.GetInputPort("applied_forces")
         applied = forces.Eval(context) if forces.HasValue(context) else []
+        if not applied:
+            return np.zeros(len(self.object_names), bool)
         pushed = {int(force.body_index) for force in applied}
         return np.isin(self._bodies[: len(self.object_names)], list(pushed))
 

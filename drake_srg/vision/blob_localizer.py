@@ -20,7 +20,7 @@ from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Candidate, Picture, Search, by_color, by_steps
 from drake_srg.vision.color import ColorRange
 from drake_srg.vision.config import BlobLocalizerConfig
-from drake_srg.vision.depth_noise import clean
+from drake_srg.vision.depth_noise import clean_and_measure
 from drake_srg.vision.shape_fit import Fit, fit_shape
 from drake_srg.vision.view import view_around
 
@@ -172,7 +172,7 @@ class BlobLocalizer(LeafSystem):
         for camera, (color_imager, depth_imager) in self._cameras.items():
             color = self._image(context, camera, "color")
             depth = self._image(context, camera, "depth")[..., 0]
-            depth, noise = clean(depth, self._config.depth_noise)
+            depth, noise = clean_and_measure(depth, self._config.depth_noise)
             picture = Picture(
                 color,
                 depth,

@@ -106,8 +106,17 @@ class Imager:
         u, v = np.meshgrid(
             np.arange(columns.start, columns.stop), np.arange(rows.start, rows.stop)
         )
-        xy = (np.stack([u, v], axis=-1) - self._offset) / self._focal
-        return np.concatenate([xy, np.ones((*u.shape, 1))], axis=-1)
+        return np.stack([*self.slopes(u, v), np.ones(u.shape)], axis=-1)
+
+    def slopes(self, u: Vector, v: Vector) -> tuple[Vector, Vector]:
+        """Return x and y of the rays through pixels, scaled to z = 1.
+
+        Args:
+            u: Columns of the pixels, any shape.
+            v: Their rows, of the same shape.
+        """
+        (x, y), (fx, fy) = self._offset, self._focal
+        return (u - x) / fx, (v - y) / fy
 
     def project(self, p_I: Vector) -> Vector:
         """Return the pixel coordinates (u, v) of points.

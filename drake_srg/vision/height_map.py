@@ -16,6 +16,9 @@ from drake_srg.vision.depth_noise import clean
 from drake_srg.vision.mask import Mask, grow, has_depth
 from drake_srg.vision.surface import Surface
 
+# Around the surface that is mapped. Pixels are patches: they reach over its edge [m].
+_AROUND = 0.02
+
 
 def points_of(
     depth: Vector,
@@ -24,6 +27,7 @@ def points_of(
     noise: DepthNoiseConfig,
     *,
     subpixels: int = 1,
+    within: Surface | None = None,
 ) -> Vector:
     """Return the points that a depth image shows, in world, shape (n, 3) [m].
 
@@ -33,23 +37,29 @@ def points_of(
         imager: Its depth imager.
         noise: How its noise is reduced.
         subpixels: Points per side of a pixel, which counts as a patch of one depth.
+        within: Points that are not above or below it, or 2 cm around, are left out;
+            None: none are.
     """
-    cleaned, _ = clean(np.asarray(depth, np.float32), noise)
+    cleaned = clean(np.asarray(depth, np.float32), noise)
     rows, columns = np.nonzero(has_depth(cleaned))
-    h, w = cleaned.shape
-    rays = imager.rays(slice(0, w), slice(0, h))[rows, columns]
     z = cleaned[rows, columns].astype(float)
-    info = imager.info
-    offsets = (np.arange(subpixels) + 0.5) / subpixels - 0.5
     X_WD = X_WB @ imager.X_BI
-    R_DW, p_WD = X_WD.rotation().matrix().T, X_WD.translation()
-    p_W = np.empty((subpixels**2, len(z), 3))
-    p_D = np.empty_like(rays)
-    for patch, (du, dv) in zip(p_W, itertools.product(offsets, repeat=2), strict=True):
-        np.add(rays, [du / info.focal_x(), dv / info.focal_y(), 0.0], out=p_D)
-        p_D *= z[:, np.newaxis]
-        np.add(p_D @ R_DW, p_WD, out=patch)
-    return p_W.reshape(-1, 3)
+    R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
+    x, y = imager.slopes(columns, rows)
+    # Row by row: n is large, and numpy is fast along contiguous memory.
+    p_W = np.stack([z * (r[0] * x + r[1] * y + r[2]) for r in R_WD])
+    p_W += p_WD[:, np.newaxis]
+    if within is not None:
+        near = within.contains(p_W.T, _AROUND)
+        p_W, z = p_W[:, near], z[near]
+    offsets = (np.arange(subpixels) + 0.5) / subpixels - 0.5
+    focal = np.array([imager.info.focal_x(), imager.info.focal_y()])
+    cloud = np.empty((3, subpixels**2, len(z)))
+    for i, offset in enumerate(itertools.product(offsets, repeat=2)):
+        step = R_WD[:, :2] @ (offset / focal)
+        np.multiply.outer(step, z, out=cloud[:, i])
+        cloud[:, i] += p_W
+    return cloud.reshape(3, -1).T
 
 
 def height_map(
@@ -102,10 +112,14 @@ def _highest(
     cloud: Vector, origin: Vector, resolution: float, shape: tuple[int, int]
 ) -> Vector:
     """Return the height of the highest point in each cell, -inf without a point."""
-    ix, iy = np.rint((cloud[:, :2] - origin) / resolution).astype(np.int32).T
+    x, y, z = cloud.T
+    ix, iy = (
+        np.rint((p - start) / resolution).astype(np.int32)
+        for p, start in zip((x, y), origin, strict=True)
+    )
     inside = (ix >= 0) & (iy >= 0) & (ix < shape[1]) & (iy < shape[0])
     height = np.full(shape[0] * shape[1], -np.inf)
-    np.maximum.at(height, (iy * shape[1] + ix)[inside], cloud[inside, 2])
+    np.maximum.at(height, (iy * shape[1] + ix)[inside], z[inside])
     return height.reshape(shape)
 
 
@@ -158,6 +172,7 @@ def _at_edge(things: Mask) -> Mask:
 
 def _connected(things: Mask, seeds: Mask) -> Mask:
     """Return the connected regions of `things` that hold a seed."""
-    _, labels = cv2.connectedComponents(things.astype(np.uint8), connectivity=8)
-    chosen = np.unique(labels[seeds & things])
-    return np.asarray(np.isin(labels, chosen[chosen > 0]))
+    count, labels = cv2.connectedComponents(things.astype(np.uint8), connectivity=8)
+    chosen = np.zeros(count, bool)
+    chosen[labels[seeds & things]] = True
+    return np.asarray(chosen[labels] & things)

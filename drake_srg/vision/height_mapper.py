@@ -99,7 +99,7 @@ class HeightMapper(LeafSystem):
 
     def _calc_height_map(self, context: Context, output: AbstractValue) -> None:
         clouds = [
-            self._points(context, camera, self._config.subpixels)
+            self._points(context, camera, self._config.subpixels, self._surface)
             for camera in self._imagers
         ]
         output.set_value(
@@ -119,7 +119,13 @@ class HeightMapper(LeafSystem):
         cloud.mutable_xyzs()[:] = points.T
         output.set_value(cloud)
 
-    def _points(self, context: Context, camera: str, subpixels: int) -> Vector:
+    def _points(
+        self,
+        context: Context,
+        camera: str,
+        subpixels: int,
+        within: Surface | None = None,
+    ) -> Vector:
         """Return the points that a camera sees, in world, shape (n, 3) [m]."""
         inputs = []
         for name in ("depth_image", "body_pose_in_world"):
@@ -136,4 +142,5 @@ class HeightMapper(LeafSystem):
             self._imagers[camera],
             self._noise,
             subpixels=subpixels,
+            within=within,
         )

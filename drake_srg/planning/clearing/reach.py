@@ -8,14 +8,15 @@ from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
-    IkSolution,
+    IkFailure,
+    solve_from,
     solve_inverse_kinematics,
 )
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Vector
 
 _WITHIN = 0.01  # error of the ring's radii [m]
-_STARTS = 4  # of inverse kinematics
+_STARTS = 4  # of inverse kinematics in the middle
 
 
 def reach_with_hand_down(
@@ -38,28 +39,30 @@ def reach_with_hand_down(
     middle = float(np.linalg.norm(away))
     yaw = float(np.arctan2(away[1], away[0]))
 
-    def reaches(radius: float) -> bool:
+    def target(radius: float) -> HandTarget:
         p = np.array([*(scene.p_WA[:2] + radius / middle * away), p_WG[2]])
-        ik = solve_inverse_kinematics(
-            scene,
-            HandTarget.from_pose(palm_pose(p, yaw)),
-            q_nominal=q_nominal,
-            max_starts=_STARTS,
-            check_clearance=False,
-        )
-        return isinstance(ik, IkSolution)
+        return HandTarget.from_pose(palm_pose(p, yaw))
 
-    if not reaches(middle):
+    in_middle = solve_inverse_kinematics(
+        scene,
+        target(middle),
+        q_nominal=q_nominal,
+        max_starts=_STARTS,
+        check_clearance=False,
+    )
+    if isinstance(in_middle, IkFailure):
         return None
     ends = []
     for beyond in (0.0, float(scene.levers[0])):
-        within, without = middle, beyond
+        within, without, q = middle, beyond, in_middle.q
         while abs(without - within) > _WITHIN:
             between = 0.5 * (within + without)
-            if reaches(between):
-                within = between
-            else:
+            # What is reached nearby is the best start, and the only one needed.
+            found = solve_from(scene, target(between), q)
+            if found is None:
                 without = between
+            else:
+                within, q = between, found
         ends.append(within)
     x, y = scene.p_WA[:2]
     return Reach((float(x), float(y)), *ends)

@@ -145,6 +145,25 @@ def solve_inverse_kinematics(
     return _diagnose(scene, target, limits, guess)
 
 
+def solve_from(
+    scene: PlanningScene, target: HandTarget, start: Vector, joint_margin: float = 0.02
+) -> Vector | None:
+    """Solve for a posture near another one that reaches `target`, free or not.
+
+    Args:
+        scene: The arm.
+        target: Where the hand must be.
+        start: The only start, shape (N,) [rad].
+        joint_margin: Distance kept from the joint limits [rad].
+
+    Returns:
+        The posture, shape (N,) [rad]; None if none is found from there.
+    """
+    limits = (scene.lower + joint_margin, scene.upper - joint_margin)
+    q, solved = _Program(scene, target, limits).solve(start, start)
+    return q if solved else None
+
+
 def _starts(
     limits: tuple[Vector, Vector], guess: Vector, rng: Generator, count: int
 ) -> Iterator[Vector]:
