@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses as dc
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from pydrake.geometry import ColorRenderCamera, DepthRenderCamera
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraConfig, CameraInfo, RgbdSensor
@@ -108,7 +110,7 @@ class Imager:
         )
         return np.stack([*self.slopes(u, v), np.ones(u.shape)], axis=-1)
 
-    def slopes(self, u: Vector, v: Vector) -> tuple[Vector, Vector]:
+    def slopes(self, u: npt.NDArray[Any], v: npt.NDArray[Any]) -> tuple[Vector, Vector]:
         """Return x and y of the rays through pixels, scaled to z = 1.
 
         Args:

@@ -211,7 +211,8 @@ def _things(
     things = []
     for label in np.flatnonzero(kept).tolist():
         x, y, width, height, _ = boxes[label]
-        cells = np.argwhere(labels[y : y + height, x : x + width] == label) + [y, x]
+        cells = np.argwhere(labels[y : y + height, x : x + width] == label)
+        cells += np.array([y, x])
         things.append(
             Thing(
                 label,
