@@ -14,6 +14,7 @@ from drake_srg.planning.clearing.columns import highest_near, standing
 from drake_srg.planning.clearing.destination import Destination, Spots
 from drake_srg.planning.clearing.laying import laying_targets
 from drake_srg.planning.clearing.load import Load
+from drake_srg.planning.clearing.reach import turned_to
 from drake_srg.planning.clearing.ways import Ways
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
@@ -249,6 +250,7 @@ class ClearingMotions(Ways):
             NoPathError: If the arm cannot reach it.
         """
         self.scene.SetFingers(grasp.fingers_open)
+        q_guess = turned_to(self.scene, self.q_over, grasp.p_WC)
         found = []
         with self.scene.reaching(_TIPS):
             for either in (grasp, grasp.half_turn()):
@@ -256,6 +258,7 @@ class ClearingMotions(Ways):
                     self.scene,
                     either.target(),
                     q_nominal=self.q_over,
+                    q_guess=q_guess,
                     max_starts=_STARTS,
                 )
                 found.append(ik)

@@ -9,6 +9,7 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.columns import highest_near
 from drake_srg.planning.clearing.pushing import Push, best_push
+from drake_srg.planning.clearing.reach import turned_to
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.relief import Relief
 from drake_srg.planning.grasps.top_grasp import palm_pose
@@ -82,7 +83,11 @@ class PushMotions:
                 for p in (push.start_W, push.end_W)
             )
             ik = solve_inverse_kinematics(
-                self._scene, start, q_nominal=self._q_over, max_starts=_STARTS
+                self._scene,
+                start,
+                q_nominal=self._q_over,
+                q_guess=turned_to(self._scene, self._q_over, push.start_W),
+                max_starts=_STARTS,
             )
             if not isinstance(ik, IkSolution):
                 continue

@@ -19,6 +19,29 @@ _WITHIN = 0.01  # error of the ring's radii [m]
 _STARTS = 4  # of inverse kinematics in the middle
 
 
+def turned_to(scene: PlanningScene, q: Vector, p_W: Vector) -> Vector:
+    """Return a posture turned about the arm's first joint until the hand faces a place.
+
+    The best start of inverse kinematics for a hand there: from a posture that faces
+    elsewhere, the solver often ends with the arm bent backwards, or nowhere. The first
+    joint must turn about the vertical.
+
+    Args:
+        scene: The arm.
+        q: The posture, shape (N,) [rad].
+        p_W: The place, shape (2 or 3,) [m].
+
+    Returns:
+        Shape (N,) [rad], within the joint's limits.
+    """
+    (x, y), (x_to, y_to) = (
+        p[:2] - scene.p_WA[:2] for p in (scene.X_WG(q).translation(), p_W)
+    )
+    turn = np.arctan2(x * y_to - y * x_to, x * x_to + y * y_to)
+    first = np.clip(q[0] + turn, scene.lower[0], scene.upper[0])
+    return np.array([first, *q[1:]])
+
+
 def reach_with_hand_down(
     scene: PlanningScene, q_nominal: Vector, p_WG: Vector
 ) -> Reach | None:

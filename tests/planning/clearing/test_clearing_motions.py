@@ -67,6 +67,20 @@ def test_loads_are_dropped_in_the_middle_of_the_bin_and_beside_it(
     assert p_W[2] > high[2]  # what stood on the table clears the rim
 
 
+@pytest.mark.parametrize(
+    ("place", "yaw"),
+    [((0.55, 0.07), -0.6), ((0.55, 0.35), -0.17), ((0.45, 0.35), -0.17)],
+)
+def test_the_arm_faces_the_grasp(motions, place, yaw):
+    turned = RigidTransform(palm_pose(np.array([*place, 0.2]), yaw))
+    grasp = dc.replace(grasp_at(place), X_WG=turned)
+    planned = motions.plan(motions.q_home, grasp, moved(table()))
+    assert not isinstance(planned, PlanningFailure), planned.message
+    q = planned[Mode.GRASP].value(1e9)[:, 0]
+    # Bent backwards, its first joint would be turned by pi.
+    assert q[0] == pytest.approx(np.arctan2(place[1], place[0]), abs=1.0)
+
+
 def test_motions_follow_one_another(motions):
     planned = motions.plan(motions.q_home, grasp_at(PLACE), moved(table()))
     order = (Mode.PRE_GRASP, Mode.GRASP, Mode.LIFT, Mode.TRANSFER)

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from drake_srg.cell.planners import own_scene
-from drake_srg.planning.clearing.reach import reach_with_hand_down
+from drake_srg.planning.clearing.reach import reach_with_hand_down, turned_to
 from drake_srg.scenario import load_scenario
 
 
@@ -30,3 +32,16 @@ def test_what_is_out_of_reach_itself_has_no_ring(scenario):
     home = np.array(scenario.arm.home)
     far = np.array([1.5, 0.0, 0.2])
     assert reach_with_hand_down(own_scene(scenario), home, far) is None
+
+
+@settings(max_examples=20, deadline=None)
+@given(azimuth=st.floats(-2.0, 2.0), radius=st.floats(0.4, 0.8))
+def test_an_arm_that_is_turned_to_a_place_has_its_hand_before_it(
+    scenario, azimuth, radius
+):
+    scene, home = own_scene(scenario), np.array(scenario.arm.home)
+    place = scene.p_WA[:2] + radius * np.array([np.cos(azimuth), np.sin(azimuth)])
+    turned = turned_to(scene, home, place)
+    hand = scene.X_WG(turned).translation() - scene.p_WA
+    assert np.arctan2(hand[1], hand[0]) == pytest.approx(azimuth, abs=1e-6)
+    np.testing.assert_array_equal(turned[1:], home[1:])
