@@ -10,10 +10,12 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
@@ -31,7 +33,8 @@ NOISE = tuple(
 )
 # Things that are wider on every side, as they lie, do not fit the hand [m].
 WIDEST = 0.13
-# What has moved less since the first pick has been out of reach all the time [m].
+# What has moved less since the first pick has been out of reach all the time, as has
+# what lay outside the ring in which the hand can point down [m].
 _STAYED = 0.01
 
 
@@ -96,9 +99,16 @@ def run_tables(
         "trials": trial_columns(runs, place),
         "objects": object_columns(runs, scenes),
     }
+    reach = {name: reach_of(*scene) for name, scene in scenes.items()}
     return ExperimentResult(
-        judge(runs, place, limits), tables, draw(runs, place, title)
+        judge(runs, place, limits, reach), tables, draw(runs, place, title, reach)
     )
+
+
+def reach_of(name: str, overrides: Sequence[str]) -> Reach | None:
+    """Return where a scenario's hand can point down, just above the table."""
+    scenario = load_scenario(name, seed=0, overrides=overrides)
+    return MakeClearingPlanner(scenario).planner.grasps.reach
 
 
 def run_trial(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
@@ -137,8 +147,16 @@ class Share:
         return wilson_interval(self.count, self.total)
 
 
-def shares(runs: Sequence[Metrics], place: str) -> dict[str, Share]:
-    """Return the shares of objects that are in place and of picks held."""
+def shares(
+    runs: Sequence[Metrics], place: str, reach: Reach | None = None
+) -> dict[str, Share]:
+    """Return the shares of objects that are in place and of picks held.
+
+    Args:
+        runs: The metrics of the trials.
+        place: Where the objects belong.
+        reach: Where the hand can be; None for everywhere.
+    """
     total = {
         key: sum(getattr(m, key) or 0 for m in runs)
         for key in ("objects_total", "objects_cleared", "picks", "picks_held")
@@ -147,7 +165,7 @@ def shares(runs: Sequence[Metrics], place: str) -> dict[str, Share]:
         bool(thing["cleared"])
         for m in runs
         for thing in (m.objects or {}).values()
-        if _fits(thing) and _in_reach(thing) and not _under_what_stays(thing, m)
+        if _fits(thing) and _in_reach(thing, reach) and not _under_what_stays(thing, m)
     ]
     return {
         f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
@@ -167,13 +185,16 @@ def _under_what_stays(thing: Mapping[str, Any], metrics: Metrics) -> bool:
     return above is not None and not _fits(above)
 
 
-def _in_reach(thing: Mapping[str, Any]) -> bool:
+def _in_reach(thing: Mapping[str, Any], reach: Reach | None) -> bool:
     """Return whether the arm could reach an object before the first pick, or later.
 
     What it could reach at first and is scattered counts, too.
     """
-    out_of_reach = thing["outcome"] == Failure.OUT_OF_REACH.value
-    return not (out_of_reach and float(thing["moved_m"]) < _STAYED)
+    if thing["outcome"] != Failure.OUT_OF_REACH.value:
+        return True
+    if float(thing["moved_m"]) < _STAYED:
+        return False
+    return reach is None or bool(reach.contains(np.array([thing["lay_at_m"]])).all())
 
 
 def of_scene(runs: Mapping[Case, Metrics], scene: str) -> list[Metrics]:
@@ -185,15 +206,24 @@ def judge(
     runs: Mapping[Case, Metrics],
     place: str,
     limits: Mapping[str, Limits] | None = None,
+    reach: Mapping[str, Reach | None] | None = None,
 ) -> list[Row]:
-    """Expect that limits are kept and no claim is false, and state the rest."""
+    """Expect that limits are kept and no claim is false, and state the rest.
+
+    Args:
+        runs: The metrics of the trials.
+        place: Where the objects belong.
+        limits: What is asked of scenes; nothing of others.
+        reach: Where the hand can be in each scene; None for everywhere.
+    """
     rows = []
     for scene in dict.fromkeys(case.scene for case in runs):
         own = of_scene(runs, scene)
         limit = (limits or {}).get(scene, Limits())
         rows.append(Row.info(scene, "trials", len(own), "", spread=1.0))
         least = (0.0, limit.cleared, limit.held)
-        for (what, share), asked in zip(shares(own, place).items(), least, strict=True):
+        found = shares(own, place, (reach or {}).get(scene))
+        for (what, share), asked in zip(found.items(), least, strict=True):
             low, high = share.bounds
             rows += [
                 _asked(scene, what, asked, share.value, "", limit.because, spread=0.15),
@@ -284,16 +314,25 @@ def object_columns(
                 ("outcome", outcome["outcome"]),
                 ("attempts", outcome["attempts"]),
                 ("width [m]", outcome["width_m"]),
+                ("x [m]", outcome["lay_at_m"][0]),
+                ("y [m]", outcome["lay_at_m"][1]),
                 ("moved [m]", outcome["moved_m"]),
             ):
                 table.setdefault(column, []).append(value)
     return table
 
 
-def draw(runs: Mapping[Case, Metrics], place: str, title: str) -> Any:
-    """Draw the shares of each scene with their intervals."""
+def draw(
+    runs: Mapping[Case, Metrics],
+    place: str,
+    title: str,
+    reach: Mapping[str, Reach | None],
+) -> Any:
+    """Draw the shares of each scene with their intervals; see `judge`."""
     scenes = list(dict.fromkeys(case.scene for case in runs))
-    found = {scene: shares(of_scene(runs, scene), place) for scene in scenes}
+    found = {
+        scene: shares(of_scene(runs, scene), place, reach[scene]) for scene in scenes
+    }
     figure = make_figure(8.0, 1.6 + 0.5 * len(scenes), title)
     axes = figure.subplots()
     style_axes(axes, xlabel="share, with its 95 % interval")

@@ -47,7 +47,8 @@ class ObjectOutcome:
         attempts: Grasps that were nearest to it.
         width_m: Least distance of two parallel vertical planes that enclose it as it
             lay before the first pick [m].
-        moved_m: Distance of its middle from where it lay then, at the end [m].
+        lay_at_m: x, y of its middle then, in world [m].
+        moved_m: Distance of its middle from there, at the end [m].
         under: Name of another that lies over its middle at the end; "" for none.
         carried_with: Name of another that the hand last carried with it; "" for none.
     """
@@ -56,6 +57,7 @@ class ObjectOutcome:
     outcome: str
     attempts: int
     width_m: float
+    lay_at_m: tuple[float, float]
     moved_m: float
     under: str = ""
     carried_with: str = ""
@@ -164,11 +166,13 @@ def clearing_outcome(
             outcome = CLEARED if cleared else WRONG_BIN
         middle = 0.5 * (facts[name].low + facts[name].high)
         X_WO, X_WO_end = (row_to_pose(log[pose_key(name)][i]) for i in (first, -1))
+        x, y, _ = X_WO @ middle
         outcomes[name] = ObjectOutcome(
             cleared,
             outcome,
             attempts[name],
             width_m=least_width((X_WO @ facts[name].points.T)[:2].T),
+            lay_at_m=(float(x), float(y)),
             moved_m=float(np.linalg.norm(X_WO_end @ middle - X_WO @ middle)),
         )
     for name, above in _covered(log, facts, outcomes).items():

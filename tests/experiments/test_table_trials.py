@@ -16,6 +16,7 @@ from drake_srg.experiments.table_trials import (
     shares,
     trial_columns,
 )
+from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import STOPPED_BY_USER
 from drake_srg.types import Mode, PlannerStatus
@@ -27,13 +28,22 @@ SCENES = {
 }
 
 
-def table(total=6, cleared=5, picks=8, held=4, outcome="too_wide", moved=0.0):
+def table(
+    total=6,
+    cleared=5,
+    picks=8,
+    held=4,
+    outcome="too_wide",
+    moved=0.0,
+    lay_at=(0.6, 0.0),
+):
     things = {
         f"clutter_{i + 1}": {
             "cleared": i < cleared,
             "outcome": "cleared" if i < cleared else outcome,
             "attempts": 1,
             "width_m": 0.2 if outcome == "too_wide" and i >= cleared else 0.06,
+            "lay_at_m": lay_at,
             "moved_m": 0.8 if i < cleared else moved,
             "under": "",
         }
@@ -83,9 +93,13 @@ def test_what_is_too_wide_for_the_hand_is_not_asked_for():
     assert rows(table(outcome="no_grasp"))[fit].passed  # then nothing is asked
 
 
-@pytest.mark.parametrize(("moved", "asked"), [(0.0, 5), (0.05, 6)])
-def test_what_was_out_of_reach_from_the_first_is_not_asked_for(moved, asked):
-    found = shares([table(outcome="out_of_reach", moved=moved)], PLACE)
+@pytest.mark.parametrize(
+    ("moved", "x", "asked"), [(0.0, 0.6, 5), (0.05, 0.6, 6), (0.05, 0.9, 5)]
+)
+def test_what_was_out_of_reach_from_the_first_is_not_asked_for(moved, x, asked):
+    ring = Reach((0.0, 0.0), 0.4, 0.8)
+    made = table(outcome="out_of_reach", moved=moved, lay_at=(x, 0.0))
+    found = shares([made], PLACE, ring)
     assert found["objects in reach that fit the hand in the bin"].total == asked
 
 
@@ -126,6 +140,7 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
                 "outcome": "cleared",
                 "attempts": 1,
                 "width_m": 0.06,
+                "lay_at_m": (0.6, 0.0),
                 "moved_m": 1.0,
                 "under": "",
             }

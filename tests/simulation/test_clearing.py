@@ -112,6 +112,8 @@ def test_objects_tell_how_far_they_have_moved(scenario, way):
     made[f"object_pose.{A}"][2:, :3] += way
     found = clearing_outcome(scenario, made, PlannerStatus(mode=Mode.DONE))
     assert found.objects[A].moved_m == pytest.approx(np.linalg.norm(way), abs=1e-9)
+    x, y, _ = made[f"object_pose.{B}"][1, :3]
+    np.testing.assert_allclose(found.objects[B].lay_at_m, [x, y], atol=0.05)
     assert found.objects[B].moved_m == 0.0
 
 

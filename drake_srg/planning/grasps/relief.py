@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import functools
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
@@ -21,6 +22,9 @@ _DEVIATIONS, _EXTENDS = 4.0, 2.0
 # A part of a thing that is nowhere wider than `_THIN` and at least `_LONG` long sticks
 # out of something wider, such as a hammer from below a plate [m].
 _THIN, _LONG = 0.05, 0.1
+# So does a part at least `_BROAD` across beside one wider than `_WIDE`, such as a ball
+# that touches a plate. The corners of a lying box are less broad [m].
+_WIDE, _BROAD = 0.13, 0.03
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -139,21 +143,26 @@ class Relief:
     def thing_middles(self) -> Vector:
         """Middle of what is in each cell, shape (ny, nx, 2) [m]; NaN where nothing is.
 
-        Things that touch count as one, but a long thin part has a middle of its own: it
-        may be another thing.
+        Things that touch count as one, but a long thin part, and a broad one beside
+        something wide, has a middle of its own: it may be another thing.
         """
         result = np.full((*self.labels.shape, 2), np.nan)
         for thing in self.things:
             result[tuple(thing.cells.T)] = thing.middle
-        size = 2 * round(0.5 * _THIN / self.map.resolution) + 1
-        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
         high = np.isfinite(result[..., 0]).astype(np.uint8)
-        wide = np.asarray(cv2.morphologyEx(high, cv2.MORPH_OPEN, disc))
-        count, parts = cv2.connectedComponents(high - wide, connectivity=8)
-        for part in range(1, count):
-            cells = np.argwhere(parts == part)
-            if sides(cells, self.map.resolution)[0] >= _LONG:
-                result[tuple(cells.T)] = _middle(self.map, self.above, cells)
+        res = self.map.resolution
+        broad = [
+            cells
+            for cells in _sticking_out(high, _WIDE / res)
+            if _breadth(cells) * res >= _BROAD
+        ]
+        long = [
+            cells
+            for cells in _sticking_out(high, _THIN / res)
+            if sides(cells, res)[0] >= _LONG
+        ]
+        for cells in broad + long:
+            result[tuple(cells.T)] = _middle(self.map, self.above, cells)
         return result
 
     def lookup(self, p_W: Vector) -> npt.NDArray[np.float32]:
@@ -180,6 +189,47 @@ def sides(cells: npt.NDArray[np.intp], resolution: float) -> tuple[float, float]
     _, found, _ = cv2.minAreaRect((cells - cells[0]).astype(np.float32))
     short, long = sorted((side + 1.0) * resolution for side in found)
     return long, short
+
+
+def _sticking_out(
+    high: npt.NDArray[np.uint8], width: float
+) -> Iterator[npt.NDArray[np.intp]]:
+    """Yield the cells (n, 2) of each part that sticks out of something wider.
+
+    What is nowhere wider does not stick out of anything.
+
+    Args:
+        high: Where things are, shape (ny, nx).
+        width: In cells.
+    """
+    core = _depth(high) > 0.5 * width
+    if not core.any():
+        return
+    wide = _depth((~core).astype(np.uint8)) <= 0.5 * width
+    count, labels = cv2.connectedComponents(high, connectivity=8)
+    beside = np.zeros(count, bool)
+    beside[labels[core]] = True
+    rest = (beside[labels] & ~wide).astype(np.uint8)
+    count, parts = cv2.connectedComponents(rest, connectivity=8)
+    for part in range(1, count):
+        yield np.argwhere(parts == part)
+
+
+def _breadth(cells: npt.NDArray[np.intp]) -> float:
+    """Return the diameter of the largest disc within cells (n, 2), in cells."""
+    rows, columns = (cells - cells.min(axis=0) + 1).T
+    mask = np.zeros((rows.max() + 2, columns.max() + 2), np.uint8)
+    mask[rows, columns] = 1
+    return 2.0 * float(_depth(mask).max())
+
+
+def _depth(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """Return the distance of each cell from the nearest one outside a mask, in cells.
+
+    Half a cell less than from that one's middle.
+    """
+    distance = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.maximum(np.asarray(distance, np.float32) - 0.5, 0.0)
 
 
 def _noise(above: npt.NDArray[np.float32]) -> float:

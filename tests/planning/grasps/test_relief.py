@@ -76,7 +76,47 @@ def test_a_long_thin_part_has_a_middle_of_its_own():
     assert np.isnan(found.thing_middles[beside]).all()
 
 
-def test_a_short_part_and_a_thin_thing_do_not():
+def discs(*circles):
+    """Return the relief of discs (x, y, radius, height) in cells of 2 mm [m]."""
+    y, x = np.mgrid[:160, :200]
+    height = np.full(x.shape, TABLE)
+    for x0, y0, radius, tall in circles:
+        height[np.hypot(x - x0, y - y0) < radius] = TABLE + tall
+    map_ = HeightMap(np.zeros(2), 0.002, height)
+    return Relief.of(map_, TABLE, least_height=0.004, least_area=6e-5)
+
+
+def test_a_ball_beside_a_plate_has_a_middle_of_its_own():
+    found = discs((70, 80, 60, 0.03), (144, 80, 16, 0.06))
+    (thing,) = found.things
+    np.testing.assert_allclose(found.thing_middles[80, 144], [0.288, 0.16], atol=4e-3)
+    np.testing.assert_array_equal(found.thing_middles[80, 70], thing.middle)
+
+
+@pytest.mark.parametrize(
+    "circles",
+    [
+        [(70, 80, 60, 0.03)],  # a plate alone
+        [(70, 80, 60, 0.03), (132, 80, 6, 0.03)],  # its handle
+        [(60, 80, 20, 0.03), (98, 80, 20, 0.06)],  # neither is wide
+    ],
+)
+def test_other_parts_do_not(circles):
+    found = discs(*circles)
+    (thing,) = found.things
+    np.testing.assert_array_equal(
+        found.thing_middles[tuple(thing.cells.T)],
+        np.broadcast_to(thing.middle, (len(thing.cells), 2)),
+    )
+
+
+def test_nor_do_the_corners_of_a_lying_box():
+    (thing,) = (found := relief((4, 96, 2, 76, 0.06))).things
+    apart = found.thing_middles[tuple(thing.cells.T)] - thing.middle
+    np.testing.assert_array_equal(apart, 0.0)
+
+
+def test_nor_do_a_short_part_and_a_thin_thing():
     for boxes in (
         [(60, 98, 10, 60, 0.04), (30, 60, 30, 38, 0.02)],
         [(2, 90, 30, 50, 0.02)],
