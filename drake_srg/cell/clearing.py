@@ -21,9 +21,11 @@ from drake_srg.planning.clearing.picking import PickPlanner
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.clearing.reach import reach_with_hand_down
 from drake_srg.planning.clearing.row_motions import RowMotions
+from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Hand
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import palm_pose
+from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.inverse_kinematics import (
     IkFailure,
@@ -73,11 +75,8 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             f"!{driver} does not"
         )
     into = _motions(scene, hand, scenario)
-    region = scenario.task.clear.region
-    middle = 0.5 * (np.array(region.min) + region.max)
-    p_WG = np.array([*middle, table + _TIPS + hand.pinch.deepest])
     q_over = into[0].q_over
-    reach = reach_with_hand_down(scene, q_over, p_WG)
+    reach = _reach(scene, hand.pinch, q_over, scenario)
     places = [motions.destination.middle for motions in into]
     q_aside = posture_aside(scene, q_over, places)
     choosing = chooses(scenario)
@@ -107,6 +106,31 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
         )
         planner = PickPlanner(grasps, into[0], config, pushes, q_aside)
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
+
+
+def MakeReach(scenario: Scenario) -> Reach | None:
+    """Return where a scenario's hand can point down with its tips on the table.
+
+    None if it cannot in the middle of `task.clear.region`.
+
+    Raises:
+        ScenarioError: As `MakeClearingPlanner` does.
+    """
+    scene = own_scene(scenario)
+    hand = MakeHand(scenario, scene.plant)
+    assert hand.pinch is not None
+    q_over = _motions(scene, hand, scenario)[0].q_over
+    return _reach(scene, hand.pinch, q_over, scenario)
+
+
+def _reach(
+    scene: PlanningScene, fingers: Fingers, q_over: Vector, scenario: Scenario
+) -> Reach | None:
+    assert scenario.task.clear is not None
+    region, table = scenario.task.clear.region, scenario.table.height
+    middle = 0.5 * (np.array(region.min) + region.max)
+    p_WG = np.array([*middle, table + _TIPS + fingers.deepest])
+    return reach_with_hand_down(scene, q_over, p_WG)
 
 
 def _motions(

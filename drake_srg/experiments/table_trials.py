@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.cell.clearing import MakeReach
 from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
@@ -99,16 +99,13 @@ def run_tables(
         "trials": trial_columns(runs, place),
         "objects": object_columns(runs, scenes),
     }
-    reach = {name: reach_of(*scene) for name, scene in scenes.items()}
+    reach = {
+        name: MakeReach(load_scenario(base, overrides=overrides))
+        for name, (base, overrides) in scenes.items()
+    }
     return ExperimentResult(
         judge(runs, place, limits, reach), tables, draw(runs, place, title, reach)
     )
-
-
-def reach_of(name: str, overrides: Sequence[str]) -> Reach | None:
-    """Return where a scenario's hand can point down, just above the table."""
-    scenario = load_scenario(name, seed=0, overrides=overrides)
-    return MakeClearingPlanner(scenario).planner.grasps.reach
 
 
 def run_trial(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:

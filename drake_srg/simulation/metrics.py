@@ -4,6 +4,7 @@ import dataclasses as dc
 import json
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ class Metrics:
     # Grasps that carried several objects, and those of which the planner says so.
     multi_object_picks: int | None = None
     multi_object_picks_seen: int | None = None
-    objects: dict[str, dict[str, bool | str | int]] | None = None
+    objects: dict[str, dict[str, Any]] | None = None
     # Only with a safety monitor: when the arm was stopped, and why; see
     # `measures.safety_stops`.
     safety_stops: list[dict[str, float | str]] | None = None
@@ -135,9 +136,7 @@ class Metrics:
         ]
         return "\n".join(f"{name:20} {value}" for name, value in rows)
 
-    def _objects_table(
-        self, objects: Mapping[str, Mapping[str, bool | str | int]]
-    ) -> str:
+    def _objects_table(self, objects: Mapping[str, Mapping[str, Any]]) -> str:
         word = "success" if self.success else f"failure: {self.failure}"
         rate = "-" if self.picks_per_hour is None else f"{self.picks_per_hour:.0f}"
         rows = [

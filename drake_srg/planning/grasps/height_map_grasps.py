@@ -30,8 +30,8 @@ class HeightMapGrasps(TopGraspSearch):
         config, middles = self._config, relief.map.middles()
         points = [thing.middle for thing in relief.things]
         parts = [middles[tuple(thing.cells.T)] for thing in relief.things]
-        if self.reach is not None:
-            parts = [part[self.reach.contains(part)] for part in parts]
+        if self._reach is not None:
+            parts = [part[self._reach.contains(part)] for part in parts]
         total = sum(map(len, parts))
         for part in parts:
             share = round(config.points * len(part) / max(total, 1))

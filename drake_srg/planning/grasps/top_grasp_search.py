@@ -77,9 +77,6 @@ class TopGraspSearch(abc.ABC):
         table: World z of the table [m].
         reach: Where the hand can be; None for everywhere.
         config: Numbers and thresholds; None for the defaults.
-
-    Attributes:
-        reach: See above.
     """
 
     def __init__(
@@ -90,7 +87,7 @@ class TopGraspSearch(abc.ABC):
         reach: Reach | None = None,
         config: TopGraspConfig | None = None,
     ) -> None:
-        self._fingers, self._table, self.reach = fingers, table, reach
+        self._fingers, self._table, self._reach = fingers, table, reach
         self._config = config or TopGraspConfig()
         self._judge = PinchJudge(fingers, self._config)
         coarse = dc.replace(self._config, step=0.004, across=0.009)
@@ -161,8 +158,8 @@ class TopGraspSearch(abc.ABC):
         if judge is None or wrap is None:
             return []
         found = judge.judge(relief, *judge.places(relief, things))
-        if self.reach is not None:
-            found = found.take(np.flatnonzero(self.reach.contains(found.p_W)))
+        if self._reach is not None:
+            found = found.take(np.flatnonzero(self._reach.contains(found.p_W)))
         found = judge.refine(relief, found.best(self._config.kept))
         rows = _rows(self.allowed(relief, found.best(self._config.kept)))
         grasps = [self._grasp(row, wrap.deepest) for row in rows]
@@ -195,9 +192,9 @@ class TopGraspSearch(abc.ABC):
 
     def _within_reach(self, p_W: Vector, yaw: Vector) -> tuple[Vector, Vector]:
         """Return the proposals that the hand reaches."""
-        if self.reach is None:
+        if self._reach is None:
             return p_W, yaw
-        reached = self.reach.contains(p_W)
+        reached = self._reach.contains(p_W)
         return p_W[reached], yaw[reached]
 
     def _grasp(self, row: Candidates, deepest: float) -> TopGrasp:
@@ -260,17 +257,17 @@ class TopGraspSearch(abc.ABC):
     def _anywhere(self) -> TopGraspSearch:
         """Return the same search without limits of reach."""
         search = copy.copy(self)
-        search.reach = None
+        search._reach = None
         return search
 
     def _refuse(self, relief: Relief, thing: Thing, seed: int) -> Refusal:
         """Return why there is no grasp of a thing."""
         points = relief.map.middles()[thing.cells[:, 0], thing.cells[:, 1]]
-        if self.reach is not None and not self.reach.contains(points).any():
+        if self._reach is not None and not self._reach.contains(points).any():
             failure = Failure.OUT_OF_REACH
         elif len(relief.things) > 1 and self._takes(relief.only(thing), seed):
             failure = Failure.BLOCKED
-        elif self.reach is not None and self._anywhere()._takes(
+        elif self._reach is not None and self._anywhere()._takes(
             relief.only(thing), seed
         ):
             failure = Failure.OUT_OF_REACH
