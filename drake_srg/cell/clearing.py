@@ -13,6 +13,7 @@ from drake_srg.cell.hands import MakeHand
 from drake_srg.cell.planners import own_scene
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.planning.clearing.aside import posture_aside
+from drake_srg.planning.clearing.bin_motions import BinMotions
 from drake_srg.planning.clearing.choosing import ChoosingPlanner, ChosenGrasps
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
@@ -178,7 +179,7 @@ def _motions_to(
     scene: PlanningScene,
     hand: Hand,
     scenario: Scenario,
-) -> ClearingMotions:
+) -> BinMotions:
     """Return the motions into a bin between two corners of `box` [m].
 
     Raises:
@@ -195,7 +196,7 @@ def _motions_to(
         q_over = _posture_over(scene, q_home, p_WO, [along, along + np.pi], _ANY_YAW)
     except ScenarioError as error:
         raise ScenarioError(f"{bin_key(scenario, name)}: {error}") from None
-    return ClearingMotions(
+    return BinMotions(
         scene,
         Moves(scene, hand.p_GT, scenario.planner),
         q_home,

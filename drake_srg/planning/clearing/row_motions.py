@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.trajectories import Trajectory
 
-from drake_srg.planning.clearing.clearing_motions import ClearingMotions
+from drake_srg.planning.clearing.clearing_motions import TIPS, ClearingMotions
 from drake_srg.planning.clearing.columns import standing
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.load import Load
@@ -16,8 +16,6 @@ from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import HeightMap, Mode, Vector
 
-# Margin of the hand between things [m]: its neighbours stand where they were put.
-_TIPS = 0.0
 # Height above its support at which a thing is let go [m].
 _ABOVE = 0.002
 # Distance from the place within which all of a thing is [m]: the least spacing of
@@ -64,8 +62,6 @@ class RowMotions(ClearingMotions):
             q_over,
             destination=row_destination(place),
             table=table,
-            rim=float(place[2]),
-            aside=np.zeros(2),
             config=config,
         )
         self._place = np.asarray(place, dtype=float)
@@ -82,13 +78,13 @@ class RowMotions(ClearingMotions):
         """See `ClearingMotions`; the way with the load ends where it is set down."""
         scene, moves = self.scene, self._moves
         scene.SetFingers(grasp.fingers_closed)
-        with scene.reaching(_TIPS):
+        with scene.reaching(TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, least))
             lifting = moves.timed(up, moves.holding, straight=True)
         X_WG = scene.X_WG(self.q_over)
         p_WG = X_WG.translation()
         middle = X_WG.rotation() @ load.middle_G
-        level = np.array([*(self._place - load.aside_W - p_WG - middle)[:2], 0.0])
+        level = np.array([*(self._place - p_WG - middle)[:2], 0.0])
         over = HandTarget.from_pose(X_WG).shifted(level)
         palm = float(grasp.X_WG.translation()[2]) - self._table  # above the support
         lower = float(p_WG[2] - self._place[2]) - palm - _ABOVE
@@ -98,7 +94,7 @@ class RowMotions(ClearingMotions):
                 goal = moves.straight(self.q_over, over)[-1]
                 across = moves.joint_path(up[-1], goal)
                 crossing = moves.timed(across, moves.holding)
-            with scene.reaching(_TIPS):
+            with scene.reaching(TIPS):
                 lowering = moves.timed(
                     moves.straight(goal, down), moves.holding, straight=True
                 )

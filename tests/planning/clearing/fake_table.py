@@ -47,6 +47,11 @@ def table(*places, tall=TALL):
     return height_map
 
 
+def moved(height_map):
+    """Return a map of this table where the scenarios have theirs."""
+    return dc.replace(height_map, origin=height_map.origin + np.array([0.4, -0.1]))
+
+
 def crossing(inside, outside, height=0.15):
     """Return a bin with walls, and a bar over its front rim, so far on both sides."""
     deep = dc.replace(BIN, rim=0.12)

@@ -8,8 +8,7 @@ from drake_srg.cell.clearing import MakeClearingPlanner
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.scenario import load_scenario
 from drake_srg.types import Mode
-from planning.clearing.fake_table import SIDE, grasp_at, table
-from planning.clearing.test_clearing_motions import moved
+from planning.clearing.fake_table import SIDE, grasp_at, moved, table
 
 PLACE = (0.55, 0.05)
 

@@ -1,0 +1,202 @@
+"""The motions of one pick that drops its load into a bin, or lays it down there."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses as dc
+
+import numpy as np
+from pydrake.trajectories import Trajectory
+
+from drake_srg.planning.clearing.clearing_motions import TIPS, ClearingMotions
+from drake_srg.planning.clearing.columns import standing
+from drake_srg.planning.clearing.destination import Destination, Spots
+from drake_srg.planning.clearing.laying import laying_targets
+from drake_srg.planning.clearing.load import Load
+from drake_srg.planning.grasps.top_grasp import TopGrasp
+from drake_srg.planning.motion.failure import NoPathError
+from drake_srg.planning.motion.hand_target import HandTarget
+from drake_srg.planning.motion.limits import MotionLimits
+from drake_srg.planning.motion.moves import Moves
+from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
+from drake_srg.planning.motion.planning_scene import PlanningScene
+from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.types import HeightMap, Mode, Vector
+
+# Distance that the load keeps from the bin's rim [m].
+_RIM = 0.03
+# Shares of the distance from the arm by which a load is drawn in that it cannot lift
+# high enough where it is.
+_DRAWN_IN = (0.15, 0.3, 0.45)
+# A long load swings as it is lifted. At full speed, a hammer of 0.67 kg pulls itself
+# out of the pads. Share of that speed while a load that may hang is lifted.
+_GENTLE = 0.6
+
+
+class BinMotions(ClearingMotions):
+    """Plans picks of things that go into a bin.
+
+    Args:
+        scene: The arm, the gripper, the furniture and the bin.
+        moves: The moves in that scene.
+        q_home: Where the arm begins and ends, shape (N,) [rad].
+        q_over: High over the bin, with the hand down, shape (N,) [rad]. In neither
+            posture may the arm hide the table from the cameras.
+        destination: The bin.
+        table: Height of the table [m].
+        rim: Height of the bin's rim [m].
+        aside: From the bin's middle to where every third load is dropped, and to the
+            other side for the one after it, shape (2,) [m]: things do not pile up.
+        config: Distances and speeds.
+    """
+
+    def __init__(
+        self,
+        scene: PlanningScene,
+        moves: Moves,
+        q_home: Vector,
+        q_over: Vector,
+        *,
+        destination: Destination,
+        table: float,
+        rim: float,
+        aside: Vector,
+        config: PlannerConfig,
+    ) -> None:
+        super().__init__(
+            scene,
+            moves,
+            q_home,
+            q_over,
+            destination=destination,
+            table=table,
+            config=config,
+        )
+        self._rim = rim
+        self._aside = np.array([*aside, 0.0])
+
+    def _going(self, load: Load, number: int, filled: float, spots: Spots) -> Load:
+        """See `ClearingMotions`: in turn to the middle and to either side."""
+        side = 0 if load.long else (number + 1) % 3 - 1
+        return dc.replace(
+            load,
+            aside_W=side * self._aside,
+            piled=max(filled - self._rim, 0.0),
+            spots=spots.tall if load.tall else spots.long if load.may_hang else (),
+        )
+
+    def _carry(
+        self,
+        q_grasp: Vector,
+        grasp: TopGrasp,
+        load: Load,
+        least: float,
+        height_map: HeightMap,
+        lifted: Load,
+    ) -> dict[Mode, Trajectory]:
+        """See `ClearingMotions`.
+
+        It is lifted as high as `lifted` needs, and let go as `load` needs.
+        """
+        scene, moves = self.scene, self._moves
+        rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
+        scene.SetFingers(grasp.fingers_closed)
+        with scene.reaching(TIPS):
+            path = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
+            up = PathPart(path, STRAIGHT)
+            lifting = moves.timed_part(up, self._lifting(load))
+        with standing(scene, height_map, self._table, taken=grasp.p_WC):
+            return self._into_bin(up, lifting, grasp, load, lifted)
+
+    def _lifting(self, load: Load) -> MotionLimits:
+        """Return the limits of motions that lift a load."""
+        limits = self._moves.holding
+        return limits.scaled(_GENTLE, _GENTLE**2) if load.may_hang else limits
+
+    def _drawn_in(self, q: Vector, load: Load) -> Vector:
+        """Return the way up and towards the arm's first joint from `q`, (k, N) [rad].
+
+        Raises:
+            NoPathError: If the arm cannot go there.
+        """
+        X_WG = self.scene.X_WG(q)
+        away = (X_WG.translation() - self.scene.p_WA) * [1.0, 1.0, 0.0]
+        up = np.array([0.0, 0.0, load.sag + load.piled])
+        for share in _DRAWN_IN:
+            target = HandTarget.from_pose(X_WG).shifted(up - share * away)
+            try:
+                path: Vector = self._moves.straight(q, target)
+            except NoPathError as error:
+                failed = error
+            else:
+                return path
+        raise failed
+
+    def _into_bin(
+        self,
+        up: PathPart,
+        lifting: Trajectory,
+        grasp: TopGrasp,
+        load: Load,
+        lifted: Load,
+    ) -> dict[Mode, Trajectory]:
+        """Return the motions with a load along `up` and on to where it is let go.
+
+        The load's middle is over the bin's or beside that, and just above its rim and
+        whatever is in it, or as far above as the hand is at `q_over`. It is dropped
+        there. Where `load.spots` has a place that the arm reaches, it is laid or set
+        down there instead.
+
+        Raises:
+            NoPathError: If the arm cannot go there.
+        """
+        X_WG, moves = self.scene.X_WG(self.q_over), self._moves
+        palm = float(grasp.X_WG.translation()[2]) - self._table
+        least = self._rim + load.piled + load.sag + _RIM + palm
+        high = min(float(X_WG.translation()[2]), least)
+        for spot in load.spots:
+            begin, *others = laying_targets(X_WG, load, palm, spot, high)
+            with contextlib.suppress(NoPathError):
+                carried, q_begin = self._carried(up, lifting, begin, load, lifted)
+                with self.scene.reaching(TIPS):
+                    down = moves.through(q_begin, others)
+                    laying = moves.timed(down, moves.holding)
+                return carried | {Mode.PLACE: laying}
+        aside = load.aside_W - X_WG.rotation() @ load.expected_middle
+        lower = float(X_WG.translation()[2]) - high
+        place = HandTarget.from_pose(X_WG).shifted(np.array([*aside[:2], -lower]))
+        return self._carried(up, lifting, place, load, lifted)[0]
+
+    def _carried(
+        self,
+        up: PathPart,
+        lifting: Trajectory,
+        place: HandTarget,
+        load: Load,
+        lifted: Load,
+    ) -> tuple[dict[Mode, Trajectory], Vector]:
+        """Return the motions with a load to a place, and their end, shape (N,) [rad].
+
+        Args:
+            up: The line on which it is lifted.
+            lifting: The motion along that line, which ends at rest.
+            place: Where it is let go, or the way down begins.
+            load: The load.
+            lifted: The load as it must clear what is below it as it is lifted.
+
+        Raises:
+            NoPathError: If the arm cannot go there.
+        """
+        moves, q = self._moves, up.path[-1]
+        with self._loaded(lifted):
+            over = moves.straight(self.q_over, place)[-1]
+            drawn = q[np.newaxis] if lifted is load else self._drawn_in(q, load)
+            with self._loaded(load):
+                across = PathPart(moves.joint_path(drawn[-1], over))
+            if lifted is not load:
+                lift = joined([up, PathPart(drawn)])
+                lifting = moves.timed_part(lift, self._lifting(load))
+            motions = (lifting, moves.timed_part(across, moves.holding))
+            if lifted is load and not load.may_hang:
+                motions = self._without_rest(motions, (up, across), moves.holding)
+        return dict(zip((Mode.LIFT, Mode.TRANSFER), motions, strict=True)), over
