@@ -33,8 +33,7 @@ NOISE = tuple(
 )
 # Things that are wider on every side, as they lie, do not fit the hand [m].
 WIDEST = 0.13
-# What has moved less since the first pick has been out of reach all the time, as has
-# what lay outside the ring in which the hand can point down [m].
+# What has moved less since the first pick has been out of reach all the time [m].
 _STAYED = 0.01
 
 
@@ -185,13 +184,15 @@ def _under_what_stays(thing: Mapping[str, Any], metrics: Metrics) -> bool:
 def _in_reach(thing: Mapping[str, Any], reach: Reach | None) -> bool:
     """Return whether the arm could reach an object before the first pick, or later.
 
-    What it could reach at first and is scattered counts, too.
+    What it could reach at first and is scattered counts, too. What lay outside the ring
+    counts only if it was cleared all the same, whatever the planner says of it.
     """
-    if thing["outcome"] != Failure.OUT_OF_REACH.value:
+    if thing["cleared"]:
         return True
-    if float(thing["moved_m"]) < _STAYED:
+    if reach is not None and not reach.contains(np.array([thing["lay_at_m"]])).all():
         return False
-    return reach is None or bool(reach.contains(np.array([thing["lay_at_m"]])).all())
+    out_of_reach = thing["outcome"] == Failure.OUT_OF_REACH.value
+    return not (out_of_reach and float(thing["moved_m"]) < _STAYED)
 
 
 def of_scene(runs: Mapping[Case, Metrics], scene: str) -> list[Metrics]:

@@ -22,6 +22,8 @@ from drake_srg.simulation.simulate import STOPPED_BY_USER
 from drake_srg.types import Mode, PlannerStatus
 
 PLACE = "in the bin"
+FIT = f"objects in reach that fit the hand {PLACE}"
+RING = Reach((0.0, 0.0), 0.4, 0.8)
 SCENES = {
     "spread": ("clear_table_fast", ("clutter.count=2",)),
     "sorted": ("sort_table", ()),
@@ -97,10 +99,15 @@ def test_what_is_too_wide_for_the_hand_is_not_asked_for():
     ("moved", "x", "asked"), [(0.0, 0.6, 5), (0.05, 0.6, 6), (0.05, 0.9, 5)]
 )
 def test_what_was_out_of_reach_from_the_first_is_not_asked_for(moved, x, asked):
-    ring = Reach((0.0, 0.0), 0.4, 0.8)
     made = table(outcome="out_of_reach", moved=moved, lay_at=(x, 0.0))
-    found = shares([made], PLACE, ring)
-    assert found["objects in reach that fit the hand in the bin"].total == asked
+    found = shares([made], PLACE, RING)
+    assert found[FIT].total == asked
+
+
+@pytest.mark.parametrize(("x", "asked"), [(0.3, 5), (0.6, 6), (0.9, 5)])
+def test_what_lay_outside_the_ring_is_asked_for_only_if_it_is_cleared(x, asked):
+    made = table(outcome="no_grasp", lay_at=(x, 0.0))
+    assert shares([made], PLACE, RING)[FIT].total == asked
 
 
 def test_picks_and_rates_are_asked_for():
