@@ -13,6 +13,7 @@ from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Diagram, System
 
 from drake_srg.cell import AddCell, MakeCell
+from drake_srg.cell.choosing import chooses
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
@@ -119,7 +120,7 @@ def Simulate(
         if out is not None:
             _remove_earlier(out)
             page.folder = out
-        _warm_up(simulator, cell, built)
+        _warm_up(simulator, cell, built, recorded)
         replayed = recorded or kept is not None
         samples = Samples(name, scenario, diagram, cell, replayed)
         with _written_on_error(lambda: samples.write(out)):
@@ -212,11 +213,17 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     return dc.replace(scenario, cameras=seen)
 
 
-def _warm_up(simulator: Simulator, cell: Diagram, scenario: Scenario) -> None:
+def _warm_up(
+    simulator: Simulator, cell: Diagram, scenario: Scenario, recorded: bool
+) -> None:
     """Let the cameras set themselves up, so that no run includes the time."""
     root = simulator.get_mutable_context()
+    images = ["depth_image"]
+    heights_do = scenario.task.clear is not None and not chooses(scenario)
+    if recorded or not heights_do:
+        images.append("color_image")
     for camera in perception_cameras(scenario):
-        for image in ("color_image", "depth_image"):
+        for image in images:
             name = f"camera_{camera}.{image}"
             if cell.HasOutputPort(name):
                 cell.GetOutputPort(name).Eval(my_context(cell, root))
