@@ -1,11 +1,11 @@
 """A table cleared into a bin: spread objects, poured heaps, noisy depth.
 
 The seeds are not those that the planner was tuned on (0 to 99, 8000 to 8199, 9000 to
-9199), nor those of earlier runs (8200 to 8735, 8760 to 8775). Published rates are not comparable as
-they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took more than
-300 picks an hour at 95 % reliability from heaps of real objects, with a parallel-jaw
-gripper and a suction cup; people take 400 to 600 an hour. Here all is simulated, with
-one gripper, and planning takes `planner.latency`.
+9199), nor those of other runs (8200 to 8735, 8760 to 8775). Published rates are not
+comparable as they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took
+more than 300 picks an hour at 95 % reliability from heaps of real objects, with a
+parallel-jaw gripper and a suction cup; people take 400 to 600 an hour. Here all is
+simulated, with one gripper, and planning takes `planner.latency`.
 """
 
 from __future__ import annotations
