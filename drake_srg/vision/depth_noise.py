@@ -12,9 +12,6 @@ from drake_srg.vision.robust import robust_deviation
 
 Depth = npt.NDArray[np.float32]
 
-# Of so many rows, one tells whether an image is noisy.
-_EVERY = 4
-
 
 def clean(depth: Depth, config: DepthNoiseConfig) -> Depth:
     """Return a depth image without the noise of single pixels.
@@ -27,7 +24,7 @@ def clean(depth: Depth, config: DepthNoiseConfig) -> Depth:
     Returns:
         The image, filtered by a median of 3 x 3 pixels if it is noisy, or itself.
     """
-    if depth_noise(depth[::_EVERY], config.lag) < config.noiseless:
+    if depth_noise(depth, config.lag) < config.noiseless:
         return depth
     filled = _filled(depth, config.known_neighbours)
     return np.asarray(cv2.medianBlur(filled, 3), np.float32)

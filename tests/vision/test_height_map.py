@@ -112,3 +112,22 @@ def test_points_of_a_depth_image():
     finer = points_of(depth, X_WB, imager, DepthNoiseConfig(), subpixels=3)
     assert len(finer) == 9 * len(points)
     np.testing.assert_allclose(finer.mean(axis=0), points.mean(axis=0), atol=1e-6)
+
+
+@given(st.floats(-0.15, 0.15), st.floats(0.0, 0.5))
+def test_points_far_from_the_table_do_not_change_its_map(x, lean):
+    info = CameraInfo(64, 48, np.deg2rad(30.0))
+    imager = CameraModel(info).imager("depth")
+    v, u = np.mgrid[:48, :64]
+    depth = (0.7 + 0.002 * u + 0.003 * (v > 20)).astype(np.float32)
+    X_WB = RigidTransform(DOWN @ RotationMatrix.MakeXRotation(lean), [x, 0.1, 1.5])
+    every, near = (
+        points_of(depth, X_WB, imager, DepthNoiseConfig(), subpixels=2, within=surface)
+        for surface in (None, TABLE)
+    )
+    assert len(near) < len(every)
+    maps = [
+        height_map([cloud], TABLE, max_height=1.0, resolution=RESOLUTION).height
+        for cloud in (every, near)
+    ]
+    np.testing.assert_array_equal(*maps)

@@ -16,7 +16,6 @@ from drake_srg.types import Box, HeightMap, Shape, Vector
 _FORK = 0.02
 _TAKEN_RADIUS = 0.12  # things this near to a grasp are the load itself [m]
 _LEAST_HEIGHT = 0.005  # lower things are below every motion across [m]
-_MOST_NOISE = 0.01  # noise reaches no higher: six deviations of the noisiest maps [m]
 # Noise breaks low things apart. Parts within this many cells of each other are one.
 _GAP = np.ones((5, 5), np.uint8)
 
@@ -31,10 +30,7 @@ def columns(
         table: Height of the table [m].
         size: Width of each box [m].
     """
-    heights = np.nan_to_num(height_map.height - table).astype(np.float32)
-    # A single low cell is noise. A single high one is a wall, such as a mug's.
-    smooth = np.asarray(cv2.medianBlur(heights, 3))
-    heights = np.where(heights > _MOST_NOISE, heights, smooth)
+    heights = np.nan_to_num(height_map.height - table)
     cells = max(1, round(size / height_map.resolution))
     width = cells * height_map.resolution
     boxes: list[tuple[Shape, RigidTransform]] = []

@@ -26,6 +26,17 @@ def test_columns_hold_whatever_stands(place, size):
     assert columns(table(), 0.0, size) == []
 
 
+def test_a_low_edge_counts_and_a_corner_adds_nothing():
+    edge = table()
+    edge.height[40, 20:60] = 0.008  # one cell wide
+    assert len(columns(edge, 0.0, 0.05)) == 4
+    corner = table()
+    corner.height[:20, :40] = TALL
+    corner.height[20:40, :20] = TALL
+    assert len(columns(corner, 0.0, 20 * RESOLUTION)) == 3
+    assert columns(dc.replace(edge, height=np.zeros((0, 0))), 0.0) == []
+
+
 @given(places)
 def test_highest_thing_counts_within_the_radius(place):
     height_map = table(place)
