@@ -43,8 +43,6 @@ _TIPS = 0.02
 _ANY_YAW = tuple(np.linspace(-np.pi, np.pi, 8, endpoint=False))
 # Height of the palm above the bin's rim before the hand goes down to let go [m].
 _OVER = 0.44
-# Distance between the bin's middle and other places to let go, a share of its length.
-_ASIDE = 0.22
 
 
 def without_cut_corners(scenario: Scenario) -> Scenario:
@@ -68,21 +66,15 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     assert scenario.task.clear is not None
     config, table = scenario.planner, scenario.table.height
     scene = own_scene(scenario)
-    hand = MakeHand(scenario, scene.plant)
-    if hand.pinch is None:
-        driver = type(scenario.gripper).__name__
-        raise ScenarioError(
-            f"gripper: must pinch from above with task.pick all, which the hand of "
-            f"!{driver} does not"
-        )
+    hand, fingers = _pinching_hand(scene, scenario)
     into = _motions(scene, hand, scenario)
     q_over = into[0].q_over
-    reach = _reach(scene, hand.pinch, q_over, scenario)
+    reach = _reach(scene, fingers, q_over, scenario)
     places = [motions.destination.middle for motions in into]
     q_aside = posture_aside(scene, q_over, places)
     choosing = chooses(scenario)
     kind = ChosenGrasps if choosing else HeightMapGrasps
-    grasps = kind(hand.pinch, table, reach=reach)
+    grasps = kind(fingers, table, reach=reach)
     if choosing:
         found = labels(scenario)
         planner: PickPlanner = ChoosingPlanner(
@@ -99,7 +91,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             scene,
             Moves(scene, hand.p_GT, config),
             q_over,
-            fingers=hand.pinch,
+            fingers=fingers,
             table=table,
             reach=reach,
             relief=grasps.relief,
@@ -118,10 +110,25 @@ def MakeReach(scenario: Scenario) -> Reach | None:
         ScenarioError: As `MakeClearingPlanner` does.
     """
     scene = own_scene(scenario)
-    hand = MakeHand(scenario, scene.plant)
-    assert hand.pinch is not None
+    hand, fingers = _pinching_hand(scene, scenario)
     q_over = _motions(scene, hand, scenario)[0].q_over
-    return _reach(scene, hand.pinch, q_over, scenario)
+    return _reach(scene, fingers, q_over, scenario)
+
+
+def _pinching_hand(scene: PlanningScene, scenario: Scenario) -> tuple[Hand, Fingers]:
+    """Return the planner's model of the gripper, and of its fingers in pinches.
+
+    Raises:
+        ScenarioError: If the gripper does not pinch from above.
+    """
+    hand = MakeHand(scenario, scene.plant)
+    if hand.pinch is None:
+        driver = type(scenario.gripper).__name__
+        raise ScenarioError(
+            f"gripper: must pinch from above with task.pick all, which the hand of "
+            f"!{driver} does not"
+        )
+    return hand, hand.pinch
 
 
 def _reach(
@@ -205,8 +212,6 @@ def _motions_to(
             low[:2], high[:2], rim=float(high[2]), floor=bin_floor(scenario, name)
         ),
         table=scenario.table.height,
-        rim=float(high[2]),
-        aside=_ASIDE * np.where(size == size.max(), size, 0.0),
         config=scenario.planner,
     )
 

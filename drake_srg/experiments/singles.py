@@ -29,7 +29,8 @@ from drake_srg.experiments.single_things import (
     thing,
     write_meshes,
 )
-from drake_srg.experiments.table_trials import NOISE, WIDEST, Share
+from drake_srg.experiments.table_shares import WIDEST, Share
+from drake_srg.experiments.table_trials import NOISE
 from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario

@@ -15,13 +15,12 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.experiments.table_shares import false_claims, lay_in, shares
 from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
-from drake_srg.sweeps.statistics import wilson_interval
-from drake_srg.types import Failure
 
 # Of a scenario: its name and its overrides.
 Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
@@ -31,10 +30,6 @@ NOISE = tuple(
     f"camera_errors.{camera}={{depth_noise: 0.001, depth_dropout: 0.01}}"
     for camera in ("ceiling", "bin")
 )
-# Things that are wider on every side, as they lie, do not fit the hand [m].
-WIDEST = 0.13
-# What has moved less since the first pick has been out of reach all the time [m].
-_STAYED = 0.01
 
 
 @dc.dataclass(frozen=True)
@@ -88,6 +83,10 @@ def run_tables(
         title: Of the figure.
         limits: What is asked of scenes; nothing of others.
     """
+    reach = {
+        name: MakeReach(load_scenario(base, overrides=overrides))
+        for name, (base, overrides) in scenes.items()
+    }
     runs: dict[Case, Metrics] = {}
     kept = KeptTrials(keep)
     # All scenes with one seed before any with the next.
@@ -97,10 +96,6 @@ def run_tables(
     tables = {
         "trials": trial_columns(runs, place),
         "objects": object_columns(runs, scenes),
-    }
-    reach = {
-        name: MakeReach(load_scenario(base, overrides=overrides))
-        for name, (base, overrides) in scenes.items()
     }
     return ExperimentResult(
         judge(runs, place, limits, reach), tables, draw(runs, place, title, reach)
@@ -123,76 +118,6 @@ def run_trial(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
     if result.status.message == STOPPED_BY_USER:
         raise KeyboardInterrupt  # half a trial is no result
     return dc.asdict(result.metrics)
-
-
-@dc.dataclass(frozen=True)
-class Share:
-    """Successes among trials."""
-
-    count: int
-    total: int
-
-    @property
-    def value(self) -> float:
-        """Their share; 0 without trials."""
-        return self.count / max(self.total, 1)
-
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """The 95 % interval (Wilson)."""
-        return wilson_interval(self.count, self.total)
-
-
-def shares(
-    runs: Sequence[Metrics], place: str, reach: Reach | None = None
-) -> dict[str, Share]:
-    """Return the shares of objects that are in place and of picks held.
-
-    Args:
-        runs: The metrics of the trials.
-        place: Where the objects belong.
-        reach: Where the hand can be; None for everywhere.
-    """
-    total = {
-        key: sum(getattr(m, key) or 0 for m in runs)
-        for key in ("objects_total", "objects_cleared", "picks", "picks_held")
-    }
-    fit = [
-        bool(thing["cleared"])
-        for m in runs
-        for thing in (m.objects or {}).values()
-        if _fits(thing) and _in_reach(thing, reach) and not _under_what_stays(thing, m)
-    ]
-    return {
-        f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
-        f"objects in reach that fit the hand {place}": Share(sum(fit), len(fit)),
-        "picks held": Share(total["picks_held"], total["picks"]),
-    }
-
-
-def _fits(thing: Mapping[str, Any]) -> bool:
-    """Return whether an object was narrow enough for the hand, as it lay."""
-    return float(thing["width_m"]) <= WIDEST
-
-
-def _under_what_stays(thing: Mapping[str, Any], metrics: Metrics) -> bool:
-    """Return whether an object lies under one that does not fit the hand."""
-    above = (metrics.objects or {}).get(str(thing["under"]))
-    return above is not None and not _fits(above)
-
-
-def _in_reach(thing: Mapping[str, Any], reach: Reach | None) -> bool:
-    """Return whether the arm could reach an object before the first pick, or later.
-
-    What it could reach at first and is scattered counts, too. What lay outside the ring
-    counts only if it was cleared all the same, whatever the planner says of it.
-    """
-    if thing["cleared"]:
-        return True
-    if reach is not None and not reach.contains(np.array([thing["lay_at_m"]])).all():
-        return False
-    out_of_reach = thing["outcome"] == Failure.OUT_OF_REACH.value
-    return not (out_of_reach and float(thing["moved_m"]) < _STAYED)
 
 
 def of_scene(runs: Mapping[Case, Metrics], scene: str) -> list[Metrics]:
@@ -220,7 +145,8 @@ def judge(
         limit = (limits or {}).get(scene, Limits())
         rows.append(Row.info(scene, "trials", len(own), "", spread=1.0))
         least = (0.0, limit.cleared, limit.held)
-        found = shares(own, place, (reach or {}).get(scene))
+        ring = (reach or {}).get(scene)
+        found = shares(own, place, ring)
         for (what, share), asked in zip(found.items(), least, strict=True):
             low, high = share.bounds
             rows += [
@@ -228,6 +154,9 @@ def judge(
                 Row.info(scene, f"{what}, at least", low, "", spread=0.15),
                 Row.info(scene, f"{what}, at most", high, "", spread=0.15),
             ]
+        things = [thing for m in own for thing in (m.objects or {}).values()]
+        beyond = sum(not lay_in(ring, thing) for thing in things)
+        rows.append(Row.info(scene, "lay out of reach", beyond, "objects", spread=3.0))
         picks = sum(m.picks or 0 for m in own)
         rows.append(Row.info(scene, "picks", picks, "", spread=3.0 + 0.3 * picks))
         rates = [m.picks_per_hour for m in own if m.picks_per_hour]
@@ -258,11 +187,6 @@ def _asked(
         row = Row.at_least(scene, quantity, least, value, unit, spread=spread)
         return row.because(because) if because else row
     return Row.info(scene, quantity, value, unit, spread=spread)
-
-
-def false_claims(metrics: Metrics) -> int:
-    """Return how many objects more the planner claims than are in place."""
-    return max((metrics.picks_held or 0) - (metrics.objects_cleared or 0), 0)
 
 
 def _reasons(runs: Sequence[Metrics]) -> Counter[str]:

@@ -120,8 +120,8 @@ def Simulate(
         if out is not None:
             _remove_earlier(out)
             page.folder = out
-        _warm_up(simulator, cell, built, recorded)
         replayed = recorded or kept is not None
+        _warm_up(simulator, cell, built, own or replayed or _needs_color(scenario))
         samples = Samples(name, scenario, diagram, cell, replayed)
         with _written_on_error(lambda: samples.write(out)):
             status, times = _run(simulator, cell, scenario, name, samples, progress)
@@ -213,15 +213,17 @@ def _without_unused_cameras(scenario: Scenario, recorded: bool) -> Scenario:
     return dc.replace(scenario, cameras=seen)
 
 
+def _needs_color(scenario: Scenario) -> bool:
+    """Return whether the planner of our own cell sees more than heights."""
+    return scenario.task.clear is None or chooses(scenario)
+
+
 def _warm_up(
-    simulator: Simulator, cell: Diagram, scenario: Scenario, recorded: bool
+    simulator: Simulator, cell: Diagram, scenario: Scenario, color: bool
 ) -> None:
     """Let the cameras set themselves up, so that no run includes the time."""
     root = simulator.get_mutable_context()
-    images = ["depth_image"]
-    heights_do = scenario.task.clear is not None and not chooses(scenario)
-    if recorded or not heights_do:
-        images.append("color_image")
+    images = ["color_image", "depth_image"] if color else ["depth_image"]
     for camera in perception_cameras(scenario):
         for image in images:
             name = f"camera_{camera}.{image}"

@@ -16,7 +16,7 @@ from drake_srg.vision.depth_noise import clean
 from drake_srg.vision.mask import Mask, grow, has_depth
 from drake_srg.vision.surface import Surface
 
-# Around the surface that is mapped. Pixels are patches: they reach over its edge [m].
+# Pixels are patches: those this far outside the mapped surface may reach over it [m].
 _AROUND = 0.02
 
 
@@ -37,8 +37,8 @@ def points_of(
         imager: Its depth imager.
         noise: How its noise is reduced.
         subpixels: Points per side of a pixel, which counts as a patch of one depth.
-        within: Points that are not above or below it, or 2 cm around, are left out;
-            None: none are.
+        within: Keep only points above or below this surface, or within 2 cm of its
+            edges; None keeps all.
     """
     cleaned = clean(np.asarray(depth, np.float32), noise)
     rows, columns = np.nonzero(has_depth(cleaned))
@@ -175,4 +175,4 @@ def _connected(things: Mask, seeds: Mask) -> Mask:
     count, labels = cv2.connectedComponents(things.astype(np.uint8), connectivity=8)
     chosen = np.zeros(count, bool)
     chosen[labels[seeds & things]] = True
-    return np.asarray(chosen[labels] & things)
+    return np.asarray(chosen[labels])

@@ -7,7 +7,7 @@ import pytest
 
 from drake_srg.cell import clearing
 from drake_srg.cell.bins import bin_boxes
-from drake_srg.cell.clearing import MakeClearingPlanner
+from drake_srg.cell.clearing import MakeClearingPlanner, MakeReach
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
@@ -32,14 +32,15 @@ def test_a_bin_without_walls_is_refused(tmp_path):
         bin_boxes(scenario)
 
 
-def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch):
+@pytest.mark.parametrize("make", [MakeClearingPlanner, MakeReach])
+def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch, make):
     def without_pinch(scenario, plant):
         return dc.replace(MakeHand(scenario, plant), pinch=None)
 
     monkeypatch.setattr(clearing, "MakeHand", without_pinch)
     scenario = load_scenario("clear_table", overrides=["clutter.count=1"])
     with pytest.raises(ScenarioError, match=r"^gripper: must pinch from above"):
-        MakeClearingPlanner(scenario)
+        make(scenario)
 
 
 @pytest.mark.parametrize("name", ["table", "floor"])

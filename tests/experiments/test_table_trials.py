@@ -13,70 +13,25 @@ from drake_srg.experiments.table_trials import (
     judge,
     object_columns,
     run_tables,
-    shares,
     trial_columns,
 )
 from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.simulation.metrics import Metrics
 from drake_srg.simulation.simulate import STOPPED_BY_USER
 from drake_srg.types import Mode, PlannerStatus
+from experiments.made_tables import table
 
 PLACE = "in the bin"
 FIT = f"objects in reach that fit the hand {PLACE}"
-RING = Reach((0.0, 0.0), 0.4, 0.8)
 SCENES = {
     "spread": ("clear_table_fast", ("clutter.count=2",)),
     "sorted": ("sort_table", ()),
 }
 
 
-def table(
-    total=6,
-    cleared=5,
-    picks=8,
-    held=4,
-    outcome="too_wide",
-    moved=0.0,
-    lay_at=(0.6, 0.0),
-):
-    things = {
-        f"clutter_{i + 1}": {
-            "cleared": i < cleared,
-            "outcome": "cleared" if i < cleared else outcome,
-            "attempts": 1,
-            "width_m": 0.2 if outcome == "too_wide" and i >= cleared else 0.06,
-            "lay_at_m": lay_at,
-            "moved_m": 0.8 if i < cleared else moved,
-            "under": "",
-        }
-        for i in range(total)
-    }
-    return types.SimpleNamespace(
-        success=True,
-        failure=None,
-        objects_total=total,
-        objects_cleared=cleared,
-        picks=picks,
-        picks_held=held,
-        picks_per_hour=600.0,
-        sim_time_s=30.0,
-        objects=things,
-    )
-
-
 def rows(*tables, limits=None):
     runs = {Case("spread", i): metrics for i, metrics in enumerate(tables)}
     return {row.quantity: row for row in judge(runs, PLACE, limits)}
-
-
-def test_shares_count_all_tables():
-    found = shares([table(), table(cleared=6, picks=2, held=2)], PLACE)
-    assert (found["objects in the bin"].count, found["objects in the bin"].total) == (
-        *(11, 12),
-    )
-    assert found["picks held"].value == 0.6
-    low, high = found["picks held"].bounds
-    assert low < 0.6 < high
 
 
 def test_reasons_and_picks_are_counted():
@@ -87,27 +42,18 @@ def test_reasons_and_picks_are_counted():
 
 def test_what_is_too_wide_for_the_hand_is_not_asked_for():
     limits = {"spread": Limits(cleared=0.99)}
-    fit = "objects in reach that fit the hand in the bin"
-    assert rows(table(), limits=limits)[fit].passed
+    assert rows(table(), limits=limits)[FIT].passed
     left = rows(table(outcome="no_grasp"), limits=limits)
-    assert left[fit].measured == pytest.approx(5 / 6)
-    assert not left[fit].passed
-    assert rows(table(outcome="no_grasp"))[fit].passed  # then nothing is asked
+    assert left[FIT].measured == pytest.approx(5 / 6)
+    assert not left[FIT].passed
+    assert rows(table(outcome="no_grasp"))[FIT].passed  # then nothing is asked
 
 
-@pytest.mark.parametrize(
-    ("moved", "x", "asked"), [(0.0, 0.6, 5), (0.05, 0.6, 6), (0.05, 0.9, 5)]
-)
-def test_what_was_out_of_reach_from_the_first_is_not_asked_for(moved, x, asked):
-    made = table(outcome="out_of_reach", moved=moved, lay_at=(x, 0.0))
-    found = shares([made], PLACE, RING)
-    assert found[FIT].total == asked
-
-
-@pytest.mark.parametrize(("x", "asked"), [(0.3, 5), (0.6, 6), (0.9, 5)])
-def test_what_lay_outside_the_ring_is_asked_for_only_if_it_is_cleared(x, asked):
-    made = table(outcome="no_grasp", lay_at=(x, 0.0))
-    assert shares([made], PLACE, RING)[FIT].total == asked
+def test_what_lay_out_of_reach_is_counted():
+    runs = {Case("spread", 0): table(lay_at=(0.9, 0.0))}
+    reach = {"spread": Reach((0.0, 0.0), 0.4, 0.8)}
+    found = {row.quantity: row for row in judge(runs, PLACE, None, reach)}
+    assert found["lay out of reach"].measured == 6
 
 
 def test_picks_and_rates_are_asked_for():

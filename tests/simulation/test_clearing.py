@@ -8,9 +8,10 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.cell.bins import bin_boxes
 from drake_srg.cell.choosing import row_places
+from drake_srg.objects.household import object_facts
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.clearing import clearing_outcome, least_width
-from drake_srg.simulation.log_format import MODES, pose_to_row
+from drake_srg.simulation.log_format import MODES, pose_to_row, row_to_pose
 from drake_srg.simulation.metrics import RunTimes, calc_metrics
 from drake_srg.types import Failure, Left, Mode, PlannerStatus
 
@@ -112,8 +113,10 @@ def test_objects_tell_how_far_they_have_moved(scenario, way):
     made[f"object_pose.{A}"][2:, :3] += way
     found = clearing_outcome(scenario, made, PlannerStatus(mode=Mode.DONE))
     assert found.objects[A].moved_m == pytest.approx(np.linalg.norm(way), abs=1e-9)
-    x, y, _ = made[f"object_pose.{B}"][1, :3]
-    np.testing.assert_allclose(found.objects[B].lay_at_m, [x, y], atol=0.05)
+    facts = object_facts(A, scenario.objects[A])
+    middle = 0.5 * (facts.low + facts.high)
+    lay_at = row_to_pose(made[f"object_pose.{A}"][1]) @ middle
+    np.testing.assert_allclose(found.objects[A].lay_at_m, lay_at[:2], atol=1e-9)
     assert found.objects[B].moved_m == 0.0
 
 

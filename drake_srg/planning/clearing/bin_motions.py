@@ -10,21 +10,21 @@ from pydrake.trajectories import Trajectory
 
 from drake_srg.planning.clearing.clearing_motions import TIPS, ClearingMotions
 from drake_srg.planning.clearing.columns import standing
-from drake_srg.planning.clearing.destination import Destination, Spots
+from drake_srg.planning.clearing.destination import Spots
 from drake_srg.planning.clearing.laying import laying_targets
 from drake_srg.planning.clearing.load import Load
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.limits import MotionLimits
-from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
-from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import HeightMap, Mode, Vector
 
 # Distance that the load keeps from the bin's rim [m].
 _RIM = 0.03
+# Of three loads, one is dropped in the bin's middle and the others so far to either
+# side along it, as a share of its length: things do not pile up.
+_ASIDE = 0.22
 # Shares of the distance from the arm by which a load is drawn in that it cannot lift
 # high enough where it is.
 _DRAWN_IN = (0.15, 0.3, 0.45)
@@ -36,54 +36,28 @@ _GENTLE = 0.6
 class BinMotions(ClearingMotions):
     """Plans picks of things that go into a bin.
 
-    Args:
-        scene: The arm, the gripper, the furniture and the bin.
-        moves: The moves in that scene.
-        q_home: Where the arm begins and ends, shape (N,) [rad].
-        q_over: High over the bin, with the hand down, shape (N,) [rad]. In neither
-            posture may the arm hide the table from the cameras.
-        destination: The bin.
-        table: Height of the table [m].
-        rim: Height of the bin's rim [m].
-        aside: From the bin's middle to where every third load is dropped, and to the
-            other side for the one after it, shape (2,) [m]: things do not pile up.
-        config: Distances and speeds.
+    Its destination has a rim.
     """
 
-    def __init__(
-        self,
-        scene: PlanningScene,
-        moves: Moves,
-        q_home: Vector,
-        q_over: Vector,
-        *,
-        destination: Destination,
-        table: float,
-        rim: float,
-        aside: Vector,
-        config: PlannerConfig,
-    ) -> None:
-        super().__init__(
-            scene,
-            moves,
-            q_home,
-            q_over,
-            destination=destination,
-            table=table,
-            config=config,
-        )
-        self._rim = rim
-        self._aside = np.array([*aside, 0.0])
-
-    def _going(self, load: Load, number: int, filled: float, spots: Spots) -> Load:
-        """See `ClearingMotions`: in turn to the middle and to either side."""
+    def _with_destination(
+        self, load: Load, number: int, filled: float, spots: Spots
+    ) -> Load:
+        """See `ClearingMotions`: the middle of the bin and either side take turns."""
+        size = self.destination.high - self.destination.low
+        aside = _ASIDE * np.where(size == size.max(), size, 0.0)
         side = 0 if load.long else (number + 1) % 3 - 1
         return dc.replace(
             load,
-            aside_W=side * self._aside,
+            aside_W=side * np.array([*aside, 0.0]),
             piled=max(filled - self._rim, 0.0),
             spots=spots.tall if load.tall else spots.long if load.may_hang else (),
         )
+
+    @property
+    def _rim(self) -> float:
+        """Height of the bin's rim [m]."""
+        assert self.destination.rim is not None, "a bin has a rim"
+        return self.destination.rim
 
     def _carry(
         self,

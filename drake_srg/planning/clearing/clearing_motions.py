@@ -88,8 +88,9 @@ class ClearingMotions(Ways, abc.ABC):
             q_start: Where the arm is, at rest, shape (N,) [rad].
             grasp: The grasp.
             height_map: Of the table, for motions to keep clear of what is on it.
-            number: Of loads that were dropped before.
-            filled: World z up to which a bin may be filled [m].
+            number: Of loads that were dropped before; only bins take note of it, and
+                of what follows.
+            filled: World z up to which the bin may be filled [m].
             spots: Where loads that may hang from the hand are laid down, and tall ones
                 set down. All others are dropped, and without spots, these, too.
         """
@@ -116,7 +117,7 @@ class ClearingMotions(Ways, abc.ABC):
         load = Load.seen(self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table)
         if grasp.wrapped:  # the palm keeps it level
             load = load.level
-        load = self._going(load, number, filled, spots)
+        load = self._with_destination(load, number, filled, spots)
         # High above the things around, the hand is out of their way. Far from its base,
         # the arm does not get that high: then the hand passes between them, if it can,
         # and draws what hangs from it in.
@@ -135,8 +136,10 @@ class ClearingMotions(Ways, abc.ABC):
                     failed = error
         raise failed
 
-    def _going(self, load: Load, number: int, filled: float, spots: Spots) -> Load:
-        """Return a load with where it goes; see `plan`."""
+    def _with_destination(
+        self, load: Load, number: int, filled: float, spots: Spots
+    ) -> Load:
+        """Return a load with what is known of where it goes; see `plan`."""
         return load
 
     @abc.abstractmethod

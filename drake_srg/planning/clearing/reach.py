@@ -20,7 +20,7 @@ _STARTS = 4  # of inverse kinematics in the middle
 
 
 def turned_to(scene: PlanningScene, q: Vector, p_W: Vector) -> Vector:
-    """Return a posture turned about the arm's first joint until the hand faces a place.
+    """Return a posture turned about the arm's first joint to face a place.
 
     The best start of inverse kinematics for a hand there: from a posture that faces
     elsewhere, the solver often ends with the arm bent backwards, or nowhere. The first
@@ -32,7 +32,7 @@ def turned_to(scene: PlanningScene, q: Vector, p_W: Vector) -> Vector:
         p_W: The place, shape (2 or 3,) [m].
 
     Returns:
-        Shape (N,) [rad], within the joint's limits.
+        Shape (N,) [rad], turned as far as the joint's limits allow.
     """
     (x, y), (x_to, y_to) = (
         p[:2] - scene.p_WA[:2] for p in (scene.X_WG(q).translation(), p_W)

@@ -196,7 +196,7 @@ def _sticking_out(
 ) -> Iterator[npt.NDArray[np.intp]]:
     """Yield the cells (n, 2) of each part that sticks out of something wider.
 
-    What is nowhere wider does not stick out of anything.
+    Things without a part that wide yield nothing.
 
     Args:
         high: Where things are, shape (ny, nx).
@@ -224,10 +224,7 @@ def _breadth(cells: npt.NDArray[np.intp]) -> float:
 
 
 def _depth(mask: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
-    """Return the distance of each cell from the nearest one outside a mask, in cells.
-
-    Half a cell less than from that one's middle.
-    """
+    """Return the distance of each cell's middle from a mask's edge, in cells."""
     distance = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     return np.maximum(np.asarray(distance, np.float32) - 0.5, 0.0)
 

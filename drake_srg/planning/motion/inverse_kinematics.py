@@ -20,6 +20,7 @@ from drake_srg.types import Failure, Vector
 # A solvable call needs 5 to 20 major iterations; one that needs more is lost.
 _OPTIONS = SolverOptions()
 _OPTIONS.SetOption(SnoptSolver.id(), "Major iterations limit", 60)
+_JOINT_MARGIN = 0.02  # distance kept from the joint limits [rad]
 # The cosine of an angle has no slope at 0, and SNOPT meets constraints to 1e-6: an axis
 # with a smaller tolerance [rad] is kept at 90 degrees to two normals of its direction.
 _SMALL_ANGLE = 1.4e-3
@@ -72,7 +73,7 @@ def solve_inverse_kinematics(
     *,
     q_nominal: Vector,
     q_guess: Vector | None = None,
-    joint_margin: float = 0.02,
+    joint_margin: float = _JOINT_MARGIN,
     max_starts: int = 12,
     good_cost: float = np.inf,
     check_clearance: bool = True,
@@ -146,7 +147,7 @@ def solve_inverse_kinematics(
 
 
 def solve_from(
-    scene: PlanningScene, target: HandTarget, start: Vector, joint_margin: float = 0.02
+    scene: PlanningScene, target: HandTarget, start: Vector
 ) -> Vector | None:
     """Solve for a posture near another one that reaches `target`, free or not.
 
@@ -154,12 +155,11 @@ def solve_from(
         scene: The arm.
         target: Where the hand must be.
         start: The only start, shape (N,) [rad].
-        joint_margin: Distance kept from the joint limits [rad].
 
     Returns:
         The posture, shape (N,) [rad]; None if none is found from there.
     """
-    limits = (scene.lower + joint_margin, scene.upper - joint_margin)
+    limits = (scene.lower + _JOINT_MARGIN, scene.upper - _JOINT_MARGIN)
     q, solved = _Program(scene, target, limits).solve(start, start)
     return q if solved else None
 

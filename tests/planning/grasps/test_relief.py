@@ -101,7 +101,7 @@ def test_a_ball_beside_a_plate_has_a_middle_of_its_own():
         [(60, 80, 20, 0.03), (98, 80, 20, 0.06)],  # neither is wide
     ],
 )
-def test_other_parts_do_not(circles):
+def test_a_handle_or_a_narrow_neighbour_shares_the_common_middle(circles):
     found = discs(*circles)
     (thing,) = found.things
     np.testing.assert_array_equal(
@@ -110,13 +110,13 @@ def test_other_parts_do_not(circles):
     )
 
 
-def test_nor_do_the_corners_of_a_lying_box():
+def test_the_corners_of_a_lying_box_share_its_middle():
     (thing,) = (found := relief((4, 96, 2, 76, 0.06))).things
     apart = found.thing_middles[tuple(thing.cells.T)] - thing.middle
     np.testing.assert_array_equal(apart, 0.0)
 
 
-def test_nor_do_a_short_part_and_a_thin_thing():
+def test_a_short_part_and_a_thin_thing_share_the_common_middle():
     for boxes in (
         [(60, 98, 10, 60, 0.04), (30, 60, 30, 38, 0.02)],
         [(2, 90, 30, 50, 0.02)],
