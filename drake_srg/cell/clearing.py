@@ -101,18 +101,22 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
     return ClearingPlanner(planner, hand.num_joints, hand.num_sensors)
 
 
-def MakeReach(scenario: Scenario) -> Reach | None:
+def MakeReach(scenario: Scenario) -> Reach:
     """Return where a scenario's hand can point down with its tips on the table.
 
-    None if it cannot in the middle of `task.clear.region`.
-
     Raises:
-        ScenarioError: As `MakeClearingPlanner` does.
+        ScenarioError: As `MakeClearingPlanner` does, or if the hand cannot in the
+            middle of `task.clear.region`.
     """
     scene = own_scene(scenario)
     hand, fingers = _pinching_hand(scene, scenario)
     q_over = _motions(scene, hand, scenario)[0].q_over
-    return _reach(scene, fingers, q_over, scenario)
+    reach = _reach(scene, fingers, q_over, scenario)
+    if reach is None:
+        raise ScenarioError(
+            "task.clear.region: the hand must reach down to the table in its middle"
+        )
+    return reach
 
 
 def _pinching_hand(scene: PlanningScene, scenario: Scenario) -> tuple[Hand, Fingers]:
@@ -222,10 +226,10 @@ def _posture_over(
     p_WO: Vector,
     *yaws: Iterable[float],
 ) -> Vector:
-    """Return the posture nearest to home with the hand down over the bin, (N,) [rad].
+    """Return the posture nearest to home with the hand down over a place, (N,) [rad].
 
     Args:
-        scene: The arm and the bin.
+        scene: The arm, and what stands around it.
         q_home: The arm's home, shape (N,) [rad].
         p_WO: Where the palm must be, shape (3,) [m].
         *yaws: Directions in which the fingers may close, from the world's x [rad];

@@ -129,7 +129,7 @@ def judge(
     runs: Mapping[Case, Metrics],
     place: str,
     limits: Mapping[str, Limits] | None = None,
-    reach: Mapping[str, Reach | None] | None = None,
+    reach: Mapping[str, Reach] | None = None,
 ) -> list[Row]:
     """Expect that limits are kept and no claim is false, and state the rest.
 
@@ -248,7 +248,7 @@ def draw(
     runs: Mapping[Case, Metrics],
     place: str,
     title: str,
-    reach: Mapping[str, Reach | None],
+    reach: Mapping[str, Reach],
 ) -> Any:
     """Draw the shares of each scene with their intervals; see `judge`."""
     scenes = list(dict.fromkeys(case.scene for case in runs))

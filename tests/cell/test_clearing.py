@@ -43,6 +43,13 @@ def test_a_gripper_that_does_not_pinch_from_above_is_refused(monkeypatch, make):
         make(scenario)
 
 
+def test_a_table_that_the_hand_does_not_reach_has_no_ring():
+    region = "task.clear.region={min: [1.1, -0.1], max: [1.3, 0.1]}"
+    scenario = load_scenario("clear_table", overrides=["clutter.count=1", region])
+    with pytest.raises(ScenarioError, match=r"^task\.clear\.region: the hand must"):
+        MakeReach(scenario)
+
+
 @pytest.mark.parametrize("name", ["table", "floor"])
 def test_furniture_is_no_bin(name):
     overrides = ["clutter.count=1", f"task.place.bin={name}"]

@@ -32,13 +32,16 @@ def turned_to(scene: PlanningScene, q: Vector, p_W: Vector) -> Vector:
         p_W: The place, shape (2 or 3,) [m].
 
     Returns:
-        Shape (N,) [rad], turned as far as the joint's limits allow.
+        Shape (N,) [rad], turned as far as the joint's limits allow, the other way
+        round where they forbid the short one.
     """
     (x, y), (x_to, y_to) = (
         p[:2] - scene.p_WA[:2] for p in (scene.X_WG(q).translation(), p_W)
     )
     turn = np.arctan2(x * y_to - y * x_to, x * x_to + y * y_to)
-    first = np.clip(q[0] + turn, scene.lower[0], scene.upper[0])
+    turned = q[0] + turn + 2.0 * np.pi * np.array([0.0, -1.0, 1.0])
+    allowed = np.clip(turned, scene.lower[0], scene.upper[0])
+    first = allowed[np.argmin(abs(allowed - turned))]
     return np.array([first, *q[1:]])
 
 
@@ -70,6 +73,7 @@ def reach_with_hand_down(
         scene,
         target(middle),
         q_nominal=q_nominal,
+        q_guess=turned_to(scene, q_nominal, p_WG),
         max_starts=_STARTS,
         check_clearance=False,
     )

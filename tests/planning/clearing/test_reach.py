@@ -45,3 +45,14 @@ def test_an_arm_that_is_turned_to_a_place_has_its_hand_before_it(
     hand = scene.X_WG(turned).translation() - scene.p_WA
     assert np.arctan2(hand[1], hand[0]) == pytest.approx(azimuth, abs=1e-6)
     np.testing.assert_array_equal(turned[1:], home[1:])
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_arm_at_its_limit_turns_the_other_way_round(scenario, side):
+    scene, home = own_scene(scenario), np.array(scenario.arm.home)
+    behind = side * np.radians(145.0)
+    place = scene.p_WA[:2] + 0.6 * np.array([np.cos(behind), -np.sin(behind)])
+    turned = turned_to(scene, np.array([behind, *home[1:]]), place)
+    hand = scene.X_WG(turned).translation() - scene.p_WA
+    assert np.arctan2(hand[1], hand[0]) == pytest.approx(-behind, abs=1e-6)
+    assert scene.lower[0] <= turned[0] <= scene.upper[0]
