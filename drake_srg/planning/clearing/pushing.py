@@ -55,6 +55,8 @@ def best_push(
 ) -> Push | None:
     """Return the push that moves the top of the highest heap to where there is room.
 
+    Room out of reach counts for nothing, so a heap at the edge is pushed inwards.
+
     Args:
         relief: What stands on the table.
         table: Height of the table [m].
@@ -62,7 +64,7 @@ def best_push(
         tried: Pushes that did not help; similar ones are left out.
     """
     for thing in sorted(relief.things, key=lambda t: -t.top):
-        pushes = _pushes(relief, thing, table)
+        pushes = _pushes(relief, thing, table, reach)
         if reach is not None:
             pushes = [
                 (free, push)
@@ -75,8 +77,10 @@ def best_push(
     return None
 
 
-def _pushes(relief: Relief, thing: Thing, table: float) -> list[tuple[float, Push]]:
-    """Return pushes of the uppermost thing, each with how free its way is."""
+def _pushes(
+    relief: Relief, thing: Thing, table: float, reach: Reach | None
+) -> list[tuple[float, Push]]:
+    """Return pushes of the uppermost thing, each with how much room is in reach."""
     above = relief.above[thing.cells[:, 0], thing.cells[:, 1]]
     top = float(np.quantile(above, 0.98))  # single cells are noise
     if not _reaches_below(relief, thing, top - _FLAT):
@@ -93,13 +97,17 @@ def _pushes(relief: Relief, thing: Thing, table: float) -> list[tuple[float, Pus
         hand = _patch(start, along, across, (-_AROUND, _AROUND), 2.0 * _AROUND)
         if relief.lookup(hand).max() > height - _UNDER:
             continue
-        there = _patch(middle, along, across, (s.max(), s.max() + _ROOM), _ACROSS)
-        free = float(np.mean(_is_free(relief, there)))
-        if free < _LEAST_FREE:
+        room = _patch(middle, along, across, (s.max(), s.max() + _ROOM), _ACROSS)
+        there = room.reshape(-1, 2)
+        free = _is_free(relief, there)
+        if np.mean(free) < _LEAST_FREE:
             continue
+        if reach is not None:
+            free &= reach.contains(there)
         ends = (start, start + (_BEFORE + _FAR) * along)
         z = table + height
-        found.append((free, Push(*(np.array([*end, z]) for end in ends))))
+        push = Push(*(np.array([*end, z]) for end in ends))
+        found.append((float(np.mean(free)), push))
     return found
 
 
@@ -128,8 +136,8 @@ def _patch(
 
 
 def _is_free(relief: Relief, p_W: Vector) -> Vector:
-    """Return where the table itself is seen, shape (...)."""
-    cells = relief.map.cells(p_W.reshape(-1, 2))
+    """Return at which of points (n, 2) the table itself is seen, shape (n,)."""
+    cells = relief.map.cells(p_W)
     shape = np.array(relief.above.shape)
     inside = np.all((cells >= 0) & (cells < shape), axis=1)
     iy, ix = np.clip(cells, 0, shape - 1).T

@@ -24,7 +24,7 @@ class Ways:
     Args:
         scene: The arm, the gripper and the furniture.
         moves: The moves in that scene.
-        q_over: High over the bin, with the hand down, shape (N,) [rad].
+        q_over: High over where loads go, with the hand down, shape (N,) [rad].
     """
 
     def __init__(self, scene: PlanningScene, moves: Moves, q_over: Vector) -> None:

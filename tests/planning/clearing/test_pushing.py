@@ -104,3 +104,12 @@ def test_flat_things_are_not_pushed(middle, side):
 def test_what_is_out_of_reach_is_not_pushed():
     relief = relief_of(*heap((0.4, 0.4)))
     assert best_push(relief, 0.0, Reach((0.0, 0.0), 0.9, 1.0)) is None
+
+
+@given(st.floats(-np.pi, np.pi))
+def test_a_heap_at_the_edge_of_reach_is_pushed_inwards(azimuth):
+    out = np.array([np.cos(azimuth), np.sin(azimuth)])
+    middle = np.array([0.4, 0.4])
+    reach = Reach(tuple(middle - 0.7 * out), 0.3, 0.8)
+    push = best_push(relief_of(*heap(middle)), 0.0, reach)
+    assert (push.end_W - push.start_W)[:2] @ out < 0.0
