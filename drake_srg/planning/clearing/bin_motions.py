@@ -66,11 +66,30 @@ class BinMotions(ClearingMotions):
         load: Load,
         least: float,
         height_map: HeightMap,
+    ) -> dict[Mode, Trajectory]:
+        """See `ClearingMotions`; what cannot be lifted so high may hang level."""
+        for lifted in (load, load.level):
+            try:
+                return self._carry_over(q_grasp, grasp, load, least, height_map, lifted)
+            except NoPathError as error:
+                failed = error
+        raise failed
+
+    def _carry_over(
+        self,
+        q_grasp: Vector,
+        grasp: TopGrasp,
+        load: Load,
+        least: float,
+        height_map: HeightMap,
         lifted: Load,
     ) -> dict[Mode, Trajectory]:
-        """See `ClearingMotions`.
+        """Return the motions with a load that is lifted as high as `lifted` needs.
 
-        It is lifted as high as `lifted` needs, and let go as `load` needs.
+        It is let go as `load` needs.
+
+        Raises:
+            NoPathError: If there are none.
         """
         scene, moves = self.scene, self._moves
         rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table

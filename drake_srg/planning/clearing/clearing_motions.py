@@ -124,16 +124,9 @@ class ClearingMotions(Ways, abc.ABC):
         for height in dict.fromkeys((approach, near)):
             try:
                 to = self._approach(q_start, q_grasp, grasp, height, height_map)
+                return to | self._carry(q_grasp, grasp, load, height, height_map)
             except NoPathError as error:
                 failed = error
-                continue
-            for lifted in (load, load.level):
-                try:
-                    return to | self._carry(
-                        q_grasp, grasp, load, height, height_map, lifted
-                    )
-                except NoPathError as error:
-                    failed = error
         raise failed
 
     def _with_destination(
@@ -150,7 +143,6 @@ class ClearingMotions(Ways, abc.ABC):
         load: Load,
         least: float,
         height_map: HeightMap,
-        lifted: Load,
     ) -> dict[Mode, Trajectory]:
         """Return the motions with a load, which is lifted by `least` [m] or more.
 
@@ -160,7 +152,6 @@ class ClearingMotions(Ways, abc.ABC):
             load: What it takes.
             least: The least height [m].
             height_map: Of the table.
-            lifted: The load as it must clear what is below it as it is lifted.
 
         Raises:
             NoPathError: If there are none.

@@ -73,7 +73,6 @@ class RowMotions(ClearingMotions):
         load: Load,
         least: float,
         height_map: HeightMap,
-        lifted: Load,
     ) -> dict[Mode, Trajectory]:
         """See `ClearingMotions`; the way with the load ends where it is set down."""
         scene, moves = self.scene, self._moves
