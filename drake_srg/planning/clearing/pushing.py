@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from drake_srg.planning.clearing.comparing import parts
 from drake_srg.planning.grasps.relief import Relief, Thing
@@ -135,13 +136,11 @@ def _patch(
     return points
 
 
-def _is_free(relief: Relief, p_W: Vector) -> Vector:
+def _is_free(relief: Relief, p_W: Vector) -> npt.NDArray[np.bool_]:
     """Return at which of points (n, 2) the table itself is seen, shape (n,)."""
     cells = relief.map.cells(p_W)
     shape = np.array(relief.above.shape)
     inside = np.all((cells >= 0) & (cells < shape), axis=1)
     iy, ix = np.clip(cells, 0, shape - 1).T
-    free: Vector = (
-        inside & ~relief.unknown[iy, ix] & (relief.above[iy, ix] < relief.least)
-    )
-    return free
+    low = relief.above[iy, ix] < relief.least
+    return np.asarray(inside & ~relief.unknown[iy, ix] & low)
