@@ -6,6 +6,7 @@ import dataclasses as dc
 from collections.abc import Mapping
 from typing import Any
 
+import cv2
 import numpy as np
 from pydrake.trajectories import Trajectory
 
@@ -36,6 +37,8 @@ _CORE = 0.03
 # Of what a hand over the bin holds, at least this share is near the bin. A long thing
 # that was pushed there lies on both sides of the limit.
 _LEAST_NEAR = 0.8
+# Noise raises the cells at the edges of what has risen.
+_EDGES = np.ones((5, 5), np.uint8)
 
 
 @dc.dataclass(frozen=True)
@@ -65,9 +68,10 @@ class Pick:
     def without_load(self, seen: HeightMap) -> HeightMap:
         """Return a map without the hand over a bin and its load.
 
-        What reaches over the edge of the bin would look like a thing on the table.
-        Something that really comes to lie there is seen in later looks, or now, if it
-        reaches further.
+        What reaches over the edge of the bin would look like a thing on the table, and
+        so would the end of it that reaches further than what is left out. Something
+        that really comes to lie there is seen in later looks, or now, if most of it
+        does.
         """
         if self.destination.rim is None:
             return seen
@@ -76,6 +80,8 @@ class Pick:
         for part in parts(fallen(self.height_map, seen) < 0.0, seen.resolution):
             if np.mean(near[part]) < _LEAST_NEAR:
                 risen &= ~part
+            else:
+                risen |= cv2.dilate(part.astype(np.uint8), _EDGES) > 0
         height = np.where(risen, np.nan, seen.height)
         return completed(dc.replace(seen, height=height), self.height_map)
 

@@ -16,6 +16,8 @@ from drake_srg.types import HeightMap, Vector
 _NEAR = 0.01
 # Smoothing rounds edges; it pays from this noise on [m].
 _NOISY = 3e-4
+# Noise makes specks that look like small things: among it, a thing is larger by this.
+_SPECKS = 2.0
 # A thing is higher than the table's noise by this many standard deviations. From there
 # it extends over whatever is higher than it by so many.
 _DEVIATIONS, _EXTENDS = 4.0, 2.0
@@ -78,7 +80,8 @@ class Relief:
             map_: The map.
             table: World z of the table [m].
             least_height: Of a thing [m].
-            least_area: Of a thing as seen from above [m²].
+            least_area: Of a thing as seen from above [m²]; twice that if the map is
+                noisy.
         """
         unknown = np.isnan(map_.height)
         above = np.where(unknown, 0.0, map_.height - table).astype(np.float32)
@@ -86,6 +89,7 @@ class Relief:
         if noise > _NOISY:
             above = np.asarray(cv2.medianBlur(above, 3), np.float32)
             noise = _noise(above[~unknown])
+            least_area *= _SPECKS
         least = max(least_height, _DEVIATIONS * noise)
         extends = max(least_height, _EXTENDS * noise)
         labels, things = _things(map_, above, least, extends, least_area)

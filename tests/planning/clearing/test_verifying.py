@@ -167,6 +167,19 @@ def test_a_load_in_the_hand_is_no_thing_beside_the_bin():
     np.testing.assert_array_equal(seen.height, table(far).height)
 
 
+def test_the_end_of_the_hand_over_the_bin_is_no_thing_on_the_table():
+    """It was cut off at the limit of what is left out, and picked."""
+    before = table(A)
+    small = dc.replace(
+        BIN, low=np.array([0.35, 0.3]), high=np.array([0.4, 0.35]), rim=0.12
+    )
+    limit, after = small.low[0] - AROUND, table()
+    x, y = np.moveaxis(after.middles(), -1, 0)
+    after.height[(x > limit - 0.02) & (x < limit + 0.15) & (y > 0.3)] = TALL
+    seen = over_bin(before, small).without_load(after)
+    np.testing.assert_array_equal(seen.height, table().height)
+
+
 def test_what_was_pushed_towards_the_bin_shows_as_a_whole():
     """Cut off at the limit of what is left out, a wide box looked narrow enough."""
     before, after = table(A), table()

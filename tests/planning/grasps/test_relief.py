@@ -33,6 +33,13 @@ def test_specks_and_flat_things_are_none():
     assert relief((10, 12, 20, 22, 0.05), (60, 70, 40, 60, 0.003)).things == ()
 
 
+def test_what_noise_may_have_raised_is_a_speck():
+    """The hand went for one of 16 x 8 mm, twice."""
+    speck = (40, 46, 40, 44, 0.009)
+    assert len(relief(speck).things) == 1
+    assert relief(speck, noise=0.001).things == ()
+
+
 def test_noise_raises_what_counts():
     quiet, noisy = relief(), relief(noise=0.003)
     assert quiet.noise == pytest.approx(0.0, abs=1e-6)
