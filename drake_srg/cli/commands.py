@@ -11,6 +11,7 @@ import dataclasses as dc
 import json
 import shutil
 import subprocess
+import sys
 import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +19,13 @@ from typing import TYPE_CHECKING
 from drake_srg.cli import doctor as machine
 from drake_srg.cli.hardware import run_hardware
 from drake_srg.cli.objects import list_objects
-from drake_srg.cli.process import SUCCESS, TASK_FAILED, end_on_sigterm, writing
+from drake_srg.cli.process import (
+    BAD_INPUT,
+    SUCCESS,
+    TASK_FAILED,
+    end_on_sigterm,
+    writing,
+)
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.status_line import StatusLine
 
@@ -190,13 +197,19 @@ def bench(options: argparse.Namespace) -> int:
         for name in options.scenario or scenarios_with_fast_variant()
     }
     peer = None if options.peers is None else measure_robosuite(options.peers)
-    benchmarks = {}
+    benchmarks, errors = {}, []
     with StatusLine(shown=options.console.progress) as line:
         for number, (name, scenario) in enumerate(scenarios.items()):
             stem = Path(name).stem
             line.count(number, len(scenarios), f"scenarios measured, now {stem}")
-            benchmarks[stem] = run_benchmark(scenario, stem)
-        line.count(len(scenarios), len(scenarios), "scenarios measured")
+            try:
+                benchmarks[stem] = run_benchmark(scenario, stem)
+            except ScenarioError as failed:
+                errors.append(str(failed))
+        line.count(len(scenarios), len(scenarios), "scenarios done")
+    error = "; ".join(errors)
+    if not benchmarks:
+        raise ScenarioError(error)
     imports = import_times()
     options.console.say(benchmark_table(benchmarks), "")
     for what, time in imports.items():
@@ -211,8 +224,11 @@ def bench(options: argparse.Namespace) -> int:
             share = benchmark.total / peer.total
             options.console.say(f"{name} : PickPlaceCan  {share:.2f} of the wall clock")
         answer["robosuite"] = dc.asdict(peer)
+    if errors:
+        print(f"drake-srg: {error}", file=sys.stderr)
+        answer["error"] = error
     options.console.answer(answer)
-    return SUCCESS
+    return BAD_INPUT if errors else SUCCESS
 
 
 def doctor(options: argparse.Namespace) -> int:

@@ -170,6 +170,7 @@ def make_parser() -> argparse.ArgumentParser:
         "bench",
         commands.bench,
         "measure how fast scenarios run, and where the time goes",
+        "Exit code: 0 every scenario was measured, 2 at least one was not.",
     )
     _add_scenario(
         bench,

@@ -7,27 +7,14 @@ import time as wall
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, EventStatus
-from pydrake.systems.primitives import TrajectorySource
-from pydrake.trajectories import PiecewisePolynomial
+from pydrake.systems.framework import Diagram
 
-from drake_srg.cell import AddCell, MakeCell
+from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import scenario_errors
-from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario, list_scenarios
-from drake_srg.simulation.flat import MakeRoot
+from drake_srg.simulation.bare_plant import InputRecorder, MakeBarePlant
 from drake_srg.simulation.simulate import Simulate, failure_time
-from drake_srg.station.plant import AddPlant
-from drake_srg.types import Failure, Mode, PlannerStatus, Vector
-
-# Inputs of the plant that a replay needs: subsystem of the station, output port, and
-# the plant's input port with the model instance it belongs to.
-_PLANT_INPUTS = (
-    ("arm_driver", "desired_state", "arm", "get_desired_state_input_port"),
-    ("arm_driver", "actuation", "arm", "get_actuation_input_port"),
-    ("gripper_driver", "actuation", "gripper", "get_actuation_input_port"),
-)
+from drake_srg.types import Failure
 
 # Importing toppra is left to planners that use it.
 _IMPORTS = """
@@ -104,10 +91,9 @@ def scenarios_with_fast_variant() -> list[str]:
 
 
 def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
-    """Measure a run of a scenario, its plant alone, and single images.
+    """Measure a run of a scenario, its plant alone, and single looks.
 
-    The bare plant gets the inputs recorded in a run, held constant between its steps.
-    So it makes the same contacts, with none of our systems attached.
+    The bare plant gets the inputs recorded in a run; see `MakeBarePlant`.
 
     Args:
         scenario: The scenario to measure.
@@ -117,21 +103,28 @@ def run_benchmark(scenario: Scenario, name: str = "scenario") -> Benchmark:
         ScenarioError: If the models do not fit the scenario, or Drake aborts the run.
         KeyboardInterrupt: If the user stops the run.
     """
-    inputs = _record_inputs(scenario, name)
+    recorder = InputRecorder(scenario, name)
+    recorder.run_task()  # before the measured run, which then finds all imports loaded
     start = wall.perf_counter()
     result = Simulate(scenario, name=name)
     elapsed = wall.perf_counter() - start
     if result.status.failure is Failure.STOPPED:
         raise KeyboardInterrupt
     times = result.metrics
+    recorder.advance(times.sim_time_s)  # while objects settle
+    simulator, advance = MakeBarePlant(scenario, recorder.trajectories(), name)
+    with failure_time(f"{name}: bare plant", simulator):
+        plant = _timed(lambda: advance(times.sim_time_s))
+    with scenario_errors(name):
+        rendering = _look_time(scenario, result.status.looks)
     return Benchmark(
         result=times.failure or "success",
         placement_error=times.placement_error_m,
         simulated=times.sim_time_s,
         total=times.wall_time_s,
-        plant=_replay(scenario, inputs, times.sim_time_s),
+        plant=plant,
         planning=times.planning_wall_s,
-        rendering=_look_time(scenario, result.status.looks),
+        rendering=rendering,
         setup=elapsed - times.wall_time_s,
     )
 
@@ -150,62 +143,11 @@ def import_times() -> dict[str, float]:
     return {what: _timed(run(code)) for what, code in programs.items()}
 
 
-def _record_inputs(scenario: Scenario, name: str) -> dict[int, PiecewisePolynomial]:
-    """Return the plant's inputs at each of its steps in a run, as trajectories."""
-    builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, name)
-    with scenario_errors(name):
-        diagram = builder.Build()
-        simulator = Simulator(diagram)
-        ApplySimulatorConfig(scenario.simulator_config, simulator)
-    station = cell.GetSubsystemByName("station")
-    cell_context = my_context(cell, simulator.get_context())
-    times: list[float] = []
-    rows: list[list[Vector]] = [[] for _ in _PLANT_INPUTS]
-    ports = [
-        (station.GetSubsystemByName(driver), output)
-        for driver, output, *_ in _PLANT_INPUTS
-    ]
-
-    def monitor(root: Context) -> EventStatus:
-        times.append(root.get_time())
-        for (driver, output), values in zip(ports, rows, strict=True):
-            context = driver.GetMyContextFromRoot(root)
-            values.append(np.array(driver.GetOutputPort(output).Eval(context)))
-        status: PlannerStatus = cell.GetOutputPort("planner.status").Eval(cell_context)
-        if status.mode in (Mode.DONE, Mode.FAILED):
-            return EventStatus.ReachedTermination(diagram, "the planner has ended")
-        return EventStatus.Succeeded()
-
-    simulator.set_monitor(monitor)
-    with failure_time(name, simulator):
-        simulator.AdvanceTo(scenario.task.repeat * scenario.planner.time_budget + 1.0)
-    # The last step can be shorter than the plant's. Keep one sample per time.
-    unique = np.unique(np.round(times, 9), return_index=True)[1]
-    breaks = np.array(times)[unique]
-    return {
-        i: PiecewisePolynomial.ZeroOrderHold(breaks, np.array(values)[unique].T)
-        for i, values in enumerate(rows)
-    }
-
-
-def _replay(
-    scenario: Scenario, inputs: dict[int, PiecewisePolynomial], duration: float
-) -> float:
-    """Return the wall-clock time of the bare plant on recorded inputs [s]."""
-    builder = DiagramBuilder()
-    plant, _ = AddPlant(builder, scenario)
-    for i, (*_, name, port) in enumerate(_PLANT_INPUTS):
-        source = builder.AddSystem(TrajectorySource(inputs[i]))
-        target = getattr(plant, port)(plant.GetModelInstanceByName(name))
-        builder.Connect(source.get_output_port(), target)
-    simulator = Simulator(builder.Build())
-    ApplySimulatorConfig(scenario.simulator_config, simulator)
-    simulator.Initialize()
-    return _timed(lambda: simulator.AdvanceTo(duration))
-
-
 def _look_time(scenario: Scenario, looks: int) -> float:
-    """Return the wall-clock time of that many looks at the blobs [s].
+    """Return the wall-clock time of that many looks of the planner [s].
+
+    A look is at the blobs or, if the scenario clears its table, at the height map of
+    the table. Looks into the bins count as looks at the table.
 
     The first look costs more because each context sets up a renderer of its own. The
     setup of a process's very first renderer is excluded: a run does it before it starts
@@ -214,12 +156,14 @@ def _look_time(scenario: Scenario, looks: int) -> float:
     if looks == 0:
         return 0.0
     cell: Diagram = MakeCell(scenario)
-    port = cell.GetOutputPort("localizer.blobs")
-    port.Eval(cell.CreateDefaultContext())
-    context = cell.CreateDefaultContext()
+    planner = cell.GetSubsystemByName("planner")
+    port = planner.GetInputPort("height_map" if scenario.task.clear else "blobs")
+    port.Eval(planner.GetMyContextFromRoot(cell.CreateDefaultContext()))
+    root = cell.CreateDefaultContext()
+    context = planner.GetMyContextFromRoot(root)
     times = []
     for i in range(4):
-        context.SetTime(float(i))  # so that the camera renders anew
+        root.SetTime(float(i))  # so that the camera renders anew
         times.append(_timed(lambda: port.Eval(context)))
     return times[0] + (looks - 1) * float(np.mean(times[1:]))
 

@@ -6,6 +6,7 @@ from replay.tiny_scene import record
 
 from drake_srg.cli import commands
 from drake_srg.cli.main import main
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.simulation import benchmark, peers
 from drake_srg.simulation.benchmark import Benchmark
 from drake_srg.simulation.peers import Peer
@@ -78,3 +79,32 @@ def test_bench_tells_scenarios_imports_and_peers(capsys, monkeypatch):
     assert answer["robosuite"]["lift_steps_per_s"] == 260.0
     assert main(["bench", "kitchen_fast", "--json"]) == 0
     assert "robosuite" not in json.loads(capsys.readouterr().out)
+
+
+def test_bench_prints_the_others_where_a_scenario_cannot_be_measured(
+    capsys, monkeypatch
+):
+    measured = Benchmark("success", None, 8.0, 0.6, 0.3, 0.1, 0.05, 0.4)
+
+    def run_benchmark(scenario, name):
+        if name != "kitchen":
+            raise ScenarioError(f"{name}: no arm")
+        return measured
+
+    monkeypatch.setattr(benchmark, "run_benchmark", run_benchmark)
+    monkeypatch.setattr(benchmark, "import_times", lambda: {"import drake_srg": 0.02})
+    names = ["kitchen_fast", "kitchen", "gripper_bench"]
+    complaint = "kitchen_fast: no arm; gripper_bench: no arm"
+    assert main(["bench", *names, "--quiet"]) == 2
+    assert capsys.readouterr() == ("", f"drake-srg: {complaint}\n")
+    assert main(["bench", *names]) == 2
+    said = capsys.readouterr()
+    assert said.out.split()[0] == "kitchen"
+    assert "import drake_srg              0.02 s" in said.out
+    assert said.err.splitlines()[-1] == f"drake-srg: {complaint}"
+    assert main(["bench", *names, "--json", "--quiet"]) == 2
+    answer = json.loads(capsys.readouterr().out)
+    assert list(answer["scenarios"]) == ["kitchen"]
+    assert answer["error"] == complaint
+    assert main(["bench", "gripper_bench", "--quiet"]) == 2
+    assert capsys.readouterr() == ("", "drake-srg: gripper_bench: no arm\n")
