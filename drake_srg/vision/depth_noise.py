@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from drake_srg.types import Vector
 from drake_srg.vision.config import DepthNoiseConfig
 from drake_srg.vision.mask import has_depth
 from drake_srg.vision.robust import robust_deviation
@@ -24,7 +25,11 @@ def clean(depth: Depth, config: DepthNoiseConfig) -> Depth:
     Returns:
         The image, filtered by a median of 3 x 3 pixels if it is noisy, or itself.
     """
-    if depth_noise(depth, config.lag) < config.noiseless:
+    differences = _second_differences(depth, config.lag)
+    # The noise is 0.6 times the median of their sizes. To count that most are small
+    # takes a tenth of the time.
+    small = np.count_nonzero(np.abs(differences) < config.noiseless)
+    if 2 * small > differences.size or _noise(differences) < config.noiseless:
         return depth
     filled = _filled(depth, config.known_neighbours)
     return np.asarray(cv2.medianBlur(filled, 3), np.float32)
@@ -81,6 +86,18 @@ def depth_noise(depth: Depth, lag: int) -> float:
         depth: See `clean`.
         lag: Distance between the pixels that are compared [pixels].
     """
+    return _noise(_second_differences(depth, lag))
+
+
+def _noise(differences: Vector) -> float:
+    """Return the standard deviation of the numbers behind second differences."""
+    if len(differences) == 0:
+        return 0.0
+    return float(robust_deviation(differences) / np.sqrt(6))
+
+
+def _second_differences(depth: Depth, lag: int) -> Vector:
+    """Return the known second differences of 1 / depth along rows, shape (K,) [1/m]."""
     inverse = np.divide(
         1.0, depth, out=np.full(depth.shape, np.nan), where=has_depth(depth)
     )
@@ -88,7 +105,4 @@ def depth_noise(depth: Depth, lag: int) -> float:
         inverse[:, i : inverse.shape[1] - 2 * lag + i] for i in (0, lag, 2 * lag)
     )
     differences = left - 2 * middle + right
-    differences = differences[np.isfinite(differences)]
-    if len(differences) == 0:
-        return 0.0
-    return float(robust_deviation(differences) / np.sqrt(6))
+    return np.asarray(differences[np.isfinite(differences)])

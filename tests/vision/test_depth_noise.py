@@ -1,6 +1,10 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 
+from drake_srg.vision import depth_noise as module
 from drake_srg.vision.config import DepthNoiseConfig
 from drake_srg.vision.depth_noise import clean, clean_and_measure, depth_noise
 
@@ -47,6 +51,27 @@ def test_an_image_without_noise_is_unchanged():
     cleaned, noise = clean_and_measure(depth, CONFIG)
     assert cleaned is depth
     assert noise == 0.0
+
+
+def test_an_image_without_noise_needs_no_median(monkeypatch):
+    monkeypatch.delattr(module, "robust_deviation")
+    depth = step()
+    assert clean(depth, CONFIG) is depth
+
+
+@given(
+    hnp.arrays(
+        np.float32,
+        st.tuples(st.integers(1, 6), st.integers(3, 9)),
+        elements=st.floats(0.5, 0.5 + 2**-13, width=32)
+        | st.sampled_from([0.0, 1.0, np.inf]),
+    ),
+    st.sampled_from([0.0, 0.5, 1.0, 1.001, 1.5, 2.0, 10.0]),
+)
+def test_only_images_with_less_noise_than_allowed_are_unchanged(depth, factor):
+    noise = depth_noise(depth, lag=1)
+    config = DepthNoiseConfig(noiseless=factor * noise, lag=1)
+    assert (clean(depth, config) is depth) == (noise < config.noiseless)
 
 
 def test_cleaning_removes_noise_and_single_holes():

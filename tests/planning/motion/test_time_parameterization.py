@@ -137,6 +137,7 @@ from drake_srg import MakeCell, load_scenario
 cell = MakeCell(load_scenario({scenario!r}, overrides=[{override!r}]))
 print("toppra" in sys.modules)
 assert "matplotlib.axes" not in sys.modules, "toppra only draws on request"
+assert "scipy" not in sys.modules, "toppra only interpolates on request"
 """
     run = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
@@ -158,3 +159,41 @@ def test_a_module_on_demand_is_imported_when_it_is_used(tmp_path, monkeypatch):
     with on_demand(*names):  # loaded modules stay
         assert sys.modules[names[1]].color == "red"
     assert set(names) <= set(sys.modules)
+
+
+def test_what_a_module_on_demand_holds_is_imported_when_it_is_used(
+    tmp_path, monkeypatch
+):
+    (tmp_path / "curves_on_demand").mkdir()
+    (tmp_path / "curves_on_demand/__init__.py").write_text(
+        "class Line(list):\n    @classmethod\n    def of(cls, *x): return cls(x)"
+    )
+    (tmp_path / "taker_on_demand.py").write_text("from curves_on_demand import Line")
+    monkeypatch.syspath_prepend(tmp_path)
+    with on_demand("curves_on_demand"):
+        import taker_on_demand
+    assert "curves_on_demand" not in sys.modules
+    line = taker_on_demand.Line([1, 2])
+    assert line == taker_on_demand.Line.of(1, 2) == [1, 2]
+    assert type(line) is sys.modules["curves_on_demand"].Line
+
+
+@pytest.mark.slow
+def test_toppra_still_finds_scipy_for_its_own_paths_and_solvers():
+    code = """
+import sys
+import numpy as np
+from drake_srg.planning.motion.time_parameterization import MakeTimeParameterization
+MakeTimeParameterization("toppra")
+import toppra
+from toppra.solverwrapper import ecos_solverwrapper
+assert "scipy" not in sys.modules
+times, values, middle = np.arange(3.0), np.array([[0.0], [1.0], [0.5]]), [0.5, 1.5]
+spline = toppra.SplineInterpolator(times, values)(middle)
+simple = toppra.SimplePath(times, values)(np.array(middle))
+from scipy.interpolate import CubicSpline
+np.testing.assert_array_equal(spline, CubicSpline(times, values)(middle))
+assert np.all(np.isfinite(simple))
+assert ecos_solverwrapper.scipy.sparse.lil_matrix((2, 3)).shape == (2, 3)
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
