@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from drake_srg.common.exceptions import ScenarioError
 from drake_srg.envs.episode_station import SimulationError
-from drake_srg.envs.hand_env import HandEnv, State, Step, clipped
+from drake_srg.envs.hand_env import HandEnv, State, Step, checked, clipped
 from drake_srg.envs.hand_task import LOWEST, START_HEIGHT, ObjectLostError
 from drake_srg.envs.rewards import LIFTED
 from drake_srg.types import Cylinder, Shape, Vector
@@ -114,8 +115,8 @@ class GraspOneShotEnv(HandEnv):
 
     def step(self, action: Any) -> Step:
         """Grasp, lift and shake."""
-        grasp = grasp_of(action, self.estimate, self.table)
         try:
+            grasp = grasp_of(checked(action), self.estimate, self.table)
             self.begin(self.scene, self.joints_at(grasp.over))
             self.move(grasp.at, grasp.preshape, DOWN)
             self.move(grasp.at, grasp.closure, CLOSE)
@@ -124,7 +125,7 @@ class GraspOneShotEnv(HandEnv):
                 self.success = self.survives_shake()
         except ObjectLostError:
             pass
-        except SimulationError as error:
+        except (SimulationError, ScenarioError) as error:  # or out of the arm's reach
             return self.failed_step(error)
         self.lost = not self.success
         truth = self.truth()

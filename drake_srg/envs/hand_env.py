@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -15,7 +15,7 @@ from drake_srg.common.exceptions import ScenarioError, suggest
 from drake_srg.envs.episode_station import SimulationError
 from drake_srg.envs.hand_task import HandTask
 from drake_srg.envs.physics import CONTROL_PERIOD, Physics, choose
-from drake_srg.envs.rewards import REWARDS, Reward, Truth
+from drake_srg.envs.rewards import REWARDS, STEP_REWARDS, Reward, Truth
 from drake_srg.types import Vector
 
 State = npt.NDArray[np.float32]
@@ -45,7 +45,8 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
             of the state and an image of the localizer's camera, or of the video's where
             there is none.
         reward: `shaped`, `success`, `lifted`, a measure of the lifted grasp, such as
-            `slip_margin`, or a function; see `drake_srg.envs.rewards`.
+            `slip_margin`, or a function; see `drake_srg.envs.rewards`. Where no lift is
+            judged, only `shaped`, `success` or a function.
         noise: Standard deviation of the object's estimated position [m].
         touch: Whether observations include the fingers' forces; zeros otherwise.
         critic: Whether `info["critic"]` holds the ground truth; see
@@ -63,6 +64,10 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
     }
     # Meaning of the entries of a state, and of an action.
     observation_names: Sequence[str] = ()
+    # Whether an episode ends with a lift and a shake, which some rewards judge.
+    judges_lift: ClassVar[bool] = True
+    # Steps of the plant per control period; see `Physics`.
+    coarse: ClassVar[int] = 2
     action_names: Sequence[str] = ()
 
     def __init__(
@@ -85,12 +90,12 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         choose("observation", observation, OBSERVATIONS)
         choose("render_mode", render_mode or "rgb_array", ("rgb_array",))
         if not callable(reward):
-            choose("reward", reward, REWARDS)
+            choose("reward", reward, REWARDS if self.judges_lift else STEP_REWARDS)
         self.render_mode = render_mode
         self.touch = touch
         self.critic = critic
         self._reward = reward if callable(reward) else REWARDS[reward]
-        tree = Physics(physics, driver).scenario_tree(scenario, overrides)
+        tree = Physics(physics, driver, self.coarse).scenario_tree(scenario, overrides)
         self._video: str = tree["recording"].get("video_camera", "")
         seen = (tree.get("localizer") or {}).get("cameras") or [self._video]
         self._camera: str | None = seen[0] if observation == "images" else None
@@ -171,8 +176,8 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         values = [*(p / 0.2), thing.mass or 0.0, thing.friction or 0.0, height, speed]
         return np.array(values, dtype=np.float32)
 
-    def failed_step(self, error: SimulationError) -> Step:
-        """Return what a step returns that Drake could not simulate."""
+    def failed_step(self, error: Exception) -> Step:
+        """Return what a step returns that could not be simulated."""
         info: dict[str, Any] = {"success": False, "failure": str(error)}
         if self.critic:
             info["critic"] = np.zeros(7, dtype=np.float32)
@@ -194,3 +199,15 @@ def _box(size: int) -> gymnasium.spaces.Box:
 def clipped(values: Vector) -> State:
     """Return the numbers of an observation or action within -1 .. 1."""
     return np.clip(values, -1.0, 1.0).astype(np.float32)
+
+
+def checked(action: Any) -> Vector:
+    """Return an action as numbers.
+
+    Raises:
+        SimulationError: If they are not all finite.
+    """
+    values = np.asarray(action, dtype=float)
+    if not np.isfinite(values).all():
+        raise SimulationError(f"the action is not finite: {values.tolist()}")
+    return values

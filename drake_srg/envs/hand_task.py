@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses as dc
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -48,6 +48,9 @@ class ObjectLostError(Exception):
 class HandTask:
     """A hand that points down and one object on a table, in a scenario.
 
+    Attributes:
+        places: Whether the hand must also reach `task.place.position`.
+
     Args:
         tree: Of the scenario, with the physics of an environment.
         origin: The scenario's name, for error messages.
@@ -59,6 +62,8 @@ class HandTask:
     Raises:
         ScenarioError: If the scenario does not suit.
     """
+
+    places: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -81,10 +86,11 @@ class HandTask:
         self.goal = np.array(scenario.task.place.position)
         region = np.array([scenario.task.region.min, scenario.task.region.max])
         self._middle = region.mean(axis=0)
+        reached = np.array([*region, self.goal]) if self.places else region
         self._workspace = np.array(
             [
-                [*(region[0] - _MARGIN), self.table + LOWEST],
-                [*(region[1] + _MARGIN), self.table + _HIGHEST],
+                [*(reached.min(axis=0) - _MARGIN), self.table + LOWEST],
+                [*(reached.max(axis=0) + _MARGIN), self.table + _HIGHEST],
             ]
         )
         margin = [[-_AWAY], [_AWAY]]
@@ -118,8 +124,9 @@ class HandTask:
         q = self._home
         for _ in range(100):
             q = self.mover.follow(q, pose)
-        off = np.abs(self.mover.pose(q) - pose)
-        if np.max(off) > 1e-3:
+        off = self.mover.pose(q) - pose
+        off[3] = (off[3] + np.pi) % (2.0 * np.pi) - np.pi
+        if np.max(np.abs(off)) > 1e-3:
             raise ScenarioError(
                 f"task.region: the hand does not reach {np.round(pose[:3], 3).tolist()}"
             )

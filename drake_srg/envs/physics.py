@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses as dc
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, suggest
-from drake_srg.scenario.load import load_tree
+from drake_srg.scenario.load import load_tree, override_tree
 from drake_srg.scenario.yaml_tree import merge
 
 # Time between actions [s]: 21.3 Hz, exact in binary, as are all periods below.
@@ -72,10 +73,13 @@ class Physics:
             and the hand's fine geometry. The wires of `tendon` need a discrete plant:
             there, `train` is `lagged` in steps of 3 ms.
         driver: Of the gripper: `plant`, `position` or `tendon`.
+        coarse: Steps per control period of `train` with a continuous plant: 2; an
+            object that is set down needs 4, or it bounces and falls over.
     """
 
     name: str = "train"
     driver: str = "plant"
+    coarse: int = _COARSE
 
     def __post_init__(self) -> None:
         choose("physics", self.name, PHYSICS)
@@ -91,8 +95,14 @@ class Physics:
             overrides: Entries `KEY=VALUE`, as for `load_scenario`.
 
         Raises:
-            ScenarioError: If the scenario cannot be read, or has no arm or gripper.
+            ScenarioError: If the scenario cannot be read, has no arm or gripper, or
+                an override changes what the physics or the driver decides.
         """
+        if isinstance(overrides, str):
+            raise ScenarioError(
+                f"overrides: must be a list of KEY=VALUE, got {overrides!r}"
+            )
+        overrides = list(overrides)
         tree = load_tree(scenario, overrides)
         for key in ("arm", "gripper"):
             if not isinstance(tree.get(key), dict):
@@ -101,7 +111,7 @@ class Physics:
         changes = self._plant(own)
         step = changes["plant_config"]["time_step"]
         changes["arm"] = {
-            "period": step or CONTROL_PERIOD / _COARSE,
+            "period": step or CONTROL_PERIOD / self.coarse,
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
@@ -114,7 +124,24 @@ class Physics:
             tree.pop("simulator_config", None)
         tree = merge(tree, changes, str(scenario))
         tree["gripper"] = self._gripper(tree["gripper"])
+        self._check_effect(tree, overrides)
         return tree
+
+    def _check_effect(self, tree: dict[str, Any], overrides: Iterable[str]) -> None:
+        """Check that no override is one of what the physics or the driver decides.
+
+        Raises:
+            ScenarioError: If one is.
+        """
+        for override in overrides:
+            other = copy.deepcopy(tree)
+            override_tree(other, [override])
+            if other != tree:
+                key = override.partition("=")[0]
+                raise ScenarioError(
+                    f"overrides: {key}: is not yours to set with physics={self.name} "
+                    f"and driver={self.driver}"
+                )
 
     def _plant(self, own_step: float) -> dict[str, Any]:
         """Return what becomes of a scenario's plant and simulator.
@@ -128,7 +155,7 @@ class Physics:
                 "plant_config": {"time_step": 0.0},
                 "simulator_config": {
                     "integration_scheme": "cenic",
-                    "max_step_size": CONTROL_PERIOD / _COARSE,
+                    "max_step_size": CONTROL_PERIOD / self.coarse,
                     "accuracy": 1e-2,
                     "use_error_control": False,
                 },

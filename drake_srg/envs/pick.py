@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from drake_srg.envs.episode_station import SimulationError
-from drake_srg.envs.hand_env import HandEnv, State, Step, clipped
+from drake_srg.envs.hand_env import HandEnv, State, Step, checked, clipped
 from drake_srg.envs.hand_task import ObjectLostError
 from drake_srg.envs.rewards import LIFTED, Truth
 from drake_srg.envs.scenes import Scene
@@ -101,10 +101,10 @@ class PickEnv(HandEnv):
 
     def step(self, action: Any) -> Step:
         """Move the hand for one control period."""
-        a = np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
-        pose = self.within(self.pose + STEP * a[:4])
         before = self._truth
         try:
+            a = np.clip(checked(action), -1.0, 1.0)
+            pose = self.within(self.pose + STEP * a[:4])
             self.steps += 1
             self.tick(pose, 0.5 * (a[4] + 1.0))
             self._truth = self.truth()

@@ -63,8 +63,9 @@ def success_reward(before: Truth | None, after: Truth) -> float:
 def shaped_reward(before: Truth | None, after: Truth) -> float:
     """Return 1 for success, plus the progress made.
 
-    Progress is a potential, so it leaves the best policy as it is (A. Y. Ng, D. Harada,
-    S. Russell, ICML 1999).
+    What is lost again is taken back, as with a potential (A. Y. Ng, D. Harada,
+    S. Russell, ICML 1999). What has been reached when an episode ends is kept, so this
+    potential does not leave the best policy exactly as it is.
     """
     start = before.progress if before is not None else 0.0
     return float(after.success) + after.progress - start
@@ -112,9 +113,13 @@ def measure_reward(name: str) -> Reward:
     return reward
 
 
-REWARDS: Mapping[str, Reward] = {
+# Those that need no lift to judge.
+STEP_REWARDS: Mapping[str, Reward] = {
     "shaped": shaped_reward,
     "success": success_reward,
+}
+REWARDS: Mapping[str, Reward] = {
+    **STEP_REWARDS,
     "lifted": lifted_reward,
     **{
         name.replace(",", "").replace(" ", "_"): measure_reward(name)

@@ -67,7 +67,7 @@ class SceneSource:
     """
 
     def __init__(self, tree: Mapping[str, Any], origin: str, noise: float) -> None:
-        if not (np.isfinite(noise) and noise >= 0.0):
+        if not isinstance(noise, float | int | np.floating) or not 0 <= noise < np.inf:
             raise ScenarioError(f"noise: must be at least 0 m, got {noise!r}")
         self.noise = noise
         task = tree.get("task") or {}
@@ -84,6 +84,14 @@ class SceneSource:
         drawn = self.name not in (tree.get("objects") or {})
         kinds = clutter["kinds"] if drawn else objects
         self._kinds = [Kind(kind, origin, name) for name, kind in sorted(kinds.items())]
+        models = {kind.model for kind in self._kinds}
+        if len(models) > 1:
+            raise ScenarioError(
+                f"{origin}: clutter.kinds: an environment is built once, so all must "
+                "have a shape, or all the same model; got "
+                + ", ".join(sorted(model or "a shape" for model in models))
+            )
+        (self._model,) = models
 
     def draw(self, rng: np.random.Generator) -> Scene:
         """Draw a scene; all randomness comes from `rng`."""
@@ -121,6 +129,14 @@ class SceneSource:
             error = np.empty(0)
         if error.shape != (2,) or not np.isfinite(error).all():
             raise ScenarioError("scene: estimate_error: must be two numbers [m]")
+        if (config.model or "") != self._model:
+            raise ScenarioError(
+                f"scene: object.model: must be {self._model or 'empty'}, as the "
+                f"environment was built, got {config.model or 'a shape'}"
+            )
+        for key in ("mass", "friction"):
+            if config.shape is not None and getattr(config, key) is None:
+                raise ScenarioError(f"scene: object.{key}: must be given with a shape")
         return self._scene(config, error, tree)
 
     def _scene(
@@ -149,18 +165,22 @@ class Kind:
     def __init__(self, tree: Mapping[str, Any], origin: str, name: str) -> None:
         self._keys: dict[tuple[str, ...], Any] = {}
         for path, node in _leaves(tree):
-            if is_distribution(node):
-                key = ".".join((name, *path))
-                self._keys[path] = load_distribution(node, origin, key)
+            drawn = _distributions(node, origin, ".".join((name, *path)))
+            if drawn is not node:
+                self._keys[path] = drawn
         self._tree = draw_distributions(tree, 0, origin, None, name)
         self._config = load_typed(ObjectConfig, self._tree, origin)
+
+    @property
+    def model(self) -> str:
+        """Its model; empty for a shape."""
+        return str(self._config.model or "")
 
     def draw(self, seed: int) -> tuple[ObjectConfig, dict[str, Any]]:
         """Return the object of a seed, and its tree."""
         config, tree = copy.deepcopy(self._config), copy.deepcopy(dict(self._tree))
-        for path, distribution in self._keys.items():
-            generator = key_generator(seed, ".".join(path))
-            value = np.asarray(distribution.Sample(generator)).tolist()
+        for path, drawn in self._keys.items():
+            value = _sample(drawn, seed, ".".join(path))
             thing, node = config, tree
             for key in path[:-1]:
                 thing, node = getattr(thing, key), node[key]
@@ -178,3 +198,26 @@ def _leaves(
             yield from _leaves(value, (*path, key))
         else:
             yield (*path, key), value
+
+
+def _distributions(node: Any, origin: str, key: str) -> Any:
+    """Return a leaf with Drake's distributions in place of their trees."""
+    if is_distribution(node):
+        return load_distribution(node, origin, key)
+    if isinstance(node, list):
+        found = [
+            _distributions(item, origin, f"{key}[{i}]") for i, item in enumerate(node)
+        ]
+        return (
+            found if any(a is not b for a, b in zip(found, node, strict=True)) else node
+        )
+    return node
+
+
+def _sample(drawn: Any, seed: int, key: str) -> Any:
+    """Return a leaf with a sample in place of each distribution."""
+    if isinstance(drawn, list):
+        return [_sample(item, seed, f"{key}[{i}]") for i, item in enumerate(drawn)]
+    if not hasattr(drawn, "Sample"):
+        return drawn
+    return np.asarray(drawn.Sample(key_generator(seed, key))).tolist()

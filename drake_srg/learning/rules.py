@@ -18,6 +18,12 @@ _TURNED = 0.08  # rad
 _STILL = 0.1  # of the joints' scaled speeds
 _CLOSED = 0.9  # closure of the grasp
 _WIDE = 0.09  # a side that the hand had better not close across [m]
+# How `PickPlaceEnv` scales the goal, and how near to it the hand is over it [m].
+_FAR, _OVER = 0.6, 0.01
+# Height of the hand on the way, and above where it lets go; how far one action lowers
+# what it holds [m].
+_CARRIED, _DROP, _LOWERING = 0.16, 0.002, 0.02
+_DOWN = 0.002  # within this of it, the hand lets go [m]
 
 
 def grasp_height(size_z: float) -> float:
@@ -72,7 +78,33 @@ def pick(observation: Array) -> Array:
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 
 
+def pick_place(observation: Array) -> Array:
+    """Pick, carry the object high to over the goal, set it down, and rise."""
+    o = observation.astype(float)
+    goal, height = _FAR * o[24:26], _NEAR * o[5]
+    away = np.abs(goal).max()
+    closing, pressed = o[22] > 0.0, o[18:22].sum() > 0.0
+    if not closing and away < _OVER:  # it has let go there
+        return np.array([0.0, 0.0, 1.0, 0.0, -1.0], np.float32)
+    grasped = grasp_height(_SIZE * o[8])
+    if not (closing and pressed and height > grasped - _LEVEL):
+        return pick(observation)
+    down = grasped + _DROP - height
+    if away < _OVER:
+        rise = max(down, -_LOWERING)
+    elif height < _CARRIED:
+        return pick(observation)  # which lifts once the fingers are still
+    else:
+        rise = 0.0
+    letting_go = away < _OVER and down > -_DOWN
+    motion = _GAIN * np.array([*goal, rise, 0.0]) / _STEP
+    closure = -1.0 if letting_go else 2.0 * _CLOSED - 1.0
+    return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
+
+
 RULES = {
     "drake_srg/GraspOneShot-v0": grasp_one_shot,
     "drake_srg/Pick-v0": pick,
+    "drake_srg/KitchenPick-v0": pick,
+    "drake_srg/KitchenPickPlace-v0": pick_place,
 }

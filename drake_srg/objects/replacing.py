@@ -58,12 +58,13 @@ def SetObject(
         own = body.default_spatial_inertia()
         inertia = SpatialInertia(config.mass, own.get_com(), own.get_unit_inertia())
         body.SetSpatialInertiaInBodyFrame(plant_context, inertia)
-    if config.friction is not None:
-        inspector = scene_graph.model_inspector()
-        for geometry in plant.GetCollisionGeometriesForBody(body):
-            properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+    inspector = scene_graph.model_inspector()
+    for geometry in plant.GetCollisionGeometriesForBody(body):
+        # The model's own friction may have been replaced before.
+        properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+        if config.friction is not None:
             friction = CoulombFriction(config.friction, config.friction)
             properties.UpdateProperty("material", "coulomb_friction", friction)
-            scene_graph.AssignRole(
-                geometry_context, source, geometry, properties, RoleAssign.kReplace
-            )
+        scene_graph.AssignRole(
+            geometry_context, source, geometry, properties, RoleAssign.kReplace
+        )

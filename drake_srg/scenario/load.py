@@ -175,6 +175,21 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
         ScenarioError: If a file cannot be read, or an override's key leads nowhere.
     """
     tree = _read(Path(name) if str(name).endswith(".yaml") else _builtin(name))
+    override_tree(tree, overrides)
+    _resolve_models(tree, Path.cwd())
+    return tree
+
+
+def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
+    """Change entries of a scenario's tree.
+
+    Args:
+        tree: As of `load_tree`; changed.
+        overrides: Entries `KEY=VALUE`; see `load_scenario`.
+
+    Raises:
+        ScenarioError: If an entry is none, or its key leads nowhere.
+    """
     for override in overrides:
         key, equals, value = override.partition("=")
         if not (key and equals):
@@ -186,8 +201,6 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
                 raise ScenarioError(f"--set {key}: the scenario picks no object")
             key = f"objects.{picked}{key.removeprefix('object')}"
         set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
-    _resolve_models(tree, Path.cwd())
-    return tree
 
 
 def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:

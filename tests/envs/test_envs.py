@@ -10,9 +10,14 @@ from gymnasium.utils.env_checker import check_env
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.envs import ENVIRONMENTS
 from drake_srg.envs.episode_station import SimulationError
+from drake_srg.envs.scenes import SceneSource
+from drake_srg.scenario.load import load_tree
+from drake_srg.types import Box
 from envs.playing import one_shot, play
 
 NAMES = sorted(ENVIRONMENTS)
+CAN = "{model: package://drake_srg/sdf/005_tomato_soup_can.sdf}"
+MUG = "{model: package://drake_srg/sdf/mug.sdf}"
 
 
 def same(first, second):
@@ -135,6 +140,73 @@ def test_a_step_that_fails_in_the_simulator_truncates(pick, monkeypatch):
     assert not info["success"]
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_an_action_that_is_not_finite_truncates(envs, name):
+    env = envs(name)
+    env.reset(seed=0)
+    action = np.full(env.action_space.shape, np.nan)
+    observation, _, terminated, truncated, info = env.step(action)
+    assert env.observation_space.contains(observation)
+    assert (terminated, truncated) == (False, True)
+    assert info["failure"].startswith("the action is not finite: [nan")
+
+
+def test_a_grasp_out_of_the_arms_reach_truncates(envs, monkeypatch):
+    env = envs("GraspOneShot-v0")
+    env.reset(seed=0)
+    far = np.array([9.0, 0.0, 0.0, 0.0])
+    monkeypatch.setattr(type(env), "estimate", far)
+    monkeypatch.setattr(env.mover, "follow", lambda q, pose: q)
+    *_, truncated, info = env.step(np.zeros(6))
+    assert truncated
+    assert "the hand does not reach [9.0, 0.0" in info["failure"]
+
+
+def test_a_grasp_may_turn_past_half_a_turn():
+    """The yaw of the hand and that of the grasp differed by a whole turn."""
+    env = gymnasium.make(
+        "drake_srg/GraspOneShot-v0",
+        scenario="learn_kitchen",
+        overrides=["clutter.kinds.box.yaw=2.9"],
+    ).unwrapped
+    q = env.joints_at(env.over(env._middle, 2.0 * np.pi - 2.9))
+    assert env.mover.pose(q)[3] == pytest.approx(-2.9, abs=1e-3)
+
+
+def test_what_a_list_holds_is_drawn_anew():
+    size = "[!Uniform {min: 0.03, max: 0.06}, 0.05, 0.08]"
+    tree = load_tree("learn_bench", [f"clutter.kinds.box.shape={{size: {size}}}"])
+    source = SceneSource(tree, "learn_bench", 0.0)
+    drawn = [source.draw(np.random.default_rng(seed)).shape for seed in range(8)]
+    sizes = [shape.size for shape in drawn if isinstance(shape, Box)]
+    assert len({first for first, *_ in sizes}) == len(sizes) > 1
+    assert {tuple(rest) for _, *rest in sizes} == {(0.05, 0.08)}
+
+
+def test_a_model_has_its_own_friction_again():
+    """That of the scene before stayed."""
+    env = gymnasium.make(
+        "drake_srg/Pick-v0",
+        overrides=["clutter=null", f"objects.can={CAN}", "task.pick=can"],
+    ).unwrapped
+
+    def friction(**changes):
+        thing = {"model": model, "position": [0.5, 0.0], **changes}
+        env.reset(options={"scene": {"object": thing}})
+        graph = env.station.station.GetSubsystemByName("scene_graph")
+        query = graph.get_query_output_port().Eval(
+            graph.GetMyContextFromRoot(env.station.context)
+        )
+        geometry = env.station.plant.GetCollisionGeometriesForBody(env.station._object)
+        properties = query.inspector().GetProximityProperties(geometry[0])
+        return properties.GetProperty("material", "coulomb_friction").static_friction()
+
+    model = env.reset(seed=0)[1]["scene"]["object"]["model"]
+    own = friction()
+    assert friction(friction=0.1) == 0.1
+    assert friction() == own != 0.1
+
+
 def test_a_lost_object_ends_the_episode(pick):
     pick.reset(seed=0)
     plant, context = pick.station.plant, pick.station.plant_context
@@ -176,9 +248,23 @@ def test_vector_environments_are_made():
         ),
         ({"nois": 0.1}, "unknown keyword 'nois' (did you mean 'noise'?"),
         ({"noise": -1.0}, "noise: must be at least 0 m, got -1.0"),
+        ({"noise": "a"}, "noise: must be at least 0 m, got 'a'"),
         ({"scenario": "nowhere"}, "unknown scenario 'nowhere'"),
         ({"scenario": "clear_table"}, "clear_table: task.pick: must name the only"),
         ({"overrides": ["arm.hom=1"]}, "learn_bench: arm: unknown key 'hom'"),
+        ({"overrides": "table.height=1"}, "overrides: must be a list of KEY=VALUE"),
+        (
+            {"overrides": ["plant_config.time_step=0.001"]},
+            "overrides: plant_config.time_step: is not yours to set with physics=train",
+        ),
+        (
+            {"overrides": ["gripper=!SrgTendonDriver {}"]},
+            "overrides: gripper: is not yours to set with physics=train and driver=pl",
+        ),
+        (
+            {"overrides": [f"clutter.kinds.mug={MUG}"]},
+            "learn_bench: clutter.kinds: an environment is built once",
+        ),
     ],
 )
 def test_a_wrong_keyword_is_one_clear_line(keywords, message):
@@ -188,9 +274,17 @@ def test_a_wrong_keyword_is_one_clear_line(keywords, message):
     assert "\n" not in str(error.value)
 
 
+def test_a_reward_that_judges_a_lift_needs_one():
+    with pytest.raises(ScenarioError, match=r"^reward: unknown 'slip_margin' .*shaped"):
+        gymnasium.make("drake_srg/KitchenPickPlace-v0", reward="slip_margin")
+
+
+BALL = {"_tag": "!Sphere", "radius": 0.03}
+THING = {"shape": BALL, "position": [0.5, 0.0]}
+
+
 def scene_with(**changes):
-    shape = {"_tag": "!Sphere", "radius": 0.03}
-    return {"scene": {"object": {"shape": shape, "position": [0.5, 0.0]}} | changes}
+    return {"scene": {"object": THING} | changes}
 
 
 @pytest.mark.parametrize(
@@ -203,6 +297,12 @@ def scene_with(**changes):
         (scene_with(object={"position": [0.5, 0.0]}), "scene: object: needs a shape"),
         ({"scene": {"objekt": {}}}, "scene: unknown key 'objekt'"),
         ({"scene": {"object": {"mass": 1.0}}}, "scene: object.position: must be given"),
+        (scene_with(), "scene: object.mass: must be given with a shape"),
+        (scene_with(object={**THING, "mass": 1.0}), "scene: object.friction: must be"),
+        (
+            scene_with(object={"model": "x.sdf", "position": [0.5, 0.0]}),
+            "scene: object.model: must be empty, as the environment was built, got",
+        ),
     ],
 )
 def test_a_wrong_scene_is_one_clear_line(pick, options, message):

@@ -21,7 +21,7 @@ def away(env):
 
 
 def test_objects_of_any_size_are_seen_within_millimetres(env):
-    for seed in range(8):
+    for seed in range(12):  # the eighth is the first thin cylinder
         env.reset(seed=seed)
         assert away(env) < 3e-3, env.scene.tree
         yaw = env.estimate[3] - (0.0 if env.scene.is_round else env.scene.object.yaw)

@@ -59,8 +59,8 @@ def test_a_wide_box_is_grasped_across_its_narrower_side():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["drake_srg/GraspOneShot-v0"])
-def test_a_rule_grasps(name):
+@pytest.mark.parametrize("name", RULES)
+def test_a_rule_succeeds(name):
     env = make_environment(name)
     done = [run_episode(env, RULES[name], training_seed(999, k)) for k in range(4)]
     assert sum(episode.success for episode in done) >= 3
