@@ -1,7 +1,7 @@
 """A table cleared into a bin: spread objects, poured heaps, noisy depth.
 
 The seeds are not those that the planner was tuned on (0 to 99, 8000 to 8199, 9000 to
-9199), nor those of other runs (8200 to 8735, 8760 to 8775). Published rates are not
+9199), nor those of other runs (8200 to 8815). Published rates are not
 comparable as they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took
 more than 300 picks an hour at 95 % reliability from heaps of real objects, with a
 parallel-jaw gripper and a suction cup; people take 400 to 600 an hour. Here all is
@@ -21,20 +21,23 @@ SCENES: Scenes = {
 }
 # Asked for before the first run.
 LIMITS = {
-    "spread": Limits(cleared=0.99, held=0.95),
-    "spread, noise": Limits(cleared=0.99, held=0.95),
-    "heap, noise": Limits(
-        cleared=0.97,
-        held=0.85,
-        rate=500.0,
-        because="of three things, one fell beside the bin, one lay against a wide one, "
-        "and one came to lie too near to the arm",
+    "spread": Limits(
+        cleared=0.99,
+        held=0.95,
+        because="six of ten attempts that failed were at hammers, and a box stayed as "
+        "out of reach that was taken with noise",
     ),
+    "spread, noise": Limits(
+        cleared=0.99,
+        held=0.95,
+        because="two hammers, two pitchers, a block and a banana took two attempts",
+    ),
+    "heap, noise": Limits(cleared=0.97, held=0.85, rate=500.0),
 }
 
 
 def run(
-    track: Track, *, trials: int = 16, seed: int = 8740, keep: str = ""
+    track: Track, *, trials: int = 16, seed: int = 8816, keep: str = ""
 ) -> ExperimentResult:
     """Clear the table in every scene.
 
