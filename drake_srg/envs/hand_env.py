@@ -67,7 +67,7 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
     # Whether an episode ends with a lift and a shake, which some rewards judge.
     judges_lift: ClassVar[bool] = True
     # Steps of the plant per control period; see `Physics`.
-    coarse: ClassVar[int] = 2
+    train_steps: ClassVar[int] = 2
     action_names: Sequence[str] = ()
 
     def __init__(
@@ -95,7 +95,9 @@ class HandEnv(HandTask, gymnasium.Env[Any, Any]):
         self.touch = touch
         self.critic = critic
         self._reward = reward if callable(reward) else REWARDS[reward]
-        tree = Physics(physics, driver, self.coarse).scenario_tree(scenario, overrides)
+        tree = Physics(physics, driver, self.train_steps).scenario_tree(
+            scenario, overrides
+        )
         self._video: str = tree["recording"].get("video_camera", "")
         seen = (tree.get("localizer") or {}).get("cameras") or [self._video]
         self._camera: str | None = seen[0] if observation == "images" else None

@@ -73,13 +73,13 @@ class Physics:
             and the hand's fine geometry. The wires of `tendon` need a discrete plant:
             there, `train` is `lagged` in steps of 3 ms.
         driver: Of the gripper: `plant`, `position` or `tendon`.
-        coarse: Steps per control period of `train` with a continuous plant: 2; an
+        train_steps: Steps per control period of `train` with a continuous plant: 2; an
             object that is set down needs 4, or it bounces and falls over.
     """
 
     name: str = "train"
     driver: str = "plant"
-    coarse: int = _COARSE
+    train_steps: int = _COARSE
 
     def __post_init__(self) -> None:
         choose("physics", self.name, PHYSICS)
@@ -111,7 +111,7 @@ class Physics:
         changes = self._plant(own)
         step = changes["plant_config"]["time_step"]
         changes["arm"] = {
-            "period": step or CONTROL_PERIOD / self.coarse,
+            "period": step or CONTROL_PERIOD / self.train_steps,
             "command_period": CONTROL_PERIOD,
             "weightless": self.name == "train",
         }
@@ -155,7 +155,7 @@ class Physics:
                 "plant_config": {"time_step": 0.0},
                 "simulator_config": {
                     "integration_scheme": "cenic",
-                    "max_step_size": CONTROL_PERIOD / self.coarse,
+                    "max_step_size": CONTROL_PERIOD / self.train_steps,
                     "accuracy": 1e-2,
                     "use_error_control": False,
                 },

@@ -32,7 +32,7 @@ class PickPlaceEnv(PickEnv):
     max_steps: ClassVar[int] = 200
     places: ClassVar[bool] = True
     judges_lift: ClassVar[bool] = False
-    coarse: ClassVar[int] = 4
+    train_steps: ClassVar[int] = 4
     observation_names = (*PickEnv.observation_names, "goal_x", "goal_y")
 
     def state(self) -> State:

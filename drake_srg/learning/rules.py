@@ -20,8 +20,8 @@ _CLOSED = 0.9  # closure of the grasp
 _WIDE = 0.09  # a side that the hand had better not close across [m]
 # How `PickPlaceEnv` scales the goal, and how near to it the hand is over it [m].
 _FAR, _OVER = 0.6, 0.01
-# Height of the hand on the way, and above where it lets go; how far one action lowers
-# what it holds [m].
+# Height of the hand on the way, and above where it lets go; the error in height that
+# one action corrects on the way down, at most [m].
 _CARRIED, _DROP, _LOWERING = 0.16, 0.002, 0.02
 _DOWN = 0.002  # within this of it, the hand lets go [m]
 

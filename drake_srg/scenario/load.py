@@ -176,7 +176,6 @@ def load_tree(name: str | Path, overrides: Iterable[str] = ()) -> dict[str, Any]
     """
     tree = _read(Path(name) if str(name).endswith(".yaml") else _builtin(name))
     override_tree(tree, overrides)
-    _resolve_models(tree, Path.cwd())
     return tree
 
 
@@ -201,6 +200,7 @@ def override_tree(tree: dict[str, Any], overrides: Iterable[str]) -> None:
                 raise ScenarioError(f"--set {key}: the scenario picks no object")
             key = f"objects.{picked}{key.removeprefix('object')}"
         set_key(tree, key, parse_yaml(f"value: {value}", f"--set {key}")["value"])
+    _resolve_models(tree, Path.cwd())
 
 
 def _resolve_models(tree: Mapping[str, Any], folder: Path) -> None:

@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.envs import ENVIRONMENTS
 from drake_srg.envs.episode_station import SimulationError
+from drake_srg.envs.physics import Physics
 from drake_srg.envs.scenes import SceneSource
 from drake_srg.scenario.load import load_tree
 from drake_srg.types import Box
@@ -272,6 +273,12 @@ def test_a_wrong_keyword_is_one_clear_line(keywords, message):
         gymnasium.make("drake_srg/Pick-v0", **keywords)
     assert str(error.value).startswith(message)
     assert "\n" not in str(error.value)
+
+
+def test_an_override_may_name_a_model_by_a_relative_path():
+    """Made absolute, it looked like one that had no effect."""
+    tree = Physics().scenario_tree("learn_bench", ["clutter.kinds.box.model=my.sdf"])
+    assert tree["clutter"]["kinds"]["box"]["model"].endswith("/my.sdf")
 
 
 def test_a_reward_that_judges_a_lift_needs_one():

@@ -68,38 +68,20 @@ class BinMotions(ClearingMotions):
         height_map: HeightMap,
     ) -> dict[Mode, Trajectory]:
         """See `ClearingMotions`; what cannot be lifted so high may hang level."""
+        scene, moves = self.scene, self._moves
         for lifted in (load, load.level):
+            rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
+            scene.SetFingers(grasp.fingers_closed)
             try:
-                return self._carry_over(q_grasp, grasp, load, least, height_map, lifted)
+                with scene.reaching(TIPS):
+                    above = moves.above(q_grasp, max(least, rise))
+                    up = PathPart(moves.straight(q_grasp, above), STRAIGHT)
+                    lifting = moves.timed_part(up, self._lifting(load))
+                with standing(scene, height_map, self._table, taken=grasp.p_WC):
+                    return self._into_bin(up, lifting, grasp, load, lifted)
             except NoPathError as error:
                 failed = error
         raise failed
-
-    def _carry_over(
-        self,
-        q_grasp: Vector,
-        grasp: TopGrasp,
-        load: Load,
-        least: float,
-        height_map: HeightMap,
-        lifted: Load,
-    ) -> dict[Mode, Trajectory]:
-        """Return the motions with a load that is lifted as high as `lifted` needs.
-
-        It is let go as `load` needs.
-
-        Raises:
-            NoPathError: If there are none.
-        """
-        scene, moves = self.scene, self._moves
-        rise = self._rim + lifted.piled + lifted.sag + _RIM - self._table
-        scene.SetFingers(grasp.fingers_closed)
-        with scene.reaching(TIPS):
-            path = moves.straight(q_grasp, moves.above(q_grasp, max(least, rise)))
-            up = PathPart(path, STRAIGHT)
-            lifting = moves.timed_part(up, self._lifting(load))
-        with standing(scene, height_map, self._table, taken=grasp.p_WC):
-            return self._into_bin(up, lifting, grasp, load, lifted)
 
     def _lifting(self, load: Load) -> MotionLimits:
         """Return the limits of motions that lift a load."""
