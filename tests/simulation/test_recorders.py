@@ -3,7 +3,7 @@
 import av
 import numpy as np
 import pytest
-from replay.chromium import Chromium
+from chromium import Chromium
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 

@@ -85,8 +85,10 @@ class Chromium:
         line, _, self._buffer = self._buffer.partition(b"\0")
         return json.loads(line)
 
-    def open(self, url, width=1280, height=900, dark=False, before=""):
-        """Open a page, and wait until its script has run, `before` that another one."""
+    def open(
+        self, url, width=1280, height=900, dark=False, before="", ready="window.replay"
+    ):
+        """Open a page, and wait until it is ready; `before` that, run a script."""
         self.send(
             "Emulation.setDeviceMetricsOverride",
             **{"width": width, "height": height, "deviceScaleFactor": 1},
@@ -103,7 +105,7 @@ class Chromium:
         script = self.send(add, source=before)["identifier"]
         self.send("Page.navigate", url=url)
         self.send(remove, identifier=script)
-        self.wait_for("window.replay")
+        self.wait_for(ready)
 
     def evaluate(self, expression):
         """Return the value of an expression of the page."""
@@ -165,11 +167,21 @@ class Chromium:
         return found
 
     def requests(self):
-        """Return the addresses that were requested since the page was opened."""
+        """Return the addresses that were requested since the page was opened.
+
+        What the page's own policy refuses never leaves the browser.
+        """
+        refused = {
+            parameters["requestId"]
+            for method, parameters in self.events
+            if method == "Network.loadingFailed"
+            and parameters.get("blockedReason") == "csp"
+        }
         return [
             parameters["request"]["url"]
             for method, parameters in self.events
             if method == "Network.requestWillBeSent"
+            and parameters["requestId"] not in refused
             and not parameters["request"]["url"].startswith(("data:", "about:"))
         ]
 
