@@ -14,6 +14,7 @@ from drake_srg.bridges.served_station import MakeServedStation
 from drake_srg.cell import MakeCell
 from drake_srg.cell.servoing import MakeServoingPlanner
 from drake_srg.common.ports import input_ports, output_ports
+from drake_srg.envs.workspace import Workspace
 from drake_srg.experiments.sighting_error import SightingError
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.torque_control import TorqueControl
@@ -239,8 +240,9 @@ def systems(tmp_path_factory):
     add("TorqueControl", TorqueControl(TendonDriveConfig(), 0.005))
     still = SimpleNamespace(pose=lambda q: q)
     box = Box([0.05, 0.05, 0.1])
-    add("PolicyPlanner", PolicyPlanner(np.tanh, still, np.zeros(4), box, 0.0))
-    add("GraspPlanner", GraspPlanner(np.tanh, still, np.zeros(4), "box", box, 0.0))
+    hand = (np.tanh, still, np.zeros(4), "box", box, 0.0)
+    add("PolicyPlanner", PolicyPlanner(*hand, workspace=Workspace.of(kitchen)))
+    add("GraspPlanner", GraspPlanner(*hand))
     for name, system in [
         *served_systems(),
         *hardware_systems().items(),

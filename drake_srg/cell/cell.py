@@ -246,6 +246,7 @@ def ConnectSensors(builder: DiagramBuilder, station: Diagram, planner: System) -
         ("arm.state_measured", "arm_state"),
         ("gripper.state_measured", "gripper_state"),
         ("gripper.grasped", "grasped"),
+        ("gripper.contact_force", "contact_force"),
         ("gripper.proximity", "proximity"),
         ("arm.external_torque", "external_torque"),
     ):

@@ -241,9 +241,16 @@ def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
 
     seed = EVALUATION if options.seed is None else options.seed
     if is_scenario(options.environment):
+        from drake_srg.learning.cell_trials import ONE_SHOT, cell_policy
         from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
 
-        return functools.partial(evaluate_in_cell, seed=seed, overrides=options.set)
+        return functools.partial(
+            evaluate_in_cell,
+            # Baselines act as the policy does.
+            environment=cell_policy(options.policy, ONE_SHOT, seed).environment,
+            seed=seed,
+            overrides=options.set,
+        )
     from drake_srg.learning.evaluate import evaluate
 
     given = keywords(options.set)

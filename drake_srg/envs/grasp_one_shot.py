@@ -10,8 +10,9 @@ import numpy as np
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.envs.episode_station import SimulationError
 from drake_srg.envs.hand_env import HandEnv, State, Step, checked, clipped
-from drake_srg.envs.hand_task import LOWEST, START_HEIGHT, ObjectLostError
+from drake_srg.envs.hand_task import ObjectLostError
 from drake_srg.envs.rewards import LIFTED
+from drake_srg.envs.workspace import LOWEST, START_HEIGHT
 from drake_srg.types import Cylinder, Shape, Vector
 
 # Control periods of each part of the grasp: 0.75 s down, 0.75 s to close, 0.56 s up.

@@ -18,6 +18,7 @@ from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.rewards import LIFTED, Truth, pick_progress
 from drake_srg.envs.scenes import Scene, SceneSource
 from drake_srg.envs.sight import Sight
+from drake_srg.envs.workspace import Workspace
 from drake_srg.scenario import LocalizerConfig, Scenario
 from drake_srg.scenario.load import draw_scenario
 from drake_srg.simulation.bench import shake
@@ -32,13 +33,6 @@ SHAKE = (np.array([6.0, 6.0, 0.0, 0.0]), 2.0, 1.5)
 # which is far above the hand's own. A small object that is flung away and spins needs
 # shorter steps than one that is carried.
 _AWAY, _FLYING = 0.15, 1.5
-# Where the hand may go: the region and this around it, up to this height [m].
-_MARGIN, _HIGHEST = 0.08, 0.3
-# Height at the start of an episode, of the grasp centre above the table [m]: 5 cm over
-# the tallest object.
-START_HEIGHT = 0.17
-# The open fingers' ends are 20 mm beyond the grasp centre [m].
-LOWEST = 0.025
 
 
 class ObjectLostError(Exception):
@@ -84,19 +78,10 @@ class HandTask:
             self._sight = Sight(scenario) if sees else None
         self.table = scenario.table.height
         self.goal = np.array(scenario.task.place.position)
-        region = np.array([scenario.task.region.min, scenario.task.region.max])
-        self._middle = region.mean(axis=0)
-        reached = np.array([*region, self.goal]) if self.places else region
-        self._workspace = np.array(
-            [
-                [*(reached.min(axis=0) - _MARGIN), self.table + LOWEST],
-                [*(reached.max(axis=0) + _MARGIN), self.table + _HIGHEST],
-            ]
-        )
-        margin = [[-_AWAY], [_AWAY]]
-        self._near = (self._workspace + margin).T.tolist()
+        self.workspace = Workspace.of(scenario, goal=self.places)
+        self._near = self.workspace.near(_AWAY).tolist()
         with scenario_errors(origin):
-            self.q_start = self.joints_at(self.over(self._middle, 0.0))
+            self.q_start = self.joints_at(self.workspace.start)
         self._scene: Scene | None = None
         self._seen: Vector | None = None
 
@@ -110,14 +95,6 @@ class HandTask:
         if self._scene is None:
             raise RuntimeError("call reset() before an environment's first step")
         return self._scene
-
-    def within(self, pose: Vector) -> Vector:
-        """Return the pose (4) nearest to one that the hand may go to."""
-        return np.append(np.clip(pose[:3], *self._workspace), np.clip(pose[3], -3, 3))
-
-    def over(self, position: Vector, yaw: float) -> Vector:
-        """Return the hand's pose (4) at the start height over a place [x, y]."""
-        return np.array([*position, self.table + START_HEIGHT, yaw])
 
     def joints_at(self, pose: Vector) -> Vector:
         """Return joint positions at a pose, found from home."""
@@ -143,7 +120,7 @@ class HandTask:
         self._seen = self._sight.find(self.station, scene)
         if self._seen is None:
             height = self.table + 0.5 * scene.shape.height
-            self._seen = np.array([*self._middle, height, 0.0])
+            self._seen = np.array([*self.workspace.start[:2], height, 0.0])
 
     def begin(self, scene: Scene, q: Vector) -> None:
         """Put object and arm at their start.

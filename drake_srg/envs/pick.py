@@ -104,7 +104,7 @@ class PickEnv(HandEnv):
         before = self._truth
         try:
             a = np.clip(checked(action), -1.0, 1.0)
-            pose = self.within(self.pose + STEP * a[:4])
+            pose = self.workspace.within(self.pose + STEP * a[:4])
             self.steps += 1
             self.tick(pose, 0.5 * (a[4] + 1.0))
             self._truth = self.truth()

@@ -1,4 +1,4 @@
-"""Trials of a one-shot policy in a scenario's cell, judged as in the environment."""
+"""Trials of a policy in a scenario's cell, judged as in its environment."""
 
 from __future__ import annotations
 
@@ -12,14 +12,18 @@ from pydrake.systems.framework import System
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.log_keys import pose_key
+from drake_srg.envs.grasp_one_shot import GraspOneShotEnv
 from drake_srg.envs.movers import MakeMover
 from drake_srg.envs.physics import DRIVER_TAGS
+from drake_srg.envs.pick import PickEnv
 from drake_srg.envs.rewards import LIFTED
-from drake_srg.learning.baselines import RANDOM, RULE, random_policy
+from drake_srg.envs.workspace import Workspace
+from drake_srg.learning.baselines import BASELINES, RULE, random_policy
 from drake_srg.learning.episodes import Act
 from drake_srg.learning.grasp_planner import GraspPlanner
-from drake_srg.learning.policy import load_policy
-from drake_srg.learning.rules import grasp_one_shot
+from drake_srg.learning.policy import Policy, check_sizes, load_policy
+from drake_srg.learning.policy_planner import PolicyPlanner
+from drake_srg.learning.rules import RULES
 from drake_srg.objects.models import known_shape, simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import Result, Simulate
@@ -28,12 +32,37 @@ from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.sweeps.trial import TrialResult, run_trial
 from drake_srg.types import Failure, Mode
 
-ENVIRONMENT = "drake_srg/GraspOneShot-v0"
-_ACTIONS = 6
+# Environments whose policies act in cells.
+ONE_SHOT = "drake_srg/GraspOneShot-v0"
+_ENVIRONMENTS = {
+    ONE_SHOT: GraspOneShotEnv,
+    "drake_srg/Pick-v0": PickEnv,
+    "drake_srg/KitchenPick-v0": PickEnv,
+}
+
+
+@dc.dataclass(frozen=True)
+class CellPolicy:
+    """What acts in a cell.
+
+    Attributes:
+        act: Returns the action for an observation.
+        environment: Id of the environment that it is for.
+        touch: Whether it sees the fingers' forces.
+    """
+
+    act: Act
+    environment: str
+    touch: bool = True
 
 
 def run_cell_trial(
-    policy: str, tree: Mapping[str, Any], origin: str, seed: int, trial: int
+    policy: str,
+    environment: str,
+    tree: Mapping[str, Any],
+    origin: str,
+    seed: int,
+    trial: int,
 ) -> TrialResult:
     """Run a trial of `drake-srg sweep` in which a policy takes the planner's place.
 
@@ -42,41 +71,49 @@ def run_cell_trial(
 
     Args:
         policy: A policy's file or name, or a baseline.
+        environment: Id of the environment that a baseline is for.
         tree: The scenario, from `load_tree`.
         origin: Its name or path.
         seed: Of trial 0.
         trial: Number of the trial, from 0.
     """
-    act = actor(policy, seed + trial)
-    simulate = functools.partial(_simulate, act)
+    actor = cell_policy(policy, environment, seed + trial)
+    simulate = functools.partial(_simulate, actor)
     return run_trial(tree, origin, seed, trial, simulate=simulate)
 
 
-def actor(policy: str, seed: int) -> Act:
-    """Return what chooses the grasp.
+def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
+    """Return what acts in a cell.
 
     Args:
         policy: A policy's file or name, or a baseline.
+        environment: Id of the environment that a baseline is for; a policy says so
+            itself.
         seed: Of random actions.
 
     Raises:
-        ScenarioError: If the policy cannot be read, or is not of `GraspOneShot`.
+        ScenarioError: If the policy cannot be read, or is of an environment whose
+            policies do not act in cells.
     """
-    if policy == RANDOM:
-        return random_policy(_ACTIONS, seed)
-    if policy == RULE:
-        return grasp_one_shot
-    loaded = _policy(policy)
-    if loaded.info.environment != ENVIRONMENT:
+    loaded = None if policy in BASELINES else _policy(policy)
+    if loaded is not None:
+        environment = loaded.info.environment
+    kind = _ENVIRONMENTS.get(environment)
+    if kind is None:
         raise ScenarioError(
-            f"{policy}: is a policy for {loaded.info.environment}; "
-            f"a scenario's cell takes those for {ENVIRONMENT}"
+            f"{policy}: is a policy for {environment}; "
+            f"a scenario's cell takes those for {', '.join(_ENVIRONMENTS)}"
         )
-    return loaded
+    if loaded is not None:
+        check_sizes(policy, loaded, len(kind.observation_names), len(kind.action_names))
+        return CellPolicy(loaded, environment, loaded.info.keywords.get("touch", True))
+    if policy == RULE:
+        return CellPolicy(RULES[environment], environment)
+    return CellPolicy(random_policy(len(kind.action_names), seed), environment)
 
 
 @functools.lru_cache(maxsize=1)
-def _policy(name: str) -> Any:
+def _policy(name: str) -> Policy:
     return load_policy(name)
 
 
@@ -93,7 +130,7 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
             f"{origin}: gripper: policies grasp with an SRG, got !{own} "
             f"(allowed: {', '.join(DRIVER_TAGS.values())})"
         )
-    if policy in (RULE, RANDOM):
+    if policy in BASELINES:
         return
     trained = _policy(policy).info.keywords.get("driver", "plant")
     if known[own] != trained:
@@ -103,11 +140,11 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
         )
 
 
-def make_planner(act: Act, scenario: Scenario) -> System:
+def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
     """Make the planner of a cell that acts by a policy.
 
     Args:
-        act: The policy.
+        policy: The policy.
         scenario: The cell's.
 
     Raises:
@@ -125,13 +162,25 @@ def make_planner(act: Act, scenario: Scenario) -> System:
             f"objects.{name}: policies grasp single cylinders and boxes that the "
             "localizer knows"
         )
-    return GraspPlanner(act, mover, home, name, shape, scenario.table.height)
+    table = scenario.table.height
+    if policy.environment == ONE_SHOT:
+        return GraspPlanner(policy.act, mover, home, name, shape, table)
+    return PolicyPlanner(
+        policy.act,
+        mover,
+        home,
+        name,
+        shape,
+        table,
+        workspace=Workspace.of(scenario),
+        touch=policy.touch,
+    )
 
 
-def _simulate(act: Act, scenario: Scenario, **options: Any) -> Result:
+def _simulate(policy: CellPolicy, scenario: Scenario, **options: Any) -> Result:
     """Run a cell with a policy; the arguments are those of `Simulate`."""
     result = Simulate(
-        scenario, make_planner=functools.partial(make_planner, act), **options
+        scenario, make_planner=functools.partial(make_planner, policy), **options
     )
     failure: str | None = result.metrics.failure
     success = False

@@ -98,6 +98,7 @@ def environment_id(name: str) -> str:
 
     Ids of others stay as they are; `MODULE:ID` imports the module that registers it.
     """
+    name = name.removeprefix("drake_srg.envs:")  # imported for all ours
     name = name if "/" in name or ":" in name else NAMESPACE + name
     return name if re.search(r"-v\d+$", name) else f"{name}-v0"
 

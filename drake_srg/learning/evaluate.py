@@ -27,7 +27,12 @@ from drake_srg.learning.episodes import (
     make_environment,
     run_episode,
 )
-from drake_srg.learning.policy import Policy, load_policy, policy_digest
+from drake_srg.learning.policy import (
+    Policy,
+    check_sizes,
+    load_policy,
+    policy_digest,
+)
 from drake_srg.sweeps.engines import Engine
 from drake_srg.sweeps.info import SweepInfo, current_versions, dump_tree
 from drake_srg.sweeps.trial import TrialResult, empty_row, resident_memory
@@ -210,26 +215,9 @@ def _actor(policy: str, environment: str, keywords: str, seed: int) -> tuple[Any
     if policy == RULE:
         return env, rule_of(env)
     loaded = _policy(policy)
-    check_fit(policy, loaded, env)
+    observations, actions = env.observation_space.shape[0], env.action_space.shape[0]
+    check_sizes(policy, loaded, observations, actions)
     return env, loaded
-
-
-def check_fit(name: str, policy: Policy, env: Any) -> None:
-    """Check that a policy takes an environment's observations and gives its actions.
-
-    Raises:
-        ScenarioError: If it does not.
-    """
-    sizes = {
-        "observations": (policy.low.size, env.observation_space.shape[0]),
-        "actions": (policy.actions, env.action_space.shape[0]),
-    }
-    for what, (own, needed) in sizes.items():
-        if own != needed:
-            raise ScenarioError(
-                f"{name}: has {own} {what}, {policy.info.environment} needs {needed}; "
-                f"it was trained by drake_srg {policy.info.version}"
-            )
 
 
 @functools.lru_cache(maxsize=1)

@@ -12,7 +12,8 @@ from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import scenario_errors
 from drake_srg.learning.baselines import BASELINES
 from drake_srg.learning.cell_trials import (
-    actor,
+    ONE_SHOT,
+    cell_policy,
     check_driver,
     make_planner,
     run_cell_trial,
@@ -33,6 +34,7 @@ def evaluate_in_cell(
     *,
     out: Path,
     engine: Engine,
+    environment: str = ONE_SHOT,
     seed: int = EVALUATION,
     overrides: Iterable[str] = (),
     resume: bool = False,
@@ -47,6 +49,7 @@ def evaluate_in_cell(
         trials: Number of trials.
         out: Folder of the rows, as of a sweep.
         engine: Runs the trials; entered here.
+        environment: Id of the environment that a baseline is for.
         seed: Of the first trial, at least `EVALUATION`.
         overrides: `KEY=VALUE` each; see `load_scenario`.
         resume: Whether `out` may contain trials of this evaluation.
@@ -65,24 +68,26 @@ def evaluate_in_cell(
     overrides = list(overrides)
     tree = load_tree(scenario, overrides)
     # Mistakes show here, not in every trial.
-    act = actor(policy, seed)
+    actor = cell_policy(policy, environment, seed)
     drawn = draw_scenario(tree, scenario, seed).scenario
     check_driver(policy, drawn, scenario)
     with scenario_errors(Path(scenario).stem):
-        MakeCell(drawn, make_planner=functools.partial(make_planner, act))
-    content = (
-        {"policy_sha256": policy_digest(policy)} if policy not in BASELINES else {}
-    )
+        MakeCell(drawn, make_planner=functools.partial(make_planner, actor))
+    content = {"environment": actor.environment}
+    if policy not in BASELINES:
+        content["policy_sha256"] = policy_digest(policy)
     info = sweep_info(
         policy, scenario, trials, seed, engine, overrides, {**content, **tree}
     )
+
+    run = functools.partial(run_cell_trial, policy, actor.environment)
 
     def lost(trial: int, reason: str) -> TrialResult:
         values = draw_scenario(tree, scenario, seed + trial).values
         return TrialResult({**empty_row(seed, trial, reason), **values})
 
     def submit(trial: int) -> Future[TrialResult]:
-        return engine.submit(run_cell_trial, policy, tree, scenario, seed, trial)
+        return engine.submit(run, tree, scenario, seed, trial)
 
     return run_missing_trials(
         info, engine, submit, lost, out=out, resume=resume, progress=progress, tell=tell

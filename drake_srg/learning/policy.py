@@ -140,6 +140,23 @@ def load_policy(path: Path | str) -> Policy:
         raise ScenarioError(f"{path}: is not a policy: {one_line(error)}") from None
 
 
+def check_sizes(name: str, policy: Policy, observations: int, actions: int) -> None:
+    """Check that a policy takes so many observations and gives so many actions.
+
+    Raises:
+        ScenarioError: If it does not.
+    """
+    for what, own, needed in (
+        ("observations", policy.low.size, observations),
+        ("actions", policy.actions, actions),
+    ):
+        if own != needed:
+            raise ScenarioError(
+                f"{name}: has {own} {what}, {policy.info.environment} needs {needed}; "
+                f"it was trained by drake_srg {policy.info.version}"
+            )
+
+
 def policy_digest(path: Path | str) -> str:
     """Return the SHA-256 of a policy's file, whatever its name.
 
@@ -197,8 +214,8 @@ def _policy(arrays: dict[str, Any]) -> Policy:
     _check_sizes(network, inputs, outputs)
     if low.shape != high.shape or low.ndim != 1 or not np.all(low < high):
         raise ValueError("low and high must be vectors of one size, low below high")
-    if not all(np.isfinite(p).all() for p in network.parameters):
-        raise ValueError("weights must be finite")
+    if not all(np.isfinite(p).all() for p in (low, high, *network.parameters)):
+        raise ValueError("low, high and weights must be finite")
     info = checked_types(PolicyInfo(**json.loads(str(arrays["info"]))))
     return Policy(kind, network, low, high, actions, info)
 

@@ -1,35 +1,64 @@
-"""A policy in a cell, in place of a planner."""
+"""A policy that moves the hand step by step, in a cell, in place of a planner."""
 
 from __future__ import annotations
 
+import dataclasses as dc
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import Context, DiscreteValues
+from pydrake.systems.framework import Context
 
-from drake_srg.envs.hand_task import LOWEST
+from drake_srg.envs.hand_task import SHAKE
 from drake_srg.envs.movers import Mover
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.pick import MAX_STEPS, STEP, pick_state
 from drake_srg.envs.rewards import LIFTED
+from drake_srg.envs.workspace import Workspace
+from drake_srg.learning.cell_planner import (
+    CellPlanner,
+    Command,
+    between,
+    ticks_between,
+)
 from drake_srg.learning.episodes import Act
-from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
-from drake_srg.types import Mode, PlannerStatus, Shape, Vector
+from drake_srg.simulation.bench import shake
+from drake_srg.types import Mode, Shape, Vector
 
 # The policy has done its part once the closed hand has risen by this [m].
 _RISEN = LIFTED + 0.02
 
 
-class PolicyPlanner(LeafSystem):
-    """Picks up an object by a policy of the environment `Pick`.
+@dc.dataclass(frozen=True, eq=False)
+class _Attempt:
+    """How far an attempt is.
+
+    Attributes:
+        estimate: Where the object was seen, shape (4,).
+        pose: Of the hand, as commanded, shape (4,).
+        tick: Control periods since the object was seen.
+        closure: As commanded.
+        steps: Of the policy.
+        lowest: Height at which the hand has been, at least [m].
+        shaken: Control periods since the shake began, -1 before that.
+    """
+
+    estimate: Vector
+    pose: Vector
+    tick: int = 0
+    closure: float = 0.0
+    steps: int = 0
+    lowest: float = np.inf
+    shaken: int = -1
+
+
+class PolicyPlanner(CellPlanner):
+    """Picks up and shakes an object by a policy of `Pick`.
 
     .. pydrake_system::
 
         name: PolicyPlanner
         input_ports:
-        - estimate
+        - blobs
         - arm_state
         - gripper_state
         - contact_force
@@ -39,94 +68,97 @@ class PolicyPlanner(LeafSystem):
         - mode
         - status
 
-    `estimate` (4) is where the object is thought to be, [x, y, z, yaw] of its centre in
-    world [m, rad]. `arm_state` (2N), `gripper_state` (8) and `contact_force` (4) come
-    from the station. Every control period of the environments, the policy moves
-    `position_commanded` (N) and sets `closure_commanded` (1). Once the closed hand has
-    risen, it stays, and `mode` (Mode) is DONE. `status` (PlannerStatus) contains only
-    the mode: a policy does not say whether it holds anything.
+    Once `blobs` shows the object, the hand goes to where the environment's episodes
+    begin. Then the policy sees `arm_state` (2N), `gripper_state` (8) and
+    `contact_force` (4) of the station and where the object was seen at first, and moves
+    hand and closure every control period. Once the closed hand has risen as far as in
+    the environment, it is shaken. A policy that has not come so far in the time of an
+    episode is stopped. The other ports are those of `CellPlanner`.
 
     Args:
         act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
-        mover: Of the arm; see `drake_srg.envs.movers.MakeMover`.
-        home: Positions of the arm's joints at the start, shape (N,).
+        mover: See `CellPlanner`, as for `home`, `name`, `shape` and `table`.
+        home: Shape (N,).
+        name: Of the object.
         shape: Of the object.
         table: Height of the table [m].
+        workspace: Where the hand may go.
+        touch: Whether the policy sees the forces; zeros otherwise.
     """
 
     def __init__(
-        self, act: Act, mover: Mover, home: Sequence[float], shape: Shape, table: float
+        self,
+        act: Act,
+        mover: Mover,
+        home: Sequence[float],
+        name: str,
+        shape: Shape,
+        table: float,
+        *,
+        workspace: Workspace,
+        touch: bool = True,
     ) -> None:
-        super().__init__()
-        self._act, self._mover, self._shape = act, mover, shape
-        self._table, self._n = table, len(home)
-        self._inputs = {
-            name: self.DeclareVectorInputPort(name, size)
-            for name, size in (
-                ("estimate", 4),
+        super().__init__(mover, home, name, shape, table)
+        self._act, self._workspace, self._touch = act, workspace, touch
+        self._n = len(home)
+        self._sensors = {
+            port: self.DeclareVectorInputPort(port, size)
+            for port, size in (
                 ("arm_state", 2 * self._n),
                 ("gripper_state", 8),
                 ("contact_force", 4),
             )
         }
-        q = np.array(home, float)
-        # Commanded joints and pose; closure, periods, lowest height, whether done.
-        start = [*q, *mover.pose(q), 0.0, 0.0, np.inf, 0.0]
-        state = self.DeclareDiscreteState(np.array(start))
-        self.DeclarePeriodicDiscreteUpdateEvent(CONTROL_PERIOD, 0.0, self._update)
-        tickets = {self.discrete_state_ticket(state)}
-        AddPlannerOutputs(
-            self,
-            self._n,
-            position=lambda c, out: out.SetFromVector(self._state(c)[: self._n]),
-            closure=lambda c, out: out.SetFromVector([self._state(c)[self._n + 4]]),
-            status=self._calc_status,
-            prerequisites=tickets,
-        )
-        self.DeclareAbstractOutputPort(
-            name="mode",
-            alloc=lambda: AbstractValue.Make(Mode.IDLE),
-            calc=lambda c, out: out.set_value(self._mode(c)),
-            prerequisites_of_calc=tickets,
-        )
 
-    def _state(self, context: Context) -> Vector:
-        state: Vector = context.get_discrete_state_vector().value()
-        return state
+    def begin(self, estimate: Vector) -> _Attempt:
+        """See `CellPlanner`."""
+        return _Attempt(estimate, self._workspace.start)
 
-    def _mode(self, context: Context) -> Mode:
-        closure, _, _, done = self._state(context)[self._n + 4 :]
-        if done:
-            return Mode.DONE
-        return Mode.CLOSE if closure > 0.5 else Mode.GRASP
+    def act(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:
+        """See `CellPlanner`."""
+        attempt = dc.replace(attempt, tick=attempt.tick + 1)
+        far = ticks_between(self.start, self._workspace.start)
+        if attempt.tick <= far:
+            pose = between(self.start, self._workspace.start, attempt.tick, far)
+            return attempt, Command(Mode.PRE_GRASP, pose)
+        if attempt.shaken < 0 and attempt.steps < MAX_STEPS:
+            return self._step(context, attempt)
+        return self._shake(attempt)
 
-    def _calc_status(self, context: Context, output: AbstractValue) -> None:
-        output.set_value(PlannerStatus(mode=self._mode(context)))
-
-    def _update(self, context: Context, values: DiscreteValues) -> None:
+    def _step(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:
         """Let the policy act."""
-        n = self._n
-        state = self._state(context).copy()
-        q, pose, (closure, steps, lowest, done) = np.split(state, [n, n + 4])
-        if done:
-            return
-        sensed = {name: port.Eval(context) for name, port in self._inputs.items()}
+        sensed = {name: port.Eval(context) for name, port in self._sensors.items()}
         observation = pick_state(
-            self._mover.pose(sensed["arm_state"][:n]),
-            sensed["estimate"],
-            self._shape,
-            self._table,
+            self.mover.pose(sensed["arm_state"][: self._n]),
+            attempt.estimate,
+            self.shape,
+            self.table,
             sensed["gripper_state"],
-            sensed["contact_force"],
-            closure,
-            steps / MAX_STEPS,
+            sensed["contact_force"] if self._touch else np.zeros(4),
+            attempt.closure,
+            attempt.steps / MAX_STEPS,
         )
         action = np.clip(np.asarray(self._act(observation), float), -1.0, 1.0)
-        pose = pose + STEP * action[:4]
-        pose[2] = max(pose[2], self._table + LOWEST)
+        pose = self._workspace.within(attempt.pose + STEP * action[:4])
         closure = 0.5 * (action[4] + 1.0)
-        lowest = min(lowest, pose[2])
-        done = float(closure > 0.5 and pose[2] > lowest + _RISEN)
-        q = self._mover.follow(q, pose)
-        state = np.concatenate([q, pose, [closure, steps + 1.0, lowest, done]])
-        values.set_value(state)
+        lowest = min(attempt.lowest, pose[2])
+        closed = closure > 0.5
+        attempt = dc.replace(
+            attempt,
+            pose=pose,
+            closure=closure,
+            steps=attempt.steps + 1,
+            lowest=lowest,
+            shaken=0 if closed and pose[2] > lowest + _RISEN else -1,
+        )
+        return attempt, Command(Mode.CLOSE if closed else Mode.GRASP, pose, closure)
+
+    def _shake(self, attempt: _Attempt) -> tuple[_Attempt, Command]:
+        """Shake what has risen; a hand that has not is done."""
+        acceleration, frequency, duration = SHAKE
+        attempt = dc.replace(attempt, shaken=attempt.shaken + 1)
+        time = attempt.shaken * CONTROL_PERIOD
+        if attempt.shaken == 0 or time > duration:
+            return attempt, Command(Mode.DONE, attempt.pose, attempt.closure)
+        motion = shake(attempt.pose, acceleration, frequency, duration)
+        return attempt, Command(Mode.VERIFY, motion(time), attempt.closure)

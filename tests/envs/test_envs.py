@@ -170,7 +170,8 @@ def test_a_grasp_may_turn_past_half_a_turn():
         scenario="learn_kitchen",
         overrides=["clutter.kinds.box.yaw=2.9"],
     ).unwrapped
-    q = env.joints_at(env.over(env._middle, 2.0 * np.pi - 2.9))
+    turned = np.array([0.0, 0.0, 0.0, 2.0 * np.pi - 2.9])
+    q = env.joints_at(env.workspace.start + turned)
     assert env.mover.pose(q)[3] == pytest.approx(-2.9, abs=1e-3)
 
 

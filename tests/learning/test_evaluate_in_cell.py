@@ -59,10 +59,29 @@ def test_an_arm_whose_hand_does_not_point_down_is_refused(tmp_path):
         run("rule", "kitchen_fast", tmp_path / "out", home)
 
 
-def test_policies_of_other_environments_are_refused(tmp_path):
-    policy = made_policy(environment="drake_srg/Pick-v0")
+@pytest.mark.slow
+def test_a_policy_that_moves_the_hand_holds_a_can_in_the_kitchen(tmp_path):
+    rows = run("pick", "kitchen_fast", tmp_path / "policy", PLANT).to_pylist()
+    assert [row["success"] for row in rows] == [True]
+    # So does its rule; random actions do not.
+    for name, success in (("rule", True), ("random", False)):
+        out = tmp_path / name
+        kind = {"environment": "drake_srg/Pick-v0"}
+        rows = run(name, "kitchen_fast", out, PLANT, **kind).to_pylist()
+        assert [row["success"] for row in rows] == [success]
+
+
+@pytest.mark.parametrize(
+    ("environment", "message"),
+    [
+        ("drake_srg/KitchenPickPlace-v0", f"takes those for {ONE_SHOT}, "),
+        ("drake_srg/Pick-v0", "has 2 observations, drake_srg/Pick-v0 needs 24"),
+    ],
+)
+def test_policies_of_other_environments_are_refused(tmp_path, environment, message):
+    policy = made_policy(environment=environment)
     policy.save(tmp_path / "policy.npz")
-    with pytest.raises(ScenarioError, match=f"takes those for {ONE_SHOT}"):
+    with pytest.raises(ScenarioError, match=message):
         run(tmp_path / "policy.npz", "kitchen_fast", tmp_path / "out", PLANT)
 
 

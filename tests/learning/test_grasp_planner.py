@@ -1,33 +1,19 @@
 import numpy as np
 import pytest
 from pydrake.common.value import AbstractValue
-from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.systems.analysis import Simulator
 
 from drake_srg.envs.grasp_one_shot import grasp_of
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.learning.grasp_planner import GraspPlanner
 from drake_srg.learning.rules import grasp_one_shot
-from drake_srg.types import Blob, Box, Failure, Mode
+from drake_srg.types import Box, Failure, Mode
+
+from .hand_planners import Straight, blob
 
 THING = Box([0.04, 0.05, 0.08])
 HOME = np.array([0.1, 0.0, 0.3, 0.0])
 ACTION = np.array([0.5, -0.5, 0.0, 0.25, 0.0, 0.8])
-
-
-class Straight:
-    """A gantry whose joints are the hand's pose."""
-
-    def pose(self, q):
-        return q
-
-    def follow(self, q, pose):
-        return pose
-
-
-def blob(rpy=(0.0, 0.0, 0.3), name="thing"):
-    X_WO = RigidTransform(RollPitchYaw(rpy), [0.2, 0.1, 0.04])
-    return Blob(name, "ceiling", (0.0, 0.0), X_WO, 1.0)
 
 
 def made(blobs, act=lambda _: ACTION):

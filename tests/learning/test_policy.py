@@ -84,6 +84,8 @@ def info_with(**changes):
         ({"low": np.zeros(3, np.float32)}, "do not fit"),
         ({"weight_1": np.zeros((1, 8, 5), np.float32)}, "do not fit"),
         ({"bias_1": np.full((1, 1, 2), np.nan, np.float32)}, "finite"),
+        ({"low": np.full(2, -np.inf)}, "finite"),
+        ({"high": np.full(2, np.inf)}, "finite"),
         ({"info": np.array('{"what": 1}')}, "what"),
         ({"info": info_with(keywords=[])}, "keywords: must be"),
         ({"info": info_with(scores=3)}, "scores: must be"),

@@ -79,7 +79,8 @@ class StubEngine:
     def slots(self):
         return 2
 
-    def submit(self, function, tree, origin, seed, trial, record):
+    def submit(self, function, *arguments):
+        trial = arguments[3]
         self.given.append(trial)
         future = Future()
         if self.dying.get(trial, 0) > 0:
@@ -87,7 +88,7 @@ class StubEngine:
             future.set_exception(BrokenExecutor("SIGKILL(-9)"))
             return future
         try:
-            future.set_result(function(tree, origin, seed, trial, record))
+            future.set_result(function(*arguments))
         except Exception as error:
             future.set_exception(error)
         return future
