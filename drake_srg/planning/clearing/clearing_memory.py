@@ -16,6 +16,7 @@ from drake_srg.planning.clearing.comparing import (
     has_moved,
     parts,
     volume_gone,
+    volume_taken,
 )
 from drake_srg.planning.clearing.destination import (
     AROUND,
@@ -85,6 +86,10 @@ class Pick:
         height = np.where(risen, np.nan, seen.height)
         return completed(dc.replace(seen, height=height), self.height_map)
 
+    def volume(self, after: HeightMap) -> float:
+        """Return the volume of what it has taken, by the map of the table after it."""
+        return volume_taken(self.height_map, after, self.grasp.p_WC)
+
     def drop(self, after: HeightMap, sure: bool, again: bool) -> Drop:
         """Return what it has let go, by the map of the table after it.
 
@@ -93,7 +98,7 @@ class Pick:
             sure: Whether the fingers felt it, and it is gone from the table.
             again: Whether it passes for a load that is missed.
         """
-        volume = volume_gone(self.height_map, after)
+        volume = self.volume(after)
         core = volume_gone(self.height_map, after, self.grasp.p_WC, _CORE)
         load = SeenLoad(volume, self.grasp.height, sure, core)
         return Drop(self.destination, load, self.placing, again)
@@ -109,7 +114,7 @@ class Pick:
             after: The map without it.
         """
         p_WC, first = self.grasp.p_WC[:2], memory.first_map
-        volume = volume_gone(self.height_map, after)
+        volume = self.volume(after)
         known = any(
             load.is_like(volume) and load.has_left(memory.destinations)
             for load in memory.received

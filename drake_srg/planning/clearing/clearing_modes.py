@@ -105,17 +105,24 @@ class PreGrasp(ClearingMode):
 
     A thing that stands on an edge takes seconds to fall over. Halfway, the hand does
     not hide it yet. If it has moved, the hand goes back. It does so once for a pick.
+
+    Tips that were bent as the hand let go are still bent if it could not open far: by
+    Algorithm 1, they stretch only while it opens. Then it first opens fully.
     """
 
     mode = Mode.PRE_GRASP
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Open the fingers as far as the grasp needs, and go."""
-        closure = memory.planned.grasp.closure_open
+        straight = memory.planned.grasp.fingers.straight(entry.senses.fingers)
+        closure = memory.planned.grasp.closure_open if straight else 0.0
         return dc.replace(super().enter(memory, entry), closure=closure)
 
     def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
         """Look at the thing halfway."""
+        if memory.pick and memory.pick.grasp.fingers.straight(now.senses.fingers):
+            closure = memory.pick.grasp.closure_open
+            memory = dc.replace(memory, closure=closure)
         pick, motion = memory.pick, memory.motion
         if pick is None or pick.confirmed or memory.doubtful:
             return memory
@@ -141,8 +148,12 @@ class Grasp(ClearingMode):
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Count the pick, and go."""
-        picks = memory.picks + 1
-        return dc.replace(super().enter(memory, entry), picks=picks, doubtful=False)
+        return dc.replace(
+            super().enter(memory, entry),
+            closure=memory.planned.grasp.closure_open,
+            picks=memory.picks + 1,
+            doubtful=False,
+        )
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report the arrival; fingers that stand on something close where they are."""

@@ -27,6 +27,9 @@ _LEAST_AREA = 2.0e-4
 _FLICKER = 0.004
 # Changes of single cells are noise; this many cells side by side are not.
 _KERNEL = np.ones((3, 3), np.uint8)
+# What is taken changes the map so near to where it was grasped as the open fingers
+# reach, and in parts this far from each other: noise breaks it apart [m].
+_TAKEN, _APART = 0.1, 0.008
 # What was so much higher has left [m]. Low things hide so much of the table beside them
 # from the ceiling [m].
 _LEFT, _HIDDEN = 0.01, 0.02
@@ -82,17 +85,38 @@ def has_gone(
 
 
 def volume_gone(
-    before: HeightMap,
-    after: HeightMap,
-    p_W: Vector | None = None,
-    radius: float = np.inf,
+    before: HeightMap, after: HeightMap, p_W: Vector, radius: float
 ) -> float:
-    """Return by how much less is on the map, or within a radius of a place [m³]."""
+    """Return by how much less is on the map within a radius of a place [m³].
+
+    Args:
+        before: The map before.
+        after: The map now.
+        p_W: The place, shape (2 or 3,) [m].
+        radius: Around it [m].
+    """
+    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
+    return float(np.sum(fallen(before, after)[near])) * after.resolution**2
+
+
+def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
+    """Return by how much less is where a thing was taken, and around it [m³].
+
+    Only changes count that reach to within `_TAKEN` of the place in one piece. Others
+    are not of its taking, such as a plate that leans on a wall and slides.
+
+    Args:
+        before: The map before.
+        after: The map now.
+        p_W: Where it was grasped, shape (2 or 3,) [m].
+    """
     drop = fallen(before, after)
-    if p_W is not None:
-        near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < radius
-        drop = np.where(near, drop, 0.0)
-    return float(np.sum(drop)) * after.resolution**2
+    size = 2 * round(_APART / after.resolution) + 1
+    wide = cv2.dilate((drop != 0.0).astype(np.uint8), np.ones((size, size), np.uint8))
+    _, labels = cv2.connectedComponents(wide)
+    near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < _TAKEN
+    own = np.isin(labels, np.unique(labels[near])) & (wide > 0)
+    return float(np.sum(drop[own])) * after.resolution**2
 
 
 def fallen(before: HeightMap, after: HeightMap) -> Vector:

@@ -17,7 +17,7 @@ from drake_srg.planning.clearing.clearing_memory import (
     PlannedPush,
 )
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
-from drake_srg.planning.clearing.comparing import has_gone, volume_gone
+from drake_srg.planning.clearing.comparing import has_gone
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import (
@@ -84,7 +84,7 @@ class PickPlanner:
         gone = has_gone(pick.height_map, height_map, pick.grasp.p_WC)
         again = pick.fell_out(memory, height_map)
         if again and (gone or pick.held):
-            volume = volume_gone(pick.height_map, height_map)
+            volume = pick.volume(height_map)
             memory, again = match_missed_load(memory, pick.destination, volume)
         memory = dc.replace(memory, pick=None, height_map=height_map)
         if not (pick.held and gone):

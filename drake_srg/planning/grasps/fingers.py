@@ -132,6 +132,15 @@ class Fingers(abc.ABC):
             proximity: Readings of its sensors, shape (m,) [m].
         """
 
+    def straight(self, q: Vector) -> bool:
+        """Return whether no finger of an empty hand is still bent.
+
+        Args:
+            q: Measured angles of the gripper's joints, shape (n,) [rad].
+        """
+        del q
+        return True
+
     @abc.abstractmethod
     def tellable(self, width: float) -> bool:
         """Return whether joint angles tell a held thing of a width [m] from none."""

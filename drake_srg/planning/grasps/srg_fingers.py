@@ -30,6 +30,8 @@ _BASE_BACK, _TIP_BACK, _HOUSING = 0.0128, 0.0088, 0.006
 # The pads' ends of an empty hand press 2 to 3 mm into each other, also when its tips
 # have turned. A larger gap than this means that something is between them [m].
 _LEAST_GAP = 0.0013
+# A straight finger's tip is turned by less than this, for 4 mm at its end [rad].
+_STRAIGHT = 0.05
 # By how much a height map shows things too wide, at most [m].
 _BLUR = 0.004
 # `squeeze` of wraps [rad]: three times the planner's default. With it, all flat boxes
@@ -119,6 +121,10 @@ class SrgFingers(Fingers):
         is enclosed above ends that meet is not told.
         """
         return ends_gap(q) > _LEAST_GAP
+
+    def straight(self, q: Vector) -> bool:
+        """See `Fingers`; the tips come last in `q`."""
+        return bool(np.max(q[2:]) < _STRAIGHT)
 
     def tellable(self, width: float) -> bool:
         """See `Fingers`."""

@@ -25,6 +25,12 @@ _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
 # 10 mm. Beyond that it swings, however long the lever: longer ones than this cost no
 # more, and one that is not known costs as much as `_UNKNOWN` [m].
 _LONGEST, _UNKNOWN = 0.05, 0.017
+# What sticks out along the closing direction tips the thing between the pads. Their
+# friction and pressure resist by N (mu w + h), w apart and h high: a middle so many
+# times (mu w + h) away costs nothing, and each time more a point, as long as the
+# longest lever costs more. A hammer that is held by its head has 3.9 and falls, a bowl
+# by its wall 1.1.
+_FRICTION, _RESISTED = 0.6, 1.5
 # Distance between samples below the palm, at most [m].
 _PALM_STEP = 0.007
 # Samples reach this far beyond the edges of the pads, for errors of the map [m].
@@ -96,15 +102,22 @@ class TopGraspJudge(abc.ABC):
         twist = np.abs(middle_high - middle_low) / width
         wedge = 0.5 * np.abs(slope_high + slope_low)
         share = np.minimum(share_low, share_high)
-        lever = self._lever(relief, candidates)
+        lever, along = self._levers(relief, candidates)
+        high = np.maximum(candidates.top - candidates.tip, 0.0)
+        tipping = along / (_FRICTION * width + high)
+        weight = _LEVER * lever + np.maximum(tipping - _RESISTED, 0.0)
         score = candidates.score + share - _TWIST * np.minimum(twist, 1.0)
-        score -= _LEVER * lever + _WEDGE * wedge
+        score -= np.minimum(weight, _LEVER * _LONGEST) + _WEDGE * wedge
         slant = np.hypot(wedge, candidates.lean)
         score = np.where(slant < STEEPEST, score, -np.inf)
         return dc.replace(candidates, score=score)
 
-    def _lever(self, relief: Relief, candidates: Candidates) -> Vector:
-        """Return the distance of each thing's middle from the contact line [m]."""
+    def _levers(self, relief: Relief, candidates: Candidates) -> tuple[Vector, Vector]:
+        """Return where each thing's middle is, seen from the middle between the pads.
+
+        Returns:
+            Distances across the closing direction and along it, shape (n,) each [m].
+        """
         between = 0.5 * (candidates.low + candidates.high)
         p_W = candidates.p_W + between[:, None] * candidates.direction
         cells = relief.map.cells(p_W)
@@ -115,7 +128,10 @@ class TopGraspJudge(abc.ABC):
             [-candidates.direction[:, 1], candidates.direction[:, 0]], axis=-1
         )
         lever = np.abs(np.sum(apart * across, axis=-1))
-        return np.where(np.isfinite(lever), np.minimum(lever, _LONGEST), _UNKNOWN)
+        along = np.abs(np.sum(apart * candidates.direction, axis=-1))
+        known = np.isfinite(lever)
+        lever = np.where(known, np.minimum(lever, _LONGEST), _UNKNOWN)
+        return lever, np.where(known, along, 0.0)
 
 
 def sample(relief: Relief, p_W: Vector, yaw: Vector, s: Vector, t: Vector) -> Floats:

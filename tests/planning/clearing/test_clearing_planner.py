@@ -344,3 +344,24 @@ def test_closes_where_something_stops_the_fingers():
     shallow.until(Mode.GRASP)
     shallow.follow = lambda: None
     assert shallow.until(Mode.CLOSE, Mode.FAILED) is Mode.CLOSE
+
+
+def test_bent_tips_are_stretched_on_the_way_to_the_next_grasp():
+    """A tip still bent from letting go stood on a hammer, and the hand closed above."""
+    run = Run(Grasps([A], width=0.06), Motions(), table(A))
+    closure = run.planner.GetOutputPort("closure_commanded")
+    bent = np.array([0.5, 0.5, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0])
+    run.fix("gripper_state", bent)
+    run.until(Mode.PRE_GRASP)
+    assert closure.Eval(run.context) == 0.0
+    run.simulator.AdvanceTo(run.context.get_time() + 0.1)
+    assert closure.Eval(run.context) == 0.0
+    run.fix("gripper_state", np.zeros(8))
+    run.simulator.AdvanceTo(run.context.get_time() + 0.1)
+    assert closure.Eval(run.context) == grasp_at(A).closure_open > 0.0
+    # What is still bent above the thing closes all the same.
+    run = Run(Grasps([A], width=0.06), Motions(), table(A))
+    run.fix("gripper_state", bent)
+    run.until(Mode.GRASP)
+    closure = run.planner.GetOutputPort("closure_commanded")
+    assert closure.Eval(run.context) == grasp_at(A).closure_open

@@ -12,6 +12,7 @@ from drake_srg.planning.clearing.comparing import (
     has_gone,
     has_moved,
     is_still,
+    volume_taken,
 )
 from drake_srg.types import HeightMap, LabeledHeightMap
 from planning.clearing.fake_table import SIDE, TALL, table
@@ -87,6 +88,19 @@ def test_tells_gone_from_pushed_and_from_untouched(seed):
         (table(A), False),
     ):
         assert has_gone(before, noisy(after, seed + 1), np.array(A)) == gone
+
+
+@given(seeds, st.floats(0.0, 0.05), st.booleans())
+def test_what_slides_elsewhere_is_not_taken(seed, sinks, noise):
+    """A plate slid down a wall, and a marker seemed larger than what had come in."""
+    amount = NOISE if noise else 0.0
+    before, after = table(A), table()
+    slides = np.linalg.norm(before.middles() - B, axis=-1) < 0.08
+    before.height[slides], after.height[slides] = 0.1, 0.1 - sinks
+    volume = volume_taken(
+        noisy(before, seed, amount), noisy(after, seed + 1, amount), np.array(A)
+    )
+    assert volume == pytest.approx(SIDE**2 * TALL, rel=0.15)
 
 
 @pytest.mark.parametrize("tall", [0.005, TALL])

@@ -51,7 +51,8 @@ def test_a_load_counts_once_it_is_seen_in_the_bin():
 
 @pytest.mark.parametrize("others", [0, 1])
 def test_several_things_in_one_grasp_are_told_and_count_once(others):
-    two = run(A, shown=table(A, *[B] * others))
+    near = (A[0] + 0.09, A[1])  # between the fingers, too
+    two = run(A, shown=table(A, *[near] * others))
     two.show_bin()
     pick(two, after=table())
     two.until(Mode.VERIFY)

@@ -53,6 +53,23 @@ def test_a_box_is_taken_across_its_narrow_side(yaw, width, height, noise):
     assert 2 * grasp.half_gap > width
 
 
+def test_what_sticks_out_along_the_closing_direction_tips():
+    """Hammers fell that were held by the head alone."""
+
+    def best_at_bar(*arms):
+        """Return the best score of a grasp across the middle of a bar."""
+        bar = (0.0, 0.0, 0.5 * np.pi, 0.24, 0.02, 0.025)
+        return max(
+            grasp.score
+            for grasp in PLANNER.plan(height_map(bar, *arms)).grasps
+            if abs(grasp.p_WC[1]) < 0.02 and turn(grasp.yaw, 0.0) < np.deg2rad(20)
+        )
+
+    arms = [(-0.12, y, 0.0, 0.22, 0.03, 0.1) for y in (-0.11, 0.11)]
+    # The middle is 11 cm away: 3.2 times 0.6 width + height, which costs 1.7 points.
+    assert best_at_bar(*arms) < best_at_bar() - 1.0
+
+
 @pytest.mark.parametrize("edge", [(0.2, 0.0), (-0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
 def test_a_box_on_the_edge_of_the_map_can_be_taken(edge):
     plan = PLANNER.plan(height_map((*edge, 0.0, 0.07, 0.07, 0.06)))

@@ -76,3 +76,8 @@ def test_wraps_press_harder_than_pinches(width):
 @given(width=st.floats(0.0, 0.13), half_gap=st.floats(0.01, 0.1))
 def test_the_closed_command_closes(width, half_gap):
     assert FINGERS.opened(half_gap).closure < FINGERS.closed(width).closure <= 1.0
+
+
+def test_straight_fingers_are_told_from_bent_ones():
+    assert FINGERS.straight(np.array([1.5, 1.4, 0.0, 0.02]))
+    assert not FINGERS.straight(np.array([1.5, 1.4, 0.0, 0.2]))
