@@ -27,6 +27,7 @@ from drake_srg.planning.clearing.destination import (
 from drake_srg.planning.clearing.loads import Drop, Received
 from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.clearing.receiving import SeenLoad
+from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
@@ -147,7 +148,8 @@ class ClearingMemory:
     pick: Pick | None = None  # the one under way, or the next one
     tried: tuple[TopGrasp, ...] = ()  # grasps that failed
     stopped: tuple[TopGrasp, ...] = ()  # those of them on whose way the arm got stuck
-    # Angles of the gripper's joints since it last let go, by name [rad].
+    hand: Fingers | None = None  # the one that last let go
+    # Angles of the gripper's joints since then, by name [rad].
     fingers: Mapping[str, float] = dc.field(default_factory=dict)
     doubtful: bool = False  # what the pick before was to take has moved meanwhile
     astray: bool = False  # the arm is still where it got stuck or has set a thing down

@@ -239,7 +239,11 @@ class Release(ClearingMode):
         closure = grasp.closure_open if placing else 0.0
         fingers = grasp.fingers_open if placing else {}
         memory = dc.replace(
-            memory, closure=closure, fingers=fingers, released_at=entry.time
+            memory,
+            closure=closure,
+            hand=grasp.fingers,
+            fingers=fingers,
+            released_at=entry.time,
         )
         stuck = entry.observation is not None and entry.observation.stuck
         if stuck and entry.previous is not Mode.PLACE:
@@ -258,9 +262,29 @@ class Release(ClearingMode):
                 return memory
         return self.planner.plan(memory, seen, entry.time)
 
+    def update(self, memory: ClearingMemory, now: Now) -> ClearingMemory:
+        """Open fully if the fingers have come to rest and would lift the load again.
+
+        It may have turned between their bases, or stand on tips that are still bent,
+        because something has pushed these fingers open, such as the wall of a bin.
+        """
+        waited = now.time >= memory.released_at + self.config.gripper_reaction
+        if not (waited and now.senses.still) or _has_let_go(memory, now):
+            return memory
+        return dc.replace(memory, closure=0.0, fingers={})
+
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the fingers have let go, and whether the arm must retreat."""
-        return Observation(clear=now.senses.clear, astray=memory.astray)
+        # A load may touch fingers again that do not open fully.
+        open_ = memory.closure == 0.0 or now.senses.still
+        clear = open_ and _has_let_go(memory, now)
+        return Observation(clear=clear, astray=memory.astray)
+
+
+def _has_let_go(memory: ClearingMemory, now: Now) -> bool:
+    """Return whether nothing is near the fingers, which are straight."""
+    hand, senses = memory.hand, now.senses
+    return senses.clear and (hand is None or hand.straight(senses.fingers))
 
 
 _KINDS: list[type[ClearingMode]] = [Idle, Push, PreGrasp, Grasp, Close, Lift]

@@ -365,3 +365,25 @@ def test_bent_tips_are_stretched_on_the_way_to_the_next_grasp():
     run.until(Mode.GRASP)
     closure = run.planner.GetOutputPort("closure_commanded")
     assert closure.Eval(run.context) == grasp_at(A).closure_open
+
+
+@pytest.mark.parametrize(
+    ("tip", "near"), [(0.6, 0.01), (0.0, 0.0)], ids=["bent", "wedged"]
+)
+def test_opens_fully_where_it_would_lift_what_it_has_set_down(tip, near):
+    """Boxes came up again that stood on bent tips, or had turned between the bases."""
+    held = run(A, config=dc.replace(CONFIG, gripper_timeout=2.0))
+    held.motions.places = True
+    closure = held.planner.GetOutputPort("closure_commanded")
+    pick(held, after=table())
+    start = held.context.get_time()
+    held.fix("gripper_state", [0.3, 0.1, 0.0, tip, 0.0, 0.0, 0.0, 0.0])
+    held.fix("proximity", [near, 0.01, 0.01, 0.01])
+    held.simulator.AdvanceTo(start + 0.15)
+    assert closure.Eval(held.context) == grasp_at(A).closure_open
+    held.simulator.AdvanceTo(start + 0.5)
+    assert held.status.mode is Mode.RELEASE
+    assert closure.Eval(held.context) == 0.0
+    held.feel(False)
+    held.until(Mode.RETREAT)
+    assert held.context.get_time() < start + 1.0
