@@ -67,7 +67,7 @@ def run(
     *,
     seeds: int = 3,
     trials: int = 200,
-    elsewhere: int = 40,
+    elsewhere: int = 20,
     episodes: int = 1000,
     keep: str = "",
 ) -> ExperimentResult:
