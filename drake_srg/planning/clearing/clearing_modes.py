@@ -136,9 +136,16 @@ class PreGrasp(ClearingMode):
         return dc.replace(memory, pick=None, doubtful=True, motion=stopped)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Report the arrival, and whether there is still a pick."""
+        """Report the arrival with straight fingers, and whether there is still a pick.
+
+        Fingers that stay bent are not waited for longer than they take to open.
+        """
         observed = super().observe_mode(memory, now)
-        return dc.replace(observed, moved=memory.pick is None)
+        if memory.pick is None:
+            return dc.replace(observed, moved=True)
+        ready = memory.closure == memory.pick.grasp.closure_open
+        ready |= now.time > memory.motion.due + self.config.gripper_timeout
+        return dc.replace(observed, arrived=observed.arrived and ready)
 
 
 class Grasp(ClearingMode):
@@ -268,8 +275,9 @@ class Release(ClearingMode):
         It may have turned between their bases, or stand on tips that are still bent,
         because something has pushed these fingers open, such as the wall of a bin.
         """
-        waited = now.time >= memory.released_at + self.config.gripper_reaction
-        if not (waited and now.senses.still) or _has_let_go(memory, now):
+        # Fingers also rest for a moment once their tips have stretched.
+        late = now.time >= memory.released_at + 0.5 * self.config.gripper_timeout
+        if not (late and now.senses.still) or _has_let_go(memory, now):
             return memory
         return dc.replace(memory, closure=0.0, fingers={})
 

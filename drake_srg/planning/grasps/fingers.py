@@ -133,7 +133,7 @@ class Fingers(abc.ABC):
         """
 
     def straight(self, q: Vector) -> bool:
-        """Return whether no finger of an empty hand is still bent.
+        """Return whether all fingers of an empty hand are straight.
 
         Args:
             q: Measured angles of the gripper's joints, shape (n,) [rad].

@@ -27,9 +27,9 @@ _TWIST, _WEDGE, _LEVER = 2.0, 2.0, 48.0
 _LONGEST, _UNKNOWN = 0.05, 0.017
 # What sticks out along the closing direction tips the thing between the pads. Their
 # friction and pressure resist by N (mu w + h), w apart and h high: a middle so many
-# times (mu w + h) away costs nothing, and each time more a point, as long as the
-# longest lever costs more. A hammer that is held by its head has 3.9 and falls, a bowl
-# by its wall 1.1.
+# times (mu w + h) away costs nothing, and each further multiple a point; with the
+# lever, at most what the longest lever costs. A hammer that is held by its head has 3.9
+# and falls, a bowl by its wall 1.1.
 _FRICTION, _RESISTED = 0.6, 1.5
 # Distance between samples below the palm, at most [m].
 _PALM_STEP = 0.007
@@ -103,8 +103,8 @@ class TopGraspJudge(abc.ABC):
         wedge = 0.5 * np.abs(slope_high + slope_low)
         share = np.minimum(share_low, share_high)
         lever, along = self._levers(relief, candidates)
-        high = np.maximum(candidates.top - candidates.tip, 0.0)
-        tipping = along / (_FRICTION * width + high)
+        height = np.maximum(candidates.top - candidates.tip, 0.0)
+        tipping = along / (_FRICTION * width + height)
         weight = _LEVER * lever + np.maximum(tipping - _RESISTED, 0.0)
         score = candidates.score + share - _TWIST * np.minimum(twist, 1.0)
         score -= np.minimum(weight, _LEVER * _LONGEST) + _WEDGE * wedge

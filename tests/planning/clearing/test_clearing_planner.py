@@ -367,6 +367,21 @@ def test_bent_tips_are_stretched_on_the_way_to_the_next_grasp():
     assert closure.Eval(run.context) == grasp_at(A).closure_open
 
 
+def test_fingers_that_are_still_opening_are_waited_for():
+    """They touch the load until the pads have left it, and may rest meanwhile."""
+    held = run(A, config=dc.replace(CONFIG, gripper_timeout=2.0))
+    held.motions.places = True
+    closure = held.planner.GetOutputPort("closure_commanded")
+    pick(held, after=table())
+    start = held.context.get_time()
+    held.fix("proximity", np.zeros(4))
+    held.simulator.AdvanceTo(start + 0.5)
+    assert closure.Eval(held.context) == grasp_at(A).closure_open
+    held.feel(False)
+    held.until(Mode.RETREAT)
+    assert closure.Eval(held.context) == grasp_at(A).closure_open
+
+
 @pytest.mark.parametrize(
     ("tip", "near"), [(0.6, 0.01), (0.0, 0.0)], ids=["bent", "wedged"]
 )
@@ -379,11 +394,11 @@ def test_opens_fully_where_it_would_lift_what_it_has_set_down(tip, near):
     start = held.context.get_time()
     held.fix("gripper_state", [0.3, 0.1, 0.0, tip, 0.0, 0.0, 0.0, 0.0])
     held.fix("proximity", [near, 0.01, 0.01, 0.01])
-    held.simulator.AdvanceTo(start + 0.15)
+    held.simulator.AdvanceTo(start + 0.9)
     assert closure.Eval(held.context) == grasp_at(A).closure_open
-    held.simulator.AdvanceTo(start + 0.5)
+    held.simulator.AdvanceTo(start + 1.5)
     assert held.status.mode is Mode.RELEASE
     assert closure.Eval(held.context) == 0.0
     held.feel(False)
     held.until(Mode.RETREAT)
-    assert held.context.get_time() < start + 1.0
+    assert held.context.get_time() < start + 2.0
