@@ -13,7 +13,7 @@ import numpy.typing as npt
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.envs.episode_station import EpisodeStation
-from drake_srg.envs.movers import MakeMover
+from drake_srg.envs.movers import MakeMover, joints_at
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.rewards import LIFTED, Truth, pick_progress
 from drake_srg.envs.scenes import Scene, SceneSource
@@ -98,16 +98,7 @@ class HandTask:
 
     def joints_at(self, pose: Vector) -> Vector:
         """Return joint positions at a pose, found from home."""
-        q = self._home
-        for _ in range(100):
-            q = self.mover.follow(q, pose)
-        off = self.mover.pose(q) - pose
-        off[3] = (off[3] + np.pi) % (2.0 * np.pi) - np.pi
-        if np.max(np.abs(off)) > 1e-3:
-            raise ScenarioError(
-                f"task.region: the hand does not reach {np.round(pose[:3], 3).tolist()}"
-            )
-        return q
+        return joints_at(self.mover, self._home, pose)
 
     def look(self, scene: Scene) -> None:
         """Estimate an object's place from the cameras' images, with the arm at home.

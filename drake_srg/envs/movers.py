@@ -44,6 +44,23 @@ def MakeMover(plant: MultibodyPlant, home: Vector) -> Mover:
     return mover
 
 
+def joints_at(mover: Mover, home: Vector, pose: Vector) -> Vector:
+    """Return joint positions (N) at a pose (4), found from home.
+
+    Raises:
+        ScenarioError: If the hand does not reach it.
+    """
+    q = home
+    for _ in range(100):
+        q = mover.follow(q, pose)
+    off = mover.pose(q) - pose
+    off[3] = (off[3] + np.pi) % (2.0 * np.pi) - np.pi
+    if np.max(np.abs(off)) > 1e-3:
+        place = np.round(pose[:3], 3).tolist()
+        raise ScenarioError(f"task.region: the hand does not reach {place}")
+    return q
+
+
 class Gantry:
     """Joints x, y, z and yaw, each of which is one of the pose's numbers."""
 

@@ -40,14 +40,16 @@ class Command:
     """What the hand does until the next control period.
 
     Attributes:
-        mode: For display.
+        mode: As reported; DONE and FAILED end the attempt.
         pose: Of the hand, [x, y, z, yaw], shape (4,) [m, rad].
         closure: 0 open .. 1 closed.
+        message: Why it has failed.
     """
 
     mode: Mode
     pose: Vector
     closure: float = 0.0
+    message: str = ""
 
 
 @dc.dataclass(frozen=True, eq=False)
@@ -77,8 +79,9 @@ class CellPlanner(LeafSystem):
     The input `blobs` (list[Blob]) shows it, from home. Every control period of the
     environments, `position_commanded` (N) moves on to its next value; it is linear in
     between. `closure_commanded` (1) is 0 .. 1. `mode` (Mode) and `status`
-    (PlannerStatus) end as DONE, whether or not the hand holds anything, or as FAILED if
-    no blob shows the object standing.
+    (PlannerStatus) end as DONE, whether or not the hand holds anything, or as FAILED:
+    `not_seen` if no blob shows the object standing, `time_budget` if the policy has not
+    come to an end.
 
     Args:
         mover: Of the arm; see `drake_srg.envs.movers.MakeMover`.
@@ -126,7 +129,10 @@ class CellPlanner(LeafSystem):
         raise NotImplementedError
 
     def act(self, context: Context, attempt: Any) -> tuple[Any, Command]:
-        """Return the attempt one control period on, and what to do until then."""
+        """Return the attempt one control period on, and what to do until then.
+
+        It is not called again after a command that ends the attempt.
+        """
         raise NotImplementedError
 
     def _memory(self, context: Context) -> _Memory:
@@ -143,17 +149,24 @@ class CellPlanner(LeafSystem):
     def _update(self, context: Context, state: State) -> EventStatus:
         memory = self._memory(context)
         memory = dc.replace(memory, ticks=memory.ticks + 1, before=memory.q)
-        mode = memory.status.mode
-        if memory.attempt is None and mode is not Mode.FAILED:
+        ended = memory.status.mode in (Mode.DONE, Mode.FAILED)
+        if memory.attempt is None and not ended:
             memory = self._look(context, memory)
-        if memory.attempt is not None and mode is not Mode.DONE:
+        if memory.attempt is not None and not ended:
             attempt, command = self.act(context, memory.attempt)
+            failed = Failure.TIME_BUDGET if command.mode is Mode.FAILED else None
+            status = dc.replace(
+                memory.status,
+                mode=command.mode,
+                failure=failed,
+                message=command.message,
+            )
             memory = dc.replace(
                 memory,
                 q=self.mover.follow(memory.q, command.pose),
                 closure=command.closure,
                 attempt=attempt,
-                status=dc.replace(memory.status, mode=command.mode),
+                status=status,
             )
         state.get_mutable_abstract_state(0).set_value(memory)
         return EventStatus.Succeeded()

@@ -13,7 +13,7 @@ from pydrake.systems.framework import System
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.log_keys import pose_key
 from drake_srg.envs.grasp_one_shot import GraspOneShotEnv
-from drake_srg.envs.movers import MakeMover
+from drake_srg.envs.movers import MakeMover, joints_at
 from drake_srg.envs.physics import DRIVER_TAGS
 from drake_srg.envs.pick import PickEnv
 from drake_srg.envs.rewards import LIFTED
@@ -101,8 +101,8 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
     kind = _ENVIRONMENTS.get(environment)
     if kind is None:
         raise ScenarioError(
-            f"{policy}: is a policy for {environment}; "
-            f"a scenario's cell takes those for {', '.join(_ENVIRONMENTS)}"
+            f"{policy}: is for {environment}; "
+            f"a scenario's cell takes policies for {', '.join(_ENVIRONMENTS)}"
         )
     if loaded is not None:
         check_sizes(policy, loaded, len(kind.observation_names), len(kind.action_names))
@@ -148,8 +148,9 @@ def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
         scenario: The cell's.
 
     Raises:
-        ScenarioError: If the hand does not point down at home, or the localizer does
-            not know the picked object as a single cylinder or box.
+        ScenarioError: If the hand does not point down at home or does not reach the
+            region, or the localizer does not know the picked object as a single
+            cylinder or box.
     """
     assert scenario.arm is not None
     home = scenario.arm.home
@@ -165,6 +166,8 @@ def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
     table = scenario.table.height
     if policy.environment == ONE_SHOT:
         return GraspPlanner(policy.act, mover, home, name, shape, table)
+    workspace = Workspace.of(scenario)
+    joints_at(mover, np.array(home), workspace.start)  # checks that it is in reach
     return PolicyPlanner(
         policy.act,
         mover,
@@ -172,7 +175,7 @@ def make_planner(policy: CellPolicy, scenario: Scenario) -> System:
         name,
         shape,
         table,
-        workspace=Workspace.of(scenario),
+        workspace=workspace,
         touch=policy.touch,
     )
 

@@ -18,7 +18,7 @@ from drake_srg.learning.cell_trials import (
     make_planner,
     run_cell_trial,
 )
-from drake_srg.learning.episodes import EVALUATION
+from drake_srg.learning.episodes import EVALUATION, environment_id
 from drake_srg.learning.evaluate import check_seeds, sweep_info
 from drake_srg.learning.policy import policy_digest
 from drake_srg.scenario import draw_scenario, load_tree
@@ -68,7 +68,7 @@ def evaluate_in_cell(
     overrides = list(overrides)
     tree = load_tree(scenario, overrides)
     # Mistakes show here, not in every trial.
-    actor = cell_policy(policy, environment, seed)
+    actor = cell_policy(policy, environment_id(environment), seed)
     drawn = draw_scenario(tree, scenario, seed).scenario
     check_driver(policy, drawn, scenario)
     with scenario_errors(Path(scenario).stem):

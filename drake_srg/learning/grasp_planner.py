@@ -15,6 +15,7 @@ from drake_srg.envs.grasp_one_shot import (
     grasp_of,
     one_shot_state,
 )
+from drake_srg.envs.hand_env import checked
 from drake_srg.envs.hand_task import SHAKE
 from drake_srg.envs.movers import Mover
 from drake_srg.envs.physics import CONTROL_PERIOD
@@ -78,7 +79,7 @@ class GraspPlanner(CellPlanner):
 
     def begin(self, estimate: Vector) -> _Attempt:
         """See `CellPlanner`."""
-        action = self._act(one_shot_state(self.shape))
+        action = checked(self._act(one_shot_state(self.shape)))
         return _Attempt(grasp_of(action, estimate, self.table))
 
     def act(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from pydrake.systems.framework import Context
 
+from drake_srg.envs.hand_env import checked
 from drake_srg.envs.hand_task import SHAKE
 from drake_srg.envs.movers import Mover
 from drake_srg.envs.physics import CONTROL_PERIOD
@@ -39,7 +40,8 @@ class _Attempt:
         closure: As commanded.
         steps: Of the policy.
         lowest: Height at which the hand has been, at least [m].
-        shaken: Control periods since the shake began, -1 before that.
+        risen: Whether the closed hand has risen, so that it is shaken.
+        shaken: Control periods since the shake began.
     """
 
     estimate: Vector
@@ -48,7 +50,8 @@ class _Attempt:
     closure: float = 0.0
     steps: int = 0
     lowest: float = np.inf
-    shaken: int = -1
+    risen: bool = False
+    shaken: int = 0
 
 
 class PolicyPlanner(CellPlanner):
@@ -71,9 +74,10 @@ class PolicyPlanner(CellPlanner):
     Once `blobs` shows the object, the hand goes to where the environment's episodes
     begin. Then the policy sees `arm_state` (2N), `gripper_state` (8) and
     `contact_force` (4) of the station and where the object was seen at first, and moves
-    hand and closure every control period. Once the closed hand has risen as far as in
-    the environment, it is shaken. A policy that has not come so far in the time of an
-    episode is stopped. The other ports are those of `CellPlanner`.
+    hand and closure every control period. Once the closed hand has risen by 12 cm, it
+    is shaken, whatever it holds: no sensor tells how high the object is, by which the
+    environment decides. A policy that has not come so far in the time of an episode
+    ends as FAILED. The other ports are those of `CellPlanner`.
 
     Args:
         act: The policy: a `Policy`, or a rule of `drake_srg.learning.rules`.
@@ -121,9 +125,12 @@ class PolicyPlanner(CellPlanner):
         if attempt.tick <= far:
             pose = between(self.start, self._workspace.start, attempt.tick, far)
             return attempt, Command(Mode.PRE_GRASP, pose)
-        if attempt.shaken < 0 and attempt.steps < MAX_STEPS:
+        if attempt.risen:
+            return self._shake(attempt)
+        if attempt.steps < MAX_STEPS:
             return self._step(context, attempt)
-        return self._shake(attempt)
+        message = f"the closed hand has not risen after {MAX_STEPS} steps"
+        return attempt, Command(Mode.FAILED, attempt.pose, attempt.closure, message)
 
     def _step(self, context: Context, attempt: _Attempt) -> tuple[_Attempt, Command]:
         """Let the policy act."""
@@ -138,7 +145,7 @@ class PolicyPlanner(CellPlanner):
             attempt.closure,
             attempt.steps / MAX_STEPS,
         )
-        action = np.clip(np.asarray(self._act(observation), float), -1.0, 1.0)
+        action = np.clip(checked(self._act(observation)), -1.0, 1.0)
         pose = self._workspace.within(attempt.pose + STEP * action[:4])
         closure = 0.5 * (action[4] + 1.0)
         lowest = min(attempt.lowest, pose[2])
@@ -149,16 +156,16 @@ class PolicyPlanner(CellPlanner):
             closure=closure,
             steps=attempt.steps + 1,
             lowest=lowest,
-            shaken=0 if closed and pose[2] > lowest + _RISEN else -1,
+            risen=bool(closed and pose[2] > lowest + _RISEN),
         )
         return attempt, Command(Mode.CLOSE if closed else Mode.GRASP, pose, closure)
 
     def _shake(self, attempt: _Attempt) -> tuple[_Attempt, Command]:
-        """Shake what has risen; a hand that has not is done."""
+        """Shake the hand, and end."""
         acceleration, frequency, duration = SHAKE
         attempt = dc.replace(attempt, shaken=attempt.shaken + 1)
         time = attempt.shaken * CONTROL_PERIOD
-        if attempt.shaken == 0 or time > duration:
+        if time > duration:
             return attempt, Command(Mode.DONE, attempt.pose, attempt.closure)
         motion = shake(attempt.pose, acceleration, frequency, duration)
         return attempt, Command(Mode.VERIFY, motion(time), attempt.closure)

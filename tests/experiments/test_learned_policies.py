@@ -48,13 +48,27 @@ def test_a_policy_that_fails_elsewhere_and_a_slow_training_fail():
     assert rows["pick", "longest training"].passed
 
 
-@pytest.mark.parametrize(("swept", "passed"), [(0.9, False), (0.96, True)])
-def test_the_sweep_must_hold_more(swept, passed):
+@pytest.mark.parametrize(
+    ("swept", "passed", "fails"),
+    [
+        (0.9, [False, False], [False, True]),
+        (0.96, [True, True], [False, False]),
+        (0.3, [False, False], [True, True]),
+    ],
+)
+def test_the_sweep_must_hold_more(swept, passed, fails):
     learned = {recipe: [trained()] for recipe in RECIPES}
     _, rows = rows_of(learned, played(swept=swept))
-    row = rows["the sweep, 15 mm", "holds more"]
-    assert (row.passed, row.fails) == (passed, False)
-    assert row.measured == pytest.approx(swept - 0.8)
+    judged_rows = [rows[f"the sweep, {mm} mm", "holds more"] for mm in (15, 20)]
+    assert [row.passed for row in judged_rows] == passed
+    assert [row.fails for row in judged_rows] == fails
+    assert judged_rows[0].measured == pytest.approx(swept - 0.8)
+
+
+def test_a_policy_that_holds_nothing_fails():
+    learned = {recipe: [trained(0, 0, 0)] for recipe in RECIPES}
+    _, rows = rows_of(learned, played())
+    assert not rows["pick", "held, accurate, of that"].passed
 
 
 @pytest.mark.slow

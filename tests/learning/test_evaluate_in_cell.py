@@ -1,14 +1,17 @@
+import dataclasses as dc
+
 import pytest
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.cell_trials import ONE_SHOT, cell_policy
 from drake_srg.learning.episodes import EVALUATION
 from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
+from drake_srg.learning.policy import load_policy
 from tests.sweeps.stub import StubEngine
 
 from .made_policies import made_policy
 
 PLANT = "gripper=!PlantServoDriver {}"
-ONE_SHOT = "drake_srg/GraspOneShot-v0"
 
 
 def run(policy, scenario, out, *overrides, trials=1, **options):
@@ -64,17 +67,22 @@ def test_a_policy_that_moves_the_hand_holds_a_can_in_the_kitchen(tmp_path):
     rows = run("pick", "kitchen_fast", tmp_path / "policy", PLANT).to_pylist()
     assert [row["success"] for row in rows] == [True]
     # So does its rule; random actions do not.
-    for name, success in (("rule", True), ("random", False)):
+    for name, failure in (("rule", None), ("random", "no_grasp")):
         out = tmp_path / name
-        kind = {"environment": "drake_srg/Pick-v0"}
+        kind = {"environment": "Pick"}
         rows = run(name, "kitchen_fast", out, PLANT, **kind).to_pylist()
-        assert [row["success"] for row in rows] == [success]
+        assert [(row["success"], row["failure"]) for row in rows] == [
+            (failure is None, failure)
+        ]
+    # The rule of another environment is another sweep.
+    with pytest.raises(ScenarioError, match=r"environment.* was"):
+        run("rule", "kitchen_fast", tmp_path / "rule", PLANT, resume=True)
 
 
 @pytest.mark.parametrize(
     ("environment", "message"),
     [
-        ("drake_srg/KitchenPickPlace-v0", f"takes those for {ONE_SHOT}, "),
+        ("drake_srg/KitchenPickPlace-v0", f"takes policies for {ONE_SHOT}, "),
         ("drake_srg/Pick-v0", "has 2 observations, drake_srg/Pick-v0 needs 24"),
     ],
 )
@@ -83,6 +91,21 @@ def test_policies_of_other_environments_are_refused(tmp_path, environment, messa
     policy.save(tmp_path / "policy.npz")
     with pytest.raises(ScenarioError, match=message):
         run(tmp_path / "policy.npz", "kitchen_fast", tmp_path / "out", PLANT)
+
+
+def test_a_policy_that_was_trained_blind_stays_blind(tmp_path):
+    assert cell_policy("pick", ONE_SHOT, EVALUATION).touch
+    policy = load_policy("pick")
+    info = dc.replace(policy.info, keywords={"touch": False})
+    dc.replace(policy, info=info).save(tmp_path / "policy.npz")
+    assert not cell_policy(str(tmp_path / "policy.npz"), ONE_SHOT, EVALUATION).touch
+
+
+def test_a_region_out_of_reach_is_told(tmp_path):
+    far = "task.region={min: [1.5, -0.1], max: [1.7, 0.1]}"
+    kind = {"environment": "Pick"}
+    with pytest.raises(ScenarioError, match=r"does not reach|region"):
+        run("rule", "kitchen_fast", tmp_path / "out", PLANT, far, **kind)
 
 
 def test_seeds_of_training_are_refused(tmp_path):

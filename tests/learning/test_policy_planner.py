@@ -3,11 +3,12 @@ import pytest
 from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import Simulator
 
+from drake_srg.envs.episode_station import SimulationError
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.pick import MAX_STEPS, STEP, pick_state
 from drake_srg.envs.workspace import Workspace
 from drake_srg.learning.policy_planner import PolicyPlanner
-from drake_srg.types import Box, Mode
+from drake_srg.types import Box, Failure, Mode
 
 from .hand_planners import Straight, blob
 
@@ -105,6 +106,27 @@ def test_a_policy_that_gets_nowhere_is_stopped():
     advance(FAR + MAX_STEPS)
     assert get("mode") is Mode.GRASP
     advance(FAR + MAX_STEPS + 2)
-    assert get("mode") is Mode.DONE
+    assert get("mode") is Mode.FAILED
+    assert get("status").failure is Failure.TIME_BUDGET
+    assert "has not risen after 100 steps" in get("status").message
     assert len(acted) == MAX_STEPS
     np.testing.assert_allclose(np.diff(acted), 2.0 / MAX_STEPS, atol=1e-6)
+
+
+def test_what_is_lifted_too_little_is_not_shaken():
+    """A hand that has risen by 10 cm of the 12 when the time is over has failed."""
+
+    def act(observation):
+        rises = observation[-1] > 1.0 - 10.5 / MAX_STEPS  # in the last five steps
+        return np.array([0.0, 0.0, float(rises), 0.0, 1.0])
+
+    advance, get = made(act)
+    advance(FAR + MAX_STEPS + 2)
+    assert get("mode") is Mode.FAILED
+    assert get("position_commanded")[2] == pytest.approx(START[2] + 0.1)
+
+
+def test_an_action_that_is_not_finite_is_told():
+    advance, _ = made(lambda _: np.full(5, np.nan))
+    with pytest.raises(SimulationError, match="not finite"):
+        advance(FAR + 2)

@@ -26,13 +26,13 @@ _SHADE = """(() => {
 
 
 def open_page(browser, path, width=1400):
-    """Open a file that is `width` pixels wide, and wait until all of it is loaded."""
+    """Open a file in a window `width` pixels wide, and wait until it is loaded."""
     loaded = "location.protocol === 'file:' && document.readyState === 'complete'"
     browser.open(path.as_uri(), width, ready=loaded)
 
 
 def look(browser, path, width=1400):
-    """Open a file that is `width` pixels wide, and return what is in it."""
+    """Open a file in a window `width` pixels wide, and return what is in it."""
     open_page(browser, path, width)
     return browser.evaluate(_LOOK) | {
         "complaints": browser.complaints(),
