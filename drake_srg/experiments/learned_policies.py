@@ -41,9 +41,7 @@ class Recipe:
 
 
 RECIPES = {
-    "one-shot": Recipe(
-        Training(environment="GraspOneShot", steps=250, validation=20), 5.0
-    ),
+    "one-shot": Recipe(Training(environment="GraspOneShot", steps=1000), 5.0),
     "pick": Recipe(
         Training(environment="Pick", algorithm="dagger", steps=20_000, validation=100),
         10.0,
@@ -83,7 +81,9 @@ def run(
     work: dict[str, Callable[[], Mapping[str, Any]]] = {}
     for recipe in RECIPES:
         for seed in range(seeds):
-            name = f"{recipe}, seed {seed}, {trials} and {elsewhere} trials"
+            steps = RECIPES[recipe].training.steps
+            name = f"{recipe}, {steps} steps, seed {seed}, "
+            name += f"{trials} and {elsewhere} trials"
             work[name] = functools.partial(_learn, recipe, seed, trials, elsewhere)
     for rule in RULES:
         for noise in NOISES:
