@@ -79,10 +79,9 @@ def run(
     """
     kept = KeptTrials(keep)
     work: dict[str, Callable[[], Mapping[str, Any]]] = {}
-    for recipe in RECIPES:
+    for recipe, made_by in RECIPES.items():
         for seed in range(seeds):
-            steps = RECIPES[recipe].training.steps
-            name = f"{recipe}, {steps} steps, seed {seed}, "
+            name = f"{recipe}, {made_by.training.steps} steps, seed {seed}, "
             name += f"{trials} and {elsewhere} trials"
             work[name] = functools.partial(_learn, recipe, seed, trials, elsewhere)
     for rule in RULES:
