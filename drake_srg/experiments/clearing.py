@@ -23,16 +23,16 @@ SCENES: Scenes = {
 LIMITS = {
     "spread": Limits(
         cleared=0.99,
-        held=0.95,
+        delivered=0.95,
         because="a spoon, two boxes and a bottle took two attempts, two loads were not "
         "seen in the bin, and a bottle was pushed out of reach",
     ),
     "spread, noise": Limits(
         cleared=0.99,
-        held=0.95,
+        delivered=0.95,
         because="a spoon took four attempts, and a box, a bottle and a mug took two",
     ),
-    "heap, noise": Limits(cleared=0.97, held=0.85, rate=500.0),
+    "heap, noise": Limits(cleared=0.97, delivered=0.85, rate=500.0),
 }
 
 

@@ -37,7 +37,10 @@ class Share:
 def shares(
     runs: Sequence[Metrics], place: str, reach: Reach | None = None
 ) -> dict[str, Share]:
-    """Return the shares of objects that are in place and of picks held.
+    """Return the shares of objects that are in place, and of picks that held.
+
+    Picks are judged by ground truth, and by the planner's word: it counts a load once
+    it has seen it come.
 
     Args:
         runs: The metrics of the trials.
@@ -46,7 +49,10 @@ def shares(
     """
     total = {
         key: sum(getattr(m, key) or 0 for m in runs)
-        for key in ("objects_total", "objects_cleared", "picks", "picks_held")
+        for key in (
+            *("objects_total", "objects_cleared"),
+            *("picks", "picks_held", "picks_delivered"),
+        )
     }
     fit = [
         bool(thing["cleared"])
@@ -57,6 +63,7 @@ def shares(
     return {
         f"objects {place}": Share(total["objects_cleared"], total["objects_total"]),
         f"objects in reach that fit the hand {place}": Share(sum(fit), len(fit)),
+        "picks that delivered": Share(total["picks_delivered"], total["picks"]),
         "picks held": Share(total["picks_held"], total["picks"]),
     }
 

@@ -38,13 +38,13 @@ class Limits:
 
     Attributes:
         cleared: Least share of the objects in reach that fit the hand (`WIDEST`).
-        held: Least share of the picks.
+        delivered: Least share of the picks, by ground truth.
         rate: Least picks held per hour, median of the tables [1/h].
         because: Why the scene is known to miss some of them.
     """
 
     cleared: float = 0.0
-    held: float = 0.0
+    delivered: float = 0.0
     rate: float = 0.0
     because: str = ""
 
@@ -144,7 +144,7 @@ def judge(
         own = of_scene(runs, scene)
         limit = (limits or {}).get(scene, Limits())
         rows.append(Row.info(scene, "trials", len(own), "", spread=1.0))
-        least = (0.0, limit.cleared, limit.held)
+        least = (0.0, limit.cleared, limit.delivered, 0.0)
         ring = (reach or {}).get(scene)
         found = shares(own, place, ring)
         for (what, share), asked in zip(found.items(), least, strict=True):
@@ -212,6 +212,7 @@ def trial_columns(runs: Mapping[Case, Metrics], place: str) -> dict[str, list[An
             (place, m.objects_cleared),
             ("picks", m.picks),
             ("held", m.picks_held),
+            ("delivered", m.picks_delivered),
             ("picks per hour", m.picks_per_hour or np.nan),
             ("simulated [s]", m.sim_time_s),
         ):

@@ -20,6 +20,7 @@ from drake_srg.simulation.log_format import MODES, row_to_pose
 from drake_srg.simulation.picks import (
     attempts_of,
     box_distance,
+    delivered,
     loads_carried,
 )
 from drake_srg.types import Failure, Left, Mode, PlannerStatus, Sphere, Vector
@@ -71,6 +72,7 @@ class ClearingOutcome:
         objects: Those that belong into a bin.
         picks: Grasps begun.
         picks_held: Those that held by the planner's word.
+        picks_delivered: Those whose load rests where it belongs, by ground truth.
         picks_per_hour: Of those that held.
         multi_object_picks: Those that carried several objects.
         multi_object_picks_seen: Those after which the planner has seen several.
@@ -84,6 +86,7 @@ class ClearingOutcome:
     objects: Mapping[str, ObjectOutcome]
     picks: int
     picks_held: int
+    picks_delivered: int
     picks_per_hour: float | None
     multi_object_picks: int = 0
     multi_object_picks_seen: int = 0
@@ -106,6 +109,7 @@ class ClearingOutcome:
             "objects_in_wrong_bin": len(self.in_wrong_bin) if sorting else None,
             "picks": self.picks,
             "picks_held": self.picks_held,
+            "picks_delivered": self.picks_delivered,
             "picks_per_hour": self.picks_per_hour,
             "multi_object_picks": self.multi_object_picks,
             "multi_object_picks_seen": self.multi_object_picks_seen,
@@ -194,6 +198,7 @@ def clearing_outcome(
         outcomes,
         status.attempts,
         status.cycles,
+        delivered(loads, {name for name, o in outcomes.items() if o.cleared}),
         rate,
         sum(len(load) > 1 for load in loads),
         status.multi_object_picks,

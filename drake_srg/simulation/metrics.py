@@ -24,7 +24,7 @@ SCHEMA_VERSION = 1
 OF_SEVERAL = (
     *("objects_total", "objects_cleared", "objects"),
     *("objects_sorted", "objects_in_wrong_bin"),
-    *("picks", "picks_held", "picks_per_hour"),
+    *("picks", "picks_held", "picks_delivered", "picks_per_hour"),
     *("multi_object_picks", "multi_object_picks_seen"),
 )
 
@@ -82,8 +82,11 @@ class Metrics:
     # With several bins: how many rest in their own, and how many in another.
     objects_sorted: int | None = None
     objects_in_wrong_bin: int | None = None
+    # Grasps, those that held by the planner's word, and those whose load rests where it
+    # belongs, by ground truth.
     picks: int | None = None
     picks_held: int | None = None
+    picks_delivered: int | None = None
     picks_per_hour: float | None = None
     # Grasps that carried several objects, and those of which the planner says so.
     multi_object_picks: int | None = None

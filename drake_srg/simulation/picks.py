@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -70,6 +70,23 @@ def loads_carried(
             }
             loads.append([name for name in facts if rose[name] > _LIFTED])
     return loads
+
+
+def delivered(loads: Sequence[Collection[str]], cleared: Collection[str]) -> int:
+    """Return how many grasps have brought something where it rests in the end.
+
+    What a later grasp has carried once more counts there only.
+
+    Args:
+        loads: Names of what each grasp carried, the first grasp first.
+        cleared: Names of the objects that rest where they belong.
+    """
+    left = set(cleared)
+    count = 0
+    for load in reversed(loads):
+        count += not left.isdisjoint(load)
+        left.difference_update(load)
+    return count
 
 
 def box_distance(row: Vector, facts: ObjectFacts, p_W: Vector) -> float:

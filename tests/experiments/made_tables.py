@@ -30,6 +30,7 @@ def table(
         objects_cleared=cleared,
         picks=picks,
         picks_held=held,
+        picks_delivered=min(cleared, picks),
         picks_per_hour=600.0,
         sim_time_s=30.0,
         objects=things,

@@ -14,6 +14,7 @@ def test_shares_count_all_tables():
     assert (found["objects in the bin"].count, found["objects in the bin"].total) == (
         *(11, 12),
     )
+    assert found["picks that delivered"].value == 0.7
     assert found["picks held"].value == 0.6
     low, high = found["picks held"].bounds
     assert low < 0.6 < high

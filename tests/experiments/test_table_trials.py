@@ -58,11 +58,12 @@ def test_what_lay_out_of_reach_is_counted():
 
 def test_picks_and_rates_are_asked_for():
     for limits, passed in (
-        (Limits(held=0.5, rate=600.0), True),
-        (Limits(0, 0.51, 601.0), False),
+        (Limits(delivered=0.6, rate=600.0), True),
+        (Limits(0, 0.63, 601.0), False),
     ):
         found = rows(table(), limits={"spread": limits})
-        assert found["picks held"].passed == passed
+        assert found["picks that delivered"].passed == passed
+        assert found["picks held"].passed
         assert found["picks held per hour, median"].passed == passed
 
 

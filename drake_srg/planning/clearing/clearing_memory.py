@@ -13,7 +13,7 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.clearing.comparing import (
     completed,
     fallen,
-    has_moved,
+    has_come,
     parts,
     volume_gone,
     volume_taken,
@@ -107,8 +107,9 @@ class Pick:
     def fell_out(self, memory: ClearingMemory, after: HeightMap) -> bool:
         """Return whether what it takes may have fallen out of the bin before.
 
-        It has come to lie beside the bin since the first map. Further away, it must
-        also be as large as a load that the bin has received and that is there no more.
+        Most of it has come to lie beside the bin since the first map. Further away, it
+        must also be as large as a load that the bin has received, and that is there no
+        more.
 
         Args:
             memory: The planner's.
@@ -123,7 +124,7 @@ class Pick:
         margin = _ROLLED if known else BESIDE
         if first is None or not self.destination.encloses(p_WC, margin):
             return False
-        return has_moved(self.height_map, first, p_WC)
+        return has_come(first, self.height_map, after, p_WC)
 
 
 @dc.dataclass(frozen=True)

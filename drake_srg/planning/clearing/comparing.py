@@ -110,13 +110,36 @@ def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
         after: The map now.
         p_W: Where it was grasped, shape (2 or 3,) [m].
     """
+    return float(np.sum(_taken(before, after, p_W))) * after.resolution**2
+
+
+def has_come(
+    first: HeightMap, before: HeightMap, after: HeightMap, p_W: Vector
+) -> bool:
+    """Return whether most of what was taken from a place has come there meanwhile.
+
+    What was only pushed a little covers much of where it stood.
+
+    Args:
+        first: An earlier map.
+        before: The map on which it stood there.
+        after: The map without it.
+        p_W: Where it was grasped, shape (2 or 3,) [m].
+    """
+    taken = np.clip(_taken(before, after, p_W), 0.0, None)
+    come = np.clip(-fallen(first, before), 0.0, taken)
+    return bool(np.sum(taken) > 0.0 and np.sum(come) > 0.5 * np.sum(taken))
+
+
+def _taken(before: HeightMap, after: HeightMap, p_W: Vector) -> Vector:
+    """Return by how much each cell has fallen in one piece around a place [m]."""
     drop = fallen(before, after)
     size = 2 * round(_APART / after.resolution) + 1
     wide = cv2.dilate((drop != 0.0).astype(np.uint8), np.ones((size, size), np.uint8))
     _, labels = cv2.connectedComponents(wide)
     near = np.linalg.norm(before.middles() - p_W[:2], axis=-1) < _TAKEN
     own = np.isin(labels, np.unique(labels[near])) & (wide > 0)
-    return float(np.sum(drop[own])) * after.resolution**2
+    return np.where(own, drop, 0.0)
 
 
 def fallen(before: HeightMap, after: HeightMap) -> Vector:
