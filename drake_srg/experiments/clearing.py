@@ -1,7 +1,7 @@
 """A table cleared into a bin: spread objects, poured heaps, noisy depth.
 
 The seeds are not those that the planner was tuned on (0 to 99, 8000 to 8199, 9000 to
-9199), nor those of other runs (8200 to 8863). Published rates are not
+9199), nor those of other runs (8200 to 8879). Published rates are not
 comparable as they stand: Dex-Net 4.0 (Mahler et al., Science Robotics 4(26), 2019) took
 more than 300 picks an hour at 95 % reliability from heaps of real objects, with a
 parallel-jaw gripper and a suction cup; people take 400 to 600 an hour. Here all is
@@ -21,23 +21,14 @@ SCENES: Scenes = {
 }
 # Asked for before the first run.
 LIMITS = {
-    "spread": Limits(
-        cleared=0.99,
-        delivered=0.95,
-        because="a spoon, two boxes and a bottle took two attempts, two loads were not "
-        "seen in the bin, and a bottle was pushed out of reach",
-    ),
-    "spread, noise": Limits(
-        cleared=0.99,
-        delivered=0.95,
-        because="a spoon took four attempts, and a box, a bottle and a mug took two",
-    ),
+    "spread": Limits(cleared=0.99, delivered=0.95),
+    "spread, noise": Limits(cleared=0.99, delivered=0.95),
     "heap, noise": Limits(cleared=0.97, delivered=0.85, rate=500.0),
 }
 
 
 def run(
-    track: Track, *, trials: int = 16, seed: int = 8864, keep: str = ""
+    track: Track, *, trials: int = 16, seed: int = 8880, keep: str = ""
 ) -> ExperimentResult:
     """Clear the table in every scene.
 

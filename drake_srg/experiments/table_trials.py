@@ -260,12 +260,15 @@ def draw(
     axes = figure.subplots()
     style_axes(axes, xlabel="share, with its 95 % interval")
     y = np.arange(len(scenes))[::-1]
-    for i, what in enumerate(shares((), place)):
+    drawn = list(shares((), place))
+    above = 0.19 * (0.5 * (len(drawn) - 1) - np.arange(len(drawn)))
+    for i, what in enumerate(drawn):
         values = np.array([found[scene][what].value for scene in scenes])
         bounds = np.array([found[scene][what].bounds for scene in scenes]).T
         errors = np.maximum([values - bounds[0], bounds[1] - values], 0.0)
-        at = y + 0.22 * (1 - i)
-        axes.errorbar(values, at, xerr=errors, fmt="o", color=COLORS[i], label=what)
+        axes.errorbar(
+            values, y + above[i], xerr=errors, fmt="o", color=COLORS[i], label=what
+        )
     axes.set_yticks(y, scenes)
     axes.set_ylim(-0.5, len(scenes) - 0.5)
     axes.set_xlim(0.0, 1.02)
