@@ -17,6 +17,7 @@ from drake_srg.types import Cylinder, Shape, Vector
 STEP = np.array([0.02, 0.02, 0.02, 0.1])
 # What entries of the observation are 1 for.
 _NEAR, _SIZE, _ANGLE, _SPEED, _FORCE = 0.2, 0.15, 2.0, 4.0, 20.0
+_TURN = np.pi
 MAX_STEPS = 100  # 4.7 s
 
 
@@ -54,7 +55,7 @@ def pick_state(
             fingers[:4] / _ANGLE,
             fingers[4:] / _SPEED,
             force / _FORCE,
-            [2.0 * closure - 1.0, 2.0 * elapsed - 1.0],
+            [2.0 * closure - 1.0, 2.0 * elapsed - 1.0, hand[3] / _TURN],
         ]
     )
     return clipped(values)
@@ -76,7 +77,7 @@ class PickEnv(HandEnv):
         *(f"angle_{i}" for i in range(4)),
         *(f"speed_{i}" for i in range(4)),
         *(f"force_{i}" for i in range(4)),
-        *("closure", "time"),
+        *("closure", "time", "yaw"),
     )
 
     def begin(self, scene: Scene, q: Vector) -> None:

@@ -15,7 +15,7 @@ _STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
 _GAIN = 0.4
 _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
-_STILL = 0.1  # of the joints' scaled speeds
+STILL = 0.1  # of the joints' scaled speeds
 _CLOSED = 0.9  # closure of the grasp
 _WIDE = 0.09  # a side that the hand had better not close across [m]
 # How `PickPlaceEnv` scales the goal, and how near to it the hand is over it [m].
@@ -60,7 +60,7 @@ def pick(observation: Array) -> Array:
     if o[9] > 0.5:
         turn = 0.0
     closing = o[22] > 0.0
-    still = np.abs(o[14:18]).max() < _STILL
+    still = np.abs(o[14:18]).max() < STILL
     pressed = o[18:22].sum() > 0.0
     rise = 0.0
     height = _NEAR * o[5]
@@ -81,7 +81,7 @@ def pick(observation: Array) -> Array:
 def pick_place(observation: Array) -> Array:
     """Pick, carry the object high to over the goal, set it down, and rise."""
     o = observation.astype(float)
-    goal, height = _FAR * o[24:26], _NEAR * o[5]
+    goal, height = _FAR * o[25:27], _NEAR * o[5]
     away = np.abs(goal).max()
     closing, pressed = o[22] > 0.0, o[18:22].sum() > 0.0
     if not closing and away < _OVER:  # it has let go there

@@ -1,4 +1,10 @@
-"""A hand-written policy of Pick for objects whose place is hardly known."""
+"""A hand-written policy of Pick for objects whose place is hardly known.
+
+Pads catch what is off along the closing direction by 4 cm and more, but across it only
+what is between them. So the closed hand first pushes a cylinder across, from beside:
+then it is known where it is. A box would turn as it is pushed. Where the fingers close
+on nothing, they try again on one side of the estimate, and then on the other.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +13,16 @@ import numpy as np
 from drake_srg.envs.pick import MAX_STEPS, STEP
 from drake_srg.envs.workspace import LOWEST
 from drake_srg.learning.network import Array
-from drake_srg.learning.rules import grasp_height, pick
+from drake_srg.learning.rules import STILL, grasp_height, pick
+from drake_srg.planning.grasps.srg_angles import straight_base_angle
 
-# How the environment scales lengths in its observations [m].
-_SIZE, _NEAR = 0.15, 0.2
+# How the environment scales lengths and angles in its observations [m, rad].
+_SIZE, _NEAR, _ANGLE, _TURN = 0.15, 0.2, 2.0, np.pi
 _GAIN = 0.4  # share of an error that one action corrects; see `rules`
 # The closed hand comes down beside the estimate, four standard deviations of 20 mm
 # away, and moves on until what it pushes has its middle 45 mm beyond it [m].
 _BESIDE, _BEYOND = 0.08, 0.045
-_SWEEP = 0.006  # per step, 0.13 m/s: faster, it topples what is slender [m]
+_SWEEP = 0.003  # per step, 6 cm/s: at twice that, it topples what is slender [m]
 _FIST, _OPEN = 0.6, 0.05  # closures: the pads just meet, and the fingers are level
 _HALF_FINGER = 0.0155  # half the pads' width [m]
 # The hand ends short of the middle: the finger's edge meets some objects, which are
@@ -24,38 +31,64 @@ _SHORT = 0.004
 _BACK = 0.03  # off the object before the fingers open, which would drag it along [m]
 # The palm is 91 mm above the grasp centre, and must not touch the object [m].
 _PALM = 0.085
-# Steps at which the hand is down beside the object, has swept, has opened, and is over
-# the object. Nothing else in an observation tells the phase.
-_BESIDE_AT, _SWEPT_AT, _OPENED_AT, _OVER_AT = 11, 28, 39, 45
+# Steps at which the hand is down beside the object, has swept, is off it again, and has
+# opened. Nothing else in an observation tells the phase.
+_BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 46, 48, 57
+# Until these steps, boxes are tried where they were seen, and on one side of that; then
+# on the other. The sides are a pad's width and a little away [m].
+_TRIED, _TRIED_AGAIN, _ASIDE = 30, 60, 0.04
+# Pads that are nearer to each other than this share of a box hold none.
+_NARROWER = 0.5
+_EMPTY = np.array([0.0, 0.0, 0.5, 0.0, -1.0], np.float32)  # open, and rise by 1 cm
 
 
-def pick_by_sweep(observation: Array) -> Array:
-    """Find a round object by sweeping, and then pick it up; boxes as `rules.pick` does.
-
-    Pads catch what is off along the closing direction by 4 cm and more, but across it
-    a cylinder only by half a pad's width. So the closed hand first pushes a cylinder
-    across, from beside: then it is known where it is. A box cannot be pushed along its
-    own sides, because the observation does not tell the hand's yaw in world.
-    """
+def pick_by_touch(observation: Array) -> Array:
+    """Find an object by touch, and pick it up; see the module."""
     o = observation.astype(float)
-    step = round(0.5 * MAX_STEPS * (o[23] + 1.0))
-    if o[9] <= 0.5 or step >= _OVER_AT + 1:
-        return pick(observation)
-    size_x, size_z = _SIZE * o[6], _SIZE * o[8]
+    return _sweep(o) if o[9] > 0.5 else _retry(o)
+
+
+def _sweep(o: Array) -> Array:
+    """Sweep a cylinder to where it is known to be, and then pick it up."""
+    step = _step(o)
+    if step >= _OPENED_AT:
+        return _pick_beside(o, np.array([_BEYOND - _SHORT, 0.0]))
     x, y = -_NEAR * o[:2]  # of the hand, from the estimate
-    height, closure = max(LOWEST, size_z - _PALM), _FIST
-    end = _BEYOND - _HALF_FINGER - 0.5 * size_x
+    end = _BEYOND - _HALF_FINGER - 0.5 * _SIZE * o[6]
+    height, closure = max(LOWEST, _SIZE * o[8] - _PALM), _FIST
     if step < _BESIDE_AT:
         goal = -_BESIDE
     elif step < _SWEPT_AT:
         goal = min(end, x + _SWEEP / _GAIN)
-    elif step < _OPENED_AT:
+    elif step < _BACK_AT:
         goal = end - _BACK
-        closure = _FIST if step < _SWEPT_AT + 2 else _OPEN  # once it is back
     else:
-        goal, height, closure = _BEYOND - _SHORT, grasp_height(size_z), _OPEN
+        goal, height, closure = end - _BACK, grasp_height(_SIZE * o[8]), _OPEN
     motion = _GAIN * np.array([goal - x, -y, height - _NEAR * o[5], 0.0]) / STEP
-    if step == _OVER_AT:  # `pick` goes on from a hand that closes
-        motion, closure = np.zeros(4), 0.9
     action = np.append(motion, 2.0 * closure - 1.0)
     return np.clip(action, -1.0, 1.0).astype(np.float32)
+
+
+def _retry(o: Array) -> Array:
+    """Pick a box up where it was seen, or else beside that."""
+    across = o[3] > 0.0  # the fingers close along the box's y, not its x
+    width = _SIZE * (o[7] if across else o[6])
+    base = _ANGLE * o[10:12].mean()
+    closed = o[22] > 0.0 and np.abs(o[14:18]).max() < STILL
+    if closed and base > straight_base_angle(0.5 * _NARROWER * width):
+        return _EMPTY.copy()
+    yaw = _TURN * o[24]
+    aside = 0.0
+    if _step(o) >= _TRIED:
+        aside = _ASIDE if _step(o) < _TRIED_AGAIN else -_ASIDE
+    return _pick_beside(o, aside * np.array([np.cos(yaw), np.sin(yaw)]))
+
+
+def _pick_beside(o: Array, away: Array) -> Array:
+    """Pick as if the estimate were so far away from where it is, (2,) [m]."""
+    place = o[:2] + away / _NEAR
+    return pick(np.append(place, o[2:]).astype(np.float32))
+
+
+def _step(observation: Array) -> int:
+    return round(0.5 * MAX_STEPS * (float(observation[23]) + 1.0))

@@ -3,11 +3,11 @@
 import pytest
 
 from drake_srg.cell.choosing import destinations
-from drake_srg.experiments import clearing, sorting
+from drake_srg.experiments import clearing, clearing_conditions, sorting
 from drake_srg.scenario import load_scenario
 
 
-@pytest.mark.parametrize("experiment", [clearing, sorting])
+@pytest.mark.parametrize("experiment", [clearing, clearing_conditions, sorting])
 def test_scenes_differ_by_seed(experiment):
     for name, overrides in experiment.SCENES.values():
         drawn = [load_scenario(name, seed=i, overrides=overrides) for i in (8, 9)]

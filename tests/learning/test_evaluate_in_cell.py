@@ -83,7 +83,7 @@ def test_a_policy_that_moves_the_hand_holds_a_can_in_the_kitchen(tmp_path):
     ("environment", "message"),
     [
         ("drake_srg/KitchenPickPlace-v0", f"takes policies for {ONE_SHOT}, "),
-        ("drake_srg/Pick-v0", "has 2 observations, drake_srg/Pick-v0 needs 24"),
+        ("drake_srg/Pick-v0", "has 2 observations, drake_srg/Pick-v0 needs 25"),
     ],
 )
 def test_policies_of_other_environments_are_refused(tmp_path, environment, message):

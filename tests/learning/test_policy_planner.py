@@ -5,7 +5,7 @@ from pydrake.systems.analysis import Simulator
 
 from drake_srg.envs.episode_station import SimulationError
 from drake_srg.envs.physics import CONTROL_PERIOD
-from drake_srg.envs.pick import MAX_STEPS, STEP, pick_state
+from drake_srg.envs.pick import MAX_STEPS, STEP, PickEnv, pick_state
 from drake_srg.envs.workspace import Workspace
 from drake_srg.learning.policy_planner import PolicyPlanner
 from drake_srg.types import Box, Failure, Mode
@@ -18,6 +18,7 @@ START = np.array([0.1, 0.0, 0.2, 0.0])
 SPACE = Workspace(np.array([-0.1, -0.1, 0.03]), np.array([0.4, 0.4, 0.4]), START)
 FORCE = np.array([1.0, 2.0, 3.0, 4.0])
 # The motion to the start: 0.1 m at 0.2 m/s.
+TIME = PickEnv.observation_names.index("time")
 FAR = int(np.ceil(0.5 / CONTROL_PERIOD))
 
 
@@ -99,7 +100,7 @@ def test_a_policy_that_gets_nowhere_is_stopped():
     acted = []
 
     def act(observation):
-        acted.append(observation[-1])
+        acted.append(observation[TIME])
         return np.zeros(5)
 
     advance, get = made(act)
@@ -117,7 +118,7 @@ def test_what_is_lifted_too_little_is_not_shaken():
     """A hand that has risen by 10 cm of the 12 when the time is over has failed."""
 
     def act(observation):
-        rises = observation[-1] > 1.0 - 10.5 / MAX_STEPS  # in the last five steps
+        rises = observation[TIME] > 1.0 - 10.5 / MAX_STEPS  # in the last five steps
         return np.array([0.0, 0.0, float(rises), 0.0, 1.0])
 
     advance, get = made(act)

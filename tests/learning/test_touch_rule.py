@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from drake_srg.learning.episodes import make_environment, run_episode
+from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.rules import pick
-from drake_srg.learning.sweep_rule import pick_by_sweep
+from drake_srg.learning.touch_rule import pick_by_touch
 
 
 @pytest.fixture(scope="module")
@@ -11,40 +11,79 @@ def env():
     return make_environment("Pick", {"noise": 0.02})
 
 
-def scene_of(env, seed):
-    return env.reset(seed=seed)[1]["scene"], env.unwrapped.scene.is_round
+def scene_of(env, seed, error=None):
+    scene = env.reset(seed=seed)[1]["scene"]
+    if error is not None:
+        scene["estimate_error"] = [float(x) for x in error]
+    return scene
 
 
-def test_boxes_are_picked_as_without_a_sweep(env):
+def is_round(env, seed):
+    scene_of(env, seed)
+    return env.unwrapped.scene.is_round
+
+
+def holds(env, rule, scene):
+    observation, _ = env.reset(options={"scene": scene})
+    ended = False
+    while not ended:
+        observation, _, terminated, truncated, info = env.step(rule(observation))
+        ended = terminated or truncated
+    return bool(info["success"])
+
+
+def test_boxes_are_first_tried_where_they_were_seen(env):
+    seed = next(k for k in range(100) if not is_round(env, k))
+    scene = scene_of(env, seed, (0.0, 0.0))
     observations = []
 
     def act(observation):
         observations.append(observation)
         return pick(observation)
 
-    seed = next(k for k in range(100) if not scene_of(env, k)[1])
-    run_episode(env, act, seed)
+    assert holds(env, act, scene)
     for observation in observations:
-        np.testing.assert_array_equal(pick_by_sweep(observation), pick(observation))
+        np.testing.assert_array_equal(pick_by_touch(observation), pick(observation))
+
+
+def test_fingers_that_have_closed_on_nothing_open_again(env):
+    seed = next(k for k in range(100) if not is_round(env, k))
+    scene_of(env, seed)
+    inwards = np.sign(
+        env.unwrapped.workspace.start[0] - env.unwrapped.scene.position[0]
+    )
+    scene = scene_of(env, seed, (0.1 * inwards, 0.0))
+    opened = []
+
+    def act(observation):
+        action = pick_by_touch(observation)
+        if observation[22] > 0.0 and action[4] < 0.0:
+            opened.append(observation)
+            assert action[2] > 0.0
+        return action
+
+    assert not holds(env, act, scene)
+    assert len(opened) >= 2
 
 
 @pytest.mark.slow
-def test_it_holds_cylinders_that_are_far_from_where_they_were_seen(env):
-    """Seen 25 mm to one side, across the closing direction."""
-    held = {}
-    seeds = [k for k in range(60) if scene_of(env, k)[1]][:10]
-    for rule in (pick, pick_by_sweep):
-        held[rule] = 0
-        for seed in seeds:
-            scene, _ = scene_of(env, seed)
-            scene["estimate_error"] = [0.025, 0.0]
-            observation, _ = env.reset(options={"scene": scene})
-            ended = False
-            while not ended:
-                observation, _, terminated, truncated, info = env.step(
-                    rule(observation)
-                )
-                ended = terminated or truncated
-            held[rule] += info["success"]
+@pytest.mark.parametrize("round_", [True, False])
+def test_it_holds_what_is_far_from_where_it_was_seen(env, round_):
+    """Seen to one side, across the closing direction."""
+    seeds = [k for k in range(80) if is_round(env, k) == round_][:10]
+    held = dict.fromkeys((pick, pick_by_touch), 0)
+    for seed in seeds:
+        scene_of(env, seed)
+        size_x, size_y, _ = env.unwrapped.scene.shape.bounding_size
+        yaw = env.unwrapped.scene.object.yaw
+        turn = (yaw + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi  # of the hand
+        if round_:
+            away, turn = 0.025, 0.0
+        else:  # just beside the pads
+            along = size_x if abs(np.cos(yaw - turn)) > 0.5 else size_y
+            away = 0.5 * along + 0.013
+        error = away * np.array([np.cos(turn), np.sin(turn)])
+        for rule in held:
+            held[rule] += holds(env, rule, scene_of(env, seed, error))
     assert held[pick] <= 3
-    assert held[pick_by_sweep] >= 7
+    assert held[pick_by_touch] >= 7
