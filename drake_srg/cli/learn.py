@@ -58,6 +58,13 @@ def _add_train_arguments(train: argparse.ArgumentParser) -> None:
         help="for bc: clone the grasps in a data set of `drake-srg dataset`",
     )
     train.add_argument(
+        "--rule",
+        choices=("rule", "touch"),
+        default="rule",
+        help="for bc and dagger: which hand-written rule is imitated; touch: the one "
+        "that finds objects by touch (default: %(default)s)",
+    )
+    train.add_argument(
         "--steps",
         type=int,
         default=2000,
@@ -102,6 +109,7 @@ def train(options: argparse.Namespace) -> int:
     words += [word for item in options.set for word in ("--set", item)]
     words += ["--validation", str(options.validation)]
     words += [] if options.data is None else ["--data", str(options.data)]
+    words += [] if options.rule == "rule" else ["--rule", options.rule]
     if options.validation < 1:
         raise ScenarioError(f"--validation {options.validation}: must be at least 1")
     training = Training(
@@ -113,6 +121,7 @@ def train(options: argparse.Namespace) -> int:
         validation=options.validation,
         command=shlex.join(words),
         data="" if options.data is None else str(options.data),
+        rule=options.rule,
     )
     end_on_sigterm()
     try:
@@ -186,7 +195,7 @@ def evaluate(options: argparse.Namespace) -> int:
         ScenarioError: For bad input, or if the folder cannot be written.
         ImportError: If a package is missing.
     """
-    from drake_srg.learning.baselines import BASELINES, RULE
+    from drake_srg.learning.baselines import BASELINES, BUILT_IN, RULE
     from drake_srg.sweeps.report.write import write_report
     from drake_srg.sweeps.statistics import wilson_interval
 
@@ -200,7 +209,7 @@ def evaluate(options: argparse.Namespace) -> int:
     table = [("", "succeeded", "share", "95 % interval (Wilson)")]
     files: list[Path] = []
     for name in names:
-        folder = out / (name if name in BASELINES else "policy")
+        folder = out / (name if name in BUILT_IN else "policy")
         with writing("--out", out):
             try:
                 rows = run_evaluation(
@@ -234,7 +243,7 @@ def evaluate(options: argparse.Namespace) -> int:
 
 def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
     """Return what evaluates in the environment or scenario that is asked for."""
-    from drake_srg.learning.baselines import BASELINES
+    from drake_srg.learning.baselines import BUILT_IN
     from drake_srg.learning.episodes import EVALUATION
     from drake_srg.learning.policy import load_policy
     from drake_srg.scenario.load import is_scenario
@@ -254,7 +263,7 @@ def _evaluation(options: argparse.Namespace) -> Callable[..., Any]:
     from drake_srg.learning.evaluate import evaluate
 
     given = keywords(options.set)
-    if options.policy not in BASELINES:  # they run as the policy does
+    if options.policy not in BUILT_IN:  # they run as the policy does
         given = {**load_policy(options.policy).info.keywords, **given}
     return functools.partial(evaluate, seed=seed, keywords=given)
 

@@ -6,19 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.baselines import RULE
 from drake_srg.learning.dagger import DaggerRounds
 from drake_srg.learning.learners import CloningRounds, DataRounds, Learner, QRounds
 from drake_srg.learning.sac import SacRounds
 
 
-def MakeLearner(algorithm: str, env: Any, run: int, data: str = "") -> Learner:
+def MakeLearner(
+    algorithm: str, env: Any, run: int, data: str = "", rule: str = RULE
+) -> Learner:
     """Make the learner of an algorithm.
 
     Args:
         algorithm: `q`, `sac`, `bc` or `dagger`.
         env: The environment.
         run: Seed of training.
-        data: Folder of a data set, for `bc`; "" for the hand-written rule.
+        data: Folder of a data set, for `bc`; "" for a hand-written rule.
+        rule: Which one `bc` and `dagger` imitate; see `baselines.rule_of`.
 
     Raises:
         ScenarioError: If the algorithm does not fit the environment, or `data` does not
@@ -27,12 +31,16 @@ def MakeLearner(algorithm: str, env: Any, run: int, data: str = "") -> Learner:
     """
     if data and algorithm != "bc":
         raise ScenarioError(f"--data: needs --algo bc, got {algorithm}")
+    if rule != RULE and (data or algorithm not in ("bc", "dagger")):
+        raise ScenarioError(
+            f"--rule {rule}: needs --algo bc or dagger without --data, got {algorithm}"
+        )
     if algorithm == "q":
         return QRounds(env, run)
     if algorithm == "bc" and data:
         return DataRounds(env, run, Path(data))
     if algorithm == "bc":
-        return CloningRounds(env, run)
+        return CloningRounds(env, run, rule)
     if algorithm == "dagger":
-        return DaggerRounds(env, run)
+        return DaggerRounds(env, run, rule)
     return SacRounds(env, run)

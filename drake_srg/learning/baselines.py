@@ -1,4 +1,4 @@
-"""What a policy must beat: random actions, and a rule written by hand."""
+"""Policies without a file: random actions, and rules written by hand."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.episodes import Act
 from drake_srg.learning.network import Array
 from drake_srg.learning.rules import RULES
+from drake_srg.learning.touch_rule import TOUCH_RULES
 
-RANDOM, RULE = "random", "rule"
+RANDOM, RULE, TOUCH = "random", "rule", "touch"
+# What every policy is compared with, and all that need no file.
 BASELINES = (RULE, RANDOM)
+BUILT_IN = (RULE, TOUCH, RANDOM)
 
 
 def random_policy(actions: int, seed: int) -> Act:
@@ -27,16 +30,26 @@ def random_policy(actions: int, seed: int) -> Act:
     return act
 
 
-def rule_of(env: Any) -> Act:
-    """Return the hand-written policy of an environment.
+def rule_of(env: Any, rule: str = RULE) -> Act:
+    """Return a hand-written policy of an environment.
 
-    It is one of `rules.RULES`, or the method `rule` of somebody else's environment.
+    Args:
+        env: The environment. Somebody else's may have its rule as the method `rule`.
+        rule: `rule`, or `touch` for the one that finds objects by touch.
 
     Raises:
         ScenarioError: If it has none.
     """
     name = env.spec.id if env.spec else type(env).__name__
-    rule: Act | None = RULES.get(name) or getattr(env.unwrapped, "rule", None)
-    if rule is None:
-        raise ScenarioError(f"ENV: {name}: has no hand-written rule")
-    return rule
+    found = named_rule(name, rule)
+    if found is None and rule == RULE:
+        found = getattr(env.unwrapped, "rule", None)
+    if found is None:
+        which = "rule" if rule == RULE else f"rule `{rule}`"
+        raise ScenarioError(f"ENV: {name}: has no hand-written {which}")
+    return found
+
+
+def named_rule(environment: str, rule: str) -> Act | None:
+    """Return a hand-written policy of one of our environments, None without one."""
+    return (TOUCH_RULES if rule == TOUCH else RULES).get(environment)

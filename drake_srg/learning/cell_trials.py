@@ -18,12 +18,16 @@ from drake_srg.envs.physics import DRIVER_TAGS
 from drake_srg.envs.pick import PickEnv
 from drake_srg.envs.rewards import LIFTED
 from drake_srg.envs.workspace import Workspace
-from drake_srg.learning.baselines import BASELINES, RULE, random_policy
+from drake_srg.learning.baselines import (
+    BUILT_IN,
+    RANDOM,
+    named_rule,
+    random_policy,
+)
 from drake_srg.learning.episodes import Act
 from drake_srg.learning.grasp_planner import GraspPlanner
 from drake_srg.learning.policy import Policy, check_sizes, load_policy
 from drake_srg.learning.policy_planner import PolicyPlanner
-from drake_srg.learning.rules import RULES
 from drake_srg.objects.models import known_shape, simple_shape
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import Result, Simulate
@@ -87,15 +91,15 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
 
     Args:
         policy: A policy's file or name, or a baseline.
-        environment: Id of the environment that a baseline is for; a policy says so
-            itself.
+        environment: Id of the environment that a baseline is for, if it has that one;
+            a policy says so itself.
         seed: Of random actions.
 
     Raises:
         ScenarioError: If the policy cannot be read, or is of an environment whose
             policies do not act in cells.
     """
-    loaded = None if policy in BASELINES else _policy(policy)
+    loaded = None if policy in BUILT_IN else _policy(policy)
     if loaded is not None:
         environment = loaded.info.environment
     kind = _ENVIRONMENTS.get(environment)
@@ -107,9 +111,12 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
     if loaded is not None:
         check_sizes(policy, loaded, len(kind.observation_names), len(kind.action_names))
         return CellPolicy(loaded, environment, loaded.info.keywords.get("touch", True))
-    if policy == RULE:
-        return CellPolicy(RULES[environment], environment)
-    return CellPolicy(random_policy(len(kind.action_names), seed), environment)
+    if policy == RANDOM:
+        return CellPolicy(random_policy(len(kind.action_names), seed), environment)
+    # A rule that this environment lacks acts as in the first one that has it.
+    names = [environment, *_ENVIRONMENTS]
+    rules = {name: named_rule(name, policy) for name in names}
+    return next(CellPolicy(rule, name) for name, rule in rules.items() if rule)
 
 
 @functools.lru_cache(maxsize=1)
@@ -130,7 +137,7 @@ def check_driver(policy: str, scenario: Scenario, origin: str) -> None:
             f"{origin}: gripper: policies grasp with an SRG, got !{own} "
             f"(allowed: {', '.join(DRIVER_TAGS.values())})"
         )
-    if policy in BASELINES:
+    if policy in BUILT_IN:
         return
     trained = _policy(policy).info.keywords.get("driver", "plant")
     if known[own] != trained:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.random import default_rng
 
+from drake_srg.learning.baselines import RULE
 from drake_srg.learning.cloning import CloningConfig, clone
 from drake_srg.learning.episodes import Episode
 from drake_srg.learning.learners import CloningRounds
@@ -25,8 +26,8 @@ class DaggerRounds(CloningRounds):
     the rule says what it would have done in each state that the policy came to.
     """
 
-    def __init__(self, env: Any, run: int) -> None:
-        super().__init__(env, run)
+    def __init__(self, env: Any, run: int, rule: str = RULE) -> None:
+        super().__init__(env, run, rule)
         self.round_steps = 4000
         self._network: Network | None = None  # of the rounds before this one
 

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.learning.baselines import BASELINES, RANDOM, RULE, random_policy, rule_of
+from drake_srg.learning.baselines import BUILT_IN, RANDOM, random_policy, rule_of
 from drake_srg.learning.episodes import (
     EVALUATION,
     Act,
@@ -57,7 +57,7 @@ def evaluate(
     """Run a policy in episodes of an environment, each exactly once.
 
     Args:
-        policy: A policy's file or name, or a baseline: `rule` or `random`.
+        policy: A policy's file or name, or one of `BUILT_IN`.
         environment: Id of the environment.
         trials: Number of episodes.
         out: Folder of the rows, as of a sweep.
@@ -80,7 +80,7 @@ def evaluate(
     environment = environment_id(environment)
     keywords = dict(keywords or {})
     content = {}
-    if policy not in BASELINES:
+    if policy not in BUILT_IN:
         content["policy_sha256"] = policy_digest(policy)
         info = load_policy(policy).info
         if info.environment != environment:
@@ -212,8 +212,8 @@ def _actor(policy: str, environment: str, keywords: str, seed: int) -> tuple[Any
     env = _environment(environment, keywords)
     if policy == RANDOM:
         return env, random_policy(env.action_space.shape[0], seed)
-    if policy == RULE:
-        return env, rule_of(env)
+    if policy in BUILT_IN:
+        return env, rule_of(env, policy)
     loaded = _policy(policy)
     observations, actions = env.observation_space.shape[0], env.action_space.shape[0]
     check_sizes(policy, loaded, observations, actions)

@@ -10,7 +10,7 @@ from typing import Any
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.exceptions import scenario_errors
-from drake_srg.learning.baselines import BASELINES
+from drake_srg.learning.baselines import BUILT_IN
 from drake_srg.learning.cell_trials import (
     ONE_SHOT,
     cell_policy,
@@ -74,7 +74,7 @@ def evaluate_in_cell(
     with scenario_errors(Path(scenario).stem):
         MakeCell(drawn, make_planner=functools.partial(make_planner, actor))
     content = {"environment": actor.environment}
-    if policy not in BASELINES:
+    if policy not in BUILT_IN:
         content["policy_sha256"] = policy_digest(policy)
     info = sweep_info(
         policy, scenario, trials, seed, engine, overrides, {**content, **tree}

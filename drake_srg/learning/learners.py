@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import default_rng
 
 from drake_srg.common.exceptions import ScenarioError, one_line
-from drake_srg.learning.baselines import rule_of
+from drake_srg.learning.baselines import RULE, rule_of
 from drake_srg.learning.cloning import clone
 from drake_srg.learning.demonstrations import read_demonstrations
 from drake_srg.learning.episodes import Episode, run_episode, training_seed
@@ -149,12 +149,12 @@ class QRounds(_Rounds):
 
 
 class CloningRounds(_Rounds):
-    """Clones the hand-written rule of an environment, where the rule succeeds."""
+    """Clones a hand-written rule of an environment, where the rule succeeds."""
 
-    def __init__(self, env: Any, run: int) -> None:
+    def __init__(self, env: Any, run: int, rule: str = RULE) -> None:
         super().__init__(env, run)
         self.round_steps = sys.maxsize  # fitting takes longer than demonstrating
-        self._rule = rule_of(env)
+        self._rule = rule_of(env, rule)
         self._seen: list[Array] = []
         self._done: list[Array] = []
 

@@ -48,6 +48,11 @@ def pick_by_touch(observation: Array) -> Array:
     return _sweep(o) if o[9] > 0.5 else _retry(o)
 
 
+TOUCH_RULES = dict.fromkeys(
+    ("drake_srg/Pick-v0", "drake_srg/KitchenPick-v0"), pick_by_touch
+)
+
+
 def _sweep(o: Array) -> Array:
     """Sweep a cylinder to where it is known to be, and then pick it up."""
     step = _step(o)

@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
 from drake_srg.learning.algorithms import MakeLearner
+from drake_srg.learning.baselines import RULE
 from drake_srg.learning.episodes import (
     VALIDATION,
     environment_id,
@@ -52,6 +53,7 @@ class Training:
         validation: Episodes that judge a policy.
         command: The line that trains it, for the policy's file.
         data: Folder of a data set of demonstrations, or "".
+        rule: Which hand-written rule `bc` and `dagger` imitate; see `baselines`.
     """
 
     environment: str
@@ -62,6 +64,7 @@ class Training:
     validation: int = 50
     command: str = ""
     data: str = ""
+    rule: str = RULE
 
 
 def train(
@@ -92,7 +95,9 @@ def train(
     training = dc.replace(training, environment=environment_id(training.environment))
     history = _begin(training, out, resume)
     env = make_environment(training.environment, training.keywords)
-    learner = MakeLearner(training.algorithm, env, training.seed, training.data)
+    learner = MakeLearner(
+        training.algorithm, env, training.seed, training.data, training.rule
+    )
     best: Policy | None = None
     if history:
         learner.restore(out)

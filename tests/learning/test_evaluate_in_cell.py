@@ -7,6 +7,7 @@ from drake_srg.learning.cell_trials import ONE_SHOT, cell_policy
 from drake_srg.learning.episodes import EVALUATION
 from drake_srg.learning.evaluate_in_cell import evaluate_in_cell
 from drake_srg.learning.policy import load_policy
+from drake_srg.learning.touch_rule import pick_by_touch
 from tests.sweeps.stub import StubEngine
 
 from .made_policies import made_policy
@@ -99,6 +100,12 @@ def test_a_policy_that_was_trained_blind_stays_blind(tmp_path):
     info = dc.replace(policy.info, keywords={"touch": False})
     dc.replace(policy, info=info).save(tmp_path / "policy.npz")
     assert not cell_policy(str(tmp_path / "policy.npz"), ONE_SHOT, EVALUATION).touch
+
+
+def test_a_rule_acts_as_in_an_environment_that_has_it():
+    found = cell_policy("touch", ONE_SHOT, EVALUATION)
+    assert found.environment == "drake_srg/Pick-v0"
+    assert found.act is pick_by_touch
 
 
 def test_a_region_out_of_reach_is_told(tmp_path):

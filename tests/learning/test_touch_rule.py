@@ -1,6 +1,9 @@
 import numpy as np
 import pytest
 
+from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.algorithms import MakeLearner
+from drake_srg.learning.baselines import TOUCH, rule_of
 from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.rules import pick
 from drake_srg.learning.touch_rule import pick_by_touch
@@ -87,3 +90,16 @@ def test_it_holds_what_is_far_from_where_it_was_seen(env, round_):
             held[rule] += holds(env, rule, scene_of(env, seed, error))
     assert held[pick] <= 3
     assert held[pick_by_touch] >= 7
+
+
+def test_it_has_a_name(env):
+    assert rule_of(env, TOUCH) is pick_by_touch
+    other = make_environment("GraspOneShot", {})
+    with pytest.raises(ScenarioError, match="has no hand-written rule `touch`"):
+        rule_of(other, TOUCH)
+
+
+@pytest.mark.parametrize(("algorithm", "data"), [("q", ""), ("bc", "folder")])
+def test_only_clones_have_a_choice_of_rule(env, algorithm, data):
+    with pytest.raises(ScenarioError, match="--rule touch: needs --algo bc or dagger"):
+        MakeLearner(algorithm, env, 0, data, TOUCH)
