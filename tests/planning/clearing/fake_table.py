@@ -28,6 +28,7 @@ HOME, OVER, ASIDE = np.zeros(2), np.full(2, 4.0), np.full(2, 5.0)
 OUT = np.full(2, 6.0)  # of a bin, straight up
 BIN = Destination(np.array([0.1, 0.1]), np.array([0.4, 0.3]))  # on a map of its own
 RESOLUTION = 0.005
+A, B = (0.1, 0.1), (0.3, 0.2)  # places of things
 SIDE = 0.04  # of the square things [m]
 TALL = 0.05
 HELD = np.array([0.8, 0.8, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0])  # state with something
@@ -236,3 +237,10 @@ def pick(run, *, after, felt=True):
     run.show(after)
     run.until(Mode.RELEASE)
     run.feel(False)
+
+
+def run(*places, shown=None, config=CONFIG, unreachable=(), refused=(), width=SIDE):
+    """Return a run over a table with things at some places."""
+    motions = Motions(unreachable)
+    seen = table(*places) if shown is None else shown
+    return Run(Grasps(places, refused, width), motions, seen, config)
