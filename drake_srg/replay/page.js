@@ -130,10 +130,12 @@ function showSight(time) {
   sight = next;
   find("sight-image").src = next.image;
   find("sight-image").alt = `Image of the camera ${next.camera}`;
-  const said = next.blobs.map((blob) => `${blob.name} (quality ${blob.quality.toFixed(2)})`);
+  const blobs = next.blobs ?? [];  // none at all without a localizer
+  const said = blobs.map((blob) => `${blob.name} (quality ${blob.quality.toFixed(2)})`);
+  const found = next.blobs ? `: ${said.join(", ") || "nothing found"}` : "";
   find("sight-words").textContent =
-    `Camera ${next.camera} at ${next.time.toFixed(2)} s: ${said.join(", ") || "nothing found"}`;
-  find("blobs").replaceChildren(...next.blobs.map((blob) => {
+    `Camera ${next.camera} at ${next.time.toFixed(2)} s${found}`;
+  find("blobs").replaceChildren(...blobs.map((blob) => {
     const mark = document.createElement("i");
     mark.style.left = `${100 * blob.at[0]}%`;
     mark.style.top = `${100 * blob.at[1]}%`;

@@ -24,7 +24,8 @@ class SightRecorder:
         cameras: Names of the localizer's cameras.
 
     Attributes:
-        sights: Time [s], camera, index of the image and blobs of each look.
+        sights: Time [s], camera and index of the image of each look, and its blobs if
+            the cell has a localizer.
         images: JPEG files.
     """
 
@@ -36,6 +37,7 @@ class SightRecorder:
             for name in cameras
             if (port := f"camera_{name}.color_image") in ports
         }
+        self._localizes = "localizer.blobs" in ports
         self._looks = 0
         self.sights: list[Json] = []
         self.images: list[bytes] = []
@@ -54,18 +56,18 @@ class SightRecorder:
         self._looks = status.looks
         for name, port in self._cameras.items():
             pixels = port.Eval(context).data
-            self.sights.append(
-                {
-                    "time": context.get_time(),
-                    "camera": name,
-                    "image": len(self.images),
-                    "blobs": [
-                        _blob(blob, pixels.shape)
-                        for blob in status.blobs
-                        if blob.camera == name
-                    ],
-                }
-            )
+            sight: Json = {
+                "time": context.get_time(),
+                "camera": name,
+                "image": len(self.images),
+            }
+            if self._localizes:
+                sight["blobs"] = [
+                    _blob(blob, pixels.shape)
+                    for blob in status.blobs
+                    if blob.camera == name
+                ]
+            self.sights.append(sight)
             self.images.append(_jpeg(pixels))
 
 

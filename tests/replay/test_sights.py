@@ -21,6 +21,7 @@ class Perception(LeafSystem):
         for name, model, calc in (
             ("planner.status", PlannerStatus(), self._status),
             ("camera_ceiling.color_image", ImageRgba8U(1280, 240), self._image),
+            ("localizer.blobs", (BLOB,), lambda context, output: None),
         ):
             self.DeclareAbstractOutputPort(
                 name=name, alloc=lambda m=model: AbstractValue.Make(m), calc=calc
@@ -65,6 +66,13 @@ def test_each_look_is_kept_once():
     image = cv2.imdecode(np.frombuffer(recorder.images[0], np.uint8), 1)
     assert image.shape == (120, 640, 3)  # half as large
     np.testing.assert_allclose(image[60, 300], [20, 20, 200], atol=4)
+
+
+def test_without_a_localizer_nothing_is_said_of_blobs():
+    cell, _ = MakeCell(["localizer.blobs"])
+    assert [set(sight) for sight in record(cell).sights] == 2 * [
+        {"time", "camera", "image"}
+    ]
 
 
 def test_a_camera_that_the_cell_does_not_have_has_no_sights():
