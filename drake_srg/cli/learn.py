@@ -47,7 +47,7 @@ def _add_train_arguments(train: argparse.ArgumentParser) -> None:
         choices=("q", "sac", "bc", "dagger"),
         default="q",
         help="q: values of actions, for episodes of one step; sac: soft actor-critic, "
-        "needs the extra `learn`; bc: clones the hand-written rule, or --data; "
+        "needs the extra `learn`; bc: clones a hand-written rule, or --data; "
         "dagger: asks the rule again where the clone ends up "
         "(default: %(default)s)",
     )
@@ -150,7 +150,7 @@ def _add_evaluate_arguments(evaluate: argparse.ArgumentParser) -> None:
     evaluate.add_argument(
         "policy",
         metavar="POLICY",
-        help="a policy.npz, the name of one of ours, or a baseline: rule, random",
+        help="a policy.npz, the name of one of ours, or rule, touch, random",
     )
     evaluate.add_argument(
         "environment",

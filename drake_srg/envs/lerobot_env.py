@@ -22,7 +22,7 @@ from drake_srg.envs.physics import choose
 
 SUITE = "drake_srg"
 # What a robot measures of itself; the other entries tell of the object and the goal.
-_OWN = ("height", "angle_", "speed_", "force_", "closure", "time")
+_OWN = ("height", "angle_", "speed_", "force_", "closure", "time", "yaw")
 _TASKS = {
     "GraspOneShot-v0": "Grasp the object and hold it.",
     "Pick-v0": "Pick up the object.",

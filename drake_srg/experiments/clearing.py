@@ -19,7 +19,7 @@ SCENES: Scenes = {
     "spread, noise": ("clear_table_fast", NOISE),
     "heap, noise": ("clear_heap_fast", NOISE),
 }
-# Asked for before the first run.
+# Asked for before the first run, then of the picks that the planner saw hold.
 LIMITS = {
     "spread": Limits(cleared=0.99, delivered=0.95),
     "spread, noise": Limits(cleared=0.99, delivered=0.95),

@@ -1,7 +1,8 @@
 """A table cleared on the accurate physics, by wires, and with everything varied.
 
-The first two scenes differ in the gripper's driver alone. The seeds are not those of
-`clearing`, nor those that the planner was tuned on.
+The first two scenes differ in the gripper's driver, and in how long the planner waits
+for it. The third has the fast physics. The seeds are not those of `clearing`, nor those
+that the planner was tuned on.
 """
 
 from __future__ import annotations

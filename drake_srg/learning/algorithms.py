@@ -31,10 +31,12 @@ def MakeLearner(
     """
     if data and algorithm != "bc":
         raise ScenarioError(f"--data: needs --algo bc, got {algorithm}")
-    if rule != RULE and (data or algorithm not in ("bc", "dagger")):
+    if rule != RULE and algorithm not in ("bc", "dagger"):
         raise ScenarioError(
-            f"--rule {rule}: needs --algo bc or dagger without --data, got {algorithm}"
+            f"--rule {rule}: needs --algo bc or dagger, got {algorithm}"
         )
+    if rule != RULE and data:
+        raise ScenarioError(f"--rule {rule}: imitates no --data; give one of the two")
     if algorithm == "q":
         return QRounds(env, run)
     if algorithm == "bc" and data:

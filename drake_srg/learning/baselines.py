@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ RANDOM, RULE, TOUCH = "random", "rule", "touch"
 # What every policy is compared with, and all that need no file.
 BASELINES = (RULE, RANDOM)
 BUILT_IN = (RULE, TOUCH, RANDOM)
+_RULES: dict[str, Mapping[str, Act]] = {RULE: RULES, TOUCH: TOUCH_RULES}
+RULE_NAMES = tuple(_RULES)
 
 
 def random_policy(actions: int, seed: int) -> Act:
@@ -52,4 +55,4 @@ def rule_of(env: Any, rule: str = RULE) -> Act:
 
 def named_rule(environment: str, rule: str) -> Act | None:
     """Return a hand-written policy of one of our environments, None without one."""
-    return (TOUCH_RULES if rule == TOUCH else RULES).get(environment)
+    return _RULES[rule].get(environment)

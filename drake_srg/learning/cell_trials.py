@@ -91,8 +91,8 @@ def cell_policy(policy: str, environment: str, seed: int) -> CellPolicy:
 
     Args:
         policy: A policy's file or name, or a baseline.
-        environment: Id of the environment that a baseline is for, if it has that one;
-            a policy says so itself.
+        environment: Id of the environment of a built-in policy; if it lacks that rule,
+            the first one that has it counts. A trained policy names its own.
         seed: Of random actions.
 
     Raises:

@@ -2,8 +2,8 @@
 
 Pads catch what is off along the closing direction by 4 cm and more, but across it only
 what is between them. So the closed hand first pushes a cylinder across, from beside:
-then it is known where it is. A box would turn as it is pushed. Where the fingers close
-on nothing, they try again on one side of the estimate, and then on the other.
+then it is known where it is. A box would turn as it is pushed. It is tried where it
+was seen, then on one side of that, and then on the other.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 46, 48, 57
 # Until these steps, boxes are tried where they were seen, and on one side of that; then
 # on the other. The sides are a pad's width and a little away [m].
 _TRIED, _TRIED_AGAIN, _ASIDE = 30, 60, 0.04
-# Pads that are nearer to each other than this share of a box hold none.
+# If the gap between the pads is less than this share of the box's width, they hold
+# nothing.
 _NARROWER = 0.5
 _EMPTY = np.array([0.0, 0.0, 0.5, 0.0, -1.0], np.float32)  # open, and rise by 1 cm
 

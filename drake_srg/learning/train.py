@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 from drake_srg.common.exceptions import ScenarioError, one_line
 from drake_srg.common.status_line import StatusLine
 from drake_srg.learning.algorithms import MakeLearner
-from drake_srg.learning.baselines import RULE
+from drake_srg.learning.baselines import RULE, RULE_NAMES
 from drake_srg.learning.episodes import (
     VALIDATION,
     environment_id,
@@ -32,7 +32,7 @@ from drake_srg.learning.episodes import (
 from drake_srg.learning.event_log import EventLog
 from drake_srg.learning.learners import Learner
 from drake_srg.learning.onnx_file import can_write_onnx, write_onnx
-from drake_srg.learning.policy import Policy, PolicyInfo
+from drake_srg.learning.policy import Policy, PolicyInfo, check_sizes, load_policy
 from drake_srg.sweeps.files import write_file
 
 ALGORITHMS = ("q", "sac", "bc", "dagger")
@@ -89,6 +89,9 @@ def train(
         raise ScenarioError(
             f"--algo {training.algorithm}: unknown (allowed: {', '.join(ALGORITHMS)})"
         )
+    if training.rule not in RULE_NAMES:
+        allowed = ", ".join(RULE_NAMES)
+        raise ScenarioError(f"--rule {training.rule}: unknown (allowed: {allowed})")
     if training.steps < 1:
         raise ScenarioError(f"--steps {training.steps}: must be at least 1")
     training_seed(training.seed, 0)
@@ -100,10 +103,10 @@ def train(
     )
     best: Policy | None = None
     if history:
-        learner.restore(out)
-        from drake_srg.learning.policy import load_policy
-
         best = load_policy(out / POLICY)
+        sizes = env.observation_space.shape[0], env.action_space.shape[0]
+        check_sizes(str(out / POLICY), best, *sizes)
+        learner.restore(out)
     # The networks are small: BLAS's threads would mostly wait for each other, in loops.
     one_thread = threadpool_limits(1, "blas")
     with one_thread, EventLog(out) as events, StatusLine(shown=progress) as line:
@@ -183,7 +186,8 @@ def _begin(training: Training, out: Path, resume: bool) -> list[list[float]]:
         )
     try:
         begun = json.loads(path.read_text(encoding="utf-8"))
-        old, history = begun["training"], list(begun["history"])
+        # Trainings begun earlier have no choice of rules.
+        old, history = {"rule": RULE, **begun["training"]}, list(begun["history"])
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError) as error:

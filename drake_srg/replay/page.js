@@ -119,7 +119,7 @@ function follow() {
   return true;
 }
 
-// What the localizer saw, with its blobs.
+// What the planner looked at, with the localizer's blobs if there is one.
 
 let sight = null;
 function showSight(time) {

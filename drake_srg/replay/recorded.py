@@ -23,8 +23,8 @@ class RecordedRun:
         binary: Its binary chunk.
         labels: The run's title, and names for its log.
         timeline: Modes and plots of its log.
-        sights: What the localizer saw: `time` [s], `camera`, `blobs`, and `image`, an
-            index of `images`.
+        sights: What the planner looked at: `time` [s], `camera`, `image`, an index of
+            `images`, and `blobs` if there is a localizer.
         images: JPEG files.
         video: Path of video.mp4; None if there is no video.
         video_start: Simulated time of its first frame [s].

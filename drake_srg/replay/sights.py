@@ -61,7 +61,7 @@ class SightRecorder:
                 "camera": name,
                 "image": len(self.images),
             }
-            if self._localizes:
+            if self._localizes or status.blobs:
                 sight["blobs"] = [
                     _blob(blob, pixels.shape)
                     for blob in status.blobs

@@ -72,7 +72,8 @@ class ClearingOutcome:
         objects: Those that belong into a bin.
         picks: Grasps begun.
         picks_held: Those that held by the planner's word.
-        picks_delivered: Those whose load rests where it belongs, by ground truth.
+        picks_delivered: Those of which something rests where it belongs, by ground
+            truth.
         picks_per_hour: Of those that held.
         multi_object_picks: Those that carried several objects.
         multi_object_picks_seen: Those after which the planner has seen several.

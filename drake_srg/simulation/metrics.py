@@ -82,8 +82,8 @@ class Metrics:
     # With several bins: how many rest in their own, and how many in another.
     objects_sorted: int | None = None
     objects_in_wrong_bin: int | None = None
-    # Grasps, those that held by the planner's word, and those whose load rests where it
-    # belongs, by ground truth.
+    # Grasps, those that held by the planner's word, and those of which something rests
+    # where it belongs, by ground truth.
     picks: int | None = None
     picks_held: int | None = None
     picks_delivered: int | None = None

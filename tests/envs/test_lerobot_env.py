@@ -87,6 +87,15 @@ def test_every_entry_is_in_one_part_of_the_observation(name):
     env.close()
 
 
+def test_the_robots_own_yaw_is_no_part_of_the_environment():
+    env = LeRobotEnv("Pick-v0")
+    observation, _ = env.reset(seed=1)
+    about_it = ("object_", "cos_", "sin_", "size_", "round")
+    names = [n for n in env.unwrapped.observation_names if n.startswith(about_it)]
+    assert observation["environment_state"].size == len(names)
+    env.close()
+
+
 @pytest.mark.slow
 def test_images_are_pixels():
     env = LeRobotEnv("KitchenPick-v0", observation="images")

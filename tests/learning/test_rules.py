@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drake_srg.envs.pick import PickEnv
 from drake_srg.learning.episodes import make_environment, run_episode, training_seed
 from drake_srg.learning.rules import RULES, grasp_height, grasp_one_shot, pick
 
@@ -29,7 +30,7 @@ def test_the_hand_stays_above_the_table(size_z):
 
 
 def test_a_hand_off_to_the_side_moves_before_it_comes_down():
-    x = np.zeros(24, np.float32)
+    x = np.zeros(len(PickEnv.observation_names), np.float32)
     x[[0, 3, 5, 6, 7, 8, 22]] = 0.5, 1.0, 0.85, 0.3, 0.3, 0.5, -1.0
     action = pick(x)
     assert action[0] > 0.9  # 10 cm
@@ -39,7 +40,7 @@ def test_a_hand_off_to_the_side_moves_before_it_comes_down():
 
 def turn_towards(yaw, size_x, size_y):
     """The turn of a hand right over a box that is turned by `yaw`."""
-    x = np.zeros(24, np.float32)
+    x = np.zeros(len(PickEnv.observation_names), np.float32)
     x[3:5] = np.cos(2.0 * yaw), np.sin(2.0 * yaw)
     x[[5, 6, 7, 8, 22]] = 0.85, size_x / 0.15, size_y / 0.15, 0.5, -1.0
     return pick(x)[3]

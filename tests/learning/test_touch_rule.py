@@ -99,7 +99,22 @@ def test_it_has_a_name(env):
         rule_of(other, TOUCH)
 
 
-@pytest.mark.parametrize(("algorithm", "data"), [("q", ""), ("bc", "folder")])
-def test_only_clones_have_a_choice_of_rule(env, algorithm, data):
-    with pytest.raises(ScenarioError, match="--rule touch: needs --algo bc or dagger"):
+@pytest.mark.parametrize(
+    ("algorithm", "data", "message"),
+    [
+        ("q", "", "needs --algo bc or dagger, got q"),
+        ("bc", "here", "imitates no --data"),
+    ],
+)
+def test_only_clones_have_a_choice_of_rule(env, algorithm, data, message):
+    with pytest.raises(ScenarioError, match=f"--rule touch: {message}"):
         MakeLearner(algorithm, env, 0, data, TOUCH)
+
+
+@pytest.mark.parametrize("algorithm", ["bc", "dagger"])
+def test_clones_imitate_the_rule_of_their_choice(env, algorithm):
+    observation, _ = env.reset(seed=next(k for k in range(100) if is_round(env, k)))
+    learner = MakeLearner(algorithm, env, 0, "", TOUCH)
+    action = learner._rule(observation)
+    np.testing.assert_array_equal(action, pick_by_touch(observation))
+    assert not np.array_equal(action, pick(observation))

@@ -15,9 +15,9 @@ BLOB = Blob("can", "ceiling", (159.5, 59.5), RigidTransform(), quality=0.75)
 class Perception(LeafSystem):
     """A camera, and a planner that looks at whole seconds from 1 s on."""
 
-    def __init__(self):
+    def __init__(self, blobs):
         super().__init__()
-        self.images = 0
+        self.images, self.blobs = 0, blobs
         for name, model, calc in (
             ("planner.status", PlannerStatus(), self._status),
             ("camera_ceiling.color_image", ImageRgba8U(1280, 240), self._image),
@@ -28,7 +28,7 @@ class Perception(LeafSystem):
             )
 
     def _status(self, context, output):
-        output.set_value(PlannerStatus(looks=int(context.get_time()), blobs=(BLOB,)))
+        output.set_value(PlannerStatus(looks=int(context.get_time()), blobs=self.blobs))
 
     def _image(self, context, output):
         self.images += 1
@@ -36,9 +36,9 @@ class Perception(LeafSystem):
         image.mutable_data[:] = [200, 20, 20, 255]
 
 
-def MakeCell(without=()):
+def MakeCell(without=(), blobs=(BLOB,)):
     builder = DiagramBuilder()
-    perception = builder.AddSystem(Perception())
+    perception = builder.AddSystem(Perception(blobs))
     for i in range(perception.num_output_ports()):
         port = perception.get_output_port(i)
         if port.get_name() not in without:
@@ -69,7 +69,7 @@ def test_each_look_is_kept_once():
 
 
 def test_without_a_localizer_nothing_is_said_of_blobs():
-    cell, _ = MakeCell(["localizer.blobs"])
+    cell, _ = MakeCell(["localizer.blobs"], blobs=())
     assert [set(sight) for sight in record(cell).sights] == 2 * [
         {"time", "camera", "image"}
     ]

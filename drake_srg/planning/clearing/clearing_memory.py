@@ -107,7 +107,7 @@ class Pick:
     def fell_out(self, memory: ClearingMemory, after: HeightMap) -> bool:
         """Return whether what it takes may have fallen out of the bin before.
 
-        Most of it has come to lie beside the bin since the first map. Further away, it
+        Most of it has come to lie beside the bin since the first pick. Further away, it
         must also be as large as a load that the bin has received, and that is there no
         more.
 
@@ -115,16 +115,16 @@ class Pick:
             memory: The planner's.
             after: The map without it.
         """
-        p_WC, first = self.grasp.p_WC[:2], memory.first_map
+        p_WC, lowest = self.grasp.p_WC[:2], memory.lowest_map
         volume = self.volume(after)
         known = any(
             load.is_like(volume) and load.has_left(memory.destinations)
             for load in memory.received
         )
         margin = _ROLLED if known else BESIDE
-        if first is None or not self.destination.encloses(p_WC, margin):
+        if lowest is None or not self.destination.encloses(p_WC, margin):
             return False
-        return has_come(first, self.height_map, after, p_WC)
+        return has_come(lowest, self.height_map, after, p_WC)
 
 
 @dc.dataclass(frozen=True)
@@ -143,7 +143,8 @@ class ClearingMemory:
     motion: Motion
     closure: float = 0.0  # commanded, 0 open .. 1 closed
     height_map: HeightMap | None = None  # the latest
-    first_map: HeightMap | None = None  # on which the first pick was planned
+    # The least heights of all maps on which picks were planned.
+    lowest_map: HeightMap | None = None
     next_look: float = 0.0  # s
     rested_at: float = 0.0  # when the arm came to rest to look [s]
     pick: Pick | None = None  # the one under way, or the next one

@@ -113,21 +113,28 @@ def volume_taken(before: HeightMap, after: HeightMap, p_W: Vector) -> float:
     return float(np.sum(_taken(before, after, p_W))) * after.resolution**2
 
 
+def lowest(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
+    """Return the lower of two heights in every cell, or the one that is known."""
+    if earlier is None:
+        return seen
+    return dc.replace(seen, height=np.fmin(seen.height, earlier.height))
+
+
 def has_come(
-    first: HeightMap, before: HeightMap, after: HeightMap, p_W: Vector
+    lowest: HeightMap, before: HeightMap, after: HeightMap, p_W: Vector
 ) -> bool:
     """Return whether most of what was taken from a place has come there meanwhile.
 
     What was only pushed a little covers much of where it stood.
 
     Args:
-        first: An earlier map.
+        lowest: The least heights of earlier maps.
         before: The map on which it stood there.
         after: The map without it.
         p_W: Where it was grasped, shape (2 or 3,) [m].
     """
     taken = np.clip(_taken(before, after, p_W), 0.0, None)
-    come = np.clip(-fallen(first, before), 0.0, taken)
+    come = np.clip(-fallen(lowest, before), 0.0, taken)
     return bool(np.sum(taken) > 0.0 and np.sum(come) > 0.5 * np.sum(taken))
 
 

@@ -17,7 +17,7 @@ from drake_srg.planning.clearing.clearing_memory import (
     PlannedPush,
 )
 from drake_srg.planning.clearing.clearing_motions import ClearingMotions
-from drake_srg.planning.clearing.comparing import has_gone
+from drake_srg.planning.clearing.comparing import has_gone, lowest
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.push_motions import PushMotions
 from drake_srg.planning.grasps.top_grasp import (
@@ -171,6 +171,7 @@ class PickPlanner:
             ready_at = time + self.config.latency
             pick = Pick(grasp, motions, height_map, there.destination, ready_at)
             break
+        known = memory.lowest_map  # nothing falls out of a bin before the first pick
         left: list[Left] = []
         push = None
         if pick is None:
@@ -183,7 +184,7 @@ class PickPlanner:
             height_map=height_map,
             push=push,
             finished=pick is None and push is None,
-            first_map=memory.first_map or (height_map if pick else None),
+            lowest_map=lowest(height_map, known) if pick or known else None,
             first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
             left=tuple(left),
             planning_wall=memory.planning_wall + wall.perf_counter() - start,

@@ -172,7 +172,7 @@ def distributions(trials: Trials) -> Element:
     of_several = (
         ("Objects left", "", left, True),
         ("Objects in a wrong bin", "", trials.numbers("objects_in_wrong_bin"), True),
-        ("Failed picks", "", missed, True),
+        ("Picks not seen to hold", "", missed, True),
         ("Picks per hour", "", trials.numbers("picks_per_hour"), False),
     )
     kinds += tuple(kind for kind in of_several if np.any(np.isfinite(kind[2])))

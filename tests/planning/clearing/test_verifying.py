@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory, Pick
+from drake_srg.planning.clearing.comparing import lowest
 from drake_srg.planning.clearing.destination import AROUND
 from drake_srg.planning.clearing.loads import Received
 from drake_srg.planning.clearing.picking import PickPlanner
@@ -18,13 +19,15 @@ from planning.clearing.fake_table import (
     HOME,
     SIDE,
     TALL,
+    A,
+    B,
     Grasps,
     Motions,
     grasp_at,
     pick,
+    run,
     table,
 )
-from planning.clearing.test_clearing_planner import A, B, run
 
 HERE = Motion(HOME)
 IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
@@ -285,13 +288,26 @@ def test_what_is_hidden_beside_something_leaves_with_the_rest():
 def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
     def fell_out(first):
         pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
-        return pick_there.fell_out(ClearingMemory(HERE, first_map=first), table())
+        return pick_there.fell_out(ClearingMemory(HERE, lowest_map=first), table())
 
     assert not fell_out(None)
     assert not fell_out(table(FELL, A))
     assert fell_out(table(A))
     # Pushed by 15 mm, a bowl was once taken for a box that had toppled in the bin.
     assert not fell_out(table((FELL[0] + 0.015, FELL[1]), A))
+
+
+def test_what_fell_where_another_thing_was_taken_has_fallen_out():
+    """The lowest heights of all maps count, not those of the first."""
+    maps = table(FELL, A), table(A), table(FELL)
+    memory = None
+    for seen in maps:
+        memory = lowest(seen, memory)
+    pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
+    assert pick_there.fell_out(ClearingMemory(HERE, lowest_map=memory), table())
+    np.testing.assert_array_equal(
+        memory.height, np.minimum(*(m.height for m in maps[1:]))
+    )
 
 
 @pytest.mark.parametrize(
@@ -317,7 +333,7 @@ def test_what_rolled_away_is_known_by_its_volume(received, left, expected):
     ]
     memory = ClearingMemory(
         HERE,
-        first_map=table(A),
+        lowest_map=table(A),
         received=tuple(loads),
         destinations=table() if left else table(IN_BIN),
     )

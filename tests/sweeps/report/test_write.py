@@ -73,7 +73,7 @@ def test_tasks_with_several_objects_have_distributions_of_their_own(tmp_path):
     several = rows | {name: [count] * 60 for name, count in counts.items()}
     page = report(tmp_path / "several", several)
     assert "Objects left median 1, 95 % quantile 1" in page.text
-    assert "Failed picks median 3, 95 % quantile 3" in page.text
+    assert "Picks not seen to hold median 3, 95 % quantile 3" in page.text
     assert "wrong bin" not in page.text
 
 
