@@ -8,6 +8,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
+from drake_srg.planning.clearing.clearing_memory import Pick
 from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.picking import PickPlanner
@@ -244,3 +245,9 @@ def run(*places, shown=None, config=CONFIG, unreachable=(), refused=(), width=SI
     motions = Motions(unreachable)
     seen = table(*places) if shown is None else shown
     return Run(Grasps(places, refused, width), motions, seen, config)
+
+
+def over_bin(before, destination=None):
+    """Return a pick of A that goes into a bin on the table's own map."""
+    deep = destination or dc.replace(BIN, rim=0.12)
+    return Pick(grasp_at(A), {}, before, deep, 0.0)
