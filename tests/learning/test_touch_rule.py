@@ -82,9 +82,9 @@ def test_it_holds_what_is_far_from_where_it_was_seen(env, round_):
         turn = (yaw + 0.25 * np.pi) % (0.5 * np.pi) - 0.25 * np.pi  # of the hand
         if round_:
             away, turn = 0.025, 0.0
-        else:  # just beside the pads
+        else:  # pads of 31 mm pass 5 mm beside it
             along = size_x if abs(np.cos(yaw - turn)) > 0.5 else size_y
-            away = 0.5 * along + 0.013
+            away = 0.5 * along + 0.0205
         error = away * np.array([np.cos(turn), np.sin(turn)])
         for rule in held:
             held[rule] += holds(env, rule, scene_of(env, seed, error))
