@@ -115,16 +115,16 @@ class Pick:
             memory: The planner's.
             after: The map without it.
         """
-        p_WC, lowest = self.grasp.p_WC[:2], memory.lowest_map
+        p_WC, earlier = self.grasp.p_WC[:2], memory.lowest_map
         volume = self.volume(after)
         known = any(
             load.is_like(volume) and load.has_left(memory.destinations)
             for load in memory.received
         )
         margin = _ROLLED if known else BESIDE
-        if lowest is None or not self.destination.encloses(p_WC, margin):
+        if earlier is None or not self.destination.encloses(p_WC, margin):
             return False
-        return has_come(lowest, self.height_map, after, p_WC)
+        return has_come(earlier, self.height_map, after, p_WC)
 
 
 @dc.dataclass(frozen=True)
@@ -143,7 +143,7 @@ class ClearingMemory:
     motion: Motion
     closure: float = 0.0  # commanded, 0 open .. 1 closed
     height_map: HeightMap | None = None  # the latest
-    # The least heights of all maps on which picks were planned.
+    # The least heights of all maps since the first pick was planned.
     lowest_map: HeightMap | None = None
     next_look: float = 0.0  # s
     rested_at: float = 0.0  # when the arm came to rest to look [s]

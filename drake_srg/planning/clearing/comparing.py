@@ -121,20 +121,20 @@ def lowest(seen: HeightMap, earlier: HeightMap | None) -> HeightMap:
 
 
 def has_come(
-    lowest: HeightMap, before: HeightMap, after: HeightMap, p_W: Vector
+    earlier: HeightMap, before: HeightMap, after: HeightMap, p_W: Vector
 ) -> bool:
     """Return whether most of what was taken from a place has come there meanwhile.
 
     What was only pushed a little covers much of where it stood.
 
     Args:
-        lowest: The least heights of earlier maps.
+        earlier: The least heights before that; see `lowest`.
         before: The map on which it stood there.
         after: The map without it.
         p_W: Where it was grasped, shape (2 or 3,) [m].
     """
     taken = np.clip(_taken(before, after, p_W), 0.0, None)
-    come = np.clip(-fallen(lowest, before), 0.0, taken)
+    come = np.clip(-fallen(earlier, before), 0.0, taken)
     return bool(np.sum(taken) > 0.0 and np.sum(come) > 0.5 * np.sum(taken))
 
 

@@ -171,13 +171,14 @@ class PickPlanner:
             ready_at = time + self.config.latency
             pick = Pick(grasp, motions, height_map, there.destination, ready_at)
             break
-        known = memory.lowest_map  # nothing falls out of a bin before the first pick
         left: list[Left] = []
         push = None
         if pick is None:
             push = self._push(memory, height_map, time)
             refused = [Left(r.p_W, r.failure) for r in found.refused]
             left = _named(found.places(SAME_THING), _distinct([*refused, *missed]))
+        # Nothing falls out of a bin before the first pick.
+        known = memory.lowest_map
         return dc.replace(
             memory,
             pick=pick,

@@ -21,6 +21,7 @@ from drake_srg.planning.grasps.top_grasp import (
     TopGrasp,
     palm_pose,
 )
+from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Failure, HeightMap, Mode
@@ -28,6 +29,8 @@ from drake_srg.types import Failure, HeightMap, Mode
 HOME, OVER, ASIDE = np.zeros(2), np.full(2, 4.0), np.full(2, 5.0)
 OUT = np.full(2, 6.0)  # of a bin, straight up
 BIN = Destination(np.array([0.1, 0.1]), np.array([0.4, 0.3]))  # on a map of its own
+IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
+HERE = Motion(HOME)
 RESOLUTION = 0.005
 A, B = (0.1, 0.1), (0.3, 0.2)  # places of things
 SIDE = 0.04  # of the square things [m]

@@ -8,11 +8,11 @@ import pytest
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.comparing import lowest
 from drake_srg.planning.clearing.loads import Received
-from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Mode
 from planning.clearing.fake_table import (
     BIN,
-    HOME,
+    HERE,
+    IN_BIN,
     SIDE,
     TALL,
     A,
@@ -24,8 +24,6 @@ from planning.clearing.fake_table import (
     table,
 )
 
-HERE = Motion(HOME)
-IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
 FELL = (0.45, 0.2)  # beside the bin
 
 

@@ -8,13 +8,15 @@ import pytest
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.destination import AROUND
 from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.types import Failure, Mode
 from planning.clearing.fake_table import (
     ASIDE,
+    BESIDE,
     BIN,
     CONFIG,
+    HERE,
     HOME,
+    IN_BIN,
     SIDE,
     TALL,
     A,
@@ -26,9 +28,6 @@ from planning.clearing.fake_table import (
     run,
     table,
 )
-
-HERE = Motion(HOME)
-IN_BIN, BESIDE = (0.2, 0.2), (0.05, 0.2)  # on the map of the bin
 
 
 def test_a_load_counts_once_it_is_seen_in_the_bin():
