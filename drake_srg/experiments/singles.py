@@ -77,7 +77,7 @@ class Single:
 
 
 def run(
-    track: Track, *, trials: int = 1000, seed: int = 1_100_000, keep: str = ""
+    track: Track, *, trials: int = 1000, seed: int = 1_110_000, keep: str = ""
 ) -> ExperimentResult:
     """Clear single things.
 
