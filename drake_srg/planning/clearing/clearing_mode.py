@@ -35,11 +35,14 @@ class ClearingMode(
 
     Attributes:
         mode: Which mode it is.
+        yields: Whether the arm stops once it is off its path by `path_tolerance`. It
+            would press things into each other: with 500 N, a plate into a box.
         planner: Plans the picks.
         config: Times and limits.
     """
 
     mode: ClassVar[Mode]
+    yields: ClassVar[bool] = False
 
     def __init__(self, planner: PickPlanner) -> None:
         self.planner = planner
@@ -65,7 +68,11 @@ class ClearingMode(
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the arm has arrived, or is stopped by something."""
-        if memory.motion.arrived(now.senses.q, now.time):
+        motion, q = memory.motion, now.senses.q
+        if motion.arrived(q, now.time):
             return Observation(arrived=True)
-        late = now.time > memory.motion.due + self.config.arrival_timeout
+        late = now.time > motion.due + self.config.arrival_timeout
+        allowed = self.config.path_tolerance
+        if self.yields and allowed is not None:
+            late |= motion.error(q, now.time) > allowed
         return Observation(stuck=late)

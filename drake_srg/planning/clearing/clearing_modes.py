@@ -77,6 +77,7 @@ class Push(ClearingMode):
     """Pushes the top off a heap with the closed hand, and goes back over the bin."""
 
     mode = Mode.PUSH
+    yields = True
 
     def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
         """Close the hand, and begin the first motion."""
@@ -225,6 +226,7 @@ class Place(ClearingMode):
     """Lowers the load to where it is set down."""
 
     mode = Mode.PLACE
+    yields = True
 
 
 class Release(ClearingMode):

@@ -62,6 +62,15 @@ class Motion:
         behind = np.abs(q - self.destination)
         return bool(np.all(behind < _ARRIVED + _LAG * self._end_speed))
 
+    def error(self, q: Vector, time: float) -> float:
+        """Return how far off its path the joint is that is farthest off [rad].
+
+        Args:
+            q: Where the arm is, shape (N,) [rad].
+            time: Now [s].
+        """
+        return float(np.max(np.abs(q - self.position(time))))
+
     @property
     def _end_speed(self) -> Vector:
         """How fast the joints still are as the trajectory ends, shape (N,) [rad/s]."""

@@ -43,6 +43,20 @@ def test_a_load_that_stands_early_is_placed(mode, cycles):
     assert early.status.cycles == cycles
 
 
+@pytest.mark.parametrize(("tolerance", "early"), [(0.5, True), (None, False)])
+def test_presses_a_load_no_further_than_it_may(tolerance, early):
+    """Loads were pressed on what lay in the bin with up to 700 N."""
+    pressed = run(A, config=dc.replace(CONFIG, path_tolerance=tolerance))
+    pressed.motions.places = True
+    pressed.until(Mode.CLOSE)
+    pressed.feel(True)
+    pressed.until(Mode.PLACE)
+    start = pressed.context.get_time()
+    pressed.follow = lambda: None
+    pressed.until(Mode.RELEASE)
+    assert (pressed.context.get_time() - start < 1.0) == early  # a fake motion's second
+
+
 @pytest.mark.parametrize("places", [False, True])
 def test_opens_fully_where_nothing_stands_beside_the_load(places):
     """What has slipped up in the hand fits through less than it came in by."""

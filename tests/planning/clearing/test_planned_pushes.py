@@ -20,9 +20,9 @@ from planning.clearing.fake_table import (
 A, B = (0.1, 0.1), (0.3, 0.2)
 
 
-def heap(after_push, pushes=2):
+def heap(after_push, pushes=2, path_tolerance=None):
     """Return a run with a heap at A that no grasp takes anything from."""
-    config = dc.replace(CONFIG, max_attempts=pushes)
+    config = dc.replace(CONFIG, max_attempts=pushes, path_tolerance=path_tolerance)
     grasps = Grasps((A, *after_push), refused={A: Failure.BLOCKED})
     return Run(grasps, Motions(), table(A), config, Pushes())
 
@@ -72,3 +72,28 @@ def test_goes_back_when_something_stops_a_push():
     stuck.follow = follow
     assert stuck.until(Mode.IDLE, Mode.FAILED) is Mode.IDLE
     stuck.until(Mode.DONE)
+
+
+@pytest.mark.parametrize(("tolerance", "early"), [(0.5, True), (3.0, False)])
+def test_presses_no_further_than_it_may(tolerance, early):
+    """A plate was pressed into a box by 500 N, and never came out again."""
+    stuck = heap(after_push=[], path_tolerance=tolerance)
+    stuck.until(Mode.PUSH)
+    start = stuck.context.get_time()
+    follow, stuck.follow = stuck.follow, lambda: None
+    stuck.until(Mode.RETREAT)
+    duration = 1.0  # of the fake motion
+    assert (stuck.context.get_time() - start < 0.5 * duration) == early
+    q = stuck.planner.GetInputPort("arm_state").Eval(stuck.context)[:2]
+    commanded = stuck.planner.GetOutputPort("position_commanded").Eval(stuck.context)
+    assert np.all(np.abs(commanded - q) < 0.5)  # already on its way back
+    stuck.follow = follow
+    assert stuck.until(Mode.IDLE, Mode.FAILED) is Mode.IDLE
+
+
+def test_an_arm_that_follows_is_not_stopped():
+    pushed = heap(after_push=[B], path_tolerance=0.5)
+    pushed.until(Mode.PUSH)
+    pushed.show(table(B))
+    pushed.until(Mode.IDLE)
+    assert Mode.RETREAT not in pushed.modes

@@ -28,6 +28,10 @@ def test_a_motion_ends_at_its_destination():
     assert UNDER_WAY.due == pytest.approx(5.1)
 
 
+def test_the_error_is_that_of_the_joint_farthest_off():
+    assert UNDER_WAY.error(np.array([0.4, 1.2]), 5.05) == pytest.approx(0.2)
+
+
 def test_a_wait_delays_only_when_the_motion_is_due():
     waiting = Motion(START).followed_by(straight(START, END), 5.0, wait=0.3)
     assert waiting.due == pytest.approx(5.4)
