@@ -54,7 +54,7 @@ class Trial:
 def run(
     track: Track,
     *,
-    trials: int = 198,
+    trials: int = 2000,
     seed: int = 0,
     scenario: str = "gripper_bench_fast",
     keep: str = "",

@@ -46,7 +46,7 @@ class PlannerConfig(MotionConfig):
     arrival_timeout: float = dc.field(default=1.0, metadata=positive())
     # How far a joint may be off its path while the hand pushes things on a table, or
     # sets one down, before something must have stopped it [rad]; null: it presses on
-    # until `arrival_timeout`. The simulated iiwa's own delay puts it off by up to 0.021.
+    # until `arrival_timeout`. Its own delay puts the simulated iiwa off by up to 0.021.
     path_tolerance: float | None = dc.field(default=None, metadata=positive())
     # Protective stop: external torques (see `AddExternalTorque`) that end the task
     # while the arm moves, one per joint [N m]; null: no limits. Leave room for carried
