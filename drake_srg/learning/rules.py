@@ -16,7 +16,7 @@ _GAIN = 0.4
 _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
 STILL = 0.1  # of the joints' scaled speeds
-_CLOSED = 0.9  # closure of the grasp
+CLOSED = 0.9  # closure of the grasp
 _WIDE = 0.09  # a side that the hand had better not close across [m]
 # How `PickPlaceEnv` scales the goal, and how near to it the hand is over it [m].
 _FAR, _OVER = 0.6, 0.01
@@ -38,14 +38,18 @@ def grasp_one_shot(observation: Array) -> Array:
     z = 2.0 * (height - _LOWEST) / (_HIGHEST - _LOWEST) - 1.0
     # At no turn, the fingers close along the object's y.
     turn = 0.0 if size_y <= size_x else 1.0
-    return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * _CLOSED - 1.0], np.float32)
+    return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * CLOSED - 1.0], np.float32)
 
 
-def pick(observation: Array) -> Array:
+def pick(observation: Array, still: float = STILL) -> Array:
     """Come from above, close across the nearer side, wait until it stands, lift.
 
     The nearer side, not the narrower one: a network that imitates the rule cannot tell
     which side of a nearly square box is narrower, and would turn halfway.
+
+    Args:
+        observation: Of Pick.
+        still: Scaled speed of the joints below which the fingers are still.
     """
     o = observation.astype(float)
     along = _NEAR * o[:2]
@@ -60,13 +64,13 @@ def pick(observation: Array) -> Array:
     if o[9] > 0.5:
         turn = 0.0
     closing = o[22] > 0.0
-    still = np.abs(o[14:18]).max() < STILL
+    resting = np.abs(o[14:18]).max() < still
     pressed = o[18:22].sum() > 0.0
     rise = 0.0
     height = _NEAR * o[5]
     if closing:
         along, turn = np.zeros(2), 0.0
-        if still and pressed:
+        if resting and pressed:
             rise = _STEP[2] / _GAIN
     else:
         aligned = np.abs(along).max() < _ALIGNED and abs(turn) < _TURNED
@@ -74,7 +78,7 @@ def pick(observation: Array) -> Array:
         rise = down if aligned else 0.0
         closing = aligned and abs(down) < _LEVEL
     motion = _GAIN * np.array([*along, rise, turn]) / _STEP
-    closure = 2.0 * _CLOSED - 1.0 if closing else -1.0
+    closure = 2.0 * CLOSED - 1.0 if closing else -1.0
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 
 
@@ -98,7 +102,7 @@ def pick_place(observation: Array) -> Array:
         rise = 0.0
     letting_go = away < _OVER and down > -_DOWN
     motion = _GAIN * np.array([*goal, rise, 0.0]) / _STEP
-    closure = -1.0 if letting_go else 2.0 * _CLOSED - 1.0
+    closure = -1.0 if letting_go else 2.0 * CLOSED - 1.0
     return np.clip(np.append(motion, closure), -1.0, 1.0).astype(np.float32)
 
 

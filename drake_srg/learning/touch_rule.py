@@ -13,7 +13,7 @@ import numpy as np
 from drake_srg.envs.pick import MAX_STEPS, STEP
 from drake_srg.envs.workspace import LOWEST
 from drake_srg.learning.network import Array
-from drake_srg.learning.rules import STILL, grasp_height, pick
+from drake_srg.learning.rules import CLOSED, grasp_height, pick
 from drake_srg.planning.grasps.srg_angles import straight_base_angle
 
 # How the environment scales lengths and angles in its observations [m, rad].
@@ -34,12 +34,19 @@ _PALM = 0.085
 # Steps at which the hand is down beside the object, has swept, is off it again, and has
 # opened. Nothing else in an observation tells the phase.
 _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 46, 48, 57
+# From this step on, fingers that are closed lift the cylinder: they rest by then.
+_LIFTED_AT = 76
+# Scaled speed of the joints below which the fingers are still. The closure that a
+# network commands is never quite even, and Algorithm 1 bends tips that rest by up to
+# 0.25 each time it changes: with the limit of `rules`, they were never still.
+_STILL = 0.3
 # Until these steps, boxes are tried where they were seen, and on one side of that; then
 # on the other. The sides are a pad's width and a little away [m].
 _TRIED, _TRIED_AGAIN, _ASIDE = 30, 60, 0.04
 # If the gap between the pads is less than this share of the box's width, they hold
 # nothing.
 _NARROWER = 0.5
+_LIFT = np.array([0.0, 0.0, 1.0, 0.0, 2.0 * CLOSED - 1.0], np.float32)
 _EMPTY = np.array([0.0, 0.0, 0.5, 0.0, -1.0], np.float32)  # open, and rise by 1 cm
 
 
@@ -57,6 +64,8 @@ TOUCH_RULES = dict.fromkeys(
 def _sweep(o: Array) -> Array:
     """Sweep a cylinder to where it is known to be, and then pick it up."""
     step = _step(o)
+    if step >= _LIFTED_AT and o[22] > 0.0:
+        return _LIFT.copy()
     if step >= _OPENED_AT:
         return _pick_beside(o, np.array([_BEYOND - _SHORT, 0.0]))
     x, y = -_NEAR * o[:2]  # of the hand, from the estimate
@@ -80,7 +89,7 @@ def _retry(o: Array) -> Array:
     across = o[3] > 0.0  # the fingers close along the box's y, not its x
     width = _SIZE * (o[7] if across else o[6])
     base = _ANGLE * o[10:12].mean()
-    closed = o[22] > 0.0 and np.abs(o[14:18]).max() < STILL
+    closed = o[22] > 0.0 and np.abs(o[14:18]).max() < _STILL
     if closed and base > straight_base_angle(0.5 * _NARROWER * width):
         return _EMPTY.copy()
     yaw = _TURN * o[24]
@@ -93,7 +102,7 @@ def _retry(o: Array) -> Array:
 def _pick_beside(o: Array, away: Array) -> Array:
     """Pick as if the estimate were so far away from where it is, (2,) [m]."""
     place = o[:2] + away / _NEAR
-    return pick(np.append(place, o[2:]).astype(np.float32))
+    return pick(np.append(place, o[2:]).astype(np.float32), _STILL)
 
 
 def _step(observation: Array) -> int:
