@@ -63,7 +63,7 @@ class Stay:
 
 
 def run(
-    track: Track, *, trials: int = 4, seed: int = 8960, keep: str = ""
+    track: Track, *, trials: int = 3, seed: int = 8960, keep: str = ""
 ) -> ExperimentResult:
     """Leave tables alone.
 

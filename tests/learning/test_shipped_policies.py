@@ -5,6 +5,13 @@ from drake_srg.learning.episodes import EVALUATION, make_environment, run_episod
 from drake_srg.learning.policy import load_policy, shipped_policies
 
 EPISODES = 8
+# What policies hold, at least: of those that are shown the object's place to 5 mm, and
+# of the one that finds it by touch.
+SURE, TOUCH = 0.95, 0.8
+
+
+def least(policy):
+    return TOUCH if "noise" in policy.info.keywords else SURE
 
 
 @pytest.mark.parametrize("name", sorted(shipped_policies()))
@@ -13,13 +20,14 @@ def test_a_shipped_policy_takes_unseen_objects(name):
     env = make_environment(policy.info.environment, policy.info.keywords)
     assert rule_of(env) is not None  # what it is compared with
     held = [run_episode(env, policy, EVALUATION + k).success for k in range(EPISODES)]
-    # Of a policy that holds 95 %, fewer succeed once in 2,700 times.
-    assert sum(held) >= EPISODES - 3
+    # Fewer succeed once in 2,700 times, or, with touch, once in 100 times.
+    assert sum(held) >= EPISODES - (3 if least(policy) == SURE else 4)
 
 
 @pytest.mark.parametrize("name", sorted(shipped_policies()))
 def test_a_shipped_policy_says_how_it_was_made(name):
-    info = load_policy(name).info
+    policy = load_policy(name)
+    info = policy.info
     assert info.command.startswith("drake-srg train ")
     assert info.steps > 0
-    assert info.scores["validation"] >= 0.95
+    assert info.scores["validation"] >= least(policy)
