@@ -24,7 +24,7 @@ from drake_srg.objects.household import object_facts
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.log_format import row_to_pose
-from drake_srg.simulation.simulate import Simulate
+from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
 from drake_srg.types import Vector
 
 TABLES = {"spread": "clear_table_fast", "heap": "clear_heap_fast"}
@@ -93,7 +93,10 @@ def watch(table: str, settings: str, seed: int) -> Stay:
     scenario = load_scenario(
         TABLES[table], seed=seed, overrides=(*_WAITING, *SETTINGS[settings])
     )
-    log = Simulate(scenario, record=False).log
+    result = Simulate(scenario, record=False)
+    if result.status.message == STOPPED_BY_USER:
+        raise KeyboardInterrupt  # half a trial is no result
+    log = result.log
     points = {}
     for name, config in scenario.objects.items():
         poses = [row_to_pose(row) for row in log[pose_key(name)]]
