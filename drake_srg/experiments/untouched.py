@@ -40,6 +40,8 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
 }
 LATEST, SPAN = 15.0, 10.0  # when all must be at rest, and how long then to watch [s]
 MOST = 1e-3  # m
+# Why a kind of table is known to miss that.
+_BECAUSE = {"heap": "on one table, a spoon slips off the tip of a wrench after 9 s"}
 # The arm waits until the time is over.
 _WAITING = (
     f"planner.latency={2 * (LATEST + SPAN)}",
@@ -160,7 +162,8 @@ def judge(stays: Mapping[tuple[str, str], Sequence[Stay]]) -> list[Row]:
             Row.info(name, f"at rest within {LATEST:g} s", len(at_rest), of, spread=2.0)
         )
         if settings == AS_IS:
-            rows.append(Row.at_most(name, quantity, 1e3 * MOST, moved, "mm"))
+            row = Row.at_most(name, quantity, 1e3 * MOST, moved, "mm")
+            rows.append(row.because(_BECAUSE.get(table, "")))
         else:
             rows.append(Row.info(name, quantity, moved, "mm", spread=max(1.0, moved)))
     return rows
