@@ -41,7 +41,7 @@ SETTINGS: Mapping[str, tuple[str, ...]] = {
 LATEST, SPAN = 15.0, 10.0  # when all must be at rest, and how long then to watch [s]
 MOST = 1e-3  # m
 # Why a kind of table is known to miss that.
-_BECAUSE = {"heap": "on one table, a spoon slips off the tip of a wrench after 9 s"}
+_BECAUSE = {"heap": "a spoon slips off the tip of a wrench, and a plate creeps"}
 # The arm waits until the time is over.
 _WAITING = (
     f"planner.latency={2 * (LATEST + SPAN)}",

@@ -5,9 +5,9 @@ from drake_srg.learning.episodes import EVALUATION, make_environment, run_episod
 from drake_srg.learning.policy import load_policy, shipped_policies
 
 EPISODES = 8
-# What policies hold, at least: of those that are shown the object's place to 5 mm, and
-# of the one that finds it by touch.
-SURE, TOUCH = 0.95, 0.8
+# What policies hold, at least: where they are shown the object's place to 5 mm, and,
+# to 20 mm, more than the rule that does not feel for it (0.677).
+SURE, TOUCH = 0.95, 0.7
 
 
 def least(policy):
@@ -20,7 +20,7 @@ def test_a_shipped_policy_takes_unseen_objects(name):
     env = make_environment(policy.info.environment, policy.info.keywords)
     assert rule_of(env) is not None  # what it is compared with
     held = [run_episode(env, policy, EVALUATION + k).success for k in range(EPISODES)]
-    # Fewer succeed once in 2,700 times, or, with touch, once in 100 times.
+    # Fewer succeed once in 2,700 times, or, of one that holds 80 %, once in 100 times.
     assert sum(held) >= EPISODES - (3 if least(policy) == SURE else 4)
 
 
