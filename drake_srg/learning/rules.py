@@ -15,7 +15,7 @@ _STEP = np.array([0.02, 0.02, 0.02, 0.1])  # a full action of Pick [m, rad]
 _GAIN = 0.4
 _ALIGNED, _LEVEL = 0.006, 0.006  # m
 _TURNED = 0.08  # rad
-STILL = 0.1  # of the joints' scaled speeds
+_STILL = 0.1  # of the joints' scaled speeds
 CLOSED = 0.9  # closure of the grasp
 _WIDE = 0.09  # a side that the hand had better not close across [m]
 # How `PickPlaceEnv` scales the goal, and how near to it the hand is over it [m].
@@ -41,7 +41,7 @@ def grasp_one_shot(observation: Array) -> Array:
     return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * CLOSED - 1.0], np.float32)
 
 
-def pick(observation: Array, still: float = STILL) -> Array:
+def pick(observation: Array, still: float = _STILL) -> Array:
     """Come from above, close across the nearer side, wait until it stands, lift.
 
     The nearer side, not the narrower one: a network that imitates the rule cannot tell
