@@ -21,9 +21,9 @@ from drake_srg.common.log_keys import pose_key
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import Scenario, load_scenario
-from drake_srg.simulation import Simulate
 from drake_srg.station.plant import MakeModelsPlant
 from drake_srg.types import Mode, Vector
 
@@ -77,7 +77,7 @@ def carry(case: Case) -> Carried:
     period = 2 * steps[0] if steps[0] < 0.01 else steps[0]
     overrides = [f"{key}={case.step}", f"recording.period={period}"]
     scenario = load_scenario(case.scenario, overrides=overrides)
-    log = Simulate(scenario, name=str(case)).log
+    log = simulate_whole(scenario, name=str(case)).log
     while_carried = np.flatnonzero(log["mode"] == list(Mode).index(Mode.TRANSFER))
     if not len(while_carried):
         raise ScenarioError(f"carrying: {case}: the arm carries nothing")

@@ -12,9 +12,9 @@ from pydrake.systems.framework import Diagram
 
 from drake_srg.cell import MakeCell
 from drake_srg.common.log_keys import pose_key
+from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import Scenario, load_scenario
-from drake_srg.simulation import Simulate
 from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES
 from drake_srg.simulation.metrics import Metrics
@@ -61,7 +61,7 @@ def run_cycle(
         make_cell: Makes the cell.
     """
     loaded = load_scenario(scenario, seed=seed, overrides=overrides)
-    result = Simulate(loaded, name=scenario, make_cell=make_cell)
+    result = simulate_whole(loaded, name=scenario, make_cell=make_cell)
     free_diagrams()
     return make_cycle(loaded, result.metrics, result.log)
 

@@ -12,9 +12,9 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.recording.figure import make_figure, style_axes
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation import Simulate
 from drake_srg.simulation.log_format import MODES
 from drake_srg.types import Mode, Vector
 
@@ -51,7 +51,7 @@ def feel(case: Case) -> Vector:
         ScenarioError: If the arm carries nothing.
     """
     scenario = load_scenario(case.scenario, seed=case.seed)
-    log = Simulate(scenario, name=str(case)).log
+    log = simulate_whole(scenario, name=str(case)).log
     carrying = np.isin(log["mode"], [MODES.index(mode) for mode in _CARRYING])
     if not np.any(carrying):
         raise ScenarioError(f"external_torque: {case}: the arm carries nothing")

@@ -20,9 +20,9 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.sleeping import ASLEEP, AWAKE, MOVED
+from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
-from drake_srg.simulation.simulate import Simulate
 from drake_srg.sweeps.statistics import wilson_interval
 from drake_srg.types import Vector
 
@@ -90,7 +90,7 @@ def simulate(seed: int, kind: str) -> Trial:
     """Simulate a trial, `AWAKE` or `ASLEEP`."""
     start = wall.process_time()
     overrides = (*_OVERRIDES, *_KINDS[kind])
-    result = Simulate(load_scenario(SCENARIO, seed=seed, overrides=overrides))
+    result = simulate_whole(load_scenario(SCENARIO, seed=seed, overrides=overrides))
     m = result.metrics
     poses = [log for key, log in result.log.items() if is_pose(key)]
     return Trial(

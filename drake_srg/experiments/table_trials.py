@@ -16,11 +16,11 @@ from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
 from drake_srg.experiments.table_shares import false_claims, lay_in, shares
+from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.metrics import Metrics
-from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
 
 # Of a scenario: its name and its overrides.
 Scenes: TypeAlias = Mapping[str, tuple[str, tuple[str, ...]]]
@@ -114,9 +114,7 @@ def run_trial(name: str, overrides: Sequence[str], seed: int) -> dict[str, Any]:
         KeyboardInterrupt: If the run was interrupted.
     """
     scenario = load_scenario(name, seed=seed, overrides=overrides)
-    result = Simulate(scenario, name=name)
-    if result.status.message == STOPPED_BY_USER:
-        raise KeyboardInterrupt  # half a trial is no result
+    result = simulate_whole(scenario, name=name)
     return dc.asdict(result.metrics)
 
 

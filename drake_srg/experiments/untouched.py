@@ -19,12 +19,12 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.experiments.whole_run import simulate_whole
 from drake_srg.objects.config import SleepingConfig
 from drake_srg.objects.household import object_facts
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.log_format import row_to_pose
-from drake_srg.simulation.simulate import STOPPED_BY_USER, Simulate
 from drake_srg.types import Vector
 
 TABLES = {"spread": "clear_table_fast", "heap": "clear_heap_fast"}
@@ -95,9 +95,7 @@ def watch(table: str, settings: str, seed: int) -> Stay:
     scenario = load_scenario(
         TABLES[table], seed=seed, overrides=(*_WAITING, *SETTINGS[settings])
     )
-    result = Simulate(scenario, record=False)
-    if result.status.message == STOPPED_BY_USER:
-        raise KeyboardInterrupt  # half a trial is no result
+    result = simulate_whole(scenario, record=False)
     log = result.log
     points = {}
     for name, config in scenario.objects.items():

@@ -67,6 +67,8 @@ def test_a_carried_cylinder_slides_no_farther_than_the_steps_move_it():
 
 def test_an_arm_that_carries_nothing_is_reported(monkeypatch):
     log = {"mode": np.zeros(3)}
-    monkeypatch.setattr(carrying, "Simulate", lambda *_, **__: SimpleNamespace(log=log))
+    monkeypatch.setattr(
+        carrying, "simulate_whole", lambda *_, **__: SimpleNamespace(log=log)
+    )
     with pytest.raises(ScenarioError, match="the arm carries nothing"):
         carry(Case("assistive_arm", 0.005))

@@ -58,7 +58,7 @@ def test_each_seed_is_simulated_awake_and_asleep(monkeypatch):
             log={"object_pose.can": np.array([[0.1, 0.2, 0.3, 1, 0, 0, 0]] * 2)},
         )
 
-    monkeypatch.setattr(sleeping_tasks, "Simulate", simulate)
+    monkeypatch.setattr(sleeping_tasks, "simulate_whole", simulate)
     result = sleeping_tasks.run(quiet, trials=2, seed=5)
     assert [s.random_seed for s in scenarios] == [5, 5, 6, 6]
     assert [s.sleeping is None for s in scenarios] == [True, False] * 2

@@ -5,7 +5,7 @@ import types
 
 import pytest
 
-from drake_srg.experiments import table_trials
+from drake_srg.experiments import table_trials, whole_run
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.table_trials import (
     Case,
@@ -104,7 +104,7 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
             metrics=Metrics(**values), status=PlannerStatus(mode=Mode.DONE)
         )
 
-    monkeypatch.setattr(table_trials, "Simulate", simulate)
+    monkeypatch.setattr(table_trials, "simulate_whole", simulate)
     for _ in range(2):
         made = run_tables(
             quiet,
@@ -122,7 +122,7 @@ def test_scenes_run_once_and_in_turn(monkeypatch, tmp_path, scene):
 def test_an_interrupted_trial_is_no_result(monkeypatch, tmp_path):
     stopped = PlannerStatus(mode=Mode.FAILED, message=STOPPED_BY_USER)
     monkeypatch.setattr(
-        table_trials, "Simulate", lambda *_, **__: types.SimpleNamespace(status=stopped)
+        whole_run, "Simulate", lambda *_, **__: types.SimpleNamespace(status=stopped)
     )
     kept = tmp_path / "kept"
     with pytest.raises(KeyboardInterrupt):

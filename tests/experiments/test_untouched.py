@@ -1,14 +1,11 @@
 """When things count as at rest, and how far they have moved since."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from drake_srg.experiments import untouched
 from drake_srg.experiments.registry import quiet
 from drake_srg.experiments.untouched import AS_IS, SETTINGS, Stay, find_stay, judge
-from drake_srg.simulation.simulate import STOPPED_BY_USER
 
 TIME = np.arange(0.0, 30.0, 0.02)
 CORNERS = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
@@ -74,10 +71,3 @@ def test_each_table_is_watched_with_all_settings(monkeypatch, tmp_path):
         (table,) = result.tables.values()
         assert set(table["seed"]) == {7, 8}
         assert all(row.passed for row in result.rows)
-
-
-def test_a_run_that_is_interrupted_is_no_result(monkeypatch):
-    stopped = SimpleNamespace(status=SimpleNamespace(message=STOPPED_BY_USER), log={})
-    monkeypatch.setattr(untouched, "Simulate", lambda *_, **__: stopped)
-    with pytest.raises(KeyboardInterrupt):
-        untouched.watch("heap", AS_IS, 0)
