@@ -159,7 +159,7 @@ class HandTask:
         motion = shake(self.pose, acceleration, frequency, duration)
         for i in range(round(duration / CONTROL_PERIOD)):
             self.tick(motion((i + 1) * CONTROL_PERIOD), self.closure)
-            if self.truth().height < 0.5 * LIFTED:
+            if self.height() < 0.5 * LIFTED:
                 return False
         return True
 
@@ -179,12 +179,17 @@ class HandTask:
         state = self.station.measured("arm.state_measured")
         return self.mover.pose(state[: len(self._home)])
 
+    def height(self) -> float:
+        """Return how high the object's lowest point truly is above the table [m]."""
+        X_WO = self.station.X_WO()
+        down = -X_WO.rotation().matrix()[2]
+        half = self.scene.shape.half_extent(down)
+        return float(X_WO.translation()[2] - half - self.table)
+
     def truth(self) -> Truth:
         """Return the present ground truth."""
-        X_WO = self.station.X_WO()
-        p_WO = X_WO.translation()
-        down = -X_WO.rotation().matrix()[2]
-        height = float(p_WO[2] - self.scene.shape.half_extent(down) - self.table)
+        p_WO = self.station.X_WO().translation()
+        height = self.height()
         hand = self.mover.pose(self.station.q())
         reach = math.dist(p_WO, hand[:3])
         force = self.station.measured("gripper.contact_force").tolist()
