@@ -13,7 +13,6 @@ from pydrake.systems.framework import Diagram
 from drake_srg.cell import MakeCell
 from drake_srg.common.log_keys import pose_key
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.lifetime import free_diagrams
 from drake_srg.scenario import Scenario, load_scenario
 from drake_srg.simulation.hand_poses import hand_poses
 from drake_srg.simulation.log_format import MODES
@@ -62,7 +61,6 @@ def run_cycle(
     """
     loaded = load_scenario(scenario, seed=seed, overrides=overrides)
     result = simulate_whole(loaded, name=scenario, make_cell=make_cell)
-    free_diagrams()
     return make_cycle(loaded, result.metrics, result.log)
 
 

@@ -32,7 +32,6 @@ from drake_srg.experiments.single_things import (
 from drake_srg.experiments.table_shares import WIDEST, Share
 from drake_srg.experiments.table_trials import NOISE
 from drake_srg.experiments.whole_run import simulate_whole
-from drake_srg.lifetime import free_diagrams
 from drake_srg.recording.figure import COLORS, make_figure, style_axes
 from drake_srg.scenario import load_scenario
 from drake_srg.simulation.log_format import MODES
@@ -114,7 +113,6 @@ def run_single(seed: int, folder: Path) -> dict[str, Any]:
         SCENARIO, seed=seed, overrides=(*NOISE, "clutter.count=0", own)
     )
     result = simulate_whole(scenario, name=SCENARIO)
-    free_diagrams()
     config, metrics, log = scenario.objects[_THING], result.metrics, result.log
     assert metrics.objects is not None
     outcome = metrics.objects[_THING]
