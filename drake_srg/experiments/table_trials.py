@@ -40,13 +40,11 @@ class Limits:
         cleared: Least share of the objects in reach that fit the hand (`WIDEST`).
         delivered: Least share of the picks, by ground truth.
         rate: Least picks held per hour, median of the tables [1/h].
-        because: Why the scene is known to miss some of them.
     """
 
     cleared: float = 0.0
     delivered: float = 0.0
     rate: float = 0.0
-    because: str = ""
 
 
 @dc.dataclass(frozen=True)
@@ -148,7 +146,7 @@ def judge(
         for (what, share), asked in zip(found.items(), least, strict=True):
             low, high = share.bounds
             rows += [
-                _asked(scene, what, asked, share.value, "", limit.because, spread=0.15),
+                _asked(scene, what, asked, share.value, "", spread=0.15),
                 Row.info(scene, f"{what}, at least", low, "", spread=0.15),
                 Row.info(scene, f"{what}, at most", high, "", spread=0.15),
             ]
@@ -161,7 +159,7 @@ def judge(
         if rates:
             rate = float(np.median(rates))
             quantity = "picks held per hour, median"
-            rows.append(_asked(scene, quantity, limit.rate, rate, "1/h", limit.because))
+            rows.append(_asked(scene, quantity, limit.rate, rate, "1/h"))
         rows += [
             Row.info(scene, reason, count, "objects", spread=3.0 + 0.3 * count)
             for reason, count in sorted(_reasons(own).items())
@@ -177,13 +175,11 @@ def _asked(
     least: float,
     value: float,
     unit: str,
-    because: str,
     spread: float | None = None,
 ) -> Row:
     """Return a row that expects at least so much, if anything is asked for."""
     if least > 0.0:
-        row = Row.at_least(scene, quantity, least, value, unit, spread=spread)
-        return row.because(because) if because else row
+        return Row.at_least(scene, quantity, least, value, unit, spread=spread)
     return Row.info(scene, quantity, value, unit, spread=spread)
 
 
