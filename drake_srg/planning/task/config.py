@@ -40,6 +40,10 @@ class PlannerConfig(MotionConfig):
     # Height above the table at which to let go of the object [m]: more than the error
     # of the localisation, so that the object is not pressed into the table.
     place_height: float = dc.field(default=0.0005, metadata={"ge": 0.0})
+    # Half the plant's step h [s]: before it places an object, the planner takes off how
+    # far the simulation in steps carries it off the hand; see `carried_drift`. 0 for a
+    # robot, and for steps so short that this does not matter.
+    drift_time: float = dc.field(default=0.0, metadata={"ge": 0.0})
     # Mass in the hand for which the torque limits must suffice [kg].
     payload: float = dc.field(default=0.5, metadata={"ge": 0.0})
     # Delay of the arm after which something must have stopped it [s].

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses as dc
+from collections.abc import Iterable
+
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.trajectories import Trajectory
@@ -14,6 +17,7 @@ from drake_srg.planning.grasps.grasp_search import (
     place_target,
 )
 from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.motion.carried_drift import carried_drift
 from drake_srg.planning.motion.failure import NoPathError, PlanningFailure
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.moves import Moves
@@ -113,11 +117,17 @@ class GraspMotions:
                 )
             across, down = self._transfer(up[-1], X_WO_goal, candidate)
             motions[Mode.TRANSFER] = self._moves.timed(across, self._moves.holding)
-            with scene.supporting(SUPPORT_OVERLAP):
-                motions[Mode.PLACE] = self._moves.timed(
-                    down, self._moves.holding, straight=True
-                )
-        return motions | self._leave(down[-1], grasp, shape, X_WO_goal)
+        drift_G = self._drift(grasp, motions.values())
+        drifted = dc.replace(grasp, p_GO=grasp.p_GO + drift_G)
+        with carrying(scene, shape, drifted, supported=True):
+            if drift_G.any():
+                drift_W = scene.X_WG(across[-1]).rotation() @ drift_G
+                below = self._moves.below(across[-1]).shifted(-drift_W)
+                down = self._moves.straight(across[-1], below)
+            motions[Mode.PLACE] = self._moves.timed(
+                down, self._moves.holding, straight=True
+            )
+        return motions | self._leave(down[-1], drifted, shape, X_WO_goal)
 
     def place(
         self, q_start: Vector, grasp: Grasp, shape: Solid, X_WO_goal: RigidTransform
@@ -181,6 +191,14 @@ class GraspMotions:
             q_place = candidate.q_place
             up = self._moves.straight(q_place, self._moves.above(q_place))
         return self._moves.joint_path(q_lifted, up[-1]), up[::-1]
+
+    def _drift(self, grasp: Grasp, motions: Iterable[Trajectory]) -> Vector:
+        """Return how far the object drifts in the hand during motions, (3,) [m]."""
+        time, drift = self._config.drift_time, np.zeros(3)
+        if time > 0.0:
+            for motion in motions:
+                drift += carried_drift(self._scene, motion, grasp.p_GO, time)
+        return drift
 
     def _across(self, q_lifted: Vector, above_goal: HandTarget) -> Vector | None:
         """Return a path above the goal that keeps the object upright, or None."""

@@ -1,8 +1,12 @@
+import dataclasses as dc
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
 from drake_srg.planning.grasps.grasp_search import carrying
+from drake_srg.planning.motion.carried_drift import carried_drift
+from drake_srg.planning.task.task_motions import TaskPlanner
 from drake_srg.types import Cylinder, Mode
 from planning.planning_world import CAN, MOVING
 from planning.task.kitchen_task import (
@@ -42,6 +46,26 @@ def test_the_grasp_is_at_the_object_and_the_release_at_the_goal(planner, task):
     placed = object_in_world(planner, task, q_place)
     above = np.array([0.0, 0.0, options.place_height])
     np.testing.assert_allclose(placed, GOAL.translation() + above, atol=2.5e-4)
+
+
+def test_the_hand_goes_short_of_where_the_object_drifts(planner, task):
+    config = dc.replace(planner.config, drift_time=0.006)
+    drifting = TaskPlanner(planner.scene, planner.hand, planner.q_home, config)
+    other = drifting.plan(planner.q_home, START, CAN, GOAL)
+    for mode in (Mode.LIFT, Mode.TRANSFER):
+        np.testing.assert_array_equal(
+            samples(other.motions[mode]), samples(task.motions[mode])
+        )
+    (_, q), (_, q_without) = (ends(t.motions[Mode.PLACE]) for t in (other, task))
+    X_WG = planner.scene.X_WG(q)
+    p_GO = task.grasp.p_GO
+    drift = sum(
+        carried_drift(planner.scene, task.motions[mode], p_GO, 0.006)
+        for mode in (Mode.LIFT, Mode.TRANSFER)
+    )
+    assert 0.001 < np.linalg.norm(drift) < 0.006
+    expected = object_in_world(planner, task, q_without)
+    np.testing.assert_allclose(X_WG @ (p_GO + drift), expected, atol=1e-4)
 
 
 def test_lifting_goes_straight_up(planner, task):
