@@ -1,4 +1,4 @@
-"""Servos at a gripper's joints, and the order of its actuators."""
+"""Servos at a gripper's joints."""
 
 from __future__ import annotations
 
@@ -6,35 +6,20 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.gripper.actuators import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.driver import GripperControl
-from drake_srg.gripper.servo import LAWS, GripperServo_, GripperServoConfig
+from drake_srg.gripper.plant_joint_servos import PlantJointServos
+from drake_srg.gripper.servo import (
+    LAWS,
+    PLANT_LAW,
+    GripperServo_,
+    GripperServoConfig,
+)
 from drake_srg.types import Vector
-
-
-def gripper_actuators(
-    plant: MultibodyPlant, gripper: ModelInstanceIndex
-) -> list[JointActuator]:
-    """Return the gripper's actuators in the plant's order."""
-    actuators = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
-    return [a for a in actuators if a.model_instance() == gripper]
-
-
-def joint_to_actuator(
-    plant: MultibodyPlant, gripper: ModelInstanceIndex, names: Sequence[str]
-) -> Vector:
-    """Return the matrix that puts torques of n joints into the actuators' order.
-
-    Args:
-        plant: With the gripper.
-        gripper: Its model instance.
-        names: Of the joints, in the order of the torques.
-    """
-    joints = [a.joint().name() for a in gripper_actuators(plant, gripper)]
-    return np.array([[float(name == joint) for name in names] for joint in joints])
 
 
 def AddJointServos(
@@ -51,6 +36,8 @@ def AddJointServos(
 ) -> GripperControl:
     """Add one servo per joint to a driver: PWM times the effort limit is the torque.
 
+    With the law `plant`, call `SetPlantServos` before the plant is finalized.
+
     Args:
         inner: The driver under construction.
         plant: With the gripper.
@@ -63,13 +50,19 @@ def AddJointServos(
         position_desired: Targets of the reference, [q], for the law `literal`.
 
     Returns:
-        The input `force_limit` and the outputs `pwm` and `actuation`.
+        The input `force_limit` and the outputs `pwm` and `actuation`; with the law
+        `plant` also `desired_state`.
 
     Raises:
         ValueError: If the law `literal` lacks its targets.
     """
     limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
     order = joint_to_actuator(plant, gripper, names)
+    if config.law == PLANT_LAW:
+        # `SetPlantServos` has given the limits their strength already.
+        return _AddPlantServos(
+            inner, config, np.diag(limits) @ order, order, state_measured, reference
+        )
     motors = inner.AddNamedSystem(
         "motors", MatrixGain(strength * np.diag(limits) @ order)
     )
@@ -90,3 +83,32 @@ def AddJointServos(
         inputs={"force_limit": servo.GetInputPort("force_limit")},
         outputs={"pwm": pwm, "actuation": motors.get_output_port()},
     )
+
+
+def _AddPlantServos(
+    inner: DiagramBuilder,
+    config: GripperServoConfig,
+    torques: Vector,
+    order: Vector,
+    state_measured: OutputPort,
+    reference: OutputPort,
+) -> GripperControl:
+    """Add what commands the plant's PD actuators; see `AddJointServos`.
+
+    `torques` makes torques of the actuators of the joints' PWM, and `order` puts joints
+    into the actuators' order.
+    """
+    servo = inner.AddNamedSystem("servo", PlantJointServos(config))
+    inner.Connect(reference, servo.GetInputPort("reference"))
+    inner.Connect(state_measured, servo.GetInputPort("state_measured"))
+    outputs = {"pwm": servo.GetOutputPort("pwm")}
+    # Speeds count as torques; see drake_srg/common/velocity_feedforward.py.
+    state = np.vstack([order, np.zeros_like(order)])
+    for name, source, gain in (
+        ("desired_state", "position", state),
+        ("actuation", "feedforward", torques),
+    ):
+        system = inner.AddNamedSystem(name, MatrixGain(gain))
+        inner.Connect(servo.GetOutputPort(source), system.get_input_port())
+        outputs[name] = system.get_output_port()
+    return GripperControl({"force_limit": servo.GetInputPort("force_limit")}, outputs)

@@ -13,8 +13,9 @@ from drake_srg.gripper.finger_layout import LINKAGE_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
 from drake_srg.gripper.joint_servos import AddJointServos
 from drake_srg.gripper.linkage import MasterSlaveConfig, MasterSlaveReference
+from drake_srg.gripper.plant_joint_servos import SetPlantServos
 from drake_srg.gripper.proximity import ProximityConfig
-from drake_srg.gripper.servo import GripperServoConfig
+from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
 from drake_srg.types import Vector, positive
 
 
@@ -62,6 +63,13 @@ class LinkageDriver(GripperDriver):
         """See `GripperDriver`."""
         angle = closure * self.master_slave.full_scale
         return angle, np.full(2, angle)
+
+    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
+        """See `GripperDriver`; with the law `plant`, gives the joints their servos."""
+        if self.servo.law == PLANT_LAW:
+            SetPlantServos(
+                plant, gripper, self.joint_names, self.servo, self.motor_strength
+            )
 
     def AddControl(
         self,

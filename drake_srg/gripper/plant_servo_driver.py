@@ -5,18 +5,19 @@ from typing import ClassVar
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
 
 from drake_srg.common.ports import input_ports
 from drake_srg.common.srg_geometry import SRG
+from drake_srg.gripper.actuators import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.driver import GripperControl, GripperDriver
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
 from drake_srg.gripper.grasp_detector import GraspDetectorConfig
-from drake_srg.gripper.joint_servos import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.moment_arms import empty_hand
+from drake_srg.gripper.plant_joint_servos import SetPlantServos
 from drake_srg.gripper.plant_servo import PlantServoLogic
 from drake_srg.gripper.proximity import ProximityConfig
 from drake_srg.gripper.servo import GripperServoConfig
@@ -94,13 +95,10 @@ class PlantServoDriver(GripperDriver):
                 "gripper.servo: the plant's servos have kp and kd alone (allowed: "
                 "law pid; ki, kff1, kff2 and pwm_steps 0)"
             )
+        SetPlantServos(plant, gripper, self.joint_names, servo, self.motor_strength)
         for actuator in gripper_actuators(plant, gripper):
-            i = self.joint_names.index(actuator.joint().name())
-            limit = self.motor_strength * actuator.effort_limit()
-            gains = PdControllerGains(p=limit * servo.kp[i], d=limit * servo.kd[i])
-            actuator.set_controller_gains(gains)
-            actuator.set_effort_limit(limit)
-            actuator.joint().set_default_damping(limit / self.no_load_speed)
+            damping = actuator.effort_limit() / self.no_load_speed
+            actuator.joint().set_default_damping(damping)
 
     def AddControl(
         self,

@@ -27,6 +27,7 @@ from drake_srg.lifetime import collectable
 from drake_srg.types import positive
 
 LAWS = ("pid", "printed", "literal")
+PLANT_LAW = "plant"  # `pid` without integral, solved by the plant: `PlantJointServos`
 
 
 @dc.dataclass(kw_only=True)
@@ -43,7 +44,7 @@ class GripperServoConfig:
     kd: list[float]
     kff1: list[float]  # K_FF1, on the reference's velocity [s/rad]
     kff2: list[float]  # K_FF2, on the reference's acceleration [s²/rad]
-    law: str = dc.field(default="pid", metadata={"among": LAWS})
+    law: str = dc.field(default="pid", metadata={"among": (*LAWS, PLANT_LAW)})
     # kappa if the port `force_limit` is not connected.
     force_limit: float = dc.field(default=1.0, metadata={"ge": 0.0, "le": 1.0})
     # Anti-windup by back-calculation: the integral follows the saturation in this time

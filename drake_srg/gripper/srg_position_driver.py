@@ -15,7 +15,8 @@ from drake_srg.gripper.finger_sensing import FingerSensing
 from drake_srg.gripper.joint_servos import AddJointServos
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
 from drake_srg.gripper.moment_arms import empty_hand
-from drake_srg.gripper.servo import GripperServoConfig
+from drake_srg.gripper.plant_joint_servos import SetPlantServos
+from drake_srg.gripper.servo import PLANT_LAW, GripperServoConfig
 from drake_srg.gripper.underactuation import (
     JOINT_NAMES,
     UnderactuationConfig,
@@ -75,6 +76,13 @@ class SrgPositionDriver(GripperDriver):
         """See `GripperDriver`."""
         config = self.underactuation
         return empty_hand(closure, config.full_scale, config.base_limit)
+
+    def prepare_plant(self, plant: MultibodyPlant, gripper: ModelInstanceIndex) -> None:
+        """See `GripperDriver`; with the law `plant`, gives the joints their servos."""
+        if self.servo.law == PLANT_LAW:
+            SetPlantServos(
+                plant, gripper, self.joint_names, self.servo, self.motor_strength
+            )
 
     def AddControl(
         self,

@@ -9,10 +9,10 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
+from drake_srg.gripper.actuators import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.driver import GripperControl, GripperDriver, WireMotor
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
-from drake_srg.gripper.joint_servos import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.minimum_jerk import MinimumJerkConfig, MinimumJerkReference
 from drake_srg.gripper.moment_arms import empty_hand
 from drake_srg.gripper.motor_temperature import (

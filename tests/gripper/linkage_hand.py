@@ -63,8 +63,9 @@ class Hand:
             SetDefaultObjectPose(self.plant, instance, X_WO)
             (body,) = self.plant.GetBodyIndices(instance)
             self.object = self.plant.get_body(body)
-        self.plant.Finalize()
         self.config = config or LinkageDriver()
+        self.config.prepare_plant(self.plant, self.model)
+        self.plant.Finalize()
         self.driver = AddGripperDriver(builder, self.plant, self.model, self.config)
         builder.Connect(
             scene_graph.get_query_output_port(),
