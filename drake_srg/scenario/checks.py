@@ -117,6 +117,8 @@ def _periods(scenario: Scenario) -> Iterator[tuple[str, float]]:
     yield "recording.period", scenario.recording.period
     yield "recording.bag_camera_period", scenario.recording.bag_camera_period
     yield "recording.video_fps", 1.0 / scenario.recording.video_fps
+    if scenario.twin.period is not None:
+        yield "twin.period", scenario.twin.period
     planner = () if scenario.script else ("planner", "localizer")
     for key in ("arm", "gripper", "servoing", *planner):
         yield from _periods_of(key, getattr(scenario, key))

@@ -9,6 +9,9 @@ from drake_srg.types import positive
 class TwinConfig:
     """Differences between a robot and its twin that are reported; see docs/twin.md."""
 
+    # Time between samples of the twin, in place of `arm.period` [s]: at long periods, a
+    # twin lags behind, and misses pictures that arrive at once. Null: `arm.period`.
+    period: float | None = dc.field(default=None, metadata=positive())
     # Largest difference between a measured joint of the arm and the twin's, which
     # follows it [rad or m]. It does so two control periods late: 0.05 rad at the
     # fastest joint's top speed in the fast kitchen.

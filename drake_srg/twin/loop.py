@@ -19,6 +19,7 @@ from drake_srg.twin.listener import Told
 from drake_srg.twin.monitor import KINDS
 from drake_srg.twin.placing import Placing
 from drake_srg.twin.sightings import Sighting
+from drake_srg.twin.station import twin_period
 from drake_srg.types import Vector
 
 _ROUNDING = 1e-6  # of stamps, which are whole nanoseconds [s]
@@ -74,7 +75,7 @@ class TwinLoop:
     ) -> None:
         assert scenario.arm is not None
         self._name, self._twin, self._config = name, twin, scenario.twin
-        self._period, self._start = scenario.arm.period, first.stamp
+        self._period, self._start = twin_period(scenario), first.stamp
         self._simulator = Simulator(root)
         ApplySimulatorConfig(scenario.simulator_config, self._simulator)
         self._simulator.set_target_realtime_rate(0.0)

@@ -80,7 +80,7 @@ def AddTwin(
     arm, gripper = scenario.arm, scenario.gripper
     if arm is None or gripper is None:
         raise ScenarioError("twin: the scenario needs an arm and a gripper")
-    n, period = len(arm.home), arm.period
+    n, period = len(arm.home), twin_period(scenario)
     station = builder.AddNamedSystem("station", make_station(_followed(scenario, n)))
     export_outputs(builder, station)
     commands = input_ports(station)
@@ -153,10 +153,18 @@ def AddTwin(
             builder.ExportOutput(system.GetOutputPort(name), f"twin.{name}")
 
 
+def twin_period(scenario: Scenario) -> float:
+    """Return the time between samples of the twin [s]."""
+    assert scenario.arm is not None
+    return scenario.twin.period or scenario.arm.period
+
+
 def _followed(scenario: Scenario, n: int) -> Scenario:
     """Return the scenario of the twin's station."""
+    assert scenario.arm is not None
+    arm = dc.replace(scenario.arm, period=twin_period(scenario))
     # Any limit makes the station tell the torques that its contacts cause.
     planner = dc.replace(scenario.planner, max_external_torque=[np.inf] * n)
     return dc.replace(
-        scenario, cameras={}, safety=None, disturbances=[], planner=planner
+        scenario, cameras={}, safety=None, disturbances=[], arm=arm, planner=planner
     )

@@ -131,7 +131,7 @@ def test_the_defaults_pass():
         ),
         (
             "gripper.servo.law=pdi",
-            "gripper.servo.law: must be one of literal, pid, printed; got 'pdi'",
+            "gripper.servo.law: must be one of literal, pid, plant, printed; got 'pdi'",
         ),
         ("gripper.servo.pwm_steps=-1", "gripper.servo.pwm_steps: must be at least 0"),
         ("gripper.servo.pwm_steps=1.5", "gripper.servo.pwm_steps: must be "),

@@ -53,7 +53,7 @@ def seen(time, p_WO, clear=True):
 
 def test_its_clock_is_the_robots(loop):
     assert follow(loop, 100.0, 101.0) == []
-    assert loop.time == pytest.approx(1.0, abs=scenario().arm.period)
+    assert loop.time == pytest.approx(1.0, abs=scenario().twin.period)
     np.testing.assert_allclose(loop.value("arm.state_measured")[:7], HOME, atol=2e-3)
 
 
