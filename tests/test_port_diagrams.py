@@ -16,6 +16,8 @@ from drake_srg.cell.servoing import MakeServoingPlanner
 from drake_srg.common.ports import input_ports, output_ports
 from drake_srg.envs.workspace import Workspace
 from drake_srg.experiments.sighting_error import SightingError
+from drake_srg.gripper.plant_joint_servos import PlantJointServos
+from drake_srg.gripper.srg_position_driver import SrgPositionDriver
 from drake_srg.gripper.tendon import TendonDriveConfig
 from drake_srg.gripper.torque_control import TorqueControl
 from drake_srg.hardware.cell import MakeHardwareCell
@@ -238,6 +240,7 @@ def systems(tmp_path_factory):
     add("HeightMapper", HeightMapper({"ceiling": camera}, Surface((0, 0), (1, 1), 0)))
     add("StateMachine", make_machine())
     add("TorqueControl", TorqueControl(TendonDriveConfig(), 0.005))
+    add("PlantJointServos", PlantJointServos(SrgPositionDriver().servo))
     still = SimpleNamespace(pose=lambda q: q)
     box = Box([0.05, 0.05, 0.1])
     hand = (np.tanh, still, np.zeros(4), "box", box, 0.0)
