@@ -5,7 +5,7 @@ import dataclasses as dc
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
+from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import (
     PassThrough,
@@ -16,6 +16,7 @@ from pydrake.systems.primitives import (
 from drake_srg.arm.gravity import GravityCompensation
 from drake_srg.arm.interpolation import AddLinearInterpolation
 from drake_srg.arm.jerk_limited import JerkLimitedReference, JerkLimits
+from drake_srg.common.actuators import model_actuators
 from drake_srg.common.fusing import FusingBuilder
 from drake_srg.common.joint_errors import ArmErrorsConfig, CommandErrors, EncoderErrors
 from drake_srg.types import Vector, positive
@@ -74,7 +75,7 @@ class ArmDriver(abc.ABC):
         Raises:
             ValueError: If a list has not one entry per actuated joint of the arm.
         """
-        actuators = arm_actuators(plant, arm)
+        actuators = model_actuators(plant, arm)
         self.check_length("home", self.home, len(actuators))
         if self.motor_strength != 1.0:
             for actuator in actuators:
@@ -114,14 +115,6 @@ class ArmDriver(abc.ABC):
             arm: Name of the arm's model instance.
             signals: Already in `inner`.
         """
-
-
-def arm_actuators(
-    plant: MultibodyPlant, arm: ModelInstanceIndex
-) -> list[JointActuator]:
-    """Return the actuators of a model instance."""
-    actuators = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
-    return [a for a in actuators if a.model_instance() == arm]
 
 
 def AddArmDriver(
@@ -205,7 +198,7 @@ def AddArmDriver(
         interpolator.get_output_port(),
         measured.get_output_port(),
         gravity,
-        np.array([a.effort_limit() for a in arm_actuators(plant, arm)]),
+        np.array([a.effort_limit() for a in model_actuators(plant, arm)]),
         continuous=plant.time_step() == 0.0,
     )
     config.AddControl(inner, control_plant, names["arm"], signals)

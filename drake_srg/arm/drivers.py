@@ -8,8 +8,9 @@ from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Adder
 
-from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, arm_actuators
+from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals
 from drake_srg.arm.impedance import ArmImpedanceDriver
+from drake_srg.common.actuators import model_actuators
 from drake_srg.common.velocity_feedforward import AddVelocityFeedforward
 
 
@@ -38,7 +39,7 @@ class ArmPositionDriver(ArmDriver):
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """See `ArmDriver`; gives the arm's actuators the driver's gains."""
         super().prepare_plant(plant, arm)
-        actuators = arm_actuators(plant, arm)
+        actuators = model_actuators(plant, arm)
         self.check_length("kp", self.kp, len(actuators))
         self.check_length("kd", self.kd, len(actuators))
         for actuator, kp, kd in zip(actuators, self.kp, self.kd, strict=True):

@@ -14,7 +14,7 @@ from pydrake.systems.framework import (
     DiscreteValues,
 )
 
-from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals, arm_actuators
+from drake_srg.arm.driver import AddSampling, ArmDriver, ArmSignals
 from drake_srg.arm.impedance_law import (
     CartesianSpring,
     JointSpring,
@@ -23,6 +23,7 @@ from drake_srg.arm.impedance_law import (
     largest_phase,
     natural_frequencies,
 )
+from drake_srg.common.actuators import model_actuators
 from drake_srg.lifetime import LeafSystem
 from drake_srg.types import Vector, positive
 
@@ -78,7 +79,7 @@ class ArmImpedanceDriver(ArmDriver):
     def prepare_plant(self, plant: MultibodyPlant, arm: ModelInstanceIndex) -> None:
         """See `ArmDriver`."""
         super().prepare_plant(plant, arm)
-        n = len(arm_actuators(plant, arm))
+        n = len(model_actuators(plant, arm))
         self.check_length("joint_stiffness", self.joint_stiffness, n)
         if self.max_torque is not None:
             self.check_length("max_torque", self.max_torque, n)

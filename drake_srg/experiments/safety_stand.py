@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 
-from drake_srg.arm.driver import arm_actuators
 from drake_srg.arm.drivers import ArmPositionDriver
+from drake_srg.common.actuators import model_actuators
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.safety.limits import JointLimits
 from drake_srg.safety.tool import Tool
@@ -98,7 +98,7 @@ class Stand:
         self.limits = JointLimits.of_plant(plant, instance, safety, arm.period)
         self.speed = plant.GetVelocityUpperLimits()[: len(self.home)]
         self.acceleration = plant.GetAccelerationUpperLimits()[: len(self.home)]
-        motors = arm_actuators(plant, instance)
+        motors = model_actuators(plant, instance)
         self.efforts = np.array([motor.effort_limit() for motor in motors])
         self.tool = Tool(plant, "arm", safety.tool)
         assert isinstance(arm, ArmPositionDriver)

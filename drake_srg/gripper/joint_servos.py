@@ -10,7 +10,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import DiagramBuilder, OutputPort
 from pydrake.systems.primitives import MatrixGain
 
-from drake_srg.gripper.actuators import gripper_actuators, joint_to_actuator
+from drake_srg.common.actuators import joint_to_actuator, model_actuators
 from drake_srg.gripper.driver import GripperControl
 from drake_srg.gripper.plant_joint_servos import PlantJointServos
 from drake_srg.gripper.servo import (
@@ -56,7 +56,7 @@ def AddJointServos(
     Raises:
         ValueError: If the law `literal` lacks its targets.
     """
-    limits = [actuator.effort_limit() for actuator in gripper_actuators(plant, gripper)]
+    limits = [actuator.effort_limit() for actuator in model_actuators(plant, gripper)]
     order = joint_to_actuator(plant, gripper, names)
     if config.law == PLANT_LAW:
         # `SetPlantServos` has given the limits their strength already.

@@ -8,8 +8,8 @@ import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex, PdControllerGains
 
+from drake_srg.common.actuators import model_actuators
 from drake_srg.common.stages import StageOutput, StageSystem
-from drake_srg.gripper.actuators import gripper_actuators
 from drake_srg.gripper.servo import GripperServoConfig
 from drake_srg.types import Vector
 
@@ -38,7 +38,7 @@ def SetPlantServos(
             "gripper.servo: the plant's servos neither integrate nor have steps "
             "(allowed: ki and pwm_steps 0)"
         )
-    for actuator in gripper_actuators(plant, gripper):
+    for actuator in model_actuators(plant, gripper):
         i = names.index(actuator.joint().name())
         limit = strength * actuator.effort_limit()
         gains = PdControllerGains(p=limit * config.kp[i], d=limit * config.kd[i])

@@ -9,9 +9,9 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain, Multiplexer, Saturation
 
+from drake_srg.common.actuators import joint_to_actuator, model_actuators
 from drake_srg.common.ports import input_ports
 from drake_srg.common.srg_geometry import SRG
-from drake_srg.gripper.actuators import gripper_actuators, joint_to_actuator
 from drake_srg.gripper.driver import GripperControl, GripperDriver
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
@@ -96,7 +96,7 @@ class PlantServoDriver(GripperDriver):
                 "law pid; ki, kff1, kff2 and pwm_steps 0)"
             )
         SetPlantServos(plant, gripper, self.joint_names, servo, self.motor_strength)
-        for actuator in gripper_actuators(plant, gripper):
+        for actuator in model_actuators(plant, gripper):
             damping = actuator.effort_limit() / self.no_load_speed
             actuator.joint().set_default_damping(damping)
 

@@ -9,7 +9,7 @@ from pydrake.multibody.tree import ModelInstanceIndex
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import MatrixGain
 
-from drake_srg.gripper.actuators import gripper_actuators, joint_to_actuator
+from drake_srg.common.actuators import joint_to_actuator, model_actuators
 from drake_srg.gripper.driver import GripperControl, GripperDriver, WireMotor
 from drake_srg.gripper.finger_layout import SRG_FINGERS, FingerLayout
 from drake_srg.gripper.finger_sensing import FingerSensing
@@ -99,7 +99,7 @@ class SrgTendonDriver(GripperDriver):
         Raises:
             ValueError: If `prepare_plant` was not called, or the plant is continuous.
         """
-        actuators = gripper_actuators(plant, gripper)
+        actuators = model_actuators(plant, gripper)
         if any(actuator.default_rotor_inertia() != 0.0 for actuator in actuators):
             raise ValueError(
                 "the gripper's joints have rotors of their own: call SetTendonDynamics "
@@ -185,7 +185,7 @@ def SetTendonDynamics(
         gripper: Its model instance.
         config: Of the drive.
     """
-    for actuator in gripper_actuators(plant, gripper):
+    for actuator in model_actuators(plant, gripper):
         actuator.set_default_rotor_inertia(0.0)
         actuator.set_effort_limit(np.inf)
         actuator.joint().set_default_damping(config.joint_damping)

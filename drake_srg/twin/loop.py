@@ -10,7 +10,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Diagram
 
-from drake_srg.arm.driver import arm_actuators
+from drake_srg.common.actuators import model_actuators
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
@@ -85,7 +85,7 @@ class TwinLoop:
         plant_context = plant.GetMyMutableContextFromRoot(self.context)
         self._n = len(first.arm_torque)
         arm = plant.GetModelInstanceByName("arm")
-        self._efforts = [a.effort_limit() for a in arm_actuators(plant, arm)]
+        self._efforts = [a.effort_limit() for a in model_actuators(plant, arm)]
         plant.SetPositions(plant_context, arm, first.arm_state[: self._n])
         self._names = [n for n, config in scenario.objects.items() if config.present]
         self._placing = Placing(plant, plant_context, self._names)

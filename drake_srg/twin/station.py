@@ -9,8 +9,8 @@ import numpy as np
 from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import PassThrough
 
-from drake_srg.arm.driver import arm_actuators
 from drake_srg.arm.external_torque import ExternalTorqueObserver
+from drake_srg.common.actuators import model_actuators
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.common.ports import export_outputs, input_ports
 from drake_srg.scenario import Scenario
@@ -105,7 +105,7 @@ def AddTwin(
     )
     efforts = [
         actuator.effort_limit()
-        for actuator in arm_actuators(models, models.GetModelInstanceByName("arm"))
+        for actuator in model_actuators(models, models.GetModelInstanceByName("arm"))
     ]
     fingers = len(gripper.joint_names)
     monitor = builder.AddNamedSystem(

@@ -1,4 +1,4 @@
-"""A gripper's actuators, and the order of their torques."""
+"""The actuators of a model, and the order of their torques."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from pydrake.multibody.tree import JointActuator, ModelInstanceIndex
 from drake_srg.types import Vector
 
 
-def gripper_actuators(
-    plant: MultibodyPlant, gripper: ModelInstanceIndex
+def model_actuators(
+    plant: MultibodyPlant, model: ModelInstanceIndex
 ) -> list[JointActuator]:
-    """Return the gripper's actuators in the plant's order."""
+    """Return the actuators of a model instance in the plant's order."""
     actuators = [plant.get_joint_actuator(a) for a in plant.GetJointActuatorIndices()]
-    return [a for a in actuators if a.model_instance() == gripper]
+    return [a for a in actuators if a.model_instance() == model]
 
 
 def joint_to_actuator(
-    plant: MultibodyPlant, gripper: ModelInstanceIndex, names: Sequence[str]
+    plant: MultibodyPlant, model: ModelInstanceIndex, names: Sequence[str]
 ) -> Vector:
     """Return the matrix that puts torques of n joints into the actuators' order.
 
     Args:
-        plant: With the gripper.
-        gripper: Its model instance.
+        plant: With the model.
+        model: Its model instance.
         names: Of the joints, in the order of the torques.
     """
-    joints = [a.joint().name() for a in gripper_actuators(plant, gripper)]
+    joints = [a.joint().name() for a in model_actuators(plant, model)]
     return np.array([[float(name == joint) for name in names] for joint in joints])
