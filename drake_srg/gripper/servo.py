@@ -140,7 +140,8 @@ def GripperServo_(T: Any) -> Any:  # noqa: D103 (the class below is the document
             collectable(self)
             if config.law not in LAWS:
                 raise ValueError(
-                    f"law: must be one of {', '.join(LAWS)}, got {config.law!r}"
+                    f"gripper.servo.law: must be one of {', '.join(LAWS)} with this "
+                    f"driver, got {config.law!r}"
                 )
             gains = (config.kp, config.ki, config.kd, config.kff1, config.kff2)
             if len({len(gain) for gain in gains}) != 1:

@@ -58,3 +58,10 @@ def test_the_literal_law_is_refused_where_references_have_no_targets():
     config.servo.law = "literal"
     with pytest.raises(ValueError, match=r"servo\.law: .* here: pid, printed"):
         linkage_hand.Hand(config=config)
+
+
+def test_the_law_of_the_plant_is_refused_where_a_motor_pulls_wires():
+    config = SrgTendonDriver()
+    config.servo.law = "plant"
+    with pytest.raises(ValueError, match=r"^gripper\.servo\.law: must be one of pid, "):
+        srg_hand.Hand(config=config)
