@@ -94,7 +94,8 @@ def test_the_division_of_the_printed_law_is_guarded(speed, min_speed):
 
 
 def test_an_unknown_law_is_refused():
-    with pytest.raises(ValueError, match=r"one of pid, printed, literal, got 'pdi'"):
+    refusal = r"^gripper\.servo\.law: must be one of pid, .* got 'pdi'$"
+    with pytest.raises(ValueError, match=refusal):
         make(law="pdi")
 
 
