@@ -19,6 +19,7 @@ CONTINUOUS = {
     "assistive_arm_fast",
     "assistive_arm_varied",
     "kitchen_fast",
+    "kitchen_fast_half",
     "kitchen_servoing",
     "kitchen_varied",
     "learn_kitchen",
