@@ -10,7 +10,6 @@ import time as wall
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Diagram
 
 from drake_srg.bridges.bridge import Bridge
@@ -30,6 +29,7 @@ from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.ports import output_ports
 from drake_srg.common.real_time import real_time_loop
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import output_folder
 from drake_srg.recording.ros_topics import Topic
@@ -114,8 +114,7 @@ def Serve(
             inbox = station_inbox(scenario, station, warnings, requests)
             topics = recorded_topics(station, scenario)
             root = builder.Build()
-            simulator = Simulator(root)
-            ApplySimulatorConfig(scenario.simulator_config, simulator)
+            simulator = MakeSimulator(root, scenario.simulator_config)
             simulator.set_target_realtime_rate(0.0)  # the Pacer sets the pace
             fix_defaults(station, my_context(station, simulator.get_mutable_context()))
             simulator.Initialize()

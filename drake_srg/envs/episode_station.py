@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.analysis import ApplySimulatorConfig
 
 from drake_srg.arm.interpolation import SetInterpolatedPosition
 from drake_srg.common.exceptions import one_line
 from drake_srg.common.ports import output_ports
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.envs.physics import CONTROL_PERIOD
 from drake_srg.envs.scenes import Scene
 from drake_srg.objects.models import X_FO_start, object_body
@@ -43,8 +44,7 @@ class EpisodeStation:
         assert scenario.arm is not None
         self.scenario = scenario
         self.station = MakeStation(scenario)
-        self.simulator = Simulator(self.station)
-        ApplySimulatorConfig(scenario.simulator_config, self.simulator)
+        self.simulator = MakeSimulator(self.station, scenario.simulator_config)
         self.context = self.simulator.get_mutable_context()
         self.plant = self.station.GetSubsystemByName("plant")
         self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)

@@ -13,12 +13,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 
 from drake_srg.bridges.pictures import served_camera
 from drake_srg.bridges.topics import BLOBS, camera_topics
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.ports import output_ports
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.experiments.direct_node import DirectNode, make_message
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
@@ -115,8 +115,7 @@ class TalkingRobot:
         self, scenario: Scenario, node: DirectNode, joint: int | None = None
     ) -> None:
         builder, self._cell = MakeRoot("cell", MakeCell, AddCell, scenario, "robot")
-        self._simulator = Simulator(builder.Build())
-        ApplySimulatorConfig(scenario.simulator_config, self._simulator)
+        self._simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
         context = self._simulator.get_mutable_context()
         self._context = my_context(self._cell, context)
         wanted = ("/joint_states", "/gripper/closure_commanded")

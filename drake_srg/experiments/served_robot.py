@@ -9,8 +9,6 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
-
 from drake_srg.bridges.bridge import Bridge
 from drake_srg.bridges.camera_process import Viewer
 from drake_srg.bridges.commands import Warnings
@@ -24,6 +22,7 @@ from drake_srg.bridges.served_loop import (
 )
 from drake_srg.bridges.served_station import AddServedStation, MakeServedStation
 from drake_srg.bridges.topics import CAMERA_INFO, COLOR, DEPTH
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.experiments.direct_node import DirectNode, make_message
 from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.pictures import Picture
@@ -130,8 +129,7 @@ class ServedRobot:
         builder, self.station = MakeRoot(
             "served_station", MakeServedStation, AddServedStation, scenario, name
         )
-        simulator = Simulator(builder.Build())
-        ApplySimulatorConfig(scenario.simulator_config, simulator)
+        simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
         self._root = simulator.get_mutable_context()
         self.context = my_context(self.station, self._root)
         fix_defaults(self.station, self.context)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.bridges.commands import CommandInbox, Warnings
@@ -19,6 +18,7 @@ from drake_srg.bridges.dynamixel.mx64 import Mx64
 from drake_srg.bridges.dynamixel.mx64_2 import Mx64P2
 from drake_srg.bridges.dynamixel.protocol import Packet, PacketReader
 from drake_srg.bridges.served_station import AddServedStation
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.hardware.cameras import Camera
 from drake_srg.hardware.pictures import Picture
 from drake_srg.scenario import Scenario
@@ -45,8 +45,7 @@ class ServoRobot:
         builder = DiagramBuilder()
         AddServedStation(builder, scenario, lambda _: MakeStation(scenario))
         self._station = builder.Build()
-        self._simulator = Simulator(self._station)
-        ApplySimulatorConfig(scenario.simulator_config, self._simulator)
+        self._simulator = MakeSimulator(self._station, scenario.simulator_config)
         self._context = self._simulator.get_mutable_context()
         self._fix("gripper.closure_commanded", np.zeros(1))
         self._simulator.Initialize()

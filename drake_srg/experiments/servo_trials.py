@@ -8,12 +8,12 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Context, Diagram
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.cell.hands import MakeHand
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.lifetime import free_diagrams, my_context
 from drake_srg.objects.models import object_shape
 from drake_srg.scenario import Scenario, load_scenario
@@ -145,8 +145,7 @@ def _errors(case: Case, seed: int) -> str:
 
 def _run(scenario: Scenario) -> Grasped:
     builder, cell = MakeRoot("cell", MakeCell, AddCell, scenario, SCENARIO)
-    simulator = Simulator(builder.Build())
-    ApplySimulatorConfig(scenario.simulator_config, simulator)
+    simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
     root = simulator.get_mutable_context()
     context = my_context(cell, root)
     watch = GraspWatch(scenario, cell, context)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
@@ -17,6 +17,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.common.exceptions import scenario_errors
 from drake_srg.common.ports import input_ports
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario
 from drake_srg.simulation.flat import MakeRoot
@@ -47,8 +48,7 @@ class InputRecorder:
         self._scenario, self._name = scenario, name
         builder, self._cell = MakeRoot("cell", MakeCell, AddCell, scenario, name)
         with scenario_errors(name):
-            self._simulator = Simulator(builder.Build())
-            ApplySimulatorConfig(scenario.simulator_config, self._simulator)
+            self._simulator = MakeSimulator(builder.Build(), scenario.simulator_config)
         self._advance = MakeAdvance(self._simulator, self._cell, scenario)
         station = self._cell.GetSubsystemByName("station")
         plant = station.GetSubsystemByName("plant")
@@ -63,7 +63,11 @@ class InputRecorder:
         rows: dict[str, list[Vector]] = {key: [] for key in ports}
         self._times, self._rows = times, rows
 
+        mark_outdated = self._simulator.get_monitor()
+
         def monitor(root: Context) -> EventStatus:
+            if mark_outdated is not None:
+                mark_outdated(root)
             times.append(root.get_time())
             context = plant.GetMyContextFromRoot(root)
             for key, port in ports.items():
@@ -141,7 +145,6 @@ def MakeBarePlant(
             source = builder.AddSystem(TrajectorySource(trajectory))
             builder.Connect(source.get_output_port(), plant.GetInputPort(key))
         diagram = builder.Build()
-        simulator = Simulator(diagram)
-        ApplySimulatorConfig(scenario.simulator_config, simulator)
+        simulator = MakeSimulator(diagram, scenario.simulator_config)
         simulator.Initialize()
     return simulator, MakeAdvance(simulator, diagram, scenario)

@@ -22,13 +22,13 @@ from types import TracebackType
 import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import DiagramBuilder, PortDataType
 
 from drake_srg.common.exceptions import ScenarioError, scenario_errors
 from drake_srg.common.log_keys import pose_key
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.common.ports import output_ports
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.objects.contact_reader import ContactReader
 from drake_srg.recording.video import VideoRecorder
 from drake_srg.scenario import LocalizerConfig, Scenario, is_continuous
@@ -102,8 +102,7 @@ class Rig:
                 self._video = stack.enter_context(_add_video(builder, self, video))
             self.diagram = builder.Build()
             self.diagram.set_name(name)
-            self.simulator = Simulator(self.diagram)
-            ApplySimulatorConfig(scenario.simulator_config, self.simulator)
+            self.simulator = MakeSimulator(self.diagram, scenario.simulator_config)
             self.context = self.simulator.get_mutable_context()
             self._advance = MakeAdvance(self.simulator, self.station, scenario)
             stack.pop_all()

@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Self
 
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Diagram, System
 
 from drake_srg.cell import AddCell, MakeCell
 from drake_srg.cell.choosing import chooses
 from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
 from drake_srg.recording.output import Recorder, output_folder
@@ -115,8 +116,7 @@ def Simulate(
                     stack.enter_context(recorder)
             diagram = builder.Build()
             diagram.set_name("simulation")
-            simulator = Simulator(diagram)
-            ApplySimulatorConfig(scenario.simulator_config, simulator)
+            simulator = MakeSimulator(diagram, scenario.simulator_config)
         if out is not None:
             _remove_earlier(out)
             page.folder = out

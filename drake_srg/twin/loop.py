@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 from pydrake.common.value import AbstractValue
-from pydrake.systems.analysis import ApplySimulatorConfig, Simulator
 from pydrake.systems.framework import Diagram
 
 from drake_srg.common.actuators import model_actuators
+from drake_srg.common.simulator import MakeSimulator
 from drake_srg.lifetime import my_context
 from drake_srg.scenario import Scenario
 from drake_srg.simulation import failure_time
@@ -76,8 +76,7 @@ class TwinLoop:
         assert scenario.arm is not None
         self._name, self._twin, self._config = name, twin, scenario.twin
         self._period, self._start = twin_period(scenario), first.stamp
-        self._simulator = Simulator(root)
-        ApplySimulatorConfig(scenario.simulator_config, self._simulator)
+        self._simulator = MakeSimulator(root, scenario.simulator_config)
         self._simulator.set_target_realtime_rate(0.0)
         self.context = self._simulator.get_mutable_context()
         self._own = my_context(twin, self.context)
