@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import multiprocessing as mp
 import os
-import signal
 import threading
 from collections.abc import Callable, Collection
 from multiprocessing.connection import Connection
@@ -18,6 +17,7 @@ from drake_srg.bridges.commands import Warnings
 from drake_srg.bridges.topics import BLOBS, CAMERA_INFO, COLOR, DEPTH, OBJECT_POSE
 from drake_srg.cell.perception import AddLocalizer
 from drake_srg.common.ports import export_outputs
+from drake_srg.common.processes import start_shielded
 from drake_srg.common.real_time import lower_priority
 from drake_srg.scenario import Scenario
 from drake_srg.station.cameras import MakeRemoteCameras
@@ -57,14 +57,7 @@ class CameraProcess:
         # Drake's schema objects do not pickle, but their YAML does.
         arguments = (theirs, yaml_dump_typed(scenario), camera, state)
         self._process = context.Process(target=_render, args=arguments, daemon=True)
-        # Ctrl-C in a terminal is meant for this process alone. The child inherits a
-        # mask, because the signal may arrive before it could install a handler.
-        signals = {signal.SIGINT, signal.SIGHUP}
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-        try:
-            self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        start_shielded(self._process)  # Ctrl-C is for the station, which closes it
         theirs.close()
         self._thread = threading.Thread(
             target=self._receive, name="cameras", daemon=True

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing as mp
-import signal
 import threading
 import time as wall
 from collections import deque
@@ -21,6 +20,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from drake_srg.bridges.commands import PortValues, Warnings
 from drake_srg.common.exceptions import ScenarioError, one_line
+from drake_srg.common.processes import start_shielded
 from drake_srg.common.real_time import lower_priority
 from drake_srg.hardware.config import HardwareConfig
 from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
@@ -66,13 +66,7 @@ class PlannerProcess(PlannerLink):
         self._process = context.Process(
             target=_run, args=(theirs, *texts, outputs, dict(start)), daemon=True
         )
-        # Ctrl-C in a terminal is meant for the control loop, which stops the arm.
-        signals = {signal.SIGINT, signal.SIGHUP}
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
-        try:
-            self._process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        start_shielded(self._process)  # Ctrl-C is for the loop, which stops the arm
         theirs.close()
         self._thread = threading.Thread(
             target=self._receive, name="planner", daemon=True

@@ -1,7 +1,8 @@
+import contextlib
 import multiprocessing as mp
 import os
+import queue
 import signal
-import threading
 
 import numpy as np
 import pytest
@@ -23,12 +24,15 @@ class Shown:
     """Collects the pictures from the process."""
 
     def __init__(self):
-        self.pictures = []
-        self.arrived = threading.Event()
+        self._pictures = queue.Queue()
 
     def show(self, time, topic, values):
-        self.pictures.append((time, topic, values))
-        self.arrived.set()
+        self._pictures.put((time, topic, values))
+
+    def next_after(self, look):
+        """Return the picture that a call of `look` brings."""
+        look()
+        return self._pictures.get(timeout=60.0)
 
 
 @pytest.fixture(scope="module")
@@ -36,55 +40,62 @@ def plant():
     return AddPlant(DiagramBuilder(), SCENARIO)[0]
 
 
-@pytest.fixture
-def shown():
-    return Shown()
-
-
-@pytest.fixture
+@pytest.fixture(scope="module")
 def state(plant):
     return plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
 
 
-@pytest.fixture
-def cameras(state, shown, told):
-    warnings = Warnings(told.append)
-    cameras = CameraProcess(SCENARIO, "ceiling", state, shown.show, warnings)
+@contextlib.contextmanager
+def opened(state, show, tell):
+    """Open a process that renders, once it is ready."""
+    others = mp.active_children()
+    cameras = CameraProcess(SCENARIO, "ceiling", state, show, Warnings(tell))
     assert wait_until(lambda: cameras.idle, 60.0)
-    yield cameras
+    (process,) = set(mp.active_children()) - set(others)
+    yield cameras, process
     cameras.close()
 
 
 @pytest.fixture
-def process(cameras):
-    """The process that renders."""
-    (process,) = mp.active_children()
-    return process
+def own(state, told):
+    """A process of the test's own, which it may end."""
+    with opened(state, Shown().show, told.append) as pair:
+        yield pair
 
 
-def test_a_picture_shows_the_given_state(plant, shown, cameras):
+@pytest.fixture(scope="module")
+def shared(state):
+    """A process that all tests with it leave alive, and what it shows."""
+    shown, told = Shown(), []
+    with opened(state, shown.show, told.append) as (cameras, process):
+        yield cameras, process, shown
+    assert told == []
+
+
+def test_a_picture_shows_the_given_state(plant, shared):
+    cameras, _, shown = shared
     context = plant.CreateDefaultContext()
     (body,) = plant.GetBodyIndices(plant.GetModelInstanceByName("soup_can"))
     body = plant.get_body(body)
     X_WO = plant.EvalBodyPoseInWorld(context, body)
     X_WO.set_translation(np.array([0.7, 0.1, X_WO.translation()[2]]))
     plant.SetFreeBodyPose(context, body, X_WO)
-    cameras.look(2.5, plant.GetPositionsAndVelocities(context), [BLOBS])
-    assert shown.arrived.wait(60.0)
-    ((seen_at, topic, (blobs,)),) = shown.pictures
+    seen_at, topic, (blobs,) = shown.next_after(
+        lambda: cameras.look(2.5, plant.GetPositionsAndVelocities(context), [BLOBS])
+    )
     assert (seen_at, topic) == (2.5, BLOBS)
     (blob,) = blobs
     np.testing.assert_allclose(blob.position[:2], [0.7, 0.1], atol=0.001)
 
 
-def test_the_process_stays_idle_when_no_topic_is_wanted(cameras):
+def test_the_process_stays_idle_when_no_topic_is_wanted(shared):
+    cameras, _, _ = shared
     cameras.look(0.0, np.zeros(0), [])
     assert cameras.idle
 
 
-def test_a_dead_process_is_reported_once_and_look_does_nothing(
-    state, cameras, process, told
-):
+def test_a_dead_process_is_reported_once_and_look_does_nothing(state, own, told):
+    cameras, process = own
     process.kill()  # as the system does when memory runs out
     assert wait_until(lambda: told, 60.0)
     assert not cameras.idle
@@ -94,20 +105,20 @@ def test_a_dead_process_is_reported_once_and_look_does_nothing(
     assert "the camera process has ended" in text
 
 
-def test_close_ends_a_process_that_does_not_react(cameras, process):
+def test_close_ends_a_process_that_does_not_react(own):
+    cameras, process = own
     os.kill(process.pid, signal.SIGSTOP)
     cameras.close()
     assert process not in mp.active_children()
 
 
-def test_close_is_not_reported_as_a_failure(cameras, told):
+def test_close_is_not_reported_as_a_failure(own, told):
+    cameras, _ = own
     cameras.close()
     assert told == []
 
 
-def test_ctrl_c_in_the_terminal_does_not_end_the_process(
-    state, shown, cameras, process
-):
+def test_ctrl_c_in_the_terminal_does_not_end_the_process(state, shared):
+    cameras, process, shown = shared
     os.kill(process.pid, signal.SIGINT)
-    cameras.look(1.0, state, [COLOR])
-    assert shown.arrived.wait(60.0)
+    shown.next_after(lambda: cameras.look(1.0, state, [COLOR]))
