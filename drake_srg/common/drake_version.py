@@ -23,6 +23,11 @@ def takes_loop_constraints() -> bool:
     return _version() >= _NEWER
 
 
+def marks_fixed_steps() -> bool:
+    """Return whether CENIC's fixed steps mark what they outdate (since 1.58)."""
+    return _version() >= _NEWER
+
+
 def has_fast_contact() -> bool:
     """Return whether steps with contact cost three quarters (since 1.58)."""
     return _version() >= _NEWER

@@ -7,17 +7,20 @@ from pydrake.systems.analysis import (
 )
 from pydrake.systems.framework import Context, Diagram, EventStatus
 
+from drake_srg.common.drake_version import marks_fixed_steps
+
 
 def MakeSimulator(diagram: Diagram, config: SimulatorConfig) -> Simulator:
     """Return a simulator of a diagram.
 
-    In fixed steps, CENIC does not mark as outdated what was computed from the state
-    before a step: poses, distances and contacts would be one step old. So a monitor
-    does.
+    In fixed steps, CENIC before Drake 1.58 does not mark as outdated what was computed
+    from the state before a step: poses, distances and contacts would be one step old.
+    So a monitor does.
     """
     simulator = Simulator(diagram)
     ApplySimulatorConfig(config, simulator)
-    if config.integration_scheme == "cenic" and not config.use_error_control:
+    fixed = config.integration_scheme == "cenic" and not config.use_error_control
+    if fixed and not marks_fixed_steps():
         simulator.set_monitor(_mark_outdated)
     return simulator
 

@@ -4,12 +4,15 @@ from pydrake.systems.framework import DiagramBuilder
 
 from drake_srg.common.drake_version import (
     contact_approximations,
+    marks_fixed_steps,
     takes_loop_constraints,
     takes_nested_plant,
 )
 
 
-@pytest.mark.parametrize("takes", [takes_nested_plant, takes_loop_constraints])
+@pytest.mark.parametrize(
+    "takes", [takes_nested_plant, takes_loop_constraints, marks_fixed_steps]
+)
 @pytest.mark.parametrize(
     ("version", "newer"),
     [("1.51.1", False), ("1.58.0", True), ("1.100.0", True), ("2.0.0", True)],
