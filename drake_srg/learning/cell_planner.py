@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.math import RollPitchYaw
-from pydrake.systems.framework import Context, EventStatus, State
+from pydrake.systems.framework import BasicVector, Context, EventStatus, State
 
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.envs.movers import Mover
@@ -107,15 +107,15 @@ class CellPlanner(LeafSystem):
         AddPlannerOutputs(
             self,
             len(q),
-            position=lambda c, out: out.SetFromVector(self._position(c)),
-            closure=lambda c, out: out.SetFromVector([self._memory(c).closure]),
-            status=lambda c, out: out.set_value(self._memory(c).status),
+            position=self._calc_position,
+            closure=self._calc_closure,
+            status=self._calc_status,
             prerequisites=tickets,
         )
         self.DeclareAbstractOutputPort(
             name="mode",
             alloc=lambda: AbstractValue.Make(Mode.IDLE),
-            calc=lambda c, out: out.set_value(self._memory(c).status.mode),
+            calc=self._calc_mode,
             prerequisites_of_calc=tickets,
         )
 
@@ -139,12 +139,20 @@ class CellPlanner(LeafSystem):
         memory: _Memory = context.get_abstract_state(0).get_value()
         return memory
 
-    def _position(self, context: Context) -> Vector:
+    def _calc_position(self, context: Context, output: BasicVector) -> None:
         memory = self._memory(context)
         share = context.get_time() / CONTROL_PERIOD - (memory.ticks - 1)
         share = min(max(share, 0.0), 1.0)
-        q: Vector = memory.before + share * (memory.q - memory.before)
-        return q
+        output.SetFromVector(memory.before + share * (memory.q - memory.before))
+
+    def _calc_closure(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector([self._memory(context).closure])
+
+    def _calc_status(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._memory(context).status)
+
+    def _calc_mode(self, context: Context, output: AbstractValue) -> None:
+        output.set_value(self._memory(context).status.mode)
 
     def _update(self, context: Context, state: State) -> EventStatus:
         memory = self._memory(context)

@@ -131,3 +131,14 @@ def test_an_action_that_is_not_finite_is_told():
     advance, _ = made(lambda _: np.full(5, np.nan))
     with pytest.raises(SimulationError, match="not finite"):
         advance(FAR + 2)
+
+
+def test_it_is_freed_with_its_diagram(leaked):
+    def stay(observation):
+        return np.zeros(5)
+
+    advance, get = made(stay)
+    advance(FAR)
+    assert leaked() == ["PolicyPlanner"]
+    del advance, get
+    assert leaked() == []
