@@ -15,7 +15,7 @@ class CloningConfig:
     """Numbers of the learner."""
 
     hidden: tuple[int, ...] = (256, 256)
-    rate: float = 1e-3  # of Adam
+    rate: float = 1e-3  # of Adam, at first
     decay: float = 1e-2  # of its weights
     batch: int = 256
     updates: int = 5000  # gradient steps
@@ -31,6 +31,9 @@ def clone(
 ) -> tuple[Network, float]:
     """Fit a network, the tanh of which is the action, to demonstrations.
 
+    The rate falls evenly to zero. At a constant rate, the last batches shake the
+    network to the end, and which step it stops at decides how well it acts.
+
     Args:
         x: Scaled observations, shape (samples, n).
         actions: What was done, shape (samples, m), each in -1 .. 1.
@@ -44,7 +47,8 @@ def clone(
     target = np.clip(actions, -config.most, config.most).astype(np.float32)
     network = Network.random((x.shape[1], *config.hidden, actions.shape[1]), rng)
     adam = Adam(network.parameters, config.rate, config.decay)
-    for _ in range(config.updates):
+    for k in range(config.updates):
+        adam.rate = config.rate * (1.0 - k / config.updates)
         chosen = rng.integers(len(x), size=config.batch)
         layers = network.layers(x[chosen][None])
         action = np.tanh(layers[-1])

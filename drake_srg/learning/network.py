@@ -109,7 +109,7 @@ class Adam:
 
     Args:
         parameters: Arrays, changed in place.
-        rate: Of learning.
+        rate: Of learning; the attribute may change between steps.
         decay: Weight decay per unit of learning rate (Loshchilov and Hutter, ICLR
             2019); it keeps the networks smooth between few episodes.
     """
@@ -117,7 +117,7 @@ class Adam:
     def __init__(
         self, parameters: Sequence[Array], rate: float = 1e-3, decay: float = 0.0
     ) -> None:
-        self._parameters, self._rate, self._decay = list(parameters), rate, decay
+        self._parameters, self.rate, self._decay = list(parameters), rate, decay
         self.steps = 0
         self.means = [np.zeros_like(p) for p in self._parameters]
         self.squares = [np.zeros_like(p) for p in self._parameters]
@@ -125,7 +125,7 @@ class Adam:
     def step(self, gradients: Sequence[Array]) -> None:
         """Change the parameters once."""
         self.steps += 1
-        size = self._rate * np.sqrt(1.0 - _SQUARE_DECAY**self.steps)
+        size = self.rate * np.sqrt(1.0 - _SQUARE_DECAY**self.steps)
         size /= 1.0 - _DECAY**self.steps
         for p, g, mean, square in zip(
             self._parameters, gradients, self.means, self.squares, strict=True
@@ -133,4 +133,4 @@ class Adam:
             mean[...] += (1.0 - _DECAY) * (g - mean)
             square[...] += (1.0 - _SQUARE_DECAY) * (g * g - square)
             change = size * mean / (np.sqrt(square) + _TINY)
-            p[...] -= change + self._rate * self._decay * p
+            p[...] -= change + self.rate * self._decay * p

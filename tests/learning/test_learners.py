@@ -52,6 +52,18 @@ def test_a_clone_does_what_was_shown():
     assert np.abs(np.tanh(network(x)[0]) - shown).max() < 0.25
 
 
+def test_a_clone_of_what_differs_from_time_to_time_does_the_mean():
+    """The last batches, each with another mean, do not move it any more."""
+    rng = np.random.default_rng(0)
+    x = np.ones((2000, 1), np.float32)
+    shown = rng.choice([-0.5, 0.5], (2000, 1)).astype(np.float32)
+    config = CloningConfig(hidden=(8,), batch=8, updates=2000, rate=1e-2)
+    for seed in range(3):
+        network, _ = clone(x, shown, np.random.default_rng(seed), config)
+        # With a constant rate, it is 0.04 away.
+        assert np.tanh(network(x[:1])[0, 0, 0]) == pytest.approx(shown.mean(), abs=0.02)
+
+
 def test_only_what_succeeded_is_cloned():
     class Misses(Toy):
         def rule(self, observation):
