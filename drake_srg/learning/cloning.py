@@ -18,7 +18,10 @@ class CloningConfig:
     rate: float = 1e-3  # of Adam, at first
     decay: float = 1e-2  # of its weights
     batch: int = 256
-    updates: int = 5000  # gradient steps
+    # Gradient steps: so many at least, and so many passes over the samples. At 16
+    # passes over 80,000 of `pick_by_touch`, the error is twice that of 64.
+    updates: int = 5000
+    passes: float = 64.0
     # Largest action that is imitated: tanh reaches 1 only at infinity.
     most: float = 0.98
 
@@ -47,8 +50,9 @@ def clone(
     target = np.clip(actions, -config.most, config.most).astype(np.float32)
     network = Network.random((x.shape[1], *config.hidden, actions.shape[1]), rng)
     adam = Adam(network.parameters, config.rate, config.decay)
-    for k in range(config.updates):
-        adam.rate = config.rate * (1.0 - k / config.updates)
+    updates = max(config.updates, round(config.passes * len(x) / config.batch))
+    for k in range(updates):
+        adam.rate = config.rate * (1.0 - k / updates)
         chosen = rng.integers(len(x), size=config.batch)
         layers = network.layers(x[chosen][None])
         action = np.tanh(layers[-1])

@@ -5,6 +5,7 @@ from drake_srg.common.exceptions import ScenarioError
 from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.cloning import CloningConfig, clone
 from drake_srg.learning.learners import CHECKPOINT
+from drake_srg.learning.network import Adam
 from drake_srg.learning.policy import scaled
 from drake_srg.learning.q_learner import QConfig, QLearner
 
@@ -62,6 +63,23 @@ def test_a_clone_of_what_differs_from_time_to_time_does_the_mean():
         network, _ = clone(x, shown, np.random.default_rng(seed), config)
         # With a constant rate, it is 0.04 away.
         assert np.tanh(network(x[:1])[0, 0, 0]) == pytest.approx(shown.mean(), abs=0.02)
+
+
+@pytest.mark.parametrize(("samples", "updates"), [(10, 5), (100, 20)])
+def test_many_samples_take_more_updates(monkeypatch, samples, updates):
+    rates = []
+
+    class Counted(Adam):
+        def step(self, gradients):
+            rates.append(self.rate)
+            super().step(gradients)
+
+    monkeypatch.setattr("drake_srg.learning.cloning.Adam", Counted)
+    x = np.ones((samples, 1), np.float32)
+    config = CloningConfig(hidden=(4,), batch=10, updates=5, passes=2.0, rate=1e-3)
+    clone(x, x, np.random.default_rng(0), config)
+    assert len(rates) == updates
+    np.testing.assert_allclose(rates, 1e-3 * (1.0 - np.arange(updates) / updates))
 
 
 def test_only_what_succeeded_is_cloned():
