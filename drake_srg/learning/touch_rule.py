@@ -31,11 +31,11 @@ _SHORT = 0.004
 _BACK = 0.03  # off the object before the fingers open, which would drag it along [m]
 # The palm is 91 mm above the grasp centre, and must not touch the object [m].
 _PALM = 0.085
-# Steps at which the hand is down beside the object, has swept, is off it again, and has
-# opened. Nothing else in an observation tells the phase.
-_BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 46, 48, 57
+# Steps at which the hand is beside the object, is down there, has swept, is off it
+# again, and has opened. Nothing else in an observation tells the phase.
+_ASIDE_AT, _BESIDE_AT, _SWEPT_AT, _BACK_AT, _OPENED_AT = 11, 21, 56, 58, 67
 # From this step on, fingers that are closed lift the cylinder: they rest by then.
-_LIFTED_AT = 76
+_LIFTED_AT = 86
 # Scaled speed of the joints below which the fingers are still. The closure that a
 # network commands is never quite even, and Algorithm 1 bends tips that rest by up to
 # 0.25 each time it changes: with the limit of `rules`, they were never still.
@@ -73,6 +73,8 @@ def _sweep(o: Array) -> Array:
     height, closure = max(LOWEST, _SIZE * o[8] - _PALM), _FIST
     if step < _BESIDE_AT:
         goal = -_BESIDE
+        if step < _ASIDE_AT:  # it may still be over the object
+            height = _NEAR * o[5]
     elif step < _SWEPT_AT:
         goal = min(end, x + _SWEEP / _GAIN)
     elif step < _BACK_AT:

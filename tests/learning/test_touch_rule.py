@@ -65,6 +65,23 @@ def test_an_uneven_closure_does_not_keep_it_from_lifting(env, round_):
     assert sum(holds(env, act, scene) for scene in scenes) >= 5
 
 
+def test_the_hand_comes_down_beside_a_cylinder():
+    """Also where it starts on the other side: its way leads over the object."""
+    env = make_environment("KitchenPick", {"noise": 0.0})
+    scene = scene_of(env, next(k for k in range(100) if is_round(env, k)))
+    start = env.unwrapped.workspace.start
+    scene["object"] |= {
+        "position": [float(start[0] - 0.09), float(start[1] - 0.15)],
+        "shape": {"_tag": "!Cylinder", "radius": 0.034, "length": 0.1},
+    }
+    observation, _ = env.reset(options={"scene": scene})
+    began = env.unwrapped.station.X_WO().translation()
+    while observation[5] > 0.3:  # 6 cm above the table
+        observation, *_ = env.step(pick_by_touch(observation))
+    moved = env.unwrapped.station.X_WO().translation() - began
+    assert np.abs(moved[:2]).max() < 1e-3
+
+
 def test_fingers_that_have_closed_on_nothing_open_again(env):
     seed = next(k for k in range(100) if not is_round(env, k))
     scene_of(env, seed)
