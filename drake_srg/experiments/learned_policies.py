@@ -22,6 +22,7 @@ from drake_srg.experiments.kept_trials import KeptTrials
 from drake_srg.experiments.registry import Track
 from drake_srg.experiments.result import ExperimentResult
 from drake_srg.experiments.row import Row
+from drake_srg.learning.baselines import TOUCH
 from drake_srg.learning.cell_trials import run_cell_trial
 from drake_srg.learning.episodes import EVALUATION, Act, make_environment, run_episode
 from drake_srg.learning.rules import pick
@@ -34,10 +35,18 @@ from drake_srg.sweeps.statistics import wilson_interval
 
 @dc.dataclass(frozen=True)
 class Recipe:
-    """A training, and how long it may take [min of processor time]."""
+    """A training, and what is asked of it.
+
+    Attributes:
+        training: The training.
+        minutes: How long it may take [min of processor time].
+        least: What its policies must hold of unseen objects (median of the seeds).
+            None: `_BETTER` more than the rule that closes where they were seen.
+    """
 
     training: Training
     minutes: float
+    least: float | None = 0.95
 
 
 RECIPES = {
@@ -46,14 +55,26 @@ RECIPES = {
         Training(environment="Pick", algorithm="dagger", steps=20_000, validation=100),
         10.0,
     ),
+    "touch": Recipe(
+        Training(
+            environment="Pick",
+            keywords={"noise": 0.02},
+            algorithm="dagger",
+            rule=TOUCH,
+            steps=80_000,
+            validation=100,
+        ),
+        10.0,
+        least=None,
+    ),
 }
-# What the policies of a recipe must hold of unseen objects (median of the seeds), and
-# what share of that elsewhere.
-_LEAST, _KEPT = 0.95, 0.95
+# What share of the unseen objects that they hold policies must hold elsewhere.
+_KEPT = 0.95
 _CELL, _DRIVER = "kitchen_fast", ["gripper=!PlantServoDriver {}"]
 RULES: dict[str, Act] = {"where it was seen": pick, "by touch": pick_by_touch}
 NOISES = (0.005, 0.015, 0.02)  # m
-# By how much the rule with touch must beat the other one, and why it need not at 15 mm.
+# By how much rule and policies with touch must beat the rule without, and why the rule
+# need not at 15 mm.
 _BETTER = 0.15
 _BECAUSE = "the other rule holds four of five; the sweep topples some slender cylinders"
 
@@ -104,6 +125,7 @@ def run(
 def _learn(recipe: str, seed: int, trials: int, elsewhere: int) -> Mapping[str, Any]:
     """Train once, and return successes by place, and minutes of processor time."""
     training = dc.replace(RECIPES[recipe].training, seed=seed)
+    environment, keywords = training.environment, training.keywords
     with TemporaryDirectory() as folder:
         start = time.process_time()
         policy = train(training, Path(folder))
@@ -116,9 +138,9 @@ def _learn(recipe: str, seed: int, trials: int, elsewhere: int) -> Mapping[str, 
         ]
     return {
         "minutes": minutes,
-        "unseen": _held(policy, training.environment, {}, trials),
+        "unseen": _held(policy, environment, keywords, trials),
         "accurate": _held(
-            policy, training.environment, {"physics": "accurate"}, elsewhere
+            policy, environment, {**keywords, "physics": "accurate"}, elsewhere
         ),
         "kitchen": [bool(trial.row["success"]) for trial in cell],
     }
@@ -161,7 +183,7 @@ def judged(
             for place in ("unseen", "accurate", "kitchen")
         }
         unseen = shares.pop("unseen")
-        rows.append(Row.at_least(recipe, "held, median", _LEAST, unseen, ""))
+        rows.append(_unseen_row(recipe, unseen, played))
         rows += [
             Row.at_least(
                 recipe, f"held, {place}, of that", _KEPT, share / max(unseen, 1e-9), ""
@@ -196,6 +218,19 @@ def judged(
         "minutes": [one["minutes"] for found in learned.values() for one in found],
     }
     return ExperimentResult(rows, {"trainings": table}, _draw(table, played, bounds))
+
+
+def _unseen_row(
+    recipe: str, unseen: float, played: Mapping[tuple[str, float], Sequence[bool]]
+) -> Row:
+    """Judge which share of the unseen objects the policies of a recipe hold."""
+    least, training = RECIPES[recipe].least, RECIPES[recipe].training
+    if least is not None:
+        return Row.at_least(recipe, "held, median", least, unseen, "")
+    seen = next(iter(RULES))
+    better = unseen - float(np.mean(played[seen, training.keywords["noise"]]))
+    quantity = f"held, median, more than {seen}"
+    return Row.at_least(recipe, quantity, _BETTER, better, "", spread=0.05)
 
 
 def _draw(

@@ -60,6 +60,15 @@ def test_touch_must_hold_more(touched, passed):
         assert row.measured == pytest.approx(touched - 0.8)
 
 
+@pytest.mark.parametrize(("unseen", "passed"), [(9, False), (10, True)])
+def test_policies_with_touch_must_hold_more_than_the_rule_without(unseen, passed):
+    learned = {recipe: [trained(unseen=unseen)] for recipe in RECIPES}
+    _, rows = rows_of(learned, played(seen=0.8))
+    row = rows["touch", "held, median, more than where it was seen"]
+    assert row.passed == passed
+    assert row.measured == pytest.approx(0.1 * unseen - 0.8)
+
+
 def test_a_policy_that_holds_nothing_fails():
     learned = {recipe: [trained(0, 0, 0)] for recipe in RECIPES}
     _, rows = rows_of(learned, played())
