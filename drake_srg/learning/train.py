@@ -1,6 +1,6 @@
-"""Trains a policy, and keeps the best one.
+"""Trains a policy, and keeps the latest of the best ones.
 
-DIR/policy.npz       the best policy so far, judged by validation episodes
+DIR/policy.npz       the policy, chosen by validation episodes
 DIR/policy.onnx      the same for other programs, with the extra `learn`
 DIR/training.json    what is trained, and how it went
 DIR/events.*         the same for TensorBoard
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -70,9 +71,11 @@ class Training:
 def train(
     training: Training, out: Path, *, resume: bool = False, progress: bool = False
 ) -> Policy:
-    """Train a policy and write it; returns the best one.
+    """Train a policy, write it and return it.
 
-    The same training gives the same policy, interrupted or not.
+    It is the latest that did not do worse in the validation episodes than the best, by
+    more than their standard error: it has learned from more episodes, and smaller
+    differences are chance. The same training gives the same policy, interrupted or not.
 
     Args:
         training: What to train.
@@ -119,7 +122,8 @@ def train(
             policy = _scored(policy, learner.steps, score)
             rate = float(np.mean(recent)) if recent else 0.0
             history.append([learner.steps, learner.episodes, rate, score])
-            if best is None or score > best.info.scores["validation"]:
+            highest = max(row[3] for row in history)
+            if best is None or score >= _least(highest, training.validation):
                 best = policy
                 best.save(out / POLICY)
                 if can_write_onnx(best):
@@ -139,6 +143,11 @@ def validate(policy: Policy, env: Any, episodes: int) -> float:
     """Return the share of validation episodes in which a policy succeeds."""
     done = [run_episode(env, policy, VALIDATION + k).success for k in range(episodes)]
     return float(np.mean(done))
+
+
+def _least(highest: float, episodes: int) -> float:
+    """Return what is as good as the highest share of episodes, but for chance."""
+    return highest - math.sqrt(highest * (1.0 - highest) / episodes)
 
 
 def trained_policy(learner: Learner, env: Any, training: Training) -> Policy:

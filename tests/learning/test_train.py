@@ -6,6 +6,7 @@ import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from drake_srg.common.exceptions import ScenarioError
+from drake_srg.learning.algorithms import MakeLearner
 from drake_srg.learning.cloning import CloningConfig
 from drake_srg.learning.policy import load_policy
 from drake_srg.learning.train import LOG, POLICY, Training, train
@@ -44,6 +45,31 @@ def test_blas_has_one_thread_while_it_trains(tmp_path, monkeypatch):
         train(training(), tmp_path)
     assert threads
     assert set(threads) == {1}
+
+
+@pytest.mark.parametrize(
+    ("scores", "chosen"),
+    [
+        ([0.2, 0.8, 0.8], 3),
+        ([0.2, 0.8, 0.7], 3),  # within 0.13, the standard error of 0.8 in 10 episodes
+        ([0.2, 0.8, 0.6], 2),
+        ([0.2, 0.8, 0.7, 0.6], 3),
+        ([1.0, 0.9, 0.9], 1),
+    ],
+)
+def test_of_equals_the_latest_policy_counts(tmp_path, monkeypatch, scores, chosen):
+
+    def make(*arguments):
+        learner = MakeLearner(*arguments)
+        learner.round_steps = 10
+        return learner
+
+    left = list(scores)
+    monkeypatch.setattr("drake_srg.learning.train.MakeLearner", make)
+    monkeypatch.setattr("drake_srg.learning.train.validate", lambda *_: left.pop(0))
+    policy = train(training(steps=10 * len(scores)), tmp_path)
+    assert policy.info.steps == 10 * chosen
+    assert load_policy(tmp_path / POLICY).info == policy.info
 
 
 def test_the_same_training_gives_the_same_bytes(tmp_path):
