@@ -41,15 +41,18 @@ def grasp_one_shot(observation: Array) -> Array:
     return np.array([0.0, 0.0, z, turn, -1.0, 2.0 * CLOSED - 1.0], np.float32)
 
 
-def pick(observation: Array, still: float = _STILL) -> Array:
+def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Array:
     """Come from above, close across the nearer side, wait until it stands, lift.
 
     The nearer side, not the narrower one: a network that imitates the rule cannot tell
-    which side of a nearly square box is narrower, and would turn halfway.
+    which side of a nearly square box is narrower, and would turn halfway. `narrower`
+    weighs one against the other: whichever way the hand turns first, that side is the
+    nearer one from then on.
 
     Args:
         observation: Of Pick.
         still: Scaled speed of the joints below which the fingers are still.
+        narrower: How much farther the hand turns for a narrower side [rad/m].
     """
     o = observation.astype(float)
     along = _NEAR * o[:2]
@@ -61,6 +64,10 @@ def pick(observation: Array, still: float = _STILL) -> Array:
     elif size_y > size_x:
         turn += 0.5 * np.pi
     turn = (turn + 0.5 * period) % period - 0.5 * period
+    if period < np.pi:
+        wider = size_y - size_x if o[3] > 0.0 else size_x - size_y
+        if narrower * wider > 0.5 * np.pi - 2.0 * abs(turn):
+            turn -= np.copysign(0.5 * np.pi, turn)
     if o[9] > 0.5:
         turn = 0.0
     closing = o[22] > 0.0

@@ -38,12 +38,12 @@ def test_a_hand_off_to_the_side_moves_before_it_comes_down():
     assert action[4] == -1.0
 
 
-def turn_towards(yaw, size_x, size_y):
+def turn_towards(yaw, size_x, size_y, **options):
     """The turn of a hand right over a box that is turned by `yaw`."""
     x = np.zeros(len(PickEnv.observation_names), np.float32)
     x[3:5] = np.cos(2.0 * yaw), np.sin(2.0 * yaw)
     x[[5, 6, 7, 8, 22]] = 0.85, size_x / 0.15, size_y / 0.15, 0.5, -1.0
-    return pick(x)[3]
+    return pick(x, **options)[3]
 
 
 @pytest.mark.parametrize("size", [0.04, 0.06, 0.08])
@@ -52,6 +52,20 @@ def turn_towards(yaw, size_x, size_y):
 )
 def test_a_box_is_grasped_across_its_nearer_side(size, yaw, sign):
     assert np.sign(np.round(turn_towards(yaw, 0.06, size), 6)) == sign
+
+
+@given(st.floats(-0.7, 0.7))
+def test_a_narrower_side_is_worth_some_turning(yaw):
+    turn = 0.5 * np.pi - 2.0 * abs(yaw)  # how much farther the other side is
+    for width, decided in ((0.9, False), (1.1, True)):
+        size = 0.04 + width * turn / 100.0
+        farther = np.sign(turn_towards(yaw, 0.04, size, narrower=100.0)) == -np.sign(
+            yaw
+        )
+        assert farther == decided or abs(yaw) < 1e-3
+        # Where it is narrower anyway, the nearer side stays the better one.
+        nearer = turn_towards(yaw, size, 0.04, narrower=100.0)
+        assert nearer == turn_towards(yaw, size, 0.04)
 
 
 def test_a_wide_box_is_grasped_across_its_narrower_side():
