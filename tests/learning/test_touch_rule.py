@@ -7,6 +7,7 @@ from drake_srg.learning.baselines import TOUCH, rule_of
 from drake_srg.learning.episodes import make_environment
 from drake_srg.learning.rules import pick
 from drake_srg.learning.touch_rule import pick_by_touch
+from drake_srg.planning.grasps.srg_angles import ends_gap
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +36,11 @@ def holds(env, rule, scene):
     return bool(info["success"])
 
 
+def pick_where_seen(observation):
+    """What the rule does in its first try."""
+    return pick(observation, still=0.3, narrower=50.0 * np.pi)
+
+
 def test_boxes_are_first_tried_where_they_were_seen(env):
     seed = next(k for k in range(100) if not is_round(env, k))
     scene = scene_of(env, seed, (0.0, 0.0))
@@ -42,11 +48,11 @@ def test_boxes_are_first_tried_where_they_were_seen(env):
 
     def act(observation):
         observations.append(observation)
-        return pick(observation, still=0.3)
+        return pick_where_seen(observation)
 
     assert holds(env, act, scene)
     for observation in observations:
-        expected = pick(observation, still=0.3)
+        expected = pick_where_seen(observation)
         np.testing.assert_array_equal(pick_by_touch(observation), expected)
 
 
@@ -80,6 +86,18 @@ def test_the_hand_comes_down_beside_a_cylinder():
         observation, *_ = env.step(pick_by_touch(observation))
     moved = env.unwrapped.station.X_WO().translation() - began
     assert np.abs(moved[:2]).max() < 1e-3
+
+
+@pytest.mark.parametrize("radius", [0.016, 0.025, 0.034])
+def test_a_cylinder_is_pushed_between_the_ends_of_the_pads(env, radius):
+    """They are closer together than it is wide, and keep it in their middle."""
+    scene = scene_of(env, next(k for k in range(100) if is_round(env, k)), (0.0, 0.2))
+    scene["object"]["shape"] |= {"radius": radius, "length": 0.1}
+    observation, _ = env.reset(options={"scene": scene})
+    for _ in range(21):
+        observation, *_ = env.step(pick_by_touch(observation))
+    gap = ends_gap(2.0 * observation[10:14].astype(float))
+    assert gap == pytest.approx(0.8 * radius, abs=0.002)
 
 
 def test_fingers_that_have_closed_on_nothing_open_again(env):
