@@ -46,8 +46,8 @@ def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Ar
 
     The nearer side, not the narrower one: a network that imitates the rule cannot tell
     which side of a nearly square box is narrower, and would turn halfway. `narrower`
-    weighs one against the other: whichever way the hand turns first, that side is the
-    nearer one from then on.
+    weighs one against the other. The hand turns to a narrower side that is farther
+    counterclockwise only: a network halves what goes either way.
 
     Args:
         observation: Of Pick.
@@ -66,8 +66,8 @@ def pick(observation: Array, still: float = _STILL, narrower: float = 0.0) -> Ar
     turn = (turn + 0.5 * period) % period - 0.5 * period
     if period < np.pi:
         wider = size_y - size_x if o[3] > 0.0 else size_x - size_y
-        if narrower * wider > 0.5 * np.pi - 2.0 * abs(turn):
-            turn -= np.copysign(0.5 * np.pi, turn)
+        if narrower * wider > 0.5 * np.pi + 2.0 * turn:
+            turn += 0.5 * np.pi
     if o[9] > 0.5:
         turn = 0.0
     closing = o[22] > 0.0

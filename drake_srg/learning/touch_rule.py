@@ -46,11 +46,12 @@ _LIFTED_AT = 86
 # 0.25 each time it changes: with the limit of `rules`, they were never still.
 _STILL = 0.3
 # Until these steps, boxes are tried where they were seen, and on one side of that; then
-# on the other. The sides are a pad's width and a little away [m].
-_TRIED, _TRIED_AGAIN, _ASIDE = 30, 60, 0.04
-# A side that is 1 cm narrower is worth a quarter turn [rad/m]: on the longer side, the
-# pads hold more of a box that they meet off its middle.
-_TURN_PER_WIDTH = 0.5 * np.pi / 0.01
+# on the other. The hand, which turns by up to 135 degrees, has closed by the first. The
+# sides are a pad's width and a little away [m].
+_TRIED, _TRIED_AGAIN, _ASIDE = 40, 68, 0.04
+# A side that is 5 mm narrower is worth a quarter turn more [rad/m]: on the longer side,
+# the pads hold more of a box that they meet off its middle.
+_TURN_PER_WIDTH = 0.5 * np.pi / 0.005
 # If the gap between the pads is less than this share of the box's width, they hold
 # nothing.
 _NARROWER = 0.5

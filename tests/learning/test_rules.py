@@ -56,13 +56,11 @@ def test_a_box_is_grasped_across_its_nearer_side(size, yaw, sign):
 
 @given(st.floats(-0.7, 0.7))
 def test_a_narrower_side_is_worth_some_turning(yaw):
-    turn = 0.5 * np.pi - 2.0 * abs(yaw)  # how much farther the other side is
+    farther = 0.5 * np.pi + 2.0 * yaw  # turning counterclockwise to the other side
     for width, decided in ((0.9, False), (1.1, True)):
-        size = 0.04 + width * turn / 100.0
-        farther = np.sign(turn_towards(yaw, 0.04, size, narrower=100.0)) == -np.sign(
-            yaw
-        )
-        assert farther == decided or abs(yaw) < 1e-3
+        size = 0.04 + width * farther / 100.0
+        turn = turn_towards(yaw, 0.04, size, narrower=100.0)
+        assert turn == (1.0 if decided else turn_towards(yaw, 0.04, size))
         # Where it is narrower anyway, the nearer side stays the better one.
         nearer = turn_towards(yaw, size, 0.04, narrower=100.0)
         assert nearer == turn_towards(yaw, size, 0.04)

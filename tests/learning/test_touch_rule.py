@@ -38,7 +38,7 @@ def holds(env, rule, scene):
 
 def pick_where_seen(observation):
     """What the rule does in its first try."""
-    return pick(observation, still=0.3, narrower=50.0 * np.pi)
+    return pick(observation, still=0.3, narrower=100.0 * np.pi)
 
 
 def test_boxes_are_first_tried_where_they_were_seen(env):
