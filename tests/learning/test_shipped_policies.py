@@ -6,7 +6,7 @@ from drake_srg.learning.policy import load_policy, shipped_policies
 
 EPISODES = 8
 # What policies hold, at least: where they are shown the object's place to 5 mm, and,
-# to 20 mm, more than the rule that does not feel for it (0.677).
+# to 20 mm, more than the rule that does not feel for it (0.67).
 SURE, TOUCH = 0.95, 0.7
 
 
