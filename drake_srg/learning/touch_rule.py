@@ -26,8 +26,7 @@ _BESIDE, _BEYOND = 0.08, 0.045
 _SWEEP = 0.003  # per step, 6 cm/s: at twice that, it topples what is slender [m]
 _OPEN = 0.05  # closure at which the fingers are level
 # What it pushes lies between the pads' ends, which are this share of its width apart.
-# Pads that meet let it roll off to the side, and then open against it: they hold 729
-# of 770 cylinders at 15 mm of noise, these 743, and those at 0.45 737.
+# Pads that meet let it roll off to the side, and then open against it.
 _CRADLE = 0.4
 _HALF_FINGER = 0.0155  # half the pads' width [m]
 # The hand ends short of the middle: the finger's edge meets some objects, which are

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 
-import pytest
 from helpers import HEEDING_CTRL_C
 
 PROGRAM = """
@@ -31,7 +30,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 def test_ctrl_c_reaches_the_parent_alone(tmp_path):
     # In an interpreter of its own, because its first process differs from later ones.
     file = tmp_path / "program.py"
