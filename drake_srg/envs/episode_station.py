@@ -60,6 +60,7 @@ class EpisodeStation:
             for system in self.station.GetSystems()
             if system not in self._scene_graphs
         ]
+        self._new = self.plant.CreateDefaultContext()
         self._arm = self.plant.GetModelInstanceByName("arm")
         self._pick = scenario.task.pick
         self._model = self.plant.GetModelInstanceByName(self._pick)
@@ -92,6 +93,8 @@ class EpisodeStation:
         """
         for system, context in self._reset:
             system.SetDefaultContext(context)
+        # A discrete plant would keep the contacts of its last step.
+        self.plant_context.SetStateAndParametersFrom(self._new)
         self.context.SetTime(0.0)
         self._ticks = 0
         # Without cameras, nobody sees the second one.

@@ -12,7 +12,7 @@ from drake_srg.envs.episode_station import SimulationError
 from drake_srg.envs.scenes import SceneSource
 from drake_srg.scenario.load import load_tree
 from drake_srg.types import Box
-from envs.playing import one_shot, play
+from envs.playing import Rule, one_shot, play
 
 NAMES = sorted(ENVIRONMENTS)
 CAN = "{model: package://drake_srg/sdf/005_tomato_soup_can.sdf}"
@@ -77,6 +77,17 @@ def test_an_episode_does_not_depend_on_those_before_it(pick):
     assert same(first, again)
     play(pick, seed=5)
     assert same(first, play(pick, seed=3)[1])
+
+
+def test_nothing_is_felt_of_the_episode_before():
+    """A discrete plant keeps the contacts of its last step."""
+    env = gymnasium.make("drake_srg/Pick-v0", physics="fast").unwrapped
+    first, _ = env.reset(seed=3)
+    rule, felt = Rule(env), 0.0
+    while felt == 0.0:  # until the fingers touch the object
+        env.step(rule.action())
+        felt = env.station.measured("gripper.contact_force").max()
+    assert same([first], [env.reset(seed=3)[0]])
 
 
 def test_a_scene_is_replayed(pick):
