@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.common.exceptions import ScenarioError
 from drake_srg.scenario import load_scenario
@@ -28,6 +29,37 @@ def test_a_moving_arm_stops_where_it_touches_something(mode):
     # The arm stops and the task ends within two periods.
     assert world.time - world.began[mode] <= 2.0 * world.period
     np.testing.assert_array_equal(world.read("position_commanded"), world.commands[-2])
+
+
+def slow_down(task_planner):
+    """Let plans set down by 5 mrad more in another 50 ms."""
+    plan = task_planner._motions
+
+    def motions(q_start, modes):
+        task = plan(q_start, modes)
+        down = task.motions[Mode.PLACE]
+        start, end = down.value(0.0), down.value(0.1)
+        task.motions[Mode.PLACE] = PiecewisePolynomial.FirstOrderHold(
+            [0.0, 0.1, 0.15], np.hstack([start, end + np.array([[0.005], [0.0]]), end])
+        )
+        return task
+
+    task_planner._motions = motions
+
+
+@pytest.mark.parametrize(("off", "ends"), [(0.01, Mode.DONE), (0.3, Mode.FAILED)])
+def test_what_a_set_down_object_meets_at_the_end_of_its_path_is_its_goal(off, ends):
+    # An object that hangs askew meets it early, with its edge.
+    world = World(max_external_torque=[10.0, 5.0])
+    slow_down(world.task_planner)
+    q_goal = world.task_planner.q_home + np.array([2.0, 0.0])
+
+    def torque(mode):
+        away = np.max(np.abs(world.read("position_commanded") - q_goal))
+        return [0.0, 6.0 if mode is Mode.PLACE and away < off else 0.0]
+
+    world.external_torque = torque
+    assert world.run().mode is ends
 
 
 def test_torques_below_one_newton_metre_are_reported_unrounded():
