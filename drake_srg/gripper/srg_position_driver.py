@@ -148,9 +148,11 @@ def AddSrgPositionDriver(
         - grasped
         - pwm
         - actuation
+        - desired_state (servo.law plant)
 
     `plant_state`, `contact_results`, `body_poses` and `actuation`, the joint torques
-    [N m] in the order of the gripper's actuators, are connected here. The caller
+    [N m] in the order of the gripper's actuators, are connected here, and so is
+    `desired_state` (8), [q; v] of the plant's PD actuators in that order. The caller
     connects `query_object` to the scene graph. The other ports:
 
     * `closure_commanded` (1): 0 open .. 1 closed;
