@@ -56,7 +56,7 @@ class PlannerConfig(MotionConfig):
     # while the arm moves, one per joint [N m]; null: no limits. Leave room for carried
     # objects: with a can, the fast kitchen's iiwa 14 feels up to 4 N m, at its wrist
     # 0.3 N m; with a cylinder, the five-axis arm feels 0.12 N m. Errors of the sensors
-    # add to that.
+    # add to that. What an object meets at the very end of being set down is its goal.
     max_external_torque: list[float] | None = dc.field(
         default=None, metadata=positive()
     )
