@@ -105,12 +105,16 @@ class CameraLeveling(LeafSystem):
         z = over[:, 2]
         plane = np.array([0.0, 0.0, float(np.median(z))])
         fits = np.ones(len(z), dtype=bool)
+        fitted = np.zeros(0, dtype=bool)  # what the plane fits
         for _ in range(config.rounds):
             error = z - A @ plane
             spread = robust_deviation(error[fits])
             fits = np.abs(error) <= config.inliers * spread + 1e-9
             if fits.sum() < config.least_points:
                 return X_WB
+            if np.array_equal(fits, fitted):
+                break
+            fitted = fits
             A_fits = A * fits[:, None]
             plane = np.linalg.solve(A_fits.T @ A, A_fits.T @ z)
         slope_x, slope_y, offset = plane

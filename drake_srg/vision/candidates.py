@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Callable, Iterator
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import cv2
 import numpy as np
@@ -64,13 +64,22 @@ def by_color(
     min_area: int,
     config: BlobLocalizerConfig,
 ) -> Iterator[Candidate]:
-    """Yield groups of at least `min_area` connected pixels in a range of colours."""
+    """Yield groups of at least `min_area` connected pixels in a range of colours.
+
+    Those that are seen whole and are still too small for the shape are left out.
+    """
     colored = colors.mask(picture.color)
-    for region in _components(colored, min_area):
-        blob = None
-        if picture.noise:
-            blob = _refined(picture, shape, region, config.candidates)
-        yield Candidate(region if blob is None else blob, colored)
+    limits = config.candidates
+    aligned = picture.color_imager.same_as(picture.depth_imager)
+    for region in _regions(colored, min_area):
+        edge = _edge_of(picture, shape, region, limits) if aligned else None
+        if edge and edge.is_too_small(shape, limits):
+            continue
+        if edge and picture.noise and edge.sets_off(limits):
+            blob = edge.refined(picture)
+        else:
+            blob = region.mask()
+        yield Candidate(blob, colored)
 
 
 def by_steps(
@@ -86,56 +95,146 @@ def by_steps(
     """
     if not picture.color_imager.same_as(picture.depth_imager):
         return
-    depth, size = picture.depth, np.sort(shape.bounding_size)
+    depth, limits = picture.depth, config.candidates
     known = has_depth(depth)
     near = np.where(known, depth, np.float32(0.0))
     steps = cv2.morphologyEx(near, cv2.MORPH_GRADIENT, np.ones((3, 3), np.uint8))
-    level = known & (steps < _step(picture, shape, near, config.candidates))
+    level = known & (steps < _step(picture, shape, near, limits))
     level &= colors.mask_in_any_light(picture.color, config.any_light)
     focal = picture.depth_imager.info.focal_x()
-    least_area = config.candidates.least_area * size[0] * size[1]
-    for region in _components(level, min_area):
-        pixel = float(np.median(depth[region])) / focal
-        extent = pixel * max(np.ptp(np.nonzero(region), axis=1))
-        area = pixel**2 * region.sum()
-        if area < least_area or extent > np.linalg.norm(size):
+    least_area = limits.least_area * _smallest_face(shape)
+    for region in _regions(level, min_area):
+        distances = depth[region.window][region.part(region.window)]
+        pixel = float(np.median(distances)) / focal
+        extent = pixel * (max(s.stop - s.start for s in region.window) - 1)
+        area = pixel**2 * region.area
+        if area < least_area or extent > np.linalg.norm(shape.bounding_size):
             continue
-        blob = _refined(picture, shape, region, config.candidates)
-        if blob is not None:
+        edge = _edge_of(picture, shape, region, limits)
+        if edge and edge.sets_off(limits) and not edge.is_too_small(shape, limits):
+            blob = edge.refined(picture)
             yield Candidate(blob, blob)
 
 
-def _refined(
-    picture: Picture, shape: Solid, region: Mask, config: CandidatesConfig
-) -> Mask | None:
-    """Return a region with its rim drawn between its own colour and the background's.
+@dc.dataclass(frozen=True)
+class _Region:
+    """A group of connected pixels.
 
-    Blur mixes the two, so the edge is where the mixture is even, whatever the colours.
-
-    Returns:
-        None if depth does not set the region off from its surroundings.
+    Attributes:
+        labels: The number of each pixel's group, shape (h, w).
+        number: The number of this one.
+        window: Its rows and columns, without a margin.
+        area: Its pixels.
     """
-    depth = picture.depth
-    usable = region & has_depth(depth)
-    if not (picture.color_imager.same_as(picture.depth_imager) and usable.any()):
+
+    labels: npt.NDArray[Any]
+    number: int
+    window: tuple[slice, slice]
+    area: int
+
+    def mask(self) -> Mask:
+        """Return its pixels, shape (h, w)."""
+        return np.asarray(self.labels == self.number)
+
+    def part(self, window: tuple[slice, slice]) -> Mask:
+        """Return its pixels in a window."""
+        return np.asarray(self.labels[window] == self.number)
+
+    def around(self, margin: int) -> tuple[slice, slice]:
+        """Return a window that is larger on each side, within the image [pixels]."""
+        rows, columns = (
+            slice(max(0, s.start - margin), min(size, s.stop + margin))
+            for s, size in zip(self.window, self.labels.shape, strict=True)
+        )
+        return rows, columns
+
+
+@dc.dataclass(frozen=True)
+class _Edge:
+    """What is around a region of pixels, in a window of an image.
+
+    Attributes:
+        window: Rows and columns of the window.
+        usable: Pixels of the region that have depth.
+        rim: The region and the pixels of its own edge.
+        behind: Pixels beside the rim that lie behind the region.
+        behind_share: Their share of all pixels beside the rim.
+        level_share: Share of the pixels beside the rim that lie level with the region.
+        cut: Whether the region reaches the image's border.
+        area: Of the region, if it faces the camera [m^2].
+    """
+
+    window: tuple[slice, slice]
+    usable: Mask
+    rim: Mask
+    behind: Mask
+    behind_share: float
+    level_share: float
+    cut: bool
+    area: float
+
+    def sets_off(self, config: CandidatesConfig) -> bool:
+        """Return whether depth sets the region off from its surroundings."""
+        return (
+            self.behind_share >= config.least_behind
+            and self.level_share <= config.most_level
+        )
+
+    def is_too_small(self, shape: Solid, config: CandidatesConfig) -> bool:
+        """Return whether the region is seen whole and still too small for a shape."""
+        whole = self.behind_share >= config.whole_behind and not self.cut
+        return whole and self.area < config.least_whole_area * _smallest_face(shape)
+
+    def refined(self, picture: Picture) -> Mask:
+        """Return the region, its rim drawn between its own colour and what is behind.
+
+        Blur mixes the two, so the edge is where the mixture is even, whatever the
+        colours.
+        """
+        color = picture.color[self.window][..., :3].astype(np.float32)
+        own, other = (np.median(color[m], axis=0) for m in (self.usable, self.behind))
+        blob = np.zeros(picture.depth.shape, bool)
+        # The nearer of two colours: the side of their middle on which a pixel is.
+        inside = (color[self.rim] - 0.5 * (own + other)) @ (own - other) > 0
+        blob[self.window][self.rim] = inside
+        return blob
+
+
+def _edge_of(
+    picture: Picture, shape: Solid, region: _Region, config: CandidatesConfig
+) -> _Edge | None:
+    """Return a region's edge, None if the region has no depth.
+
+    Colour and depth must be seen along the same rays.
+    """
+    border = config.rim + config.beside
+    around = region.around(border)
+    own, depth = region.part(around), picture.depth[around]
+    usable = own & has_depth(depth)
+    if not usable.any():
         return None
     distance = float(np.median(depth[usable]))
     step = float(_step(picture, shape, np.float32(distance), config))
-    rim = grow(region, config.rim)
-    beside = grow(region, config.rim + config.beside) & ~rim
+    rim = grow(own, config.rim)
+    beside = grow(own, border) & ~rim
     behind = beside & (depth > distance + step)
     level = beside & (np.abs(depth - distance) <= step)
-    if (
-        behind.sum() < config.least_behind * beside.sum()
-        or level.sum() > config.most_level * beside.sum()
-    ):
-        return None
-    color = picture.color[..., :3].astype(np.float32)
-    own, other = (np.median(color[pixels], axis=0) for pixels in (usable, behind))
-    blob = np.zeros_like(region)
-    # The nearer of two colours: the side of their middle on which a pixel is.
-    blob[rim] = (color[rim] - 0.5 * (own + other)) @ (own - other) > 0
-    return blob
+    return _Edge(
+        window=around,
+        usable=usable,
+        rim=rim,
+        behind=behind,
+        behind_share=behind.sum() / max(1, beside.sum()),
+        level_share=level.sum() / max(1, beside.sum()),
+        cut=bool(own[[0, -1]].any() or own[:, [0, -1]].any()),
+        area=region.area * (distance / picture.depth_imager.info.focal_x()) ** 2,
+    )
+
+
+def _smallest_face(shape: Solid) -> float:
+    """Return the area of the smallest face of the box around a shape [m^2]."""
+    size = np.sort(shape.bounding_size)
+    return float(size[0] * size[1])
 
 
 def _step(
@@ -149,11 +248,14 @@ def _step(
     return least + np.float32(config.deviations * picture.noise) * depth**2
 
 
-def _components(mask: Mask, min_area: int) -> Iterator[Mask]:
+def _regions(mask: Mask, min_area: int) -> Iterator[_Region]:
     """Yield groups of connected pixels, diagonals included."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+    count, found, stats, _ = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8), connectivity=8
     )
+    labels = np.asarray(found)
     for i in range(1, count):  # 0 is the background
-        if stats[i, cv2.CC_STAT_AREA] >= min_area:
-            yield labels == i
+        x, y, w, h, area = (int(value) for value in stats[i])
+        if area >= min_area:
+            window = (slice(y, y + h), slice(x, x + w))
+            yield _Region(labels, i, window, area)

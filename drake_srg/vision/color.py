@@ -118,16 +118,22 @@ class ColorRange:
             )
         bright = np.maximum(samples.max(axis=1, keepdims=True), 1e-3)
         known = _ratios(255.0 * samples / bright, config.dark)
-        seen = _ratios(image[..., :3], config.dark)
+        # The logarithms of all values, because those of all pixels take long.
+        red, green, blue = np.moveaxis(image[..., :3], -1, 0)
+        logs = _log(np.arange(256), config.dark)
+        log_green = logs[green]
         change = np.array(config.light_change)
         low, high = known.min(axis=0) - change, known.max(axis=0) + change
-        value = image[..., :3].max(axis=-1)
+        value = np.maximum(np.maximum(red, green), blue)
         # The brightest parts of the scene show how bright the light is.
         scene = np.quantile(value, config.bright_quantile)
         least = config.shaded * float(bright.min()) * scene
         # Nearly black pixels are left out: their logarithm is noise.
-        light = value > max(2 * config.dark, least)
-        return np.asarray(((seen >= low) & (seen <= high)).all(axis=-1) & light)
+        fits = value > max(2 * config.dark, least)
+        for channel, lowest, highest in zip((red, blue), low, high, strict=True):
+            ratio = logs[channel] - log_green
+            fits &= (ratio >= lowest) & (ratio <= highest)
+        return np.asarray(fits)
 
     def _unwrapped(self) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
         """Return the bounds with the lower hue below the upper one."""
@@ -150,5 +156,10 @@ def _ratios(colors: npt.NDArray[Any], dark: float) -> npt.NDArray[Any]:
     Returns:
         Shape (..., 2).
     """
-    logs = np.log(np.asarray(colors, np.float32) + np.float32(dark))
+    logs = _log(colors, dark)
     return np.asarray(logs[..., ::2] - logs[..., 1:2])
+
+
+def _log(values: npt.NDArray[Any], dark: float) -> npt.NDArray[np.float32]:
+    """Return the logarithms of values, plus what a camera reads of black."""
+    return np.log(np.asarray(values, np.float32) + np.float32(dark))

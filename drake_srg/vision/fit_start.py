@@ -33,7 +33,7 @@ class Start:
     has_rival: bool = False
 
 
-def find_start(match: Match, points: Vector) -> Start:
+def find_start(match: Match) -> Start:
     """Return the pose that explains most, coarsely.
 
     Most things stand. Noise hides small leans, so in a noisy image a solid whose
@@ -52,19 +52,21 @@ def find_start(match: Match, points: Vector) -> Start:
         if scatter <= 2 * view.noise and _sees_top(match, X_WO, sight):
             standing = Start(X_WO, upright=not _hangs(match, X_WO))
             least = match.unexplained(sight)
-            if least <= limits.explained:
+            margin = limits.upright_margin if standing.upright else 0.0
+            if least <= max(limits.explained, margin):
                 return standing
-            least -= limits.upright_margin * standing.upright
-    unexplained, start = _best_of_guesses(match, points)
+            least -= margin
+    unexplained, start = _best_of_guesses(match)
     return start if unexplained < least else standing
 
 
-def _best_of_guesses(match: Match, points: Vector) -> tuple[float, Start]:
+def _best_of_guesses(match: Match) -> tuple[float, Start]:
     """Return what the best guess leaves unexplained, and the guess, aligned."""
     limits, view, shape = match.config.fit, match.view, match.shape
     guesses = guess_poses(shape, view, match.config.guesses)
     if isinstance(shape, ConvexPieces):
         return _best_of_pieces(match, shape, guesses)
+    points = view.seen
     guesses.sort(key=lambda guess: _distance(match, guess, points))
     tried = []
     for guess in guesses[: limits.noisy_guesses if view.noise else None]:

@@ -28,7 +28,7 @@ def guess_upright(
         view: Where it is. At least three pixels of the blob have depth.
         config: The thresholds.
     """
-    points = view.points()[view.blob & view.valid]
+    points = view.seen
     if isinstance(shape, Box):
         return _standing_box(shape, points, view.noise, config, upright=True)
     if isinstance(shape, ConvexPieces):
@@ -55,7 +55,7 @@ def guess_poses(
         view: Where it is. At least three pixels of the blob have depth.
         config: The thresholds.
     """
-    points = view.points()[view.blob & view.valid]
+    points = view.seen
     middle = points.mean(axis=0)
     forward = (middle - view.origin) / np.linalg.norm(middle - view.origin)
     if isinstance(shape, Sphere):
@@ -83,7 +83,7 @@ def _normals(view: View) -> Vector:
         In W, shape (n, 3).
     """
     known = view.blob & view.valid
-    points = np.where(known[..., None], view.points(), 0.0)
+    points = np.where(known[..., None], view.points, 0.0)
     right, down = (points - np.roll(points, 2, axis=k) for k in (1, 0))
     n = np.cross(right[1:-1, 2:], down[2:, 1:-1])
     n = n[known[1:-1, 2:] & known[1:-1, :-2] & known[2:, 1:-1] & known[:-2, 1:-1]]

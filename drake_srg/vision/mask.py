@@ -17,6 +17,22 @@ def grow(mask: Mask, pixels: int) -> Mask:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), kernel) > 0)
 
 
+def window(mask: Mask, margin: int) -> tuple[slice, slice]:
+    """Return rows and columns of the window that holds a mask's pixels, not none.
+
+    Args:
+        mask: Shape (h, w).
+        margin: How much larger the window is on each side, within the image [pixels].
+    """
+
+    def extent(hits: npt.NDArray[Any]) -> slice:
+        found = np.flatnonzero(hits)
+        first, last = int(found[0]) - margin, int(found[-1]) + margin
+        return slice(max(0, first), min(len(hits), last + 1))
+
+    return extent(np.any(mask, axis=1)), extent(np.any(mask, axis=0))
+
+
 def has_depth(depth: npt.NDArray[Any]) -> Mask:
     """Return which pixels of a depth image hold a depth: 0 is too near, inf too far."""
     return np.asarray(np.isfinite(depth) & (depth > 0))

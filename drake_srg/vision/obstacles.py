@@ -134,25 +134,55 @@ class ObstacleFinder(LeafSystem):
         R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
         # The median removes single pixels, holes among them.
         depth = cv2.medianBlur(np.nan_to_num(depth, posinf=0.0), 3)
-        # Points below all surfaces need no closer look.
-        z = p_WD[2] + depth * cv2.transform(self._rays[camera], R_WD[2:])
+        rays = self._rays[camera]
+        z = p_WD[2] + depth * cv2.transform(rays, R_WD[2:])
         lowest = min(surface.height for surface in self._surfaces)
+
+        def p_W(pixels: Mask, step: int = 1) -> Vector:
+            some = depth[::step, ::step][pixels]
+            p_D = rays[::step, ::step][pixels] * some[:, None]
+            return np.asarray(p_D @ R_WD.T + p_WD)
+
+        # A quarter of the pixels shows how the surfaces' own points scatter.
         near = (depth > 0) & (z > lowest - config.near)
-        p_D = self._rays[camera][near] * depth[near][:, None]
-        p_W = cv2.transform(p_D[:, None], R_WD)[:, 0] + p_WD
+        least = self._least_height(p_W(near[::2, ::2], step=2))
+        # Points below it need no closer look.
+        high = near & (z > lowest + least)
+        points = p_W(high)
+        height, _ = self._heights(points)
+        stands = (height > least) & (height < self._max_height)
+        if not stands.any():
+            return np.zeros((0, 3)), 0.0
+        farthest = float(depth[high][stands].max())
+        return points[stands], farthest / imager.info.focal_x()
+
+    def _heights(self, p_W: Vector) -> tuple[Vector, Mask]:
+        """Return how high points are above their surface, and which have one.
+
+        The others' heights are those above the lowest surface [m], shape (n,).
+        """
+        lowest = min(surface.height for surface in self._surfaces)
         height, on_surface = p_W[:, 2] - lowest, np.zeros(len(p_W), bool)
         for surface in self._surfaces:
             above = surface.contains(p_W)
             height[above] = p_W[above, 2] - surface.height
             on_surface |= above
+        return height, on_surface
+
+    def _least_height(self, p_W: Vector) -> float:
+        """Return above which height points stand on the surfaces [m].
+
+        Args:
+            p_W: Points of the surfaces, among others, shape (n, 3).
+        """
+        config = self._config
+        height, on_surface = self._heights(p_W)
         flat = height[on_surface & (np.abs(height) < config.near)]
-        offset = float(np.median(flat)) if len(flat) else 0.0
-        noise = robust_deviation(flat - offset) if len(flat) else 0.0
-        least = offset + max(self._min_height, config.deviations * noise)
-        stands = (height > least) & (height < self._max_height)
-        if not stands.any():
-            return np.zeros((0, 3)), 0.0
-        return p_W[stands], float(p_D[stands, 2].max()) / imager.info.focal_x()
+        if not len(flat):
+            return self._min_height
+        offset = float(np.median(flat))
+        noise = robust_deviation(flat - offset)
+        return offset + max(self._min_height, config.deviations * noise)
 
     def _is_known(self, context: Context, points: Vector, margin: float) -> Mask:
         """Return which points belong to the most trustworthy blob of a known object."""

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import dataclasses as dc
+import functools
+from collections.abc import Callable
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import Solid
@@ -31,23 +34,43 @@ class Outline:
         points = outline_points(shape, R_WO.T @ (view.origin - p_WO))
         return cls(tuple(PieceOutline.of(p_O, X_WO, view) for p_O in points))
 
-    def distance(self, pixels: Vector) -> tuple[Vector, Vector, Vector]:
+    def distance(self, pixels: Vector) -> tuple[Vector, Vector]:
         """Return how far pixels are beyond the nearest side of the nearest piece.
 
         Args:
             pixels: Columns and rows, shape (n, 2).
 
         Returns:
-            Distance [pixels], negative inside, shape (n,); its Jacobian, as that of the
-            corners, shape (n, 6); depth of the solid at the side [m], shape (n,).
+            Distance [pixels], negative inside, and depth of the solid at the side [m],
+            shape (n,).
         """
+        return self._nearest(pixels, PieceOutline.distance)
+
+    def gradient(self, pixels: Vector) -> tuple[Vector, Vector]:
+        """Return the same distance, and how it changes.
+
+        Args:
+            pixels: Columns and rows, shape (n, 2).
+
+        Returns:
+            Distance [pixels], shape (n,), and its Jacobian, as that of the corners,
+            shape (n, 6).
+        """
+        return self._nearest(pixels, PieceOutline.gradient)
+
+    def _nearest(
+        self,
+        pixels: Vector,
+        measure: Callable[[PieceOutline, Vector], tuple[Vector, Vector]],
+    ) -> tuple[Vector, Vector]:
+        """Return the distance of each pixel's nearest piece, and what goes with it."""
         first, *others = self.pieces
-        nearest = first.distance(pixels)
+        nearest = measure(first, pixels)
         for piece in others:
             center, radius = piece.circle
             beyond = np.linalg.norm(pixels - center, axis=1) - radius
             near = np.flatnonzero(beyond < nearest[0])
-            found = piece.distance(pixels[near])
+            found = measure(piece, pixels[near])
             nearer = found[0] < nearest[0][near]
             for values, more in zip(nearest, found, strict=True):
                 values[near[nearer]] = more[nearer]
@@ -129,29 +152,41 @@ class PieceOutline:
         center = self.corners.mean(axis=0)
         return center, float(np.linalg.norm(self.corners - center, axis=1).max())
 
-    def distance(self, pixels: Vector) -> tuple[Vector, Vector, Vector]:
+    def distance(self, pixels: Vector) -> tuple[Vector, Vector]:
         """Return how far pixels are beyond the outline's nearest side.
 
-        Args:
-            pixels: Columns and rows, shape (n, 2).
-
-        Returns:
-            Distance [pixels], negative inside, shape (n,); its Jacobian, as that of the
-            corners, shape (n, 6); depth of the solid at the side [m], shape (n,).
+        See `Outline.distance`.
         """
-        sides, lengths, normals = self._sides()
-        beyond = pixels @ normals.T - (normals * self.corners).sum(axis=1)
-        k = beyond.argmax(axis=1)
-        along = (pixels - self.corners[k]) * sides[k]
-        share = (along[:, 0] + along[:, 1]) / lengths[k]  # sum(axis=1) is slow
+        distance, k, share = self._nearest_side(pixels)
+        share = np.clip(share, 0.0, 1.0)
+        return distance, self.depth[k] + share * (_next(self.depth) - self.depth)[k]
+
+    def gradient(self, pixels: Vector) -> tuple[Vector, Vector]:
+        """Return the same distance, and how it changes; see `Outline.gradient`."""
+        distance, k, share = self._nearest_side(pixels)
+        _, _, normals = self._sides
         at_start, at_end = (
             np.einsum("mi,mij->mj", normals, jacobian)
             for jacobian in (self.jacobian, _next(self.jacobian))
         )
         moves = at_start[k] + share[:, None] * (at_end - at_start)[k]
-        nearest = np.clip(share, 0.0, 1.0)
-        depth = self.depth[k] + nearest * (_next(self.depth) - self.depth)[k]
-        return beyond[np.arange(len(k)), k], -moves, depth
+        return distance, -moves
+
+    def _nearest_side(
+        self, pixels: Vector
+    ) -> tuple[Vector, npt.NDArray[np.intp], Vector]:
+        """Return each pixel's distance from its nearest side, and where that is.
+
+        Returns:
+            Distance [pixels], the side, and the share of the side's length at which the
+            pixel is beside it, shape (n,) each.
+        """
+        sides, lengths, normals = self._sides
+        beyond = pixels @ normals.T - (normals * self.corners).sum(axis=1)
+        k = beyond.argmax(axis=1)
+        along = (pixels - self.corners[k]) * sides[k]
+        share = (along[:, 0] + along[:, 1]) / lengths[k]  # sum(axis=1) is slow
+        return beyond[np.arange(len(k)), k], k, share
 
     def ring(self, grow: float, count: int) -> Vector:
         """Return points spaced evenly along the outline.
@@ -163,15 +198,16 @@ class PieceOutline:
         Returns:
             Columns and rows, shape (count, 2).
         """
-        sides, lengths, normals = self._sides()
+        sides, lengths, normals = self._sides
         end = np.cumsum(lengths)
         walk = (np.arange(count) + 0.5) / count * end[-1]
         k = np.minimum(np.searchsorted(end, walk), len(end) - 1)
         back = (walk - end[k] + lengths[k])[:, None]
         return np.asarray(self.corners[k] + back * sides[k] + grow * normals[k])
 
+    @functools.cached_property
     def _sides(self) -> tuple[Vector, Vector, Vector]:
-        """Return directions (m, 2), lengths (m,) and outward normals (m, 2)."""
+        """Directions (m, 2), lengths (m,) and outward normals (m, 2)."""
         sides = _next(self.corners) - self.corners
         lengths = np.maximum(np.linalg.norm(sides, axis=1), 1e-9)
         sides = sides / lengths[:, None]

@@ -105,7 +105,7 @@ def are_rivals(
 
 def _some_points(view: View) -> Vector:
     """Return evenly spread points of the blob, shape (n, 3), at most `_POINTS`."""
-    points = view.points()[view.blob & view.valid]
+    points = view.seen
     return points[:: -(-len(points) // _POINTS)]
 
 

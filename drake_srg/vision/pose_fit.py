@@ -150,7 +150,7 @@ def _outline_cost(
     outline: Outline, pixels: Vector, side: Vector, softness: float, basis: Vector
 ) -> Normal:
     """Return the logistic cost of the pixels' sides: 1 is inside, -1 outside."""
-    distance, J, _ = outline.distance(pixels)
+    distance, J = outline.gradient(pixels)
     J = J @ basis
     wrong = 0.5 * (1 + np.tanh(0.5 * side * distance / softness))
     b = J.T @ (side * wrong) / softness

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import Solid
-from drake_srg.types import Sphere, Vector
+from drake_srg.types import Sphere
 from drake_srg.vision.config import BlobLocalizerConfig
 from drake_srg.vision.fit_start import find_start
 from drake_srg.vision.match import Match
@@ -54,10 +54,9 @@ def fit_shape(shape: Solid, view: View, config: BlobLocalizerConfig) -> Fit | No
         config: The thresholds.
     """
     view = _within_reach(shape, view)
-    points = view.points()[view.blob & view.valid]
-    if len(points) < 3:
+    if len(view.seen) < 3:
         return None
-    return _Fitter(Match(shape, view, config)).fit(points)
+    return _Fitter(Match(shape, view, config)).fit()
 
 
 def _within_reach(shape: Solid, view: View) -> View:
@@ -68,7 +67,7 @@ def _within_reach(shape: Solid, view: View) -> View:
     usable = view.blob & view.valid
     if not usable.any():
         return view
-    points = view.points()
+    points = view.points
     off = np.linalg.norm(points - np.median(points[usable], axis=0), axis=-1)
     return dc.replace(view, blob=usable & (off <= np.linalg.norm(shape.bounding_size)))
 
@@ -81,14 +80,10 @@ class _Fitter:
         self._shape, self._view = match.shape, match.view
         self._limits = match.config.fit
 
-    def fit(self, points: Vector) -> Fit | None:
-        """Return the fit, None if the blob belongs to something else.
-
-        Args:
-            points: Of the blob in W [m], shape (n, 3).
-        """
+    def fit(self) -> Fit | None:
+        """Return the fit, None if the blob belongs to something else."""
         limits, match = self._limits, self._match
-        start = find_start(match, points)
+        start = find_start(match)
         upright = start.upright
         middle = match.align(start.X_WO, limits.middle_softness, upright=upright)
         X_WO = match.align(middle.X_WO, limits.fine_softness, upright=upright).X_WO

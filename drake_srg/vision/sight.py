@@ -82,16 +82,17 @@ def look(
     region = grow(outline.mask(view.depth.shape), margin)
     rows, columns = np.nonzero(region | view.blob)
     pixels = np.stack([columns, rows], axis=1)
-    distance, _, contour_depth = outline.distance(pixels.astype(float))
+    distance, contour_depth = outline.distance(pixels.astype(float))
 
     depth, blob = view.depth[rows, columns], view.blob[rows, columns]
     valid = has_depth(depth)
     finite = np.where(valid, depth, 0.0)
-    points = view.origin + view.rays[rows, columns] * finite[:, None]
+    rays = view.rays[rows, columns]
+    points = view.origin + rays * finite[:, None]
     R_WO = X_WO.rotation().matrix()
     error, normals = signed_distance(shape, (points - X_WO.translation()) @ R_WO)
     # A surface that faces away is not visible.
-    slant = ((view.rays[rows, columns] @ R_WO) * normals).sum(axis=1)
+    slant = ((rays @ R_WO) * normals) @ np.ones(3)  # sum(axis=1) is slow
     facing = slant < config.edge_on
     error = np.where(valid & facing, error, np.inf)
     points[~valid] = np.inf

@@ -29,17 +29,19 @@ def signed_distance(shape: Solid, p_O: Vector) -> tuple[Vector, Vector]:
     if isinstance(shape, ConvexPieces):
         return _beyond_pieces(shape, p_O)
     if isinstance(shape, Box):
-        away, inner = np.abs(p_O) - 0.5 * np.array(shape.size), np.sign(p_O)
-        return _beyond(away, inner[:, :, None] * np.eye(3))
+        distance, share = _beyond(np.abs(p_O) - 0.5 * np.array(shape.size))
+        return distance, share * np.sign(p_O)
     if isinstance(shape, Sphere):
         r = np.linalg.norm(p_O, axis=1)
         return r - shape.radius, p_O / np.maximum(r, 1e-12)[:, None]
-    r = np.linalg.norm(p_O[:, :2], axis=1)
-    away = np.stack([r - shape.radius, np.abs(p_O[:, 2]) - 0.5 * shape.length], axis=1)
-    directions = np.zeros((len(p_O), 2, 3))
-    directions[:, 0, :2] = p_O[:, :2] / np.maximum(r, 1e-12)[:, None]
-    directions[:, 1, 2] = np.sign(p_O[:, 2])
-    return _beyond(away, directions)
+    x, y, z = p_O.T
+    r = np.sqrt(x**2 + y**2)
+    distance, share = _beyond(
+        np.stack([r - shape.radius, np.abs(z) - 0.5 * shape.length], axis=1)
+    )
+    outwards = share[:, 0] / np.maximum(r, 1e-12)
+    gradient = np.stack([outwards * x, outwards * y, share[:, 1] * np.sign(z)], axis=1)
+    return distance, gradient
 
 
 def outline_points(shape: Solid, eye: Vector) -> list[Vector]:
@@ -92,20 +94,20 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
     return least, gradient
 
 
-def _beyond(away: Vector, directions: Vector) -> tuple[Vector, Vector]:
-    """Return distances and gradients from how far points are beyond pairs of faces.
+def _beyond(away: Vector) -> tuple[Vector, Vector]:
+    """Return distances from how far points are beyond pairs of faces.
 
     Args:
         away: Shape (n, k), negative between the faces.
-        directions: Unit outward directions, shape (n, k, 3).
+
+    Returns:
+        The distances, shape (n,), and their derivatives by `away`, shape (n, k).
     """
     corner = np.maximum(away, 0.0)
-    outside = np.linalg.norm(corner, axis=1)
-    nearest = away.argmax(axis=1)[:, None] == np.arange(away.shape[1])
+    outside = np.sqrt((corner**2) @ np.ones(away.shape[1]))
     inside = outside <= 0.0
-    outwards = corner / np.maximum(outside, 1e-12)[:, None]
-    share = np.where(inside[:, None], nearest, outwards)
-    return (
-        np.where(inside, away.max(axis=1), outside),
-        np.einsum("nk,nkj->nj", share, directions),
-    )
+    share = corner / np.maximum(outside, 1e-12)[:, None]
+    k = away[inside].argmax(axis=1)
+    outside[inside] = away[inside, k]
+    share[inside] = k[:, None] == np.arange(away.shape[1])
+    return outside, share

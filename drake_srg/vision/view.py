@@ -13,7 +13,7 @@ from pydrake.math import RigidTransform
 from drake_srg.common.convex_pieces import Solid
 from drake_srg.types import Vector
 from drake_srg.vision.camera import Imager
-from drake_srg.vision.mask import Mask, has_depth
+from drake_srg.vision.mask import Mask, has_depth, window
 
 
 @dc.dataclass(frozen=True)
@@ -25,6 +25,9 @@ class View:
         R_WD: Orientation of the imager, shape (3, 3).
         rays: Directions in W per unit of depth, shape (h, w, 3).
         depth: Along the imager's z [m], shape (h, w); 0 is too near, inf too far.
+        valid: Pixels that have depth, shape (h, w).
+        points: The visible surface in W [m], shape (h, w, 3); not finite where it is
+            too far.
         blob: Pixels of the blob, shape (h, w).
         others: Pixels of the same colour outside the blob, shape (h, w).
         project: Takes points in W (n, 3) to the window's (column, row), (n, 2).
@@ -36,6 +39,8 @@ class View:
     R_WD: Vector
     rays: Vector
     depth: Vector
+    valid: Mask
+    points: Vector
     blob: Mask
     others: Mask
     project: Callable[[Vector], Vector]
@@ -43,17 +48,9 @@ class View:
     noise: float = 0.0
 
     @property
-    def valid(self) -> Mask:
-        """Which pixels have depth, shape (h, w)."""
-        return has_depth(self.depth)
-
-    def points(self) -> Vector:
-        """Return the visible surface in W [m], shape (h, w, 3).
-
-        Points that are too far are not finite.
-        """
-        with np.errstate(invalid="ignore"):  # 0 times infinity
-            return np.asarray(self.origin + self.rays * self.depth[..., None])
+    def seen(self) -> Vector:
+        """The points that the blob shows, in W [m], shape (n, 3)."""
+        return np.asarray(self.points[self.blob & self.valid])
 
 
 def view_around(
@@ -94,24 +91,26 @@ def view_around(
         return None
     reach = np.linalg.norm(shape.bounding_size) * depth_imager.info.focal_x()
     margin = int(np.ceil(reach / depth[usable].min())) + 3
-
-    def window(hits: Mask) -> slice:
-        found = np.flatnonzero(hits)
-        first, last = int(found[0]) - margin, int(found[-1]) + margin
-        return slice(max(0, first), min(len(hits), last + 1))
-
-    rows, columns = (window(np.asarray(usable.any(axis=a))) for a in (1, 0))
+    noise *= float(np.median(depth[usable])) ** 2
+    rows, columns = window(usable, margin)
+    blob, colored = blob[rows, columns], colored[rows, columns]
+    depth = depth[rows, columns].astype(float)
     X_WD = X_WB @ depth_imager.X_BI
     R_WD, p_WD = X_WD.rotation().matrix(), X_WD.translation()
+    rays = depth_imager.rays(columns, rows) @ R_WD.T
+    with np.errstate(invalid="ignore"):  # 0 times infinity
+        points = p_WD + rays * depth[..., None]
     corner = np.array([columns.start, rows.start])
     return View(
         origin=p_WD,
         R_WD=R_WD,
-        rays=depth_imager.rays(columns, rows) @ R_WD.T,
-        depth=depth[rows, columns].astype(float),
-        blob=blob[rows, columns],
-        others=(colored & ~blob)[rows, columns],
+        rays=rays,
+        depth=depth,
+        valid=has_depth(depth),
+        points=points,
+        blob=blob,
+        others=colored & ~blob,
         project=lambda p_W: depth_imager.project((p_W - p_WD) @ R_WD) - corner,
         focal=np.array([depth_imager.info.focal_x(), depth_imager.info.focal_y()]),
-        noise=noise * float(np.median(depth[usable])) ** 2,
+        noise=noise,
     )
