@@ -9,11 +9,13 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex
 
+from drake_srg.planning.motion.arm_chain import ArmChain
 from drake_srg.types import Vector
 
-# How far fingers and held objects may reach from the hand's origin [m]. It only
-# affects the step between checked configurations, never a distance.
-_HAND_REACH = 0.2
+# How far fingers and held objects may reach from the hand's origin, and links from the
+# line between their joints [m]. It only affects the step between checked
+# configurations, never a distance.
+_REACH = 0.2
 _TWO_TURNS = 2.0 * np.pi  # either way, for a joint without limits [rad]
 _POSE_FREEDOMS = 6  # of a rigid body in space
 
@@ -36,7 +38,7 @@ class ArmModel:
         upper: Upper limits of the arm's joints, (N,) [rad]; 2 pi without a limit.
         p_WA: The arm's first joint in world, shape (3,) [m].
         levers: Bounds on how far each joint moves anything, (N,) [m/rad]: no point of
-            arm, hand or held object moves further than levers @ abs(dq).
+            arm, hand or held object moves further than levers @ abs(dq). See `travel`.
     """
 
     def __init__(
@@ -60,13 +62,14 @@ class ArmModel:
         upper = plant.GetPositionUpperLimits()[self.arm_indices]
         self.lower: Vector = np.maximum(lower, -_TWO_TURNS)
         self.upper: Vector = np.minimum(upper, _TWO_TURNS)
-        first = joints[0].frame_on_parent().CalcPoseInWorld(self.context)
-        self.p_WA: Vector = first.translation()
+        self.plant.SetPositions(
+            self.context, self.positions(np.zeros(len(self.arm_indices)))
+        )
+        self._chain = ArmChain.of_joints(joints, hand_frame, self.context, _REACH)
+        self.p_WA: Vector = self._chain.points[0]
         # A joint's lever is the stretched chain from the joint to the fingertips.
-        frames = [*(joint.frame_on_child() for joint in joints), hand_frame]
-        points = [f.CalcPoseInWorld(self.context).translation() for f in frames]
-        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        self.levers: Vector = np.cumsum(lengths[::-1])[::-1] + _HAND_REACH
+        lengths = np.linalg.norm(np.diff(self._chain.points, axis=0), axis=1)
+        self.levers: Vector = np.cumsum(lengths[::-1])[::-1] + _REACH
 
     @property
     def num_joints(self) -> int:
@@ -105,6 +108,27 @@ class ArmModel:
         positions = self._positions.copy()
         positions[self.arm_indices] = q
         return positions
+
+    def travel(self, path: Vector) -> Vector:
+        """Return bounds on how far anything moves on each line of a path.
+
+        Where joints turn against each other, this is far less than what each of them
+        could move alone. A point's speed at either end of a line changes on the way by
+        at most its acceleration, which is below sum(abs(dq)) times levers @ abs(dq).
+        Lines of less than 0.2 rad in sum are bounded closely.
+
+        Args:
+            path: Configurations on straight lines, shape (K, N) [rad].
+
+        Returns:
+            No point of arm, hand or held object moves further than this on any part of
+            the line, times the part's share of it; shape (K - 1,) [m].
+        """
+        lines = np.diff(path, axis=0)
+        turns = np.abs(lines)
+        speeds = [self._chain.speeds(q, lines) for q in (path[:-1], path[1:])]
+        change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)
+        return np.asarray(np.maximum(*speeds) + change)
 
     def X_WG(self, q: Vector) -> RigidTransform:
         """Return the hand's pose in the world [m] with the arm at `q`."""

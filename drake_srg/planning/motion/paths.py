@@ -66,7 +66,7 @@ def plan_joint_path(
         rng=rng,
     )
     if path is None:
-        hit = scene.first_hit(scene.edge(q_start, q_goal))
+        hit = scene.first_hit(scene.samples(np.array([q_start, q_goal])))
         return PlanningFailure(
             Failure.BLOCKED,
             f"no path in {max_iterations} iterations; on the straight line, {hit}",
@@ -106,6 +106,40 @@ def plan_cartesian_path(
     Returns:
         Waypoints, shape (K, N) [rad], or why there is no path.
     """
+    path, failure = _line(
+        scene,
+        q_start,
+        target,
+        spacing=spacing,
+        turn_spacing=turn_spacing,
+        max_joint_step=max_joint_step,
+        joint_margin=joint_margin,
+    )
+    p_start = scene.X_WG(q_start) @ target.p_GT
+    for q in scene.samples(path) if len(path) > 1 else ():
+        hit = scene.first_hit([q])
+        if hit:
+            along = float(np.linalg.norm(scene.X_WG(q) @ target.p_GT - p_start))
+            message = f"{along:.3f} m along the line, {hit}"
+            return PlanningFailure(Failure.BLOCKED, message, hit)
+    return failure or path
+
+
+def _line(
+    scene: PlanningScene,
+    q_start: Vector,
+    target: HandTarget,
+    *,
+    spacing: float,
+    turn_spacing: float,
+    max_joint_step: float,
+    joint_margin: float,
+) -> tuple[Vector, PlanningFailure | None]:
+    """Follow the line of `plan_cartesian_path`, whatever is in the way.
+
+    Returns:
+        The waypoints that are reached, shape (K, N) [rad], and why the rest is not.
+    """
     X_WG = scene.X_WG(q_start)
     p_start = X_WG @ target.p_GT
     turn = AngleAxis()
@@ -134,19 +168,13 @@ def plan_cartesian_path(
                 check_clearance=False,
             )
             if isinstance(found, IkFailure):
-                return PlanningFailure(found.failure, f"{where}, {found.message}")
+                message = f"{where}, {found.message}"
+                return np.array(path), PlanningFailure(found.failure, message)
             q = found.q
         jump = np.abs(q - path[-1])
         if np.max(jump) > max_joint_step:
             joint = scene.joint_names[int(np.argmax(jump))]
-            return PlanningFailure(
-                Failure.OUT_OF_REACH,
-                f"{where}, {joint} would jump by {np.max(jump):.2f} rad",
-            )
-        # The last waypoint has been checked with the segment before it.
-        samples = scene.edge(path[-1], q)
-        hit = scene.first_hit(samples if len(path) == 1 else samples[1:])
-        if hit:
-            return PlanningFailure(Failure.BLOCKED, f"{where}, {hit}", hit)
+            message = f"{where}, {joint} would jump by {np.max(jump):.2f} rad"
+            return np.array(path), PlanningFailure(Failure.OUT_OF_REACH, message)
         path.append(q)
-    return np.array(path)
+    return np.array(path), None

@@ -24,6 +24,9 @@ from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.clearance import Clearance
 from drake_srg.types import Vector
 
+# Motions of the joints, in sum, whose lengths are bounded closely [rad].
+_CLOSE = 0.2
+
 
 class PlanningScene(ArmModel):
     """An arm model that checks collisions, with the object in the hand or without it.
@@ -41,8 +44,8 @@ class PlanningScene(ArmModel):
     free. It still keeps the gripper's distance from obstacles.
 
     Along a path, checks are so close that no point moves further than `step` from one
-    to the next. The default is twice the smaller margin: between two checks nothing
-    then comes closer than contact.
+    to the next (see `ArmModel.travel`). The default is twice the smaller margin: between
+    two checks nothing then comes closer than contact.
 
     Args:
         builder: Holds arm, gripper and furniture, not finalized, without free bodies;
@@ -96,7 +99,7 @@ class PlanningScene(ArmModel):
             self._checker = SceneGraphCollisionChecker(
                 model=builder.Build(),
                 robot_model_instances=[arm_model, gripper_model],
-                edge_step_size=self.step,  # required; edge() takes the steps instead
+                edge_step_size=self.step,  # required; samples() takes the steps instead
                 implicit_context_parallelism=Parallelism(1),
             )
         super().__init__(self._checker.plant(), arm_model, gripper_model, hand_frame)
@@ -147,17 +150,29 @@ class PlanningScene(ArmModel):
         first, second = (self.plant.get_body(index).name() for index in pair)
         return Clearance(float(spares[nearest]) + margin, margin, (first, second))
 
-    def edge(self, q1: Vector, q2: Vector) -> Vector:
-        """Return configurations from `q1` to `q2`, both included, shape (n, N).
+    def samples(self, path: Vector) -> Vector:
+        """Return configurations on a path, both ends included, shape (M, N) [rad].
 
-        They divide the straight line evenly; no point moves further than `step`.
+        No point moves further than `step` from one to the next.
+
+        Args:
+            path: Waypoints, which straight lines connect, shape (K, N) [rad].
         """
-        count = 1 + int(np.ceil(self.levers @ np.abs(q2 - q1) / self.step))
-        return q1 + np.linspace(0.0, 1.0, max(count, 2))[:, np.newaxis] * (q2 - q1)
+        turns = np.abs(np.diff(path, axis=0)).sum(axis=1)
+        parts = np.maximum(1, np.ceil(turns / _CLOSE)).astype(int)
+        # Where the ends of all parts are along the path, in waypoints.
+        ends = np.repeat(np.arange(len(parts)), parts) + np.concatenate(
+            [np.arange(n) / n for n in parts]
+        )
+        ends = np.append(ends, len(parts))
+        moved = np.append(0.0, np.cumsum(self.travel(_at(path, ends))))
+        count = 1 + int(np.ceil(moved[-1] / self.step))
+        marks = np.linspace(0.0, moved[-1], max(count, 2))
+        return _at(path, np.interp(marks, moved, ends))
 
     def is_edge_free(self, q1: Vector, q2: Vector) -> bool:
         """Return whether the straight line from `q1` to `q2` keeps every margin."""
-        samples = self.edge(q1, q2)
+        samples = self.samples(np.array([q1, q2]))
         # Every eighth first: what blocks a line is mostly wider than eight steps.
         coarse, fine = samples[::8], np.delete(samples, np.s_[::8], axis=0)
         return all(map(self.is_free, coarse)) and all(map(self.is_free, fine))
@@ -260,6 +275,12 @@ class PlanningScene(ArmModel):
             yield
         finally:
             self._checker.RemoveAllAddedCollisionShapes(group)
+
+
+def _at(path: Vector, index: Vector) -> Vector:
+    """Return the points of a path (K, N) at indices that need not be whole."""
+    numbers = np.arange(len(path))
+    return np.array([np.interp(index, numbers, q) for q in path.T]).T
 
 
 @contextlib.contextmanager

@@ -218,9 +218,10 @@ class GraspMotions:
             return None
         if not scene.reaches_any_pose and self._config.tip_limits is None:
             # Without a spare joint, a straight line costs detours of the joints.
-            line = scene.edge(q_lifted, across[-1])
+            ends = np.array([q_lifted, across[-1]])
+            line = scene.samples(ends)
             lean = max(above_goal.angle_violation(scene.X_WG(q)) for q in line)
             kept = lean < 1e-6  # the end of the line uses up the tolerance
             if kept and scene.first_hit(line) is None:
-                return np.array([q_lifted, across[-1]])
+                return ends
         return across

@@ -85,7 +85,7 @@ def test_where_the_tip_is_limited_postures_are_joined_by_its_line(iiwa, home):
     np.testing.assert_array_equal(path[-1], goal)
     np.testing.assert_allclose(moved(iiwa, path)[:, :2], 0.0, atol=1e-5)
     # The joints' own line leaves that of the hand.
-    direct = moved(iiwa, iiwa.edge(home, goal))
+    direct = moved(iiwa, iiwa.samples(np.array([home, goal])))
     assert np.max(np.abs(direct[:, :2])) > 1e-3
 
 

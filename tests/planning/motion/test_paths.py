@@ -123,10 +123,17 @@ def test_a_target_where_the_hand_is_gives_a_path(iiwa, sides):
     np.testing.assert_allclose(path, [sides[0]] * 2, atol=1e-6)
 
 
-def test_a_line_is_checked_once_at_each_waypoint(iiwa, sides, monkeypatch):
+def test_a_line_is_checked_once_all_along(iiwa, sides, monkeypatch):
     checked = []
     is_free = iiwa.is_free
     monkeypatch.setattr(iiwa, "is_free", lambda q: checked.append(q) or is_free(q))
     target = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, 0.1]))
     path = plan_cartesian_path(iiwa, sides[0], target)
-    assert [sum(np.array_equal(q, p) for q in checked) for p in path] == [1] * len(path)
+    np.testing.assert_array_equal(checked, iiwa.samples(path))
+
+
+def test_what_blocks_a_line_before_its_end_comes_first(iiwa, sides):
+    down = HandTarget.from_pose(iiwa.X_WG(sides[0])).shifted(np.array([0, 0, -2.0]))
+    failure = plan_cartesian_path(iiwa, sides[0], down)
+    assert failure.failure is Failure.BLOCKED
+    assert float(failure.message.split()[0]) < 0.5

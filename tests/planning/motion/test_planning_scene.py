@@ -57,7 +57,7 @@ def test_is_free_and_clearance_agree(iiwa, unit):
 @given(st.lists(st.floats(-1, 1), min_size=14, max_size=14))
 def test_no_body_moves_further_than_a_step_along_an_edge(iiwa, unit):
     q1, q2 = np.array(unit).reshape(2, 7) * iiwa.upper
-    samples = iiwa.edge(q1, q2)
+    samples = iiwa.samples(np.array([q1, q2]))
     np.testing.assert_array_equal(samples[0], q1)
     np.testing.assert_allclose(samples[-1], q2, atol=1e-12)
     middle = len(samples) // 2
