@@ -94,6 +94,8 @@ class ProximitySensors(StageSystem):
             g.get_value(): i for i, gs in enumerate(sensors.values()) for g in gs
         }
         self._ignored = [{g.get_value() for g in ignored.get(n, ())} for n in sensors]
+        # Which sensors see which pair of geometries, as `_sensors_of` returns it.
+        self._seen: dict[tuple[int, int], list[tuple[int, bool]]] = {}
         # Rounding must not narrow the field of view.
         self._least_cosine = math.cos(self.config.half_angle) - 1e-9
         self.declare_stage(
@@ -115,18 +117,33 @@ class ProximitySensors(StageSystem):
         normals: dict[int, Vector] = {}  # of the sensors with something near, in world
         for pair in query.ComputeSignedDistancePairwiseClosestPoints(self.config.range):
             A, B = pair.id_A, pair.id_B
-            a, b, distance = A.get_value(), B.get_value(), pair.distance
-            for link, own, other, sign in ((A, a, b, -1.0), (B, b, a, 1.0)):
-                i = self._sensor_of.get(own)
-                if i is None or distance >= distances[i] or other in self._ignored[i]:
+            for i, is_A in self._sensors_of(A.get_value(), B.get_value()):
+                distance = pair.distance
+                if distance >= distances[i]:
                     continue
                 if i not in normals:
-                    frame = query.inspector().GetFrameId(link)
+                    frame = query.inspector().GetFrameId(A if is_A else B)
                     normals[i] = query.GetPoseInWorld(frame).rotation() @ INWARD
+                away = normals[i] @ pair.nhat_BA_W
                 # A touch in a single point can lack a direction (NaN): it counts.
-                if not sign * (normals[i] @ pair.nhat_BA_W) < self._least_cosine:
+                if not (-away if is_A else away) < self._least_cosine:
                     distances[i] = distance
         return distances
+
+    def _sensors_of(self, a: int, b: int) -> list[tuple[int, bool]]:
+        """Return the sensors that see the other one of two geometries A and B.
+
+        Each comes with whether it is A's. Most pairs are of the gripper's own links,
+        which no sensor sees.
+        """
+        if (a, b) not in self._seen:
+            self._seen[a, b] = [
+                (i, is_A)
+                for own, other, is_A in ((a, b, True), (b, a, False))
+                if (i := self._sensor_of.get(own)) is not None
+                and other not in self._ignored[i]
+            ]
+        return self._seen[a, b]
 
     def _fired(self, time: float, state: Vector) -> list[float]:
         trigger = self.config.trigger_distance
