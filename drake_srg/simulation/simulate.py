@@ -59,6 +59,7 @@ def Simulate(
     make_planner: Callable[[Scenario], System] | None = None,
     progress: bool = False,
     video_process: bool = True,
+    warm_up: bool = True,
     tell: Callable[[str], None] = _warn,
 ) -> Result:
     """Simulate a cell until its planner has ended, and judge the result.
@@ -85,6 +86,8 @@ def Simulate(
         progress: Whether to show progress on standard error.
         video_process: Whether a process of its own renders the video of our own cells
             while the simulation goes on. It pays unless all cores are busy.
+        warm_up: Whether the cameras set themselves up with an image that nobody sees,
+            so that metrics do not count that time.
         tell: Receives warnings, one line each.
 
     Raises:
@@ -121,7 +124,8 @@ def Simulate(
             _remove_earlier(out)
             page.folder = out
         replayed = recorded or kept is not None
-        _warm_up(simulator, cell, built, own or replayed or _needs_color(scenario))
+        if warm_up:
+            _warm_up(simulator, cell, built, own or replayed or _needs_color(scenario))
         samples = Samples(name, scenario, diagram, cell, replayed)
         with _written_on_error(lambda: samples.write(out)):
             status, times = _run(simulator, cell, scenario, name, samples, progress)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses as dc
+import functools
 import gc
 import os
 import shutil
@@ -135,7 +136,7 @@ def _run(
         try:
             drawn = draw_scenario(tree, origin, seed + trial)
             row |= drawn.values
-            result = (simulate or Simulate)(
+            result = (simulate or functools.partial(Simulate, warm_up=False))(
                 drawn.scenario,
                 name=Path(origin).stem,
                 out=out,

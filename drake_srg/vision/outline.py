@@ -182,11 +182,13 @@ class PieceOutline:
             pixel is beside it, shape (n,) each.
         """
         sides, lengths, normals = self._sides
-        beyond = pixels @ normals.T - (normals * self.corners).sum(axis=1)
-        k = beyond.argmax(axis=1)
-        along = (pixels - self.corners[k]) * sides[k]
-        share = (along[:, 0] + along[:, 1]) / lengths[k]  # sum(axis=1) is slow
-        return beyond[np.arange(len(k)), k], k, share
+        # Single precision tells which side it is in half of the time.
+        offsets = (normals * self.corners).sum(axis=1).astype(np.float32)
+        rough = pixels.astype(np.float32) @ normals.T.astype(np.float32) - offsets
+        k = rough.argmax(axis=1)
+        from_corner = pixels - self.corners[k]
+        beyond = _dot(from_corner, normals[k])
+        return beyond, k, _dot(from_corner, sides[k]) / lengths[k]
 
     def ring(self, grow: float, count: int) -> Vector:
         """Return points spaced evenly along the outline.
@@ -212,6 +214,11 @@ class PieceOutline:
         lengths = np.maximum(np.linalg.norm(sides, axis=1), 1e-9)
         sides = sides / lengths[:, None]
         return sides, lengths, np.stack([sides[:, 1], -sides[:, 0]], axis=1)
+
+
+def _dot(a: Vector, b: Vector) -> Vector:
+    """Return the dot products of rows, shape (n, 2) each; sum(axis=1) is slow."""
+    return a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
 
 
 def _next(values: Vector) -> Vector:

@@ -6,6 +6,8 @@ image is the convex hull of the images of some of its points.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
@@ -29,18 +31,18 @@ def signed_distance(shape: Solid, p_O: Vector) -> tuple[Vector, Vector]:
     if isinstance(shape, ConvexPieces):
         return _beyond_pieces(shape, p_O)
     if isinstance(shape, Box):
-        distance, share = _beyond(np.abs(p_O) - 0.5 * np.array(shape.size))
-        return distance, share * np.sign(p_O)
+        distance, shares = _beyond(*(np.abs(p_O) - 0.5 * np.array(shape.size)).T)
+        return distance, np.stack(shares, axis=1) * np.sign(p_O)
     if isinstance(shape, Sphere):
         r = np.linalg.norm(p_O, axis=1)
         return r - shape.radius, p_O / np.maximum(r, 1e-12)[:, None]
     x, y, z = p_O.T
     r = np.sqrt(x**2 + y**2)
-    distance, share = _beyond(
-        np.stack([r - shape.radius, np.abs(z) - 0.5 * shape.length], axis=1)
+    distance, (across, along) = _beyond(
+        r - shape.radius, np.abs(z) - 0.5 * shape.length
     )
-    outwards = share[:, 0] / np.maximum(r, 1e-12)
-    gradient = np.stack([outwards * x, outwards * y, share[:, 1] * np.sign(z)], axis=1)
+    outwards = across / np.maximum(r, 1e-12)
+    gradient = np.stack([outwards * x, outwards * y, along * np.sign(z)], axis=1)
     return distance, gradient
 
 
@@ -94,20 +96,22 @@ def _beyond_pieces(shape: ConvexPieces, p_O: Vector) -> tuple[Vector, Vector]:
     return least, gradient
 
 
-def _beyond(away: Vector) -> tuple[Vector, Vector]:
-    """Return distances from how far points are beyond pairs of faces.
+def _beyond(*away: Vector) -> tuple[Vector, list[Vector]]:
+    """Return distances from how far points are beyond each of some pairs of faces.
 
     Args:
-        away: Shape (n, k), negative between the faces.
+        away: Negative between the faces, shape (n,) each.
 
     Returns:
-        The distances, shape (n,), and their derivatives by `away`, shape (n, k).
+        The distances, shape (n,), and their derivatives by each argument, likewise.
     """
-    corner = np.maximum(away, 0.0)
-    outside = np.sqrt((corner**2) @ np.ones(away.shape[1]))
-    inside = outside <= 0.0
-    share = corner / np.maximum(outside, 1e-12)[:, None]
-    k = away[inside].argmax(axis=1)
-    outside[inside] = away[inside, k]
-    share[inside] = k[:, None] == np.arange(away.shape[1])
-    return outside, share
+    corner = [np.maximum(beyond, 0.0) for beyond in away]
+    outside = np.sqrt(sum(beyond**2 for beyond in corner))
+    between = outside <= 0.0  # then the nearest pair counts
+    nearest = functools.reduce(np.maximum, away)
+    shares, scale = [], 1.0 / np.maximum(outside, 1e-12)
+    for beyond, past in zip(away, corner, strict=True):
+        own = between & (beyond == nearest)
+        shares.append(np.where(own, 1.0, past * scale))
+        between = between & ~own
+    return np.where(outside <= 0.0, nearest, outside), shares

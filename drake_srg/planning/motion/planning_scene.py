@@ -44,8 +44,8 @@ class PlanningScene(ArmModel):
     free. It still keeps the gripper's distance from obstacles.
 
     Along a path, checks are so close that no point moves further than `step` from one
-    to the next (see `ArmModel.travel`). The default is twice the smaller margin: between
-    two checks nothing then comes closer than contact.
+    to the next (see `ArmModel.travel`). The default is twice the smaller margin, so
+    that nothing comes closer than contact between two checks.
 
     Args:
         builder: Holds arm, gripper and furniture, not finalized, without free bodies;
