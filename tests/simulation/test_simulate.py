@@ -42,7 +42,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def again(folder):
-    return run(out=folder)
+    return run(out=folder, warm_up=False)
 
 
 def test_the_can_is_placed_as_precisely_as_promised(golden):

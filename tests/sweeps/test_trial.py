@@ -111,6 +111,7 @@ def test_a_recording_that_differs_from_its_row_gives_a_warning(
 
     def simulate(scenario, **options):
         runs.append(options["record"])
+        assert not options["warm_up"]  # it would be one more image per trial
         result = Simulate(scenario, **options)
         metrics = dc.replace(result.metrics, attempts=len(runs))
         return dc.replace(result, metrics=metrics)
