@@ -12,6 +12,7 @@ import numpy.typing as npt
 from pydrake.math import RigidTransform
 
 from drake_srg.common.convex_pieces import Solid
+from drake_srg.common.cross import cross
 from drake_srg.types import Vector
 from drake_srg.vision.mask import Mask
 from drake_srg.vision.solids import outline_points
@@ -224,10 +225,3 @@ def _dot(a: Vector, b: Vector) -> Vector:
 def _next(values: Vector) -> Vector:
     """Return the value of each corner's next one, in a fraction of np.roll's time."""
     return np.concatenate([values[1:], values[:1]])
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """Return cross products over the last axis, in a third of the time of np.cross."""
-    ax, ay, az = (a[..., i] for i in range(3))
-    bx, by, bz = (b[..., i] for i in range(3))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)

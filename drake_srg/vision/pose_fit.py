@@ -18,9 +18,10 @@ import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces, Solid
+from drake_srg.common.cross import cross
 from drake_srg.types import Box, Cylinder, Sphere, Vector
 from drake_srg.vision.config import AlignmentConfig, BlobLocalizerConfig
-from drake_srg.vision.outline import Outline, cross
+from drake_srg.vision.outline import Outline
 from drake_srg.vision.robust import robust_deviation
 from drake_srg.vision.sight import INSIDE, UNKNOWN, look
 from drake_srg.vision.solids import signed_distance

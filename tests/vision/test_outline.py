@@ -6,7 +6,7 @@ from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.types import Box, Cylinder, Sphere
-from drake_srg.vision.outline import Outline, cross
+from drake_srg.vision.outline import Outline
 from vision.ray_cast import X_WC, cast, lying, view_of
 
 CYLINDER = Cylinder(0.0125, 0.05)
@@ -99,8 +99,3 @@ def test_its_mask_covers_the_pixels_inside():
     mask = Outline.of(CYLINDER, X_WO, view).mask(view.depth.shape)
     assert np.all(mask[view.blob])
     assert mask.sum() < 1.25 * view.blob.sum()
-
-
-def test_cross_agrees_with_numpy():
-    a, b = np.random.default_rng(0).normal(size=(2, 5, 4, 3))
-    np.testing.assert_allclose(cross(a[:, :1], b), np.cross(a[:, :1], b))

@@ -9,6 +9,7 @@ import numpy as np
 from pydrake.multibody.tree import Frame, Joint, RevoluteJoint
 from pydrake.systems.framework import Context
 
+from drake_srg.common.cross import cross
 from drake_srg.types import Vector
 
 
@@ -52,24 +53,29 @@ class ArmChain:
         points = [X_WF.translation() for X_WF in poses]
         return cls(np.array(axes), np.array(points), np.array(turns, float), reach)
 
-    def speeds(self, q: Vector, v: Vector) -> Vector:
-        """Return bounds on the speed of every point of arm and hand.
+    def speeds(self, path: Vector) -> Vector:
+        """Return bounds on the speed of every point at both ends of a path's lines.
 
         Args:
-            q: Postures, shape (K, N) [rad or m].
-            v: Speeds of the joints in each, shape (K, N).
+            path: Postures, shape (K, N) [rad or m].
 
         Returns:
-            Shape (K,) [m per unit of time].
+            Speeds at the beginning and at the end of each line, if the line takes one
+            unit of time, shape (2, K - 1) [m per unit of time].
         """
-        axes, points = self._placed(q)
-        # Of each link: how fast it turns, and how fast the points at its ends move.
-        w = np.cumsum((v * self.turns).T[..., None] * axes, axis=0)
-        along = np.cross(w, np.diff(points, axis=0))
-        slide = np.cumsum((v * (1.0 - self.turns)).T[..., None] * axes, axis=0)
-        end = np.cumsum(along, axis=0) + slide
-        ends = np.linalg.norm([end - along, end], axis=-1).max(axis=0)
-        return np.asarray((ends + self.reach * np.linalg.norm(w, axis=-1)).max(axis=0))
+        axes, points = self._placed(path)
+        v = np.diff(path, axis=0).T[..., None]
+        turns = self.turns[:, None, None]
+        ends = []
+        for at in (np.s_[:, :-1], np.s_[:, 1:]):
+            # Of each link: how fast it turns, and how fast the points at its ends move.
+            w = np.cumsum(turns * v * axes[at], axis=0)
+            slide = np.cumsum((1.0 - turns) * v * axes[at], axis=0)
+            along = cross(w, np.diff(points[at], axis=0))
+            last = np.cumsum(along, axis=0) + slide
+            speed = np.linalg.norm([last - along, last], axis=-1).max(axis=0)
+            ends.append((speed + self.reach * np.linalg.norm(w, axis=-1)).max(axis=0))
+        return np.array(ends)
 
     def _placed(self, q: Vector) -> tuple[Vector, Vector]:
         """Return axes (N, K, 3) and points (N + 1, K, 3) at postures (K, N), in W."""

@@ -124,11 +124,9 @@ class ArmModel:
             No point of arm, hand or held object moves further than this on any part of
             the line, times the part's share of it; shape (K - 1,) [m].
         """
-        lines = np.diff(path, axis=0)
-        turns = np.abs(lines)
-        speeds = [self._chain.speeds(q, lines) for q in (path[:-1], path[1:])]
+        turns = np.abs(np.diff(path, axis=0))
         change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)
-        return np.asarray(np.maximum(*speeds) + change)
+        return np.asarray(self._chain.speeds(path).max(axis=0) + change)
 
     def X_WG(self, q: Vector) -> RigidTransform:
         """Return the hand's pose in the world [m] with the arm at `q`."""

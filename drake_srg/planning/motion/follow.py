@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.multibody.tree import JacobianWrtVariable
 
+from drake_srg.common.cross import cross
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.planning_scene import PlanningScene
 from drake_srg.types import Vector
@@ -78,7 +79,7 @@ def _linearize(
         rows.append(J_W[:3])
     for axis in target.axes:
         axis_W = X_WG.rotation() @ axis.axis_G
-        normal = np.cross(axis_W, axis.direction_W)
+        normal = cross(axis_W, axis.direction_W)
         sine = float(np.linalg.norm(normal))
         beyond = np.arctan2(sine, axis_W @ axis.direction_W) - axis.angle
         if axis.angle == 0.0:

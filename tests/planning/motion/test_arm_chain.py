@@ -64,10 +64,12 @@ def test_a_joint_that_slides_moves_all_that_follows():
         turns=np.array([0.0, 1.0]),
         reach=0.1,
     )
-    q = np.array([[0.3, 0.0], [0.3, np.pi / 2]])
-    sliding, turning = [1.0, 0.0], [0.0, 1.0]
-    np.testing.assert_allclose(chain.speeds(q, np.tile(sliding, (2, 1))), 1.0)
-    np.testing.assert_allclose(chain.speeds(q, np.tile(turning, (2, 1))), 0.5 + 0.1)
-    both = chain.speeds(q, np.ones((2, 2)))
-    # The hand swings along z, and later against the slide.
-    np.testing.assert_allclose(both, [np.hypot(1.0, 0.5) + 0.1, 1.0 + 0.1], atol=1e-12)
+    slide, turn = np.array([0.2, 0.0]), np.array([0.0, np.pi / 2])
+    path = np.cumsum([slide, slide, turn, slide + turn], axis=0)
+    begin, end = chain.speeds(path)
+    np.testing.assert_allclose(begin[:2], [0.2, 0.25 * np.pi + 0.05 * np.pi])
+    np.testing.assert_allclose(end[:2], begin[:2])
+    # The hand, which hangs, swings along x with the slide, and later across it.
+    swing, reach = 0.25 * np.pi, 0.05 * np.pi
+    np.testing.assert_allclose(begin[2], max(0.2, abs(0.2 - swing)) + reach)
+    np.testing.assert_allclose(end[2], np.hypot(0.2, swing) + reach)
