@@ -66,14 +66,14 @@ def by_color(
 ) -> Iterator[Candidate]:
     """Yield groups of at least `min_area` connected pixels in a range of colours.
 
-    Those that are seen whole and are still too small for the shape are left out.
+    Things that are seen whole and are still too small for the shape are left out.
     """
     colored = colors.mask(picture.color)
     limits = config.candidates
     aligned = picture.color_imager.same_as(picture.depth_imager)
     for region in _regions(colored, min_area):
         edge = _edge_of(picture, shape, region, limits) if aligned else None
-        if edge and edge.is_too_small(shape, limits):
+        if edge and edge.is_too_small(picture, shape, limits):
             continue
         if edge and picture.noise and edge.sets_off(limits):
             blob = edge.refined(picture)
@@ -111,7 +111,9 @@ def by_steps(
         if area < least_area or extent > np.linalg.norm(shape.bounding_size):
             continue
         edge = _edge_of(picture, shape, region, limits)
-        if edge and edge.sets_off(limits) and not edge.is_too_small(shape, limits):
+        if edge is None or not edge.sets_off(limits):
+            continue
+        if not edge.is_too_small(picture, shape, limits):
             blob = edge.refined(picture)
             yield Candidate(blob, blob)
 
@@ -154,24 +156,32 @@ class _Edge:
     """What is around a region of pixels, in a window of an image.
 
     Attributes:
+        region: The region.
         window: Rows and columns of the window.
         usable: Pixels of the region that have depth.
         rim: The region and the pixels of its own edge.
-        behind: Pixels beside the rim that lie behind the region.
+        beside: Pixels beside the rim.
+        behind: Those of them that lie behind the region.
         behind_share: Their share of all pixels beside the rim.
         level_share: Share of the pixels beside the rim that lie level with the region.
         cut: Whether the region reaches the image's border.
-        area: Of the region, if it faces the camera [m^2].
+        distance: Of the region, along the depth imager's z [m].
+        step: Least step in depth at the edge of an object of the shape [m].
+        pixel: Width of a pixel at the region [m].
     """
 
+    region: _Region
     window: tuple[slice, slice]
     usable: Mask
     rim: Mask
+    beside: Mask
     behind: Mask
     behind_share: float
     level_share: float
     cut: bool
-    area: float
+    distance: float
+    step: float
+    pixel: float
 
     def sets_off(self, config: CandidatesConfig) -> bool:
         """Return whether depth sets the region off from its surroundings."""
@@ -180,10 +190,25 @@ class _Edge:
             and self.level_share <= config.most_level
         )
 
-    def is_too_small(self, shape: Solid, config: CandidatesConfig) -> bool:
-        """Return whether the region is seen whole and still too small for a shape."""
-        whole = self.behind_share >= config.whole_behind and not self.cut
-        return whole and self.area < config.least_whole_area * _smallest_face(shape)
+    def is_too_small(
+        self, picture: Picture, shape: Solid, config: CandidatesConfig
+    ) -> bool:
+        """Return whether the region is a whole thing and still too small for a shape.
+
+        What is beside the thing must be the ground or be too far behind it. Other parts
+        of the same thing, in another colour, would be nearer.
+        """
+        area = self.region.area * self.pixel**2
+        if self.cut or area >= config.least_whole_area * _smallest_face(shape):
+            return False
+        extent = float(shape.bounding_size.max())
+        about = picture.depth[self.region.around(int(np.ceil(extent / self.pixel)))]
+        ground = np.median(about[has_depth(about)])
+        beside = picture.depth[self.window][self.beside]
+        other = np.abs(beside - ground) <= self.step
+        other &= beside > self.distance + self.step
+        other |= beside > self.distance + extent
+        return bool(other.mean() >= config.whole_beside)
 
     def refined(self, picture: Picture) -> Mask:
         """Return the region, its rim drawn between its own colour and what is behind.
@@ -220,14 +245,18 @@ def _edge_of(
     behind = beside & (depth > distance + step)
     level = beside & (np.abs(depth - distance) <= step)
     return _Edge(
+        region=region,
         window=around,
         usable=usable,
         rim=rim,
+        beside=beside,
         behind=behind,
         behind_share=behind.sum() / max(1, beside.sum()),
         level_share=level.sum() / max(1, beside.sum()),
         cut=bool(own[[0, -1]].any() or own[:, [0, -1]].any()),
-        area=region.area * (distance / picture.depth_imager.info.focal_x()) ** 2,
+        distance=distance,
+        step=step,
+        pixel=distance / picture.depth_imager.info.focal_x(),
     )
 
 

@@ -60,11 +60,12 @@ class CandidatesConfig:
     # Least area of a region, as a share of the object's smallest face. A smaller region
     # does not show what it is.
     least_area: float = dc.field(default=0.08, metadata={"ge": 0.0})
-    # Likewise, of a region that is seen whole. At an angle, a face looks narrower, and
+    # Likewise, of a thing that is seen whole. At an angle, a face looks narrower, and
     # the end of a cylinder takes 0.79 of the square around it.
     least_whole_area: float = dc.field(default=0.5, metadata={"ge": 0.0})
-    # A region is seen whole if at least this share of its surroundings lies behind it.
-    whole_behind: float = dc.field(default=0.95, metadata=_SHARE)
+    # A thing is seen whole if at least this share of what is beside it is the ground or
+    # far behind it.
+    whole_beside: float = dc.field(default=0.95, metadata=_SHARE)
     # Share of a region's surroundings that must lie behind it, at least, and share that
     # may lie level with it, at most. The rest may hide it or touch it.
     least_behind: float = dc.field(default=0.3, metadata=_SHARE)

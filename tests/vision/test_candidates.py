@@ -18,19 +18,19 @@ CUBE = Box([0.1, 0.1, 0.1])
 RED = ColorRange.around([0.9, 0.1, 0.1])
 
 
-def picture(rows, columns, hidden=None, level=None, noise=0.0):
+def picture(rows, columns, hidden=None, level=None, below=None, noise=0.0):
     """Return a picture of a red rectangle above a grey table.
 
-    Other pixels may be nearer than the rectangle, or level with it.
+    Other pixels may be nearer than the rectangle, level with it, or lower.
     """
     color = np.full((60, 80, 3), 128, np.uint8)
     depth = np.full((60, 80), FAR, np.float32)
-    color[rows, columns] = [230, 25, 25]
-    depth[rows, columns] = NEAR
-    for pixels, distance in ((hidden, 0.5), (level, NEAR)):
+    for pixels, distance in ((hidden, 0.5), (level, NEAR), (below, 0.95)):
         if pixels is not None:
             color[pixels] = 10
             depth[pixels] = distance
+    color[rows, columns] = [230, 25, 25]
+    depth[rows, columns] = NEAR
     return Picture(color, depth, noise, IMAGER, IMAGER, RigidTransform())
 
 
@@ -57,6 +57,18 @@ def test_a_region_that_may_continue_unseen_can_be_small():
     level = picture(side, side, level=np.s_[20:26, 26:32])
     border = picture(side, slice(0, 6))
     assert found(hidden) == found(level) == found(border) == [36]
+
+
+def test_a_small_region_may_be_the_cap_of_a_larger_thing():
+    side = slice(20, 26)
+    assert found(picture(side, side, below=np.s_[17:29, 17:29])) == [36]
+    assert found(picture(side, side, below=np.s_[40:52, 17:29])) == []
+
+
+def test_a_small_region_far_before_all_else_is_left_out():
+    seen = picture(slice(20, 26), slice(20, 26), below=np.s_[:, 40:])
+    seen.depth[20:26, 20:26] = 0.6
+    assert found(seen) == []
 
 
 def test_a_region_has_at_least_some_pixels():
