@@ -20,7 +20,6 @@ from drake_srg.export.model import Model
 from drake_srg.export.sdf import to_sdf
 from drake_srg.export.urdf import to_urdf
 from drake_srg.export.wires import Wires, find_wires
-from drake_srg.gripper.drivers import SrgTendonDriver
 from drake_srg.scenario import Scenario
 from drake_srg.station.plant import AddPlant
 
@@ -68,10 +67,6 @@ def export_scenario(scenario: Scenario, kind: str, out: Path) -> list[ExportedMo
     if kind != "mjcf" and driver is not None and driver.wire_motor is not None:
         # Without tendons, the joints keep the model's own share of the motor.
         scenario = dc.replace(scenario, gripper=None)
-    elif isinstance(driver, SrgTendonDriver):
-        # Damping that makes Drake's steps implicit is not the joints' own.
-        drive = dc.replace(driver.drive, implicit=False)
-        scenario = dc.replace(scenario, gripper=dc.replace(driver, drive=drive))
     builder = DiagramBuilder()
     plant, graph = AddPlant(builder, scenario)
     reader = PlantReader(plant, graph, read_constraints(scenario))

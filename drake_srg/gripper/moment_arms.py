@@ -46,12 +46,6 @@ def wire_travel(base: Any, tip: Any) -> Any:
     return _polynomial(_BASE_TRAVEL, base) + _polynomial(_TIP_TRAVEL, tip)
 
 
-def largest_moment_arms() -> tuple[float, float]:
-    """Return the largest arms about base and tip hinge that any angle gives [m]."""
-    angles = np.linspace(0.0, 2.007, 201)
-    return float(base_moment_arm(angles).max()), float(tip_moment_arm(angles).max())
-
-
 def empty_hand(
     closure: float, full_scale: float, base_limit: float
 ) -> tuple[float, Vector]:

@@ -185,13 +185,10 @@ def SetTendonDynamics(
         gripper: Its model instance.
         config: Of the drive.
     """
-    damping = config.plant_damping(plant.time_step())
-    of_joint = dict(zip(SRG_FINGERS.joint_names, damping, strict=True))
     for actuator in model_actuators(plant, gripper):
         actuator.set_default_rotor_inertia(0.0)
         actuator.set_effort_limit(np.inf)
-        joint = actuator.joint()
-        joint.set_default_damping(of_joint[joint.name()])
+        actuator.joint().set_default_damping(config.joint_damping)
 
 
 def AddSrgTendonDriver(

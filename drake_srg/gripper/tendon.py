@@ -14,17 +14,12 @@ from drake_srg.common.stages import Stage, StageOutput
 from drake_srg.gripper.friction import DriveFrictionConfig, passed_on, slid, slowed
 from drake_srg.gripper.moment_arms import (
     base_moment_arm,
-    largest_moment_arms,
     tip_moment_arm,
     wire_travel,
 )
 from drake_srg.gripper.underactuation import FINGERS
 from drake_srg.lifetime import collectable
 from drake_srg.types import positive
-
-# How much more damping implicit steps take than they need to be stable. With half of
-# it, a pinch holds 5 to 7 % less at 5 ms, with all of it 2 % (`lagged`).
-_MORE_THAN_STABLE = 3.0
 
 
 @dc.dataclass(kw_only=True)
@@ -74,53 +69,6 @@ class TendonDriveConfig:
     # Damping of each hinge [N m s/rad]: critical for a finger on its base spring, so it
     # opens as fast as possible without ringing.
     joint_damping: float = dc.field(default=0.0022, metadata={"ge": 0.0})
-    # Whether the plant's steps are implicit in the wires; see `step_damping`. Steps
-    # above 2.5 ms need it, or what the hand holds creeps.
-    implicit: bool = False
-
-    def step_damping(self, step: float) -> list[float]:
-        """Return the damping of the joints that makes steps implicit in the wires.
-
-        The plant takes this damping D at the end of a step, and the drive adds D times
-        the speeds at its beginning. So D resists changes of speed alone, as an inertia
-        of `step` times D would. This is a linearly implicit Euler method with an
-        approximate Jacobian (W-method: Steihaug and Wolfbrandt, Math. Comp. 33, 1979),
-        consistent with any D, and stable if D is at least that of the wires in every
-        direction. It is diagonal, with the largest moment arms:
-
-            D_i = 3 r_i (r_base + r_tip) (step k + c)
-
-        Contact then meets fingers on wires. It would meet free ones, for whose small
-        inertia `sap` and `lagged` regularise friction by as much as `step` is long.
-        That is also why D is three times what stability needs.
-
-        Args:
-            step: Of the plant [s].
-
-        Returns:
-            Damping in the order of the joints, shape (4,) [N m s/rad]; zeros unless
-            `implicit`.
-        """
-        base, tip = largest_moment_arms() if self.implicit else (0.0, 0.0)
-        along_wire = step * self.wire_stiffness + self.wire_damping
-        scale = _MORE_THAN_STABLE * (base + tip) * along_wire
-        return [base * scale] * 2 + [tip * scale] * 2
-
-    def plant_damping(self, step: float) -> list[float]:
-        """Return the damping that the plant's joints have, shape (4,) [N m s/rad].
-
-        It is that of the steps and of the hinges. The hinges' remains critical for a
-        finger with the inertia that `step_damping` adds, which a slack wire leaves.
-
-        Args:
-            step: Of the plant [s].
-        """
-        base, tip = self.base_spring.stiffness, self.tip_spring.stiffness
-        stiffness = [base, base, tip, tip]
-        return [
-            D + float(np.hypot(self.joint_damping, 2.0 * np.sqrt(k * step * D)))
-            for D, k in zip(self.step_damping(step), stiffness, strict=True)
-        ]
 
     @property
     def full_torque(self) -> float:
@@ -219,9 +167,6 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
         joints get less than F while the wire winds in and more while it pays out (see
         `DriveFrictionConfig`). `wire_force` remains that at the spool.
 
-        With `implicit`, `joint_torque` includes what cancels the plant's extra damping
-        at constant speed (see `TendonDriveConfig.step_damping`).
-
         The motor's state is updated every `period` [s] (the plant's step). The update
         is implicit in the back-EMF, which is faster than some steps: J w_0 / tau_stall
         is 11 ms.
@@ -237,7 +182,6 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
             collectable(self)
             self.config = config
             self._period = period
-            self._step_damping = config.step_damping(period)
             # Arguments and result of `_wires`.
             self._last: tuple[tuple[Any, ...], list[tuple[Any, Any, Any]]] = (), []
             slides = bool(config.friction.wire)
@@ -310,8 +254,7 @@ def TendonDrive_(T: Any) -> Any:  # noqa: D103 (the class below is the documenta
                     (tip, tip_arm, config.tip_spring),
                 ):
                     back = spring.preload + spring.stiffness * state[joint]
-                    along = self._step_damping[joint] * state[4 + joint]
-                    torques[joint] = force * arm - back + along
+                    torques[joint] = force * arm - back
             return torques
 
         def _wire_force(self, time: Any, drive: Any, state_measured: Any) -> Any:

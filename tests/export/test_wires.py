@@ -37,14 +37,6 @@ def test_moment_arms_are_within_three_in_a_thousand(name):
     assert moment_arm_error(exported("kitchen_tendon", "mjcf")[name].wires) < 0.003
 
 
-def test_damping_that_makes_steps_implicit_is_not_exported():
-    drive = load_scenario("gripper_bench_fast").gripper.drive
-    assert drive.implicit
-    joints = exported("gripper_bench_fast", "mjcf")["gripper"].model.joints
-    found = [j.damping for j in joints if j.name in DRIVER.joint_names]
-    assert found == [drive.joint_damping] * 4
-
-
 def test_grippers_without_wires_have_no_tendons():
     assert exported("loops", "mjcf")["gripper"].wires is None
 

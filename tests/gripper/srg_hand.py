@@ -23,12 +23,10 @@ CYLINDER = f"""
 class Hand:
     """An SRG with its palm fixed and level, with or without a post in the hand."""
 
-    def __init__(
-        self, *, post=False, config=None, post_at=0.0791 + RADIUS + 0.006, step=0.002
-    ):
+    def __init__(self, *, post=False, config=None, post_at=0.0791 + RADIUS + 0.006):
         builder = DiagramBuilder()
         plant_config = MultibodyPlantConfig(
-            time_step=step, discrete_contact_approximation="lagged"
+            time_step=0.002, discrete_contact_approximation="lagged"
         )
         self.plant, scene_graph = AddMultibodyPlant(plant_config, builder)
         parser = Parser(self.plant)

@@ -8,7 +8,6 @@ from drake_srg.gripper.drivers import (
     SrgPositionDriver,
     SrgTendonDriver,
 )
-from drake_srg.gripper.tendon import TendonDriveConfig
 from gripper.srg_hand import Hand
 
 TENDON = SrgTendonDriver()
@@ -59,18 +58,6 @@ def test_wires_pull_with_the_force_limit(tendon_wrapped):
     force = tendon_wrapped.read("wire_force")
     # Two seconds after the fingers close, seven time constants of wires and motor.
     assert force == pytest.approx([expected] * 2, rel=0.01)
-
-
-@pytest.mark.slow
-def test_implicit_steps_end_in_the_same_grip(tendon_wrapped):
-    drive = TendonDriveConfig(implicit=True)
-    hand = Hand(post=True, config=SrgTendonDriver(drive=drive), step=0.005)
-    hand.command(closure_commanded=1.0)
-    hand.advance(3.5)
-    # The post is meshed, and the last facets that touch depend on the way there.
-    assert hand.q == pytest.approx(tendon_wrapped.log["q"][-1], abs=0.02)
-    force = tendon_wrapped.read("wire_force")
-    assert hand.read("wire_force") == pytest.approx(force, rel=0.01)
 
 
 @pytest.mark.slow

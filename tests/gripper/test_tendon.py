@@ -159,28 +159,3 @@ def test_a_tendon_drive_is_freed():
     del drive, context
     gc.collect()
     assert watch() is None
-
-
-@given(ANGLES, ANGLES, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
-def test_implicit_steps_resist_at_least_as_much_as_the_wires(base, tip, v_base, v_tip):
-    step = 0.005
-    D = TendonDriveConfig(implicit=True).step_damping(step)
-    rate = base_moment_arm(base) * v_base + tip_moment_arm(tip) * v_tip
-    wire = (step * CONFIG.wire_stiffness + CONFIG.wire_damping) * rate**2
-    assert D[0] * v_base**2 + D[2] * v_tip**2 >= wire - 1e-12
-
-
-def test_implicit_steps_leave_the_torque_at_rest_and_cancel_at_constant_speed():
-    implicit = TendonDriveConfig(implicit=True)
-
-    def torque(config, v):
-        drive = TendonDrive(config, PERIOD)
-        context = drive.CreateDefaultContext()
-        context.SetDiscreteState([0.5, 0.0])
-        fix(drive, context, pwm=0.0, state_measured=[*([0.1] * 4), *v])
-        return read(drive, context, "joint_torque")
-
-    at_rest, v = np.zeros(4), np.array([1.0, -2.0, 3.0, -4.0])
-    np.testing.assert_array_equal(torque(implicit, at_rest), torque(CONFIG, at_rest))
-    resisted = np.multiply(implicit.step_damping(PERIOD), v)
-    np.testing.assert_allclose(torque(implicit, v) - resisted, torque(CONFIG, v))
