@@ -205,10 +205,10 @@ class _Edge:
         about = picture.depth[self.region.around(int(np.ceil(extent / self.pixel)))]
         ground = np.median(about[has_depth(about)])
         beside = picture.depth[self.window][self.beside]
-        other = np.abs(beside - ground) <= self.step
-        other &= beside > self.distance + self.step
-        other |= beside > self.distance + extent
-        return bool(other.mean() >= config.whole_beside)
+        is_ground = np.abs(beside - ground) <= self.step
+        is_ground &= beside > self.distance + self.step
+        is_far = beside > self.distance + extent
+        return bool(np.mean(~(is_ground | is_far)) <= config.most_else_beside)
 
     def refined(self, picture: Picture) -> Mask:
         """Return the region, its rim drawn between its own colour and what is behind.

@@ -63,9 +63,9 @@ class CandidatesConfig:
     # Likewise, of a thing that is seen whole. At an angle, a face looks narrower, and
     # the end of a cylinder takes 0.79 of the square around it.
     least_whole_area: float = dc.field(default=0.5, metadata={"ge": 0.0})
-    # A thing is seen whole if at least this share of what is beside it is the ground or
-    # far behind it.
-    whole_beside: float = dc.field(default=0.95, metadata=_SHARE)
+    # A thing is seen whole if what is beside it is the ground or far behind it, but for
+    # this share at most.
+    most_else_beside: float = dc.field(default=0.05, metadata=_SHARE)
     # Share of a region's surroundings that must lie behind it, at least, and share that
     # may lie level with it, at most. The rest may hide it or touch it.
     least_behind: float = dc.field(default=0.3, metadata=_SHARE)

@@ -81,7 +81,8 @@ def test_a_ring_is_as_far_outside_as_requested(shape, axis, grow):
     ring = outline.ring(grow, 50)
     assert ring.shape == (50, 2)
     distance, _ = outline.distance(ring)
-    assert np.all(distance >= grow - 1e-6)
+    # Which of two sides is nearer is rounded to single precision of some 100 pixels.
+    assert np.all(distance >= grow - 2e-5)
     assert np.median(distance) == pytest.approx(grow, abs=1e-6)
 
 

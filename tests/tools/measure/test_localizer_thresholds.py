@@ -95,8 +95,10 @@ def test_it_runs(monkeypatch):
     assert table["threshold"] == [
         "all",
         *["candidates.least_area"] * 2,
+        *["candidates.least_whole_area"] * 2,
         *["candidates.least_behind"] * 2,
     ]
-    assert table["value"] == ["in use", "0.04", "0.16", "0.15", "0.6"]
-    assert table["scenes"] == [1] * 5
+    values = ["0.04", "0.16", "0.25", "1", "0.15", "0.6"]
+    assert table["value"] == ["in use", *values]
+    assert table["scenes"] == [1] * 7
     assert result.figure.axes
