@@ -133,8 +133,8 @@ class ProximitySensors(StageSystem):
     def _sensors_of(self, a: int, b: int) -> list[tuple[int, bool]]:
         """Return the sensors that see the other one of two geometries A and B.
 
-        Each comes with whether it is A's. Most pairs are of the gripper's own links,
-        which no sensor sees.
+        Each comes with True if it is on A, False if it is on B. Most pairs are of the
+        gripper's own links, which no sensor sees.
         """
         if (a, b) not in self._seen:
             self._seen[a, b] = [

@@ -86,8 +86,8 @@ def Simulate(
         progress: Whether to show progress on standard error.
         video_process: Whether a process of its own renders the video of our own cells
             while the simulation goes on. It pays unless all cores are busy.
-        warm_up: Whether the cameras set themselves up with an image that nobody sees,
-            so that metrics do not count that time.
+        warm_up: Whether to render one unused image first, so that metrics do not count
+            the time in which cameras set themselves up.
         tell: Receives warnings, one line each.
 
     Raises:

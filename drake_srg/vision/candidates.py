@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydrake.math import RigidTransform
 
-from drake_srg.common.convex_pieces import Solid
+from drake_srg.common.convex_pieces import ConvexPieces, Solid
 from drake_srg.vision.camera import Imager
 from drake_srg.vision.color import ColorImage, ColorRange
 from drake_srg.vision.config import BlobLocalizerConfig, CandidatesConfig
@@ -196,12 +196,17 @@ class _Edge:
         """Return whether the region is a whole thing and still too small for a shape.
 
         What is beside the thing must be the ground or be too far behind it. Other parts
-        of the same thing, in another colour, would be nearer.
+        of the same thing, in another colour, would be nearer. Convex pieces may look as
+        small as they like: they need not fill the box around them.
         """
         area = self.region.area * self.pixel**2
-        if self.cut or area >= config.least_whole_area * _smallest_face(shape):
+        if (
+            self.cut
+            or isinstance(shape, ConvexPieces)
+            or area >= config.least_whole_area * _smallest_face(shape)
+        ):
             return False
-        extent = float(shape.bounding_size.max())
+        extent = float(np.linalg.norm(shape.bounding_size))
         about = picture.depth[self.region.around(int(np.ceil(extent / self.pixel)))]
         ground = np.median(about[has_depth(about)])
         beside = picture.depth[self.window][self.beside]

@@ -60,11 +60,11 @@ class CandidatesConfig:
     # Least area of a region, as a share of the object's smallest face. A smaller region
     # does not show what it is.
     least_area: float = dc.field(default=0.08, metadata={"ge": 0.0})
-    # Likewise, of a thing that is seen whole. At an angle, a face looks narrower, and
-    # the end of a cylinder takes 0.79 of the square around it.
+    # Likewise, of a thing that is seen whole. From any side, a box, cylinder or ball
+    # covers at least 0.79 of the smallest face of the box around it.
     least_whole_area: float = dc.field(default=0.5, metadata={"ge": 0.0})
-    # A thing is seen whole if what is beside it is the ground or far behind it, but for
-    # this share at most.
+    # A thing is seen whole if at most this share of the pixels beside it is neither the
+    # ground nor far behind it.
     most_else_beside: float = dc.field(default=0.05, metadata=_SHARE)
     # Share of a region's surroundings that must lie behind it, at least, and share that
     # may lie level with it, at most. The rest may hide it or touch it.

@@ -18,7 +18,7 @@ def grow(mask: Mask, pixels: int) -> Mask:
 
 
 def window(mask: Mask, margin: int) -> tuple[slice, slice]:
-    """Return rows and columns of the window that holds a mask's pixels, not none.
+    """Return rows and columns of the window around a mask's pixels, at least one.
 
     Args:
         mask: Shape (h, w).

@@ -5,6 +5,7 @@ import pytest
 from pydrake.math import RigidTransform
 from pydrake.systems.sensors import CameraInfo
 
+from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.types import Box
 from drake_srg.vision.camera import CameraModel
 from drake_srg.vision.candidates import Picture, by_color, by_steps
@@ -34,9 +35,9 @@ def picture(rows, columns, hidden=None, level=None, below=None, noise=0.0):
     return Picture(color, depth, noise, IMAGER, IMAGER, RigidTransform())
 
 
-def found(seen, search=by_color):
-    """Return the pixels of each candidate for the cube."""
-    candidates = search(seen, CUBE, RED, 12, BlobLocalizerConfig())
+def found(seen, search=by_color, shape=CUBE):
+    """Return the pixels of each candidate for the cube, or another shape."""
+    candidates = search(seen, shape, RED, 12, BlobLocalizerConfig())
     return [int(candidate.blob.sum()) for candidate in candidates]
 
 
@@ -69,6 +70,12 @@ def test_a_small_region_far_before_all_else_is_left_out():
     seen = picture(slice(20, 26), slice(20, 26), below=np.s_[:, 40:])
     seen.depth[20:26, 20:26] = 0.6
     assert found(seen) == []
+
+
+def test_convex_pieces_may_look_small_in_the_box_around_them():
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) - 0.5
+    seen = picture(slice(20, 26), slice(20, 26))
+    assert found(seen, shape=ConvexPieces([0.1 * corners])) == [36]
 
 
 def test_a_region_has_at_least_some_pixels():

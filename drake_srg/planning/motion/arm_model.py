@@ -121,8 +121,8 @@ class ArmModel:
             path: Configurations on straight lines, shape (K, N) [rad].
 
         Returns:
-            No point of arm, hand or held object moves further than this on any part of
-            the line, times the part's share of it; shape (K - 1,) [m].
+            Shape (K - 1,) [m]. On any share of a line, no point of the arm, of the hand
+            and of what it holds within 0.2 m moves further than that share of this.
         """
         turns = np.abs(np.diff(path, axis=0))
         change = 0.5 * turns.sum(axis=1) * (turns @ self.levers)

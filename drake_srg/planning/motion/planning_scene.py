@@ -24,7 +24,7 @@ from drake_srg.planning.motion.arm_model import ArmModel
 from drake_srg.planning.motion.clearance import Clearance
 from drake_srg.types import Vector
 
-# Motions of the joints, in sum, whose lengths are bounded closely [rad].
+# Longest part of a path, as a sum of joint motions, for which `travel` is tight [rad].
 _CLOSE = 0.2
 
 
@@ -156,7 +156,8 @@ class PlanningScene(ArmModel):
         No point moves further than `step` from one to the next.
 
         Args:
-            path: Waypoints, which straight lines connect, shape (K, N) [rad].
+            path: At least two waypoints, which straight lines connect, shape (K, N)
+                [rad]. Those between the ends are not among the result.
         """
         turns = np.abs(np.diff(path, axis=0)).sum(axis=1)
         parts = np.maximum(1, np.ceil(turns / _CLOSE)).astype(int)
