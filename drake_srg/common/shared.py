@@ -33,6 +33,8 @@ def make_read_only(value: object) -> None:
         value: An array, or a dataclass, a mapping, a list or a tuple that may hold
             some at any depth. Those in a `Shared` value are read-only already.
     """
+    if value is None or isinstance(value, float | int | str):
+        return  # most are; this is faster than asking for everything below
     if isinstance(value, np.ndarray):
         value.setflags(write=False)
     elif isinstance(value, tuple | list):
