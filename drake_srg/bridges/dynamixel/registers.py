@@ -120,7 +120,7 @@ class ControlTable(abc.ABC):
     registers: ClassVar[Sequence[Register]]
     ram: ClassVar[int]
     size: ClassVar[int]
-    identity: ClassVar[Sequence[str]]
+    identity: ClassVar[Sequence[str]] = ()
     reads: ClassVar[Sequence[str]]
     effort: ClassVar[str]
     full_effort: ClassVar[int]
@@ -292,7 +292,6 @@ class ControlTable1(ControlTable):
     )
     ram: ClassVar[int] = 24
     size: ClassVar[int] = 74
-    identity: ClassVar[Sequence[str]] = ()
     reads: ClassVar[Sequence[str]] = (
         *("torque_enable", "led"),
         *("present_position", "present_speed", "present_load"),
