@@ -6,9 +6,9 @@ import pytest
 
 from drake_srg.cli.main import main
 from drake_srg.identification import fits
-from drake_srg.identification.heat import PARAMETERS as HEAT
+from drake_srg.identification.heat import HEAT_PARAMETERS
 from drake_srg.identification.least_squares import fit
-from drake_srg.identification.press import PARAMETERS, Motor, predict_stops
+from drake_srg.identification.press import PRESS_PARAMETERS, Motor, predict_stops
 from drake_srg.scenario import load_scenario
 
 MOTOR = Motor(stall_current=3.0, dead_band=0.1, most=0.96)
@@ -24,8 +24,8 @@ def quick(monkeypatch):
             name: fit(parameters, lambda values: np.zeros((1, 1)))
             for name, parameters in (
                 ("motor", fits._MOTOR),
-                ("press", PARAMETERS),
-                ("heat", HEAT),
+                ("press", PRESS_PARAMETERS),
+                ("heat", HEAT_PARAMETERS),
             )
         }
         stop = predict_stops([row], 2811.0, MOTOR, made["press"].values)[0]
