@@ -26,7 +26,7 @@ from drake_srg.hardware.opening import Hardware
 from drake_srg.hardware.servo_eye import ServoEye
 from drake_srg.hardware.station import AddHardwareStation
 from drake_srg.lifetime import my_context
-from drake_srg.planning.planner_machine import PlannerMachine
+from drake_srg.planning.planner_machine import PlannerMachine, planning_clock
 from drake_srg.scenario import Scenario
 from drake_srg.servoing.status import ServoCommand, ServoStatus
 
@@ -108,6 +108,7 @@ class PlannerCell:
             motion if new else None,
             float(self._planner.GetOutputPort("closure_commanded").Eval(context)[0]),
             self._planner.GetOutputPort("status").Eval(context),
+            planning_wall=planning_clock(),
         )
         if self._eye is None:
             return answer

@@ -133,7 +133,8 @@ def run_on_hardware(
         finally:
             log = loop.log.arrays() if loop.log else {}
             written = _write(out, log, scenario, name, record)
-    metrics = _metrics(scenario, name, loop, log, elapsed, written)
+    times = RunTimes(loop.time, elapsed, planner.planning_wall)
+    metrics = _metrics(scenario, name, loop, log, times, written)
     if out is not None:
         metrics.write(out / "metrics.json")
     return Result(metrics, log, loop.status)
@@ -224,7 +225,7 @@ def _metrics(
     name: str,
     loop: ControlLoop,
     log: Mapping[str, Vector],
-    elapsed: float,
+    times: RunTimes,
     written: Mapping[str, str],
 ) -> Metrics:
     """Return the metrics, as far as they can be told without ground truth."""
@@ -235,7 +236,7 @@ def _metrics(
         log,
         status,
         set(),
-        RunTimes(loop.time, elapsed),
+        times,
         {kind: written.get(kind) for kind in FILES},
     )
     return dc.replace(

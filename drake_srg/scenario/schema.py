@@ -22,9 +22,9 @@ from drake_srg.gripper.drivers import DRIVERS, GripperDriver
 from drake_srg.objects.config import ClutterConfig, ObjectConfig, SleepingConfig
 from drake_srg.objects.disturbances import Force, Push, Topple
 from drake_srg.objects.slides import SlideConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.planning.script.messages import MessagesConfig
 from drake_srg.planning.script.scripted import ScriptStep
-from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.safety.config import SafetyConfig
 from drake_srg.scenario.twin import TwinConfig

@@ -18,6 +18,7 @@ from drake_srg.common.exceptions import ScenarioError, one_line, scenario_errors
 from drake_srg.common.simulator import MakeSimulator
 from drake_srg.common.status_line import StatusLine
 from drake_srg.lifetime import my_context
+from drake_srg.planning.planner_machine import planning_clock
 from drake_srg.recording.output import Recorder, output_folder
 from drake_srg.replay import write_page
 from drake_srg.scenario import Scenario, perception_cameras
@@ -254,7 +255,7 @@ def _run(
     budget = scenario.task.repeat * scenario.planner.time_budget
     limit = start_time + budget + 1.0
     end = limit
-    start = wall.perf_counter()
+    start, planned = wall.perf_counter(), planning_clock()
     with failure_time(name, simulator):
         simulator.Initialize()
     samples.add(root)
@@ -285,4 +286,5 @@ def _run(
             message=STOPPED_BY_USER,
         )
     elapsed = wall.perf_counter() - start
-    return status, RunTimes(root.get_time() - start_time, elapsed)
+    planning = planning_clock() - planned
+    return status, RunTimes(root.get_time() - start_time, elapsed, planning)

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from drake_srg.planning.task.planner_memory import PlannerMemory
 from helpers import port_table
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
@@ -15,7 +16,6 @@ from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.script.scripted import ScriptedPlanner
-from drake_srg.planning.task.planner_memory import PlannerMemory
 from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View, set_down_at
 from drake_srg.scenario import load_scenario

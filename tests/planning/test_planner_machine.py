@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_machine import PlannerMachine
+from drake_srg.planning.planner_machine import PlannerConfig, PlannerMachine
 from drake_srg.planning.state_machine import ModeActions
-from drake_srg.planning.task.config import PlannerConfig
 from drake_srg.types import Mode, PlannerStatus
 
 

@@ -5,7 +5,7 @@ import pytest
 from helpers import port_table, read
 
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.types import Mode, PlannerStatus
 
 

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.planning.senses import HandSenses
+from drake_srg.planning.planner_machine import HandSenses
 
 
 def senses(speeds=(0.0, 0.0), proximity=(1.0, 1.0)):

@@ -4,14 +4,14 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
+from drake_srg.planning.task.planner_memory import Attempt, PlannerMemory
+from drake_srg.planning.task.transitions import Observation, transition
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.planner_memory import Attempt, PlannerMemory
-from drake_srg.planning.task.transitions import Observation, transition
 from drake_srg.servoing.servo_modes import (
     SERVO_TRANSITIONS,
     ServoGrasp,

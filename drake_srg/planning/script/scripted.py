@@ -10,7 +10,7 @@ from pydrake.systems.framework import BasicVector, Context
 
 from drake_srg.common.minimum_jerk import minimum_jerk_blend
 from drake_srg.lifetime import LeafSystem
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.types import Mode, PlannerStatus, Vector, positive
 
 # The modes that steps may have: those of a cycle that is under way.

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import time as wall
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from pydrake.trajectories import Trajectory
 
 from drake_srg.planning import state_machine
-from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.state_machine import next_mode
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import (
+    MotionMemory,
+    Observation,
+    PlannerConfig,
+    PlannerMode,
+    Table,
+    Transitions,
+    planning_clock,
+)
 from drake_srg.planning.taught.taught_motions import TaughtMotions
 from drake_srg.types import Blob, Failure, Mode, PlannerStatus, Vector
 
@@ -28,35 +33,19 @@ class Senses:
     see: Callable[[], Sequence[Blob]]  # looks through the camera
 
 
-@dc.dataclass(frozen=True)
-class Memory:
-    """The planner's memory; it is never changed, only replaced."""
+@dc.dataclass
+class TaughtMemory(MotionMemory):
+    """All that the planner remembers."""
 
-    motion: Motion
     motions: Mapping[Mode, Trajectory] = dc.field(default_factory=dict)
-    closure: float = 0.0  # commanded, 0 open .. 1 closed
     gripped_since: float = np.inf  # s
     ready_at: float = np.inf  # when the planned motions may begin [s]
     next_look: float = 0.0  # s
     report: PlannerStatus = dc.field(default_factory=PlannerStatus)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Memory:
-        return self
-
     def status(self, mode: Mode) -> PlannerStatus:
         """Return the planner's report on its task in a mode."""
         return dc.replace(self.report, mode=mode)
-
-
-@dc.dataclass(frozen=True)
-class Observation:
-    """The facts that decide the next mode."""
-
-    ready: bool = False  # motions are planned, and the planning latency has passed
-    arrived: bool = False  # motion and wait are over, and the arm has followed
-    # How long both fingers have sensed something [s]; -inf where they do not.
-    gripped: float = -np.inf
-    failure: Failure | None = None  # the reason to give up
 
 
 Now: TypeAlias = state_machine.Moment[Senses]
@@ -65,13 +54,11 @@ Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
 # In the words of the thesis: IDLE, GOTO_P1, GOTO_P2, GRASP, GOTO_P3, GOTO_P4, RELEASE,
 # GOTO_P0 with CLOSE_AT_HOME, END. The conditions take the observation o, the time t in
 # the mode [s] and the planner's configuration c.
-TRANSITIONS: Mapping[
-    Mode, Sequence[tuple[Callable[[Observation, float, PlannerConfig], bool], Mode]]
-] = {
+TRANSITIONS: Table = {
     Mode.IDLE: [(lambda o, t, c: o.ready, Mode.PRE_GRASP)],
     Mode.PRE_GRASP: [(lambda o, t, c: o.arrived, Mode.GRASP)],
     Mode.GRASP: [(lambda o, t, c: o.arrived, Mode.CLOSE)],
-    Mode.CLOSE: [(lambda o, t, c: o.gripped >= c.grip_wait, Mode.LIFT)],
+    Mode.CLOSE: [(lambda o, t, c: o.holding, Mode.LIFT)],
     Mode.LIFT: [(lambda o, t, c: o.arrived, Mode.PLACE)],
     Mode.PLACE: [(lambda o, t, c: o.arrived, Mode.RELEASE)],
     Mode.RELEASE: [(lambda o, t, c: t >= c.release_wait, Mode.HOME)],
@@ -79,125 +66,99 @@ TRANSITIONS: Mapping[
     Mode.DONE: [],
     Mode.FAILED: [],
 }
+transition = Transitions(TRANSITIONS)
 
 
-def transition(
-    mode: Mode, observation: Observation, t: float, config: PlannerConfig
-) -> Mode:
-    """Return the mode that follows.
-
-    Args:
-        mode: The mode now.
-        observation: What is known now.
-        t: Time since the mode began [s].
-        config: The waits count here.
-    """
-    over = mode in (Mode.DONE, Mode.FAILED)
-    if observation.failure is not None and not over:
-        return Mode.FAILED
-    return next_mode(TRANSITIONS, mode, observation, t, config)
-
-
-class TaughtMode(state_machine.ModeActions[Mode, Memory, Senses, Observation]):
+class TaughtMode(PlannerMode[TaughtMemory, Senses]):
     """A mode that moves the arm or waits, and commands the fingers.
 
-    Args:
-        mode: Which mode it is.
-        closure: What it commands the fingers as it begins, 0 open .. 1 closed; None: as
-            before.
+    Attributes:
+        commands: What it commands the fingers as it begins, 0 open .. 1 closed; None:
+            as before.
+        planner: Plans the motions.
         config: Waits and limits.
+        name: Of the blob to take.
     """
 
+    commands: ClassVar[float | None] = None
+
     def __init__(
-        self, mode: Mode, config: PlannerConfig, closure: float | None = None
+        self, planner: TaughtMotions, config: PlannerConfig, name: str
     ) -> None:
-        self.mode = mode
+        self.planner = planner
         self.config = config
-        self.closure = closure
+        self.name = name
 
-    def enter(self, memory: Memory, entry: Entry) -> Memory:
+    def trajectory(self, memory: TaughtMemory) -> Trajectory | None:
+        """Return the planned motion of the mode, None where the arm rests."""
+        return memory.motions.get(self.mode)
+
+    def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
         """Begin the mode's motion and command the fingers."""
-        motion = memory.motion.followed_by(
-            memory.motions.get(self.mode), entry.time, self.wait
-        )
-        closure = memory.closure if self.closure is None else self.closure
-        return dc.replace(
-            memory,
-            motion=motion,
-            closure=closure,
-            gripped_since=np.inf,
-            report=self.report(memory.report, entry),
-        )
+        memory.gripped_since = np.inf
+        if self.commands is not None:
+            memory.closure = self.commands
+        return super().enter(memory, entry)
 
-    def report(self, report: PlannerStatus, entry: Entry) -> PlannerStatus:
-        """Return what the planner reports from now on."""
-        return dc.replace(report, mode=self.mode)
-
-    @property
-    def wait(self) -> float:
-        """How long the mode lasts after its motion [s]."""
-        return 0.0
-
-    def update(self, memory: Memory, now: Now) -> Memory:
+    def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
         """Notice since when both fingers have sensed something."""
-        since = min(memory.gripped_since, now.time) if now.senses.gripped else np.inf
-        return dc.replace(memory, gripped_since=since)
+        since = min(memory.gripped_since, now.time)
+        memory.gripped_since = since if now.senses.gripped else np.inf
+        return memory
 
-    def observe(self, memory: Memory, now: Now) -> Observation:
-        """Report whether the arm has arrived, the grip lasts and the time is up."""
-        over = now.time - memory.report.localized_at > self.config.time_budget
+    def final_failure(self, memory: TaughtMemory, time: float) -> Failure | None:
+        """Return that the time is up, if it is."""
+        over = time - memory.report.localized_at > self.config.time_budget
+        return Failure.TIME_BUDGET if over else None
+
+    def observe_mode(self, memory: TaughtMemory, now: Now) -> Observation:
+        """Report whether the arm has arrived, and the grip has lasted."""
         return Observation(
             arrived=memory.motion.arrived(now.senses.q, now.time),
-            gripped=now.time - memory.gripped_since,
-            failure=Failure.TIME_BUDGET if over else None,
+            holding=now.time - memory.gripped_since >= self.config.grip_wait,
         )
 
 
 class Idle(TaughtMode):
     """Looks until a blob has been sent, and plans all motions from it."""
 
-    def __init__(self, config: PlannerConfig, planner: TaughtMotions, name: str):
-        super().__init__(Mode.IDLE, config)
-        self.planner = planner
-        self.name = name
+    mode = Mode.IDLE
 
-    def update(self, memory: Memory, now: Now) -> Memory:
+    def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
         """Look when a look is due, and plan once there is something to grasp."""
         if memory.motions or now.time < memory.next_look:
             return memory
-        taught, report = self.planner.config, memory.report
-        next_look = now.time + self.config.search_period
-        memory = dc.replace(memory, next_look=next_look)
-        if taught.grasp is not None:
-            p_WT = np.array(taught.grasp)
-        else:
-            seen = tuple(now.senses.see())
-            report = dc.replace(report, looks=report.looks + 1, blobs=seen)
-            memory = dc.replace(memory, report=report)
-            blobs = [b for b in seen if b.object_name == self.name]
-            if not blobs:
-                return memory
-            p_WT = blobs[0].position
-            report = dc.replace(
-                report,
-                localization=blobs[0],
-                sighting=blobs[0],
-                sighted_at=now.time,
-            )
-        start = wall.perf_counter()
-        planned = self.planner.plan(p_WT)
-        report = dc.replace(
-            report, localized_at=now.time, planning_wall=wall.perf_counter() - start
-        )
+        memory.next_look = now.time + self.config.search_period
+        grasp = self.planner.config.grasp
+        p_WT = self._look(memory, now) if grasp is None else np.array(grasp)
+        if p_WT is None:
+            return memory
+        with planning_clock.running():
+            planned = self.planner.plan(p_WT)
+        memory.ready_at = now.time + self.config.latency
+        memory.report = dc.replace(memory.report, localized_at=now.time)
         if isinstance(planned, PlanningFailure):
-            report = dc.replace(
-                report, failure=planned.failure, message=planned.message
+            memory.report = dc.replace(
+                memory.report, failure=planned.failure, message=planned.message
             )
-            planned = {}
-        ready_at = now.time + self.config.latency
-        return dc.replace(memory, motions=planned, ready_at=ready_at, report=report)
+        else:
+            memory.motions = planned
+        return memory
 
-    def observe(self, memory: Memory, now: Now) -> Observation:
+    def _look(self, memory: TaughtMemory, now: Now) -> Vector | None:
+        """Return where the tip must grasp (3,) [m]; None if there is no blob."""
+        seen = tuple(now.senses.see())
+        report = dc.replace(memory.report, looks=memory.report.looks + 1, blobs=seen)
+        memory.report = report
+        blob = next((b for b in seen if b.object_name == self.name), None)
+        if blob is None:
+            return None
+        memory.report = dc.replace(
+            report, localization=blob, sighting=blob, sighted_at=now.time
+        )
+        return blob.position
+
+    def observe(self, memory: TaughtMemory, now: Now) -> Observation:
         """Report motions, or why there are none, once planning has taken its time."""
         late = now.time > self.config.search_time
         unseen = Failure.NOT_SEEN if late and not memory.motions else None
@@ -207,64 +168,96 @@ class Idle(TaughtMode):
         )
 
 
+class PreGrasp(TaughtMode):
+    """Moves the open hand beside the object."""
+
+    mode, commands = Mode.PRE_GRASP, 0.0
+
+
 class Grasp(TaughtMode):
     """Moves the open hand around the object."""
 
-    def report(self, report: PlannerStatus, entry: Entry) -> PlannerStatus:
-        """Count the attempt."""
-        return dc.replace(super().report(report, entry), attempts=1)
+    mode = Mode.GRASP
+
+    def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
+        """Count the attempt, and go."""
+        memory.report = dc.replace(memory.report, attempts=1)
+        return super().enter(memory, entry)
+
+
+class Close(TaughtMode):
+    """Closes the fingers until both have sensed something for a while."""
+
+    mode, commands = Mode.CLOSE, 1.0
+
+
+class Lift(TaughtMode):
+    """Moves the arm to the taught posture above."""
+
+    mode = Mode.LIFT
+
+
+class Place(TaughtMode):
+    """Moves the arm to the taught posture at the goal."""
+
+    mode = Mode.PLACE
+
+
+class Release(TaughtMode):
+    """Opens the fingers."""
+
+    mode, commands = Mode.RELEASE, 0.0
 
 
 class Home(TaughtMode):
     """Moves the arm home, waits there, and closes the hand."""
+
+    mode = Mode.HOME
 
     @property
     def wait(self) -> float:
         """Time at home, including that for the fingers to close [s]."""
         return self.config.home_wait + self.config.close_at_home
 
-    def update(self, memory: Memory, now: Now) -> Memory:
+    def update(self, memory: TaughtMemory, now: Now) -> TaughtMemory:
         """Close the empty hand at the end."""
         if 0.0 < self.config.close_at_home >= memory.motion.due - now.time:
-            return dc.replace(memory, closure=1.0)
+            memory.closure = 1.0
         return memory
 
 
 class End(TaughtMode):
     """Stays where it is: the task is over."""
 
-    def report(self, report: PlannerStatus, entry: Entry) -> PlannerStatus:
-        """Report success or failure, as far as this planner can tell."""
-        report = super().report(report, entry)
-        if self.mode is Mode.DONE:
-            return dc.replace(report, cycles=1)
-        observed = entry.observation.failure if entry.observation else None
-        return dc.replace(report, failure=report.failure or observed)
-
-    def observe(self, memory: Memory, now: Now) -> Observation:
+    def observe(self, memory: TaughtMemory, now: Now) -> Observation:
         """Observe nothing."""
         return Observation()
 
 
-def taught_modes(
-    config: PlannerConfig, motions: TaughtMotions, name: str
-) -> dict[Mode, TaughtMode]:
-    """Return what the planner does in each mode.
+class Done(End):
+    """The arm is home; whether the object is on its goal, this planner cannot tell."""
 
-    Args:
-        config: Waits and limits.
-        motions: Plans the motions.
-        name: Of the blob to take.
-    """
-    return {
-        Mode.IDLE: Idle(config, motions, name),
-        Mode.PRE_GRASP: TaughtMode(Mode.PRE_GRASP, config, closure=0.0),
-        Mode.GRASP: Grasp(Mode.GRASP, config),
-        Mode.CLOSE: TaughtMode(Mode.CLOSE, config, closure=1.0),
-        Mode.LIFT: TaughtMode(Mode.LIFT, config),
-        Mode.PLACE: TaughtMode(Mode.PLACE, config),
-        Mode.RELEASE: TaughtMode(Mode.RELEASE, config, closure=0.0),
-        Mode.HOME: Home(Mode.HOME, config),
-        Mode.DONE: End(Mode.DONE, config),
-        Mode.FAILED: End(Mode.FAILED, config),
-    }
+    mode = Mode.DONE
+
+    def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
+        """Count the cycle."""
+        memory.report = dc.replace(memory.report, cycles=1)
+        return super().enter(memory, entry)
+
+
+class Failed(End):
+    """The planner has given up, for the reason that its status names."""
+
+    mode = Mode.FAILED
+
+    def enter(self, memory: TaughtMemory, entry: Entry) -> TaughtMemory:
+        """Remember why."""
+        observed = entry.observation.failure if entry.observation else None
+        failure = memory.report.failure or observed
+        memory.report = dc.replace(memory.report, failure=failure)
+        return super().enter(memory, entry)
+
+
+KINDS: tuple[type[TaughtMode], ...] = (
+    *(Idle, PreGrasp, Grasp, Close, Lift, Place, Release, Home, Done, Failed),
+)

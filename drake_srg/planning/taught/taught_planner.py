@@ -4,19 +4,17 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context
 
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_machine import PlannerMachine
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig, PlannerMachine
 from drake_srg.planning.taught.taught_modes import (
-    Memory,
-    Observation,
+    KINDS,
     Senses,
-    taught_modes,
+    TaughtMemory,
     transition,
 )
 from drake_srg.planning.taught.taught_motions import TaughtMotions
 
 
-class TaughtPlanner(PlannerMachine[Memory, Senses, Observation]):
+class TaughtPlanner(PlannerMachine[TaughtMemory, Senses]):
     """Looks once and moves through taught waypoints, as the arm's thesis does.
 
     .. pydrake_system::
@@ -54,8 +52,8 @@ class TaughtPlanner(PlannerMachine[Memory, Senses, Observation]):
         self, motions: TaughtMotions, object_name: str, config: PlannerConfig
     ) -> None:
         super().__init__(
-            taught_modes(config, motions, object_name),
-            memory=Memory(Motion(q_rest=motions.q_home)),
+            {kind.mode: kind(motions, config, object_name) for kind in KINDS},
+            memory=TaughtMemory(Motion(q_rest=motions.q_home)),
             transition=transition,
             config=config,
         )

@@ -4,11 +4,6 @@ import dataclasses as dc
 
 import numpy as np
 import pytest
-
-from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.state_machine import Entry, Moment
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.modes import task_modes
 from drake_srg.planning.task.observing import Senses
 from drake_srg.planning.task.planner_memory import (
     Attempt,
@@ -17,8 +12,13 @@ from drake_srg.planning.task.planner_memory import (
     Totals,
     Trouble,
 )
-from drake_srg.planning.task.sightings import View
 from drake_srg.planning.task.transitions import Observation
+
+from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_machine import PlannerConfig
+from drake_srg.planning.state_machine import Entry, Moment
+from drake_srg.planning.task.modes import task_modes
+from drake_srg.planning.task.sightings import View
 from drake_srg.types import Failure, Mode
 from planning.planning_world import MODES, MOVING, FakeTaskPlanner
 

@@ -5,11 +5,11 @@ import functools
 import itertools
 
 import pytest
+from drake_srg.planning.task.transitions import TRANSITIONS, Observation, transition
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drake_srg.planning.task.config import PlannerConfig
-from drake_srg.planning.task.transitions import TRANSITIONS, Observation, transition
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Failure, Mode
 from planning.planning_world import CYCLE, MODES
 

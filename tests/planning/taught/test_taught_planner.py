@@ -6,7 +6,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.trajectories import PiecewisePolynomial
 
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.planning.taught.config import TaughtConfig
 from drake_srg.planning.taught.taught_planner import TaughtPlanner
 from drake_srg.types import Blob, Failure, Mode
