@@ -34,7 +34,7 @@ class CameraMount:
         """Return the mount of the servo's camera.
 
         Args:
-            scenario: With `servoing`.
+            scenario: With a visual servo.
             plant: Of the scenario's models.
 
         Raises:

@@ -106,6 +106,6 @@ def _rendered(shown: _Shown) -> FeatureSighting:
     )
     if not len(seen.points):
         raise ScenarioError(
-            f"servoing.camera: {camera} does not see all of {name} in the hand"
+            f"planner.servo.camera: {camera} does not see all of {name} in the hand"
         )
     return seen

@@ -62,7 +62,7 @@ class LatePictures:
     """Pictures of a visual servo's camera that arrive late, and others on demand.
 
     Args:
-        scenario: With `servoing`.
+        scenario: With a visual servo.
         late: How late they arrive [s].
 
     Attributes:
@@ -112,7 +112,7 @@ class ServedRobot:
     """A served station in the same process as its client.
 
     Args:
-        scenario: With `servoing`; without `arm.limits` the arm follows trajectories.
+        scenario: With a visual servo; without `arm.limits` it follows trajectories.
         node: The client's.
         late: How late the pictures of the servo's camera arrive [s].
         name: The scenario's.

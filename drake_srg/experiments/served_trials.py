@@ -89,7 +89,7 @@ class ServedTrial:
     """A robot and its planner, which advance in turn.
 
     Args:
-        scenario: With `servoing`, and with `arm.limits` null.
+        scenario: With a visual servo, and with `arm.limits` null.
         late: How late the pictures arrive [s].
 
     Attributes:

@@ -54,9 +54,9 @@ def MakeHardwareCell(
         - planner.status
         - arm.position_commanded
         - gripper.closure_commanded
-        - planner.servo_status (with `servoing`)
+        - planner.servo_status (with a visual servo)
 
-    The subsystems are named `station` and `planner` and, with `servoing`, `servo`,
+    The subsystems are named `station` and `planner` and, with a visual servo, `servo`,
     `late_sightings` and `command_hold`. The servo moves the arm at the period of its
     driver. What its camera shows comes from the planner.
 

@@ -84,7 +84,7 @@ class PlannerCell:
         self._planner = cell.GetSubsystemByName("planner")
         if not isinstance(self._planner, PlannerMachine):
             raise ScenarioError(
-                "script: must be empty on hardware, where motions are planned"
+                "planner: must not be !Script on hardware, where motions are planned"
             )
         self._simulator = Simulator(cell)
         self._fix_servo(ServoStatus())

@@ -158,10 +158,12 @@ def check_servo(scenario: Scenario, config: HardwareConfig, hardware: Hardware) 
     if servo_of(scenario) is None:
         return
     if config.release:
-        raise ScenarioError("release: must be 0 with servoing, where a stop is final")
+        raise ScenarioError(
+            "release: must be 0 with planner: !Servoing, where a stop is final"
+        )
     if STAMP not in hardware.start:
         raise ScenarioError(
-            "servoing: needs an arm whose states have time stamps "
+            "planner: !Servoing needs an arm whose states have time stamps "
             "(allowed: !Ros1Arm, !Ros2Arm)"
         )
 

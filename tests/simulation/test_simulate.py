@@ -65,6 +65,7 @@ def test_the_other_metrics_are_plausible(golden):
     assert 3.0 < metrics.peak_contact_force_n < 60.0
     assert metrics.smoothness < 0.0
     assert metrics.sim_time_s > metrics.cycle_time_s
+    assert 0.0 < metrics.planning_wall_s < metrics.wall_time_s
     assert metrics.real_time_factor == pytest.approx(
         metrics.sim_time_s / metrics.wall_time_s
     )
