@@ -24,7 +24,7 @@ from drake_srg.planning.grasps.linkage_fingers import LinkageFingers
 from drake_srg.planning.grasps.linkage_hand import LinkageHand
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.srg_hand import SrgHand
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.scenario.schema import Scenario, accept_driver
 from drake_srg.types import Vector
 

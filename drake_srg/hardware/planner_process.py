@@ -59,6 +59,7 @@ class PlannerProcess(PlannerLink):
         self._under_way = 0
         self._ready = threading.Event()
         self._closing = False
+        self.planning_wall = 0.0  # what planning has taken there [s]
         context = mp.get_context("spawn")  # threads do not survive a fork
         self._connection, theirs = context.Pipe()
         # Drake's schema objects do not pickle, but their YAML does.
@@ -133,6 +134,8 @@ class PlannerProcess(PlannerLink):
                 self._ready.set()
                 continue
             self._answers.append(message)
+            if isinstance(message, Answer):
+                self.planning_wall = message.planning_wall
             if isinstance(message, Ended):
                 self._ready.set()
                 return

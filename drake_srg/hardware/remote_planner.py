@@ -15,7 +15,7 @@ from drake_srg.hardware.exchange import Answer, Ended, PlannerLink, Tick
 from drake_srg.hardware.pause import Pause
 from drake_srg.lifetime import LeafSystem
 from drake_srg.planning.motion.arm_motion import Motion
-from drake_srg.planning.planner_outputs import AddPlannerOutputs
+from drake_srg.planning.planner_machine import AddPlannerOutputs
 from drake_srg.servoing.sightings import Sighting
 from drake_srg.servoing.status import ServoCommand
 from drake_srg.types import Failure, Mode, PlannerStatus, Vector

@@ -16,7 +16,7 @@ from drake_srg.planning.grasps.candidates import Candidates
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.relief import Relief, Thing, sides
 from drake_srg.planning.grasps.top_grasp import GraspPlanner, TopGrasp
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Failure, HeightMap, LabeledHeightMap, Vector
 
 # Labels are wrong at edges: this share of what is between the fingers must agree.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses as dc
 from collections.abc import Mapping
-from typing import Any
 
 import cv2
 import numpy as np
@@ -29,7 +28,7 @@ from drake_srg.planning.clearing.pushing import Push
 from drake_srg.planning.clearing.receiving import SeenLoad
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.top_grasp import TopGrasp
-from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_machine import MotionMemory
 from drake_srg.types import Failure, HeightMap, Left, Mode, PlannerStatus, Vector
 
 # What falls out of the bin rolls this far at most [m].
@@ -136,12 +135,10 @@ class PlannedPush:
     ready_at: float  # when planning has taken its time [s]
 
 
-@dc.dataclass(frozen=True)
-class ClearingMemory:
-    """The planner's memory; it is never changed, only replaced."""
+@dc.dataclass
+class ClearingMemory(MotionMemory):
+    """All that the planner remembers."""
 
-    motion: Motion
-    closure: float = 0.0  # commanded, 0 open .. 1 closed
     height_map: HeightMap | None = None  # the latest
     # The least heights of all maps since the first pick was planned.
     lowest_map: HeightMap | None = None
@@ -173,13 +170,9 @@ class ClearingMemory:
     labels: frozenset[int] = frozenset()  # of what was taken, on labelled maps
     looks: int = 0
     first_seen_at: float = np.inf  # when the first pick was planned [s]
-    planning_wall: float = 0.0  # s
     left: tuple[Left, ...] = ()
     failure: Failure | None = None
     message: str = ""
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> ClearingMemory:
-        return self
 
     @property
     def planned(self) -> Pick:
@@ -232,6 +225,5 @@ class ClearingMemory:
             looks=self.looks,
             localized_at=self.first_seen_at if self.picks else 0.0,
             message=self.message,
-            planning_wall=self.planning_wall,
             left=self.left + self.lost,
         )

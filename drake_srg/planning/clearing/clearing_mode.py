@@ -11,8 +11,7 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning import state_machine
 from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.clearing.transitions import Observation
-from drake_srg.planning.senses import HandSenses
+from drake_srg.planning.planner_machine import HandSenses, Observation, PlannerMode
 from drake_srg.types import Failure, HeightMap, Mode
 
 
@@ -28,9 +27,7 @@ Now: TypeAlias = state_machine.Moment[Senses]
 Entry: TypeAlias = state_machine.Entry[Senses, Mode, Observation]
 
 
-class ClearingMode(
-    state_machine.ModeActions[Mode, ClearingMemory, Senses, Observation]
-):
+class ClearingMode(PlannerMode[ClearingMemory, Senses]):
     """A mode that moves the arm, or waits; every mode checks the time budget.
 
     Attributes:
@@ -41,30 +38,20 @@ class ClearingMode(
         config: Times and limits.
     """
 
-    mode: ClassVar[Mode]
     yields: ClassVar[bool] = False
 
     def __init__(self, planner: PickPlanner) -> None:
         self.planner = planner
         self.config = planner.config
 
-    def enter(self, memory: ClearingMemory, entry: Entry) -> ClearingMemory:
-        """Begin the mode's planned motion, if there is one."""
-        trajectory = self.trajectory(memory)
-        motion = memory.motion.followed_by(trajectory, entry.time)
-        return dc.replace(memory, motion=motion)
-
     def trajectory(self, memory: ClearingMemory) -> Trajectory | None:
         """Return the planned motion of the mode, None where the arm rests."""
         return memory.pick.motions.get(self.mode) if memory.pick else None
 
-    def observe(self, memory: ClearingMemory, now: Now) -> Observation:
-        """Return what the mode's transitions depend on, and only that."""
-        if memory.failure is not None:
-            return Observation(failure=memory.failure)
-        if now.time > self.config.time_budget:
-            return Observation(failure=Failure.TIME_BUDGET)
-        return self.observe_mode(memory, now)
+    def final_failure(self, memory: ClearingMemory, time: float) -> Failure | None:
+        """Return the failure that ends the task in whatever mode, if there is one."""
+        over = time > self.config.time_budget
+        return memory.failure or (Failure.TIME_BUDGET if over else None)
 
     def observe_mode(self, memory: ClearingMemory, now: Now) -> Observation:
         """Report whether the arm has arrived, or is stopped by something."""

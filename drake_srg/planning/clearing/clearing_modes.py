@@ -28,7 +28,7 @@ from drake_srg.planning.clearing.picking_modes import (
     Release,
     Transfer,
 )
-from drake_srg.planning.clearing.transitions import Observation
+from drake_srg.planning.planner_machine import Observation
 from drake_srg.types import Mode
 
 # Things that never quite come to rest are picked all the same after this time [s].

@@ -25,7 +25,7 @@ from drake_srg.planning.motion.limits import MotionLimits
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import Box, HeightMap, Mode, Vector
 
 # Margin of the hand while it is at a grasp, or between what it has set down [m]: grasps

@@ -10,7 +10,7 @@ from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_mode import Senses
 from drake_srg.planning.clearing.clearing_modes import clearing_modes
 from drake_srg.planning.clearing.picking import PickPlanner
-from drake_srg.planning.clearing.transitions import Observation, transition
+from drake_srg.planning.clearing.transitions import transition
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.planner_machine import PlannerMachine
 from drake_srg.types import HeightMap
@@ -18,7 +18,7 @@ from drake_srg.types import HeightMap
 _NO_MAP = HeightMap(np.zeros(2), 1.0, np.zeros((0, 0)))
 
 
-class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
+class ClearingPlanner(PlannerMachine[ClearingMemory, Senses]):
     """Takes one thing after the other from a table and drops it into a bin.
 
     .. pydrake_system::
@@ -79,32 +79,18 @@ class ClearingPlanner(PlannerMachine[ClearingMemory, Senses, Observation]):
             config=planner.config,
         )
         self.planner = planner
-        self._n, self._n_fingers = len(q_home), num_fingers
         self._map = self.DeclareAbstractInputPort(
             name="height_map", model_value=AbstractValue.Make(_NO_MAP)
         )
         self._destinations = self.DeclareAbstractInputPort(
             name="destination_map", model_value=AbstractValue.Make(_NO_MAP)
         )
-        self._arm = self.DeclareVectorInputPort(name="arm_state", size=2 * self._n)
-        self._gripper = self.DeclareVectorInputPort(
-            name="gripper_state", size=2 * num_fingers
-        )
-        self._grasped = self.DeclareVectorInputPort(name="grasped", size=1)
-        self._proximity = self.DeclareVectorInputPort(
-            name="proximity", size=num_sensors
-        )
+        self.DeclareHandInputs(num_fingers, num_sensors)
 
     def sense(self, context: Context) -> Senses:
         """Return the measurements; the cameras are asked only when a mode looks."""
-        gripper, n = self._gripper.Eval(context), self._n_fingers
         return Senses(
-            q=self._arm.Eval(context)[: self._n],
-            fingers=gripper[:n],
-            finger_speeds=gripper[n:],
-            grasped=bool(self._grasped.Eval(context)[0]),
-            proximity=self._proximity.Eval(context),
-            see=lambda: self._map.Eval(context),
+            **vars(self.hand_senses(context, lambda: self._map.Eval(context))),
             see_destinations=lambda: (
                 self._destinations.Eval(context)
                 if self._destinations.HasValue(context)

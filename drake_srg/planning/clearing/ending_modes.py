@@ -12,10 +12,9 @@ from drake_srg.planning.clearing.clearing_memory import ClearingMemory
 from drake_srg.planning.clearing.clearing_mode import ClearingMode, Entry, Now
 from drake_srg.planning.clearing.comparing import completed
 from drake_srg.planning.clearing.destination import AROUND
-from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.planner_machine import GIVES_UP
+from drake_srg.planning.planner_machine import GIVES_UP, Observation
 from drake_srg.types import Failure, Mode
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses as dc
-import time as wall
 from collections.abc import Iterable
 
 import cv2
@@ -28,7 +27,7 @@ from drake_srg.planning.grasps.top_grasp import (
     TopGrasp,
 )
 from drake_srg.planning.motion.failure import PlanningFailure
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig, planning_clock
 from drake_srg.types import Failure, HeightMap, Left, Vector
 
 # Grasps whose motions are planned, at most.
@@ -125,6 +124,7 @@ class PickPlanner:
             astray=True,
         )
 
+    @planning_clock.running()
     def plan(
         self, memory: ClearingMemory, height_map: HeightMap, time: float
     ) -> ClearingMemory:
@@ -138,7 +138,6 @@ class PickPlanner:
             height_map: Of the table now.
             time: Now [s].
         """
-        start = wall.perf_counter()
         height_map = self._without_overhang(memory, height_map)
         found = self.grasps.plan(height_map, tried=memory.tried)
         q_start = memory.departure
@@ -188,7 +187,6 @@ class PickPlanner:
             lowest_map=lowest(height_map, known) if pick or known else None,
             first_seen_at=min(memory.first_seen_at, time if pick else np.inf),
             left=tuple(left),
-            planning_wall=memory.planning_wall + wall.perf_counter() - start,
         )
 
     def _without_overhang(

@@ -14,8 +14,8 @@ from drake_srg.planning.clearing.clearing_mode import (
     Now,
 )
 from drake_srg.planning.clearing.comparing import has_moved
-from drake_srg.planning.clearing.transitions import Observation
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.planner_machine import Observation
 from drake_srg.types import Mode
 
 

@@ -13,7 +13,7 @@ from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.task.config import PlannerConfig
+from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import HeightMap, Mode, Vector
 
 # Height above its support at which a thing is let go [m].

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from drake_srg.cell.clearing import MakeClearingPlanner
-from drake_srg.cell.height_maps import destinations
+from drake_srg.cell.height_maps import clearing_destinations
 from drake_srg.scenario import load_scenario
 
 
@@ -18,5 +18,5 @@ def test_the_arm_aside_is_far_from_where_loads_go(name):
     p_over = scene.X_WG(planner.motions.q_over).translation()
     assert p_WG[2] == pytest.approx(p_over[2], abs=1e-6)
     assert scene.is_free(planner.q_aside)
-    for place in destinations(scenario):
+    for place in clearing_destinations(scenario):
         assert np.linalg.norm(p_WG[:2] - place.middle) > 0.5
