@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
-from drake_srg.planning.clearing.comparing import parts
+from drake_srg.planning.clearing.maps import parts
 from drake_srg.types import HeightMap, Vector
 
 # How far around a destination a load may be seen that has missed it [m].

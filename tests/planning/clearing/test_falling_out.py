@@ -5,9 +5,9 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory
-from drake_srg.planning.clearing.comparing import lowest
-from drake_srg.planning.clearing.loads import Received
+from drake_srg.planning.clearing.knowledge import ClearingMemory, View
+from drake_srg.planning.clearing.loads import Load, Loads, Verdict
+from drake_srg.planning.clearing.maps import lowest
 from drake_srg.types import Mode
 from planning.clearing.fake_table import (
     BIN,
@@ -73,28 +73,36 @@ def test_what_rolled_beside_the_bin_counts_where_no_load_is_missed(seen):
     assert (rolled.status.cycles, len(rolled.status.left)) == (2 + seen, not seen)
 
 
-def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
-    def fell_out(first):
-        pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
-        return pick_there.fell_out(ClearingMemory(HERE, lowest_map=first), table())
+def fell_out(memory, there, after):
+    """Return whether what a pick takes fell out, by the map after it."""
+    volume = there.load(after, felt=True).volume
+    return memory.fell_out(there, volume, after)
 
-    assert not fell_out(None)
-    assert not fell_out(table(FELL, A))
-    assert fell_out(table(A))
+
+def test_what_lay_beside_the_bin_from_the_first_has_not_fallen_out():
+    def has_come(first):
+        pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
+        memory = ClearingMemory(HERE, view=View(lowest=first))
+        return fell_out(memory, pick_there, table())
+
+    assert not has_come(None)
+    assert not has_come(table(FELL, A))
+    assert has_come(table(A))
     # Pushed by 15 mm, a bowl was once taken for a box that had toppled in the bin.
-    assert not fell_out(table((FELL[0] + 0.015, FELL[1]), A))
+    assert not has_come(table((FELL[0] + 0.015, FELL[1]), A))
 
 
 def test_what_fell_where_another_thing_was_taken_has_fallen_out():
     """The lowest heights of all maps count, not those of the first."""
     maps = table(FELL, A), table(A), table(FELL)
-    memory = None
+    least = None
     for seen in maps:
-        memory = lowest(seen, memory)
+        least = lowest(seen, least)
     pick_there = dc.replace(over_bin(table(FELL), BIN), grasp=grasp_at(FELL))
-    assert pick_there.fell_out(ClearingMemory(HERE, lowest_map=memory), table())
+    memory = ClearingMemory(HERE, view=View(lowest=least))
+    assert fell_out(memory, pick_there, table())
     np.testing.assert_array_equal(
-        memory.height, np.minimum(*(m.height for m in maps[1:]))
+        least.height, np.minimum(*(m.height for m in maps[1:]))
     )
 
 
@@ -116,16 +124,22 @@ def test_what_rolled_away_is_known_by_its_volume(received, left, expected):
     far = (bin_.low[0] - 0.25, 0.2)
     there = dc.replace(over_bin(table(far), bin_), grasp=grasp_at(far))
     loads = [
-        Received(share * SIDE**2 * TALL, table(B), table(B, IN_BIN), bin_)
+        Load(
+            destination=bin_,
+            volume=share * SIDE**2 * TALL,
+            height=TALL,
+            verdict=Verdict.ARRIVED,
+            before=table(B),
+            after=table(B, IN_BIN),
+        )
         for share in received
     ]
     memory = ClearingMemory(
         HERE,
-        lowest_map=table(A),
-        received=tuple(loads),
-        destinations=table() if left else table(IN_BIN),
+        view=View(lowest=table(A)),
+        loads=Loads(tuple(loads), table() if left else table(IN_BIN)),
     )
-    assert there.fell_out(memory, table()) == expected
+    assert fell_out(memory, there, table()) == expected
 
 
 def test_what_slipped_out_of_the_hand_beside_the_bin_counts_once_it_is_in_it():

@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from drake_srg.types import Failure, Mode
-from planning.clearing.fake_table import (
-    CONFIG,
-    A,
-    B,
-    pick,
-    run,
-    table,
-)
+from planning.clearing.fake_table import CONFIG, A, B, pick, run, table
 
 BETWEEN = np.arange(0.1, 0.4, 0.03)  # x of squares that touch each other [m]
 

@@ -5,9 +5,10 @@ import dataclasses as dc
 import numpy as np
 import pytest
 
-from drake_srg.planning.clearing.clearing_memory import ClearingMemory
+from drake_srg.planning.clearing.choosing import PickPlanner
 from drake_srg.planning.clearing.destination import AROUND
-from drake_srg.planning.clearing.picking import PickPlanner
+from drake_srg.planning.clearing.knowledge import ClearingMemory
+from drake_srg.planning.clearing.loads import Loads
 from drake_srg.types import Failure, Mode
 from planning.clearing.fake_table import (
     ASIDE,
@@ -219,7 +220,7 @@ def test_what_sticks_out_of_the_bin_stays_there(crosses):
     grasps, motions = Watched([A]), Motions()
     motions.destination = low
     seen = table(A, out, *[on_rim, in_bin] * crosses)
-    memory = ClearingMemory(HERE, destinations=seen)
+    memory = ClearingMemory(HERE, loads=Loads(seen=seen))
     PickPlanner(grasps, motions, CONFIG).plan(memory, table(A, out), 0.0)
     cells = grasps.seen.cells(np.array([A, out]))
     shown = grasps.seen.height[tuple(cells.T)] > 0.0
