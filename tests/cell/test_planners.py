@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from drake_srg.planning.task.planner_memory import PlannerMemory
 from helpers import port_table
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
 from pydrake.systems.analysis import Simulator
@@ -16,6 +15,7 @@ from drake_srg.objects.solids import planned_solid
 from drake_srg.planning.motion.arm_motion import Motion
 from drake_srg.planning.motion.failure import PlanningFailure
 from drake_srg.planning.script.scripted import ScriptedPlanner
+from drake_srg.planning.task.knowledge import PlannerMemory
 from drake_srg.planning.task.replanning import Replanner
 from drake_srg.planning.task.sightings import Sightings, View, set_down_at
 from drake_srg.scenario import load_scenario
@@ -123,7 +123,7 @@ def test_a_mug_that_has_toppled_is_set_down_as_it_lies_now():
         R_WO = RotationMatrix.MakeFromOneVector(-down, 2).inverse()
         X_WO = RigidTransform(R_WO, [0.6, 0.1, mug.half_extent(down)])
         blob = Blob("soup_can", "ceiling", (0.0, 0.0), X_WO, 1.0)
-        memory = replanner.plan(View([blob]), memory, 0.0)
+        replanner.Plan(View([blob]), memory, 0.0)
         assert memory.attempt.motions is not None, memory.trouble
         R_goal = replanner.goal(memory).rotation().matrix()
         np.testing.assert_allclose(R_goal.T @ GRAVITY, down, atol=1e-6)

@@ -1,9 +1,9 @@
 import copy
 
 import numpy as np
-from drake_srg.planning.task.planner_memory import PlannerMemory, Trouble
 
 from drake_srg.planning.motion.arm_motion import Motion
+from drake_srg.planning.task.knowledge import PlannerMemory, Trouble
 from drake_srg.types import Failure, Mode
 
 REST = Motion(np.zeros(2))
