@@ -98,7 +98,7 @@ def MakeClearingPlanner(scenario: Scenario) -> ClearingPlanner:
             fingers=fingers,
             table=table,
             reach=reach,
-            relief=grasps.relief,
+            segment=grasps.segment,
             period=config.period if config.cut_corners else None,
         )
         planner = PickPlanner(grasps, into[0], config, pushes, q_aside)

@@ -15,9 +15,9 @@ from drake_srg.planning.clearing.knowledge import ClearingMemory, Pick
 from drake_srg.planning.clearing.maps import has_gone, lowest
 from drake_srg.planning.clearing.motions import ClearingMotions
 from drake_srg.planning.clearing.pushing import Push, PushMotions
-from drake_srg.planning.grasps.candidates import Candidates
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.relief import Relief, Thing, sides
+from drake_srg.planning.grasps.scoring import Candidates
+from drake_srg.planning.grasps.segmentation import Segmentation, Thing, sides
 from drake_srg.planning.grasps.top_grasp import (
     ALIKE,
     SAME_THING,
@@ -321,33 +321,33 @@ class ChosenGrasps(HeightMapGrasps):
     Its maps are LabeledHeightMaps. For its arguments see `TopGraspSearch`.
     """
 
-    def relief(self, height_map: HeightMap) -> Relief:
+    def segment(self, height_map: HeightMap) -> Segmentation:
         """Return what stands on the table, its labelled parts as things."""
-        relief = super().relief(height_map)
+        segments = super().segment(height_map)
         assert isinstance(height_map, LabeledHeightMap), "labels need a ThingLabeler"
         parts = []
-        for thing in relief.things:
+        for thing in segments.things:
             labelled = height_map.label[thing.cells[:, 0], thing.cells[:, 1]] >= 0
             if np.count_nonzero(labelled) >= _LEAST_CELLS:
-                parts.append(_part(relief, thing, thing.cells[labelled]))
-        return dc.replace(relief, things=tuple(parts))
+                parts.append(_part(segments, thing, thing.cells[labelled]))
+        return dc.replace(segments, things=tuple(parts))
 
-    def allowed(self, relief: Relief, candidates: Candidates) -> Candidates:
+    def allowed(self, segments: Segmentation, candidates: Candidates) -> Candidates:
         """Return the candidates that take one labelled thing."""
         low, high = (
             candidates.p_W + side[:, None] * candidates.direction
             for side in (candidates.low, candidates.high)
         )
-        label = labels_between(relief.map, self._table, low, high)
+        label = labels_between(segments.map, self._table, low, high)
         return candidates.take(np.flatnonzero(label >= 0))
 
 
-def _part(relief: Relief, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
+def _part(segments: Segmentation, thing: Thing, cells: npt.NDArray[np.intp]) -> Thing:
     """Return the part of a thing that consists of some of its cells."""
-    heights = relief.above[cells[:, 0], cells[:, 1]].astype(float)
-    points = relief.map.middles()[cells[:, 0], cells[:, 1]]
+    heights = segments.above[cells[:, 0], cells[:, 1]].astype(float)
+    points = segments.map.middles()[cells[:, 0], cells[:, 1]]
     middle = np.average(points, axis=0, weights=heights)
-    size = sides(cells, relief.map.resolution)
+    size = sides(cells, segments.map.resolution)
     top = float(heights.max())
     return dc.replace(thing, cells=cells, middle=middle, size=size, top=top)
 

@@ -13,7 +13,7 @@ from pydrake.trajectories import Trajectory
 from drake_srg.planning.clearing.maps import highest_near, parts
 from drake_srg.planning.clearing.motions import turned_to
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.relief import Relief, Thing
+from drake_srg.planning.grasps.segmentation import Segmentation, Thing
 from drake_srg.planning.grasps.top_grasp import palm_pose
 from drake_srg.planning.grasps.top_grasp_search import Reach
 from drake_srg.planning.motion.failure import NoPathError
@@ -68,20 +68,23 @@ class Push:
 
 
 def best_push(
-    relief: Relief, table: float, reach: Reach | None, tried: Sequence[Push] = ()
+    segments: Segmentation,
+    table: float,
+    reach: Reach | None,
+    tried: Sequence[Push] = (),
 ) -> Push | None:
     """Return the push that moves the top of the highest heap to where there is room.
 
     Room out of reach counts for nothing, so a heap at the edge is pushed inwards.
 
     Args:
-        relief: What stands on the table.
+        segments: What stands on the table.
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
         tried: Pushes that did not help; similar ones are left out.
     """
-    for thing in sorted(relief.things, key=lambda t: -t.top):
-        pushes = _pushes(relief, thing, table, reach)
+    for thing in sorted(segments.things, key=lambda t: -t.top):
+        pushes = _pushes(segments, thing, table, reach)
         if reach is not None:
             pushes = [
                 (free, push)
@@ -95,15 +98,15 @@ def best_push(
 
 
 def _pushes(
-    relief: Relief, thing: Thing, table: float, reach: Reach | None
+    segments: Segmentation, thing: Thing, table: float, reach: Reach | None
 ) -> list[tuple[float, Push]]:
     """Return pushes of the uppermost thing, each with how much room is in reach."""
-    above = relief.above[thing.cells[:, 0], thing.cells[:, 1]]
+    above = segments.above[thing.cells[:, 0], thing.cells[:, 1]]
     top = float(np.quantile(above, 0.98))  # single cells are noise
-    if not _reaches_below(relief, thing, top - _FLAT):
+    if not _reaches_below(segments, thing, top - _FLAT):
         return []
     cells = thing.cells[above > top - _TOP]
-    points = relief.map.middles()[cells[:, 0], cells[:, 1]]
+    points = segments.map.middles()[cells[:, 0], cells[:, 1]]
     middle, height = points.mean(axis=0), top - _TOP
     found = []
     for yaw in 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS:
@@ -112,11 +115,11 @@ def _pushes(
         s = (points - middle) @ along
         start = middle + (s.min() - _BEFORE) * along
         hand = _patch(start, along, across, (-_AROUND, _AROUND), 2.0 * _AROUND)
-        if relief.lookup(hand).max() > height - _UNDER:
+        if segments.lookup(hand).max() > height - _UNDER:
             continue
         room = _patch(middle, along, across, (s.max(), s.max() + _ROOM), _ACROSS)
         there = room.reshape(-1, 2)
-        free = _is_free(relief, there)
+        free = _is_free(segments, there)
         if np.mean(free) < _LEAST_FREE:
             continue
         if reach is not None:
@@ -128,19 +131,19 @@ def _pushes(
     return found
 
 
-def _reaches_below(relief: Relief, thing: Thing, height: float) -> bool:
+def _reaches_below(segments: Segmentation, thing: Thing, height: float) -> bool:
     """Return whether a heap has a part below a height that is wider than an edge.
 
     Args:
-        relief: What stands on the table.
+        segments: What stands on the table.
         thing: The heap.
         height: Above the table [m].
     """
-    lower = (relief.labels == thing.label) & (relief.above < height)
-    size = max(3, round(_EDGE / relief.map.resolution))
+    lower = (segments.labels == thing.label) & (segments.above < height)
+    size = max(3, round(_EDGE / segments.map.resolution))
     kernel = np.ones((size, size), np.uint8)
     wide = cv2.morphologyEx(lower.astype(np.uint8), cv2.MORPH_OPEN, kernel)
-    return bool(parts(wide > 0, relief.map.resolution))
+    return bool(parts(wide > 0, segments.map.resolution))
 
 
 def _patch(
@@ -152,14 +155,14 @@ def _patch(
     return points
 
 
-def _is_free(relief: Relief, p_W: Vector) -> npt.NDArray[np.bool_]:
+def _is_free(segments: Segmentation, p_W: Vector) -> npt.NDArray[np.bool_]:
     """Return at which of points (n, 2) the table itself is seen, shape (n,)."""
-    cells = relief.map.cells(p_W)
-    shape = np.array(relief.above.shape)
+    cells = segments.map.cells(p_W)
+    shape = np.array(segments.above.shape)
     inside = np.all((cells >= 0) & (cells < shape), axis=1)
     iy, ix = np.clip(cells, 0, shape - 1).T
-    low = relief.above[iy, ix] < relief.least
-    return np.asarray(inside & ~relief.unknown[iy, ix] & low)
+    low = segments.above[iy, ix] < segments.least
+    return np.asarray(inside & ~segments.unknown[iy, ix] & low)
 
 
 _OVER = 0.06  # height of the hand's ends above everything on the way there [m]
@@ -176,7 +179,7 @@ class PushMotions:
         fingers: The gripper's.
         table: Height of the table [m].
         reach: Where the hand can be; None for everywhere.
-        relief: Returns what stands on the table according to a height map.
+        segment: Returns what stands on the table according to a height map.
         period: Of the planner [s]; None: the arm rests between all motions.
     """
 
@@ -189,12 +192,12 @@ class PushMotions:
         fingers: Fingers,
         table: float,
         reach: Reach | None,
-        relief: Callable[[HeightMap], Relief],
+        segment: Callable[[HeightMap], Segmentation],
         period: float | None,
     ) -> None:
         self._scene, self._moves, self._q_over = scene, moves, q_over
         self._fingers, self._table = fingers, table
-        self._reach, self._relief = reach, relief
+        self._reach, self._segment = reach, segment
         self._period = period
 
     def plan(
@@ -207,7 +210,7 @@ class PushMotions:
             height_map: Of the table.
             tried: See `best_push`.
         """
-        push = best_push(self._relief(height_map), self._table, self._reach, tried)
+        push = best_push(self._segment(height_map), self._table, self._reach, tried)
         if push is None:
             return None
         moves = self._moves

@@ -9,7 +9,6 @@ import numpy as np
 from drake_srg.planning.grasps.fingers import (
     Fingers,
     FingerState,
-    Silhouette,
     filled_rectangle,
     lowest,
 )
@@ -56,7 +55,7 @@ class LinkageFingers(Fingers):
         """See `Fingers`: the cranks point straight ahead on the way."""
         return self.tip_x + _END
 
-    def silhouette(self, half_gap: float, offsets: Vector) -> Silhouette:
+    def silhouette(self, half_gap: float, offsets: Vector) -> Vector:
         """See `Fingers`."""
         middle = self.tip_x - CRANK + pads_ahead(half_gap)
         fingers = [
@@ -69,7 +68,7 @@ class LinkageFingers(Fingers):
         ]
         palm = np.where(np.abs(offsets) <= _PALM_HALF_WIDTH, self.palm_x, -np.inf)
         reach = lowest(np.concatenate(fingers), offsets, -np.inf)
-        return Silhouette(half_gap, np.fmax(reach, palm))
+        return np.fmax(reach, palm)
 
     def opened(self, half_gap: float) -> FingerState:
         """See `Fingers`."""

@@ -11,10 +11,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Grasp
-from drake_srg.planning.grasps.height_map_grasps import (
-    HeightMapGrasps,
-    TopGraspConfig,
-)
+from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.types import HeightMap, Vector
 
@@ -61,9 +58,8 @@ def solid_pinches(
     """
     R_OS = RotationMatrix.MakeFromOneVector(np.array(up_O), 2)
     solid = solid.turned(R_OS.inverse().matrix())
-    config = TopGraspConfig(table_gap=clearance + _SPARE)
     X_SO = RigidTransform([0.0, 0.0, solid.half_extent(np.array([0.0, 0.0, -1.0]))])
-    search = HeightMapGrasps(fingers, 0.0, config=config)
+    search = HeightMapGrasps(fingers, 0.0, table_gap=clearance + _SPARE)
     found = search.plan(solid_map(solid)).grasps[:_MOST]
     p_SM = X_SO @ solid.center_of_mass
     return tuple(

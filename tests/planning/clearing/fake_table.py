@@ -13,7 +13,7 @@ from drake_srg.planning.clearing.clearing_planner import ClearingPlanner
 from drake_srg.planning.clearing.destination import Destination
 from drake_srg.planning.clearing.knowledge import Pick
 from drake_srg.planning.clearing.pushing import Push
-from drake_srg.planning.grasps.relief import Relief
+from drake_srg.planning.grasps.segmentation import Segmentation
 from drake_srg.planning.grasps.srg_fingers import SrgFingers
 from drake_srg.planning.grasps.top_grasp import GraspPlan, Refusal, TopGrasp, palm_pose
 from drake_srg.planning.motion.arm_motion import Motion
@@ -103,13 +103,13 @@ class Grasps:
             for p in left
             if p not in self.refused
         ]
-        relief = Relief.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
+        segments = Segmentation.of(height_map, 0.0, least_height=0.004, least_area=1e-4)
         return GraspPlan(
             tuple(grasps),
             len(left),
             lambda: tuple(refused),
-            relief.places,
-            relief.beside_same,
+            segments.places,
+            segments.beside_same,
         )
 
 

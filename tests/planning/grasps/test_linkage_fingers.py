@@ -11,7 +11,7 @@ OFFSETS = 0.001 * np.arange(-70, 71.0)
 
 @given(half_gap=st.floats(0.005, 0.03))
 def test_the_silhouette_of_the_open_hand(half_gap):
-    reach = FINGERS.silhouette(half_gap, OFFSETS).reach
+    reach = FINGERS.silhouette(half_gap, OFFSETS)
     assert reach.max() <= FINGERS.deepest + 1e-9
     between = np.abs(OFFSETS) < half_gap - 0.002
     np.testing.assert_allclose(reach[between], FINGERS.palm_x)
