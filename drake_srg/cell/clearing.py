@@ -24,7 +24,7 @@ from drake_srg.planning.clearing.motions import (
     posture_aside,
     reach_with_hand_down,
 )
-from drake_srg.planning.clearing.placing import BinMotions, RowMotions
+from drake_srg.planning.clearing.placing import BinMotions, RowMotions, row_destination
 from drake_srg.planning.clearing.pushing import PushMotions
 from drake_srg.planning.grasps.fingers import Fingers
 from drake_srg.planning.grasps.grasps import Hand
@@ -181,7 +181,7 @@ def _motions(
             q_home,
             q_over,
             table=scenario.table.height,
-            place=p_WO,
+            destination=row_destination(p_WO),
             config=scenario.planner,
         )
         for p_WO in places

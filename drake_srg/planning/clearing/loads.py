@@ -341,13 +341,14 @@ class Risen:
         area, come = after.resolution**2, after.height[inside & (risen > 0.0)]
         fell = float(np.sum(np.clip(-risen[inside], 0.0, None)))
         top = float(np.median(come)) if len(come) else -np.inf
+        place = destination.place
         return cls(
             inside=area * sum(received),
             net=area * float(np.sum(risen[inside])),
             over=area * over,
             apart=area * apart,
             left=area * float(np.sum(np.clip(-risen[beside], 0.0, None))),
-            top=None if destination.level is None else top - destination.level,
+            top=None if place is None else top - float(place[2]),
             parts=tuple(area * volume for volume in received),
             fell=area * fell,
         )

@@ -249,9 +249,8 @@ def _away(
 class ClearingMotions(abc.ABC):
     """Plans the motions of picks, and of the empty hand between them.
 
-    Holds nothing between calls.
-
-    `scene`, `q_home`, `q_over` and `destination` can be read from it.
+    It holds nothing between calls. `scene`, `q_home`, `q_over` and `destination` can be
+    read from it.
 
     Args:
         scene: The arm, the gripper and the furniture.
@@ -304,28 +303,14 @@ class ClearingMotions(abc.ABC):
                 set down. All others are dropped, and without spots, these, too.
         """
         try:
-            return self._plan(
-                np.asarray(q_start), grasp, height_map, number, filled, spots
-            )
+            q_grasp = self._reach(grasp)
         except NoPathError as error:
             return error.failure
-
-    def _plan(
-        self,
-        q_start: Vector,
-        grasp: TopGrasp,
-        height_map: HeightMap,
-        number: int,
-        filled: float,
-        spots: Spots,
-    ) -> dict[Mode, Trajectory]:
-        q_grasp = self._reach(grasp)
         over = highest_near(height_map, grasp.p_WC, HAND_RADIUS) + _OVER
         near = self._config.approach_distance
         approach = max(near, over - float(grasp.p_WC[2]))
-        load = HeldLoad.seen(
-            self.scene.X_WG(q_grasp), grasp.p_WC, height_map, self._table
-        )
+        X_WG = self.scene.X_WG(q_grasp)
+        load = HeldLoad.seen(X_WG, grasp.p_WC, height_map, self._table)
         if grasp.wrapped:  # the palm keeps it level
             load = load.level
         load = self._with_destination(load, number, filled, spots)
@@ -337,8 +322,8 @@ class ClearingMotions(abc.ABC):
                 to = self._approach(q_start, q_grasp, grasp, height, height_map)
                 return to | self._carry(q_grasp, grasp, load, height, height_map)
             except NoPathError as error:
-                failed = error
-        raise failed
+                failure = error.failure
+        return failure
 
     def _with_destination(
         self, load: HeldLoad, number: int, filled: float, spots: Spots

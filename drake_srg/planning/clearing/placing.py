@@ -16,10 +16,7 @@ from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.planning.motion.failure import NoPathError
 from drake_srg.planning.motion.hand_target import HandTarget
 from drake_srg.planning.motion.limits import MotionLimits
-from drake_srg.planning.motion.moves import Moves
 from drake_srg.planning.motion.path_parts import STRAIGHT, PathPart, joined
-from drake_srg.planning.motion.planning_scene import PlanningScene
-from drake_srg.planning.planner_machine import PlannerConfig
 from drake_srg.types import HeightMap, Mode, Vector
 
 # Height above what is below at which a load is let go [m]: more than it sags in the
@@ -223,46 +220,15 @@ class BinMotions(ClearingMotions):
 
 def row_destination(p_WO: Vector) -> Destination:
     """Return where a thing with its middle at a place of the row is, (3,) [m]."""
-    return Destination(p_WO[:2] - _AROUND, p_WO[:2] + _AROUND, float(p_WO[2]))
+    return Destination(p_WO[:2] - _AROUND, p_WO[:2] + _AROUND, np.asarray(p_WO, float))
 
 
 class RowMotions(ClearingMotions):
     """Plans picks of things that are set down at a place, as they stood before.
 
-    The hand points down all the way and turns about the vertical only.
-
-    Args:
-        scene: The arm, the gripper and the furniture.
-        moves: The moves in that scene.
-        q_home: Where the arm begins and ends, shape (N,) [rad].
-        q_over: High over the row, with the hand down as it sets things down, (N,)
-            [rad]. Neither posture may hide the table from the cameras.
-        table: Height of the table [m].
-        place: Where the thing's middle must be, on its support, shape (3,) [m].
-        config: Distances and speeds.
+    The hand points down all the way and turns about the vertical only. Its destination
+    is a `row_destination`; for the other arguments see `ClearingMotions`.
     """
-
-    def __init__(
-        self,
-        scene: PlanningScene,
-        moves: Moves,
-        q_home: Vector,
-        q_over: Vector,
-        *,
-        table: float,
-        place: Vector,
-        config: PlannerConfig,
-    ) -> None:
-        super().__init__(
-            scene,
-            moves,
-            q_home,
-            q_over,
-            destination=row_destination(place),
-            table=table,
-            config=config,
-        )
-        self._place = np.asarray(place, dtype=float)
 
     def _carry(
         self,
@@ -278,13 +244,14 @@ class RowMotions(ClearingMotions):
         with scene.reaching(TIPS):
             up = moves.straight(q_grasp, moves.above(q_grasp, least))
             lifting = moves.timed(up, moves.holding, straight=True)
-        X_WG = scene.X_WG(self.q_over)
+        place, X_WG = self.destination.place, scene.X_WG(self.q_over)
+        assert place is not None, "a row has places"
         p_WG = X_WG.translation()
         middle = X_WG.rotation() @ load.middle_G
-        level = np.array([*(self._place - p_WG - middle)[:2], 0.0])
+        level = np.array([*(place - p_WG - middle)[:2], 0.0])
         over = HandTarget.from_pose(X_WG).shifted(level)
         palm = float(grasp.X_WG.translation()[2]) - self._table  # above the support
-        lower = float(p_WG[2] - self._place[2]) - palm - _ABOVE_PLACE
+        lower = float(p_WG[2] - place[2]) - palm - _ABOVE_PLACE
         down = over.shifted(np.array([0.0, 0.0, -lower]))
         with standing(scene, height_map, self._table, taken=grasp.p_WC):
             with self._loaded(load.level):

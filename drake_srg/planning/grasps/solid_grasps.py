@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from drake_srg.common.convex_pieces import ConvexPieces
 from drake_srg.planning.grasps.fingers import Fingers
-from drake_srg.planning.grasps.grasps import Grasp
+from drake_srg.planning.grasps.grasps import PinchGrasp
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
 from drake_srg.planning.grasps.top_grasp import TopGrasp
 from drake_srg.types import HeightMap, Vector
@@ -25,18 +25,6 @@ _SPARE = 1e-3
 # distance of the line between the pads from the centre of mass: the solid turns about
 # that line [rad²/m].
 _COST, _LEVER = 4.0, 200.0
-
-
-@dc.dataclass(frozen=True, kw_only=True)
-class PinchGrasp(Grasp):
-    """A pinch from above of a known solid."""
-
-    fingers: Fingers
-    width: float  # between the pads [m]
-
-    def holds(self, q: Vector, proximity: Vector) -> bool:
-        """See `Grasp`."""
-        return self.fingers.holds(self.width, q, proximity)
 
 
 @functools.lru_cache(maxsize=8)

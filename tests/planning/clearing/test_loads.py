@@ -222,7 +222,7 @@ def test_far_less_than_was_taken_is_something_else():
 
 @pytest.mark.parametrize(("tall", "stands"), [(TALL, True), (0.5 * TALL, False)])
 def test_what_is_set_down_must_stand(tall, stands):
-    place = Destination(BIN.low, BIN.high, level=0.0)
+    place = Destination(BIN.low, BIN.high, place=np.zeros(3))
     assert has_received(place, table(), table((0.3, 0.2), tall=tall), LOAD) == stands
     assert has_received(BIN, table(), table((0.3, 0.2), tall=tall), LOAD)
 

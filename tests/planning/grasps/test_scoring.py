@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drake_srg.planning.grasps.height_map_grasps import HeightMapGrasps
-from drake_srg.planning.grasps.linkage_fingers import LinkageFingers
+from drake_srg.planning.grasps.linkage_hand import LinkageFingers
 from drake_srg.planning.grasps.scoring import (
     PinchJudge,
     extent,
